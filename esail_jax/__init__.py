@@ -1,0 +1,30 @@
+"""Differentiable simulation of electric solar-wind sails and tethered satellites.
+
+    M q'' + Phi_q(q)^T lam = Q(t, q, q'),    Phi(q) = 0,    Q = -dU/dq - dR/dq' + Q_load
+
+Inertias give M (`elements/tether.py`, `elements/rigid_body.py`), energies give U and dissipation
+functions R (`elements/axial.py`, `elements/bending.py`), loads give Q_load (`loads/`), rigidity and
+joints give Phi (`elements/rigid_body.py`, `joints/`). A *system* is the sum of the terms a scene
+lists (`system.py`). A *stepper* advances it (`dynamics/`), *observables* look at it
+(`observables.py`), a *solution* keeps what was seen (`simulate.py`).
+"""
+
+import jax
+
+jax.config.update("jax_enable_x64", True)
+
+from esail_jax.scenes.keys import SceneError  # noqa: E402
+from esail_jax.scenes.scene import Scene, load_scene  # noqa: E402
+from esail_jax.simulate import RESULTS, SimulationError, Solution, simulate  # noqa: E402
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "RESULTS",
+    "Scene",
+    "SceneError",
+    "SimulationError",
+    "Solution",
+    "load_scene",
+    "simulate",
+]

@@ -1,0 +1,29 @@
+"""Array aliases with named axes.
+
+The axis names are the same words in signatures, run files and plots:
+
+`member`  ensemble member          `tether`  index of the tether, 0 ... p-1
+`time`    saved instant            `node`    node of a tether, root first
+`elem`    finite element           `point`   quadrature point of an element
+`coef`    nodal vector of a node (position, slope) or of an element (four of them for a cable)
+`xyz`     Cartesian component
+
+Arrays of physical points carry `xyz` first and `tether` last, so that a density written for one
+point acts on all points of all elements of all tethers at once.
+"""
+
+from jaxtyping import Array, Float, Int
+
+Scalar = Float[Array, ""]
+Vector = Float[Array, "3"]
+Rotation = Float[Array, "3 3"]
+PerTether = Float[Array, " tether"]
+PerPoint = Float[Array, "*point"]
+VectorPerPoint = Float[Array, "3 *point"]
+Nodal = Float[Array, "coef 3 node tether"]
+HubPoints = Float[Array, "4 3"]
+
+__all__ = [
+    "Array", "Float", "Int", "Scalar", "Vector", "Rotation", "PerTether", "PerPoint",
+    "VectorPerPoint", "Nodal", "HubPoints",
+]

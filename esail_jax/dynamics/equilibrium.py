@@ -1,0 +1,98 @@
+"""Steady stretch of spinning tethers: the start of a run.
+
+Each tether is straight, at a coning angle, and turns rigidly about X_B through the hub centre; its
+elements carry the centrifugal force of everything further out. This is the discrete equilibrium, so
+that a run without wind starts without axial ringing; [PGV] Eq. 79-80 as printed is the alternative.
+"""
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+from esail_jax.array_types import Array, Float, Nodal, PerTether, Scalar
+from esail_jax.elements.tether import Tethers
+from esail_jax.numerics import bordered
+from esail_jax.system import add_fields
+from esail_jax.terms import Energy, PointFields
+
+ITERATIONS = 20
+"""Newton steps; a stretch of 1e-3 takes four, strains of order one take ten."""
+
+Line = Float[Array, "coef node tether"]
+"""Distance from the root along the tether's line [m] and stretch [-] of every node."""
+
+
+def unstretched_line(tethers: Tethers) -> Line:
+    """Distance and slope of the undeformed tether."""
+    steps = jnp.arange(tethers.elements + 1.0)[:, None] * tethers.element_length
+    return jnp.stack([steps, jnp.ones_like(steps)][: tethers.coefs])
+
+
+def along(line: Line, direction: Float[Array, "3 tether"]) -> Nodal:
+    """Nodal vectors relative to the root of a straight tether."""
+    return line[:, None] * direction[None, :, None]
+
+
+def steady_line(
+    tethers: Tethers,
+    energies: tuple[Energy, ...],
+    radius: Scalar,
+    spin: Scalar,
+    coning: Scalar,
+) -> tuple[Line, PerTether]:
+    """Distances and stretches at which elastic forces balance omega^2 (R + s cos Lambda) cos Lambda
+    per unit mass, and the largest unbalanced force [N] left, per tether.
+
+    radius R [m]: distance of the roots from the axis; spin [rad/s]; coning Lambda [rad].
+    Differentiable: the last Newton step carries the derivative of the equilibrium (implicit
+    function theorem), the steps before it none.
+    """
+    straight = [term for term in energies if term.depends_on == ("r_x",)]
+    p = tethers.element_length.shape[0]
+    x_axis = jnp.tile(jnp.array([[1.0], [0.0], [0.0]]), (1, p))
+    cosine = jnp.cos(coning)
+    z = jnp.eye(tethers.coefs)[:, 1:] if tethers.coefs == 2 else None
+
+    def stress(fields: PointFields) -> PointFields:
+        at_rest = jax.tree.map(jnp.zeros_like, fields)
+        return add_fields([term.point_forces(jnp.zeros(()), fields, at_rest) for term in straight])
+
+    def unbalanced(line: Line) -> Line:
+        fields = tethers.interpolate(along(line, x_axis))
+        lever = along(line * cosine, x_axis) + radius * tethers.uniform(jnp.array([1.0, 0.0, 0.0]))
+        forces = tethers.nodal_forces(stress(fields), -(spin**2) * cosine * lever)
+        return forces[:, 0]
+
+    def matrix(line: Line) -> bordered.Bordered:
+        fields = tethers.interpolate(along(line, x_axis))
+        unit = jnp.broadcast_to(x_axis[:, None, None], fields.r_x.shape)
+        moved = jax.jvp(lambda r_x: stress(fields._replace(r_x=r_x)).r_x, (fields.r_x,), (unit,))[1]
+        jacobian = {("r_x", "r_x"): moved[None, :1]}
+        stiffness = tethers.tangent_elements(jacobian)
+        mass = tethers.mass_elements()[::3, ::3, None]
+        elements = stiffness - (spin * cosine) ** 2 * mass
+        diag, upper, lower = tethers.blocks(elements)
+        tip = jnp.zeros_like(diag[-1]).at[0, 0].set((spin * cosine) ** 2 * tethers.tip_mass)
+        return bordered.Bordered(diag.at[-1].add(-tip), upper, lower, z)
+
+    def newton(line: Line, frozen: Line) -> Line:
+        system = matrix(frozen)
+        blocks = jnp.moveaxis(to_metres(tethers, unbalanced(line), -1), 1, 0)
+        solution = bordered.solve(system, bordered.factor(system), bordered.Vector(-blocks))
+        return line + to_metres(tethers, jnp.moveaxis(solution.blocks, 0, 1), -1)
+
+    start = unstretched_line(tethers)
+    found = lax.stop_gradient(
+        lax.fori_loop(0, ITERATIONS, lambda _, line: newton(line, line), lax.stop_gradient(start))
+    )
+    # Root and unstretched lengths carry derivatives of their own; the correction adds the rest.
+    found = newton(found.at[0, 0].set(0.0), found)
+    left = unbalanced(lax.stop_gradient(found)).at[0, 0].set(0.0)
+    return found, jnp.abs(left[0]).max(0)
+
+
+def to_metres(tethers: Tethers, line: Line, power: int) -> Line:
+    """Slopes times l^power: solver unknowns and rows are in metres and newtons."""
+    if tethers.coefs == 1:
+        return line
+    return line.at[1].multiply(tethers.element_length**power)

@@ -1,0 +1,49 @@
+"""Axial energy and dissipation of a slender member, cable or truss ([PGV] Eq. 23-24, 36)."""
+
+from typing import ClassVar, Literal
+
+import equinox as eqx
+import jax
+
+from esail_jax.array_types import PerPoint, PerTether, VectorPerPoint
+from esail_jax.numerics.vectors import dot, norm
+from esail_jax.terms import Dissipation, Energy, PointFields
+
+Strain = Literal["green-lagrange", "engineering"]
+
+
+def axial_strain(r_x: VectorPerPoint, measure: Strain) -> PerPoint:
+    """eps [-]: Green-Lagrange (r_x . r_x - 1)/2 ([PGV] Eq. 24), or engineering |r_x| - 1."""
+    if measure == "engineering":
+        return norm(r_x) - 1.0
+    return 0.5 * (dot(r_x, r_x) - 1.0)
+
+
+class AxialEnergy(Energy):
+    """W = EA eps^2 / 2 ([PGV] Eq. 23). EA [N] per tether."""
+
+    stiffness: PerTether
+    strain: Strain = eqx.field(static=True)
+
+    name: ClassVar[str] = "axial"
+    depends_on: ClassVar[tuple[str, ...]] = ("r_x",)
+
+    def density(self, fields: PointFields) -> PerPoint:
+        return 0.5 * self.stiffness * axial_strain(fields.r_x, self.strain) ** 2
+
+
+class AxialDissipation(Dissipation):
+    """R = gamma_x EA (deps/dt)^2 / 2 ([PGV] Eq. 36). gamma_x [s], EA [N] per tether."""
+
+    stiffness: PerTether
+    time: PerTether
+    strain: Strain = eqx.field(static=True)
+
+    name: ClassVar[str] = "axial damping"
+    depends_on: ClassVar[tuple[str, ...]] = ("r_x",)
+
+    def density(self, fields: PointFields, rates: PointFields) -> PerPoint:
+        _, strain_rate = jax.jvp(
+            lambda r_x: axial_strain(r_x, self.strain), (fields.r_x,), (rates.r_x,)
+        )
+        return 0.5 * self.time * self.stiffness * strain_rate**2

@@ -1,0 +1,64 @@
+"""Nonlinear bending energy and dissipation of a cable ([PGV] Eq. 23-24, 36).
+
+The curvature kappa = |r_x x r_xx| / |r_x|^3 has a kink where the cable is straight, its square does
+not: everything here is built from kappa^2. The rate of the curvature, which the dissipation needs,
+is 0/0 on a straight cable as [PGV] prints it (Eq. 113-124). Here
+
+    R = gamma_b EI (kappa kappa')^2 / (2 (kappa^2 + kappa_0^2)),   kappa kappa' = (kappa^2)'/2,
+
+which is smooth, depends on the shape only (so rigid motion costs nothing) and equals Eq. 36 to
+relative order (kappa_0/kappa)^2. kappa_0 = 1e-4 / L: a tether whose ends differ in direction by
+less than 1e-4 rad is not damped in bending.
+"""
+
+from typing import ClassVar
+
+import jax
+
+from esail_jax.array_types import PerPoint, PerTether, VectorPerPoint
+from esail_jax.numerics.vectors import dot
+from esail_jax.terms import Dissipation, Energy, PointFields
+
+STRAIGHT_TURN = 1e-4
+"""kappa_0 L [rad]: end-to-end turn of a tether below which bending dissipation fades out."""
+
+
+def curvature_squared(r_x: VectorPerPoint, r_xx: VectorPerPoint) -> PerPoint:
+    """kappa^2 [1/m^2] = (|r_x|^2 |r_xx|^2 - (r_x . r_xx)^2) / |r_x|^6 ([PGV] Eq. 24, 97, 101).
+
+    Written with the part of r_xx normal to r_x: the difference of the two products would lose all
+    digits of a nearly straight cable.
+    """
+    stretch_squared = dot(r_x, r_x)
+    normal = r_xx - (dot(r_x, r_xx) / stretch_squared) * r_x
+    return dot(normal, normal) / stretch_squared**2
+
+
+class BendingEnergy(Energy):
+    """W = EI kappa^2 / 2 ([PGV] Eq. 23). EI [N m^2] per tether."""
+
+    stiffness: PerTether
+
+    name: ClassVar[str] = "bending"
+    depends_on: ClassVar[tuple[str, ...]] = ("r_x", "r_xx")
+
+    def density(self, fields: PointFields) -> PerPoint:
+        return 0.5 * self.stiffness * curvature_squared(fields.r_x, fields.r_xx)
+
+
+class BendingDissipation(Dissipation):
+    """R of this file's head. gamma_b [s], EI [N m^2], kappa_0 [1/m] per tether."""
+
+    stiffness: PerTether
+    time: PerTether
+    straight_curvature: PerTether
+
+    name: ClassVar[str] = "bending damping"
+    depends_on: ClassVar[tuple[str, ...]] = ("r_x", "r_xx")
+
+    def density(self, fields: PointFields, rates: PointFields) -> PerPoint:
+        squared, squared_rate = jax.jvp(
+            curvature_squared, (fields.r_x, fields.r_xx), (rates.r_x, rates.r_xx)
+        )
+        rate_squared = 0.25 * squared_rate**2 / (squared + self.straight_curvature**2)
+        return 0.5 * self.time * self.stiffness * rate_squared

@@ -1,0 +1,99 @@
+"""Rigid hub in natural coordinates: four base points and six rigidity constraints
+([PGV] Sec. 2.3, App. B).
+
+Base points in the body frame, origin at the hub centre: A = (-h/2, 0, 0), B = (h/2, 0, 0),
+C = (0, R, 0), D = (0, 0, R), the d(0) printed before Eq. 79. The vectors from A to C and D that
+Eq. 62-64 use belong to other points; see the errata.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from esail_jax.array_types import Array, Float, HubPoints, Rotation, Scalar, Vector
+from esail_jax.numerics.vectors import dot
+
+EDGE_PAIRS = ((0, 0), (1, 1), (2, 2), (1, 0), (2, 0), (2, 1))
+"""Pairs of edges (AB, AC, AD) whose products are kept, in the order of [PGV] Eq. 45."""
+
+
+class RigidBody(eqx.Module):
+    """Homogeneous solid cylinder about X_B. height h_r [m], radius R_r [m], density [kg/m^3]."""
+
+    height: Scalar
+    radius: Scalar
+    density: Scalar
+
+    @property
+    def base_points(self) -> Float[Array, "4 3"]:
+        """A, B, C, D in the body frame [m]."""
+        h, r, zero = self.height, self.radius, jnp.zeros_like(self.height)
+        return jnp.array([[-h / 2, zero, zero], [h / 2, zero, zero], [zero, r, zero], [zero, zero, r]])
+
+    @property
+    def mass(self) -> Scalar:
+        """m [kg]."""
+        return self.density * jnp.pi * self.radius**2 * self.height
+
+    def weights(self, x: Float[Array, "3 *point"]) -> Float[Array, "4 *point"]:
+        """g(x) with r(x) = sum_k g_k r_k for a body-fixed point or, with sum g = 0, a body-fixed
+        direction: x is extended by 1 for a point ([PGV] Eq. 131-132)."""
+        return self._affine(x, 1.0)
+
+    def direction_weights(self, x: Float[Array, "3 *point"]) -> Float[Array, "4 *point"]:
+        """Weights of a body-fixed direction: sum_k g_k r_k = C_B^I x."""
+        return self._affine(x, 0.0)
+
+    def _affine(self, x: Array, last: float) -> Array:
+        extended = jnp.concatenate([x, jnp.full_like(x[:1], last)])
+        return jnp.tensordot(self._affine_inverse(), extended, 1)
+
+    def _affine_inverse(self) -> Float[Array, "4 4"]:
+        """Inverse of the map from g to (sum g_k x_k, sum g_k): alpha, beta and gamma of [PGV]
+        Eq. 133 in closed form for these base points."""
+        h, r, zero, half = 1.0 / self.height, 0.5 / self.radius, 0.0 * self.height, 0.5
+        return jnp.array(
+            [[-h, -r, -r, half], [h, -r, -r, half], [zero, 2 * r, zero, 0.0], [zero, zero, 2 * r, 0.0]]
+        )
+
+    @property
+    def mass_matrix(self) -> Float[Array, "4 4"]:
+        """Integral of rho g g^T dV: the 12 x 12 mass matrix is this times I_3 ([PGV] Eq. 52)."""
+        axial, radial = self.height**2 / 12.0, self.radius**2 / 4.0
+        second = self.mass * jnp.diag(jnp.stack([axial, radial, radial, jnp.ones_like(axial)]))
+        inverse = self._affine_inverse()
+        return inverse @ second @ inverse.T
+
+    def edges(self, points: HubPoints) -> Float[Array, "3 3"]:
+        """r_AB, r_AC, r_AD as rows ([PGV] Eq. 42)."""
+        return points[1:] - points[0]
+
+    def constraints(self, points: HubPoints) -> Float[Array, "6"]:
+        """Phi [m]: (r_K . r_L - its reference value) over a length, for the pairs of Eq. 45.
+
+        Squared lengths are divided by 2 L and products by sqrt(L_K L_L), so that each constraint
+        is the distance in metres by which the body is out of shape, and its multiplier a force.
+        """
+        now, reference = self.edges(points), self.edges(self.base_points)
+        lengths = jnp.sqrt((reference**2).sum(1))
+        values = []
+        for k, m in EDGE_PAIRS:
+            scale = 2.0 * lengths[k] if k == m else jnp.sqrt(lengths[k] * lengths[m])
+            values.append((dot(now[k], now[m]) - dot(reference[k], reference[m])) / scale)
+        return jnp.stack(values)
+
+    def rotation(self, points: HubPoints) -> Rotation:
+        """C_B^I: columns i_B, j_B, k_B ([PGV] Eq. 41)."""
+        return points.T @ self._affine_inverse()[:, :3]
+
+    def centre(self, points: HubPoints) -> Vector:
+        """Position of the hub centre O_B [m] ([PGV] Eq. 43)."""
+        return 0.5 * (points[0] + points[1])
+
+    def angular_velocity(self, points: HubPoints, velocities: HubPoints) -> Vector:
+        """omega^B [rad/s], body components: the axial vector of C_I^B d(C_B^I)/dt.
+
+        Derived in place of [PGV] Eq. 62-64, whose local coordinates do not fit its base points.
+        """
+        rotation, rate = self.rotation(points), self.rotation(velocities)
+        skew = rotation.T @ rate
+        return 0.5 * jnp.stack([skew[2, 1] - skew[1, 2], skew[0, 2] - skew[2, 0], skew[1, 0] - skew[0, 1]])

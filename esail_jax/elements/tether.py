@@ -1,0 +1,185 @@
+"""All tethers of a sail as one batch of chains of elements: interpolation, mass, assembly.
+
+Nodal vectors are kept as (coef, xyz, node, tether): coef 0 the position, coef 1 the slope r_x of a
+cable. Every operation is one small matrix product over all elements of all tethers.
+"""
+
+from typing import Literal
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from esail_jax.array_types import Array, Float, Nodal, PerTether
+from esail_jax.elements import ancf_cable, truss
+from esail_jax.numerics.quadrature import gauss_legendre
+from esail_jax.terms import PointFields
+
+Element = Literal["cable", "truss"]
+KINDS = {"cable": ancf_cable, "truss": truss}
+
+POINTS = {"cable": 5, "truss": 2}
+"""Gauss points per element. Five integrate the Green-Lagrange energy of a cubic exactly (degree 8),
+two any energy and the mass of a linear element."""
+
+
+class Tethers(eqx.Module):
+    """Chains of `elements` equal elements.
+
+    element_length l [m], line_density rho A [kg/m], tip_mass m_u [kg], each per tether. The remote
+    unit is a point mass at the last node.
+    """
+
+    element_length: PerTether
+    line_density: PerTether
+    tip_mass: PerTether
+    elements: int = eqx.field(static=True)
+    kind: Element = eqx.field(static=True)
+    fields_used: tuple[str, ...] = eqx.field(static=True)
+
+    @property
+    def coefs(self) -> int:
+        """Nodal vectors per node."""
+        return KINDS[self.kind].COEFS_PER_NODE
+
+    @property
+    def weights(self) -> np.ndarray:
+        """Gauss weights on the unit interval."""
+        return gauss_legendre(POINTS[self.kind])[1]
+
+    def table(self, derivative: int) -> np.ndarray:
+        """Shape functions (point, coef of element) at the Gauss points."""
+        return self.shape_table(gauss_legendre(POINTS[self.kind])[0], derivative)
+
+    def shape_table(self, xi: np.ndarray, derivative: int) -> np.ndarray:
+        """Shape functions, or their derivative in xi, at any points of an element."""
+        return KINDS[self.kind].shape_functions(xi, derivative)
+
+    @property
+    def derivatives(self) -> list[int]:
+        """Order of differentiation of the fields in use: 0 for r, 1 for r_x, 2 for r_xx."""
+        return [PointFields._fields.index(name) for name in self.fields_used]
+
+    @property
+    def mass_table(self) -> np.ndarray:
+        """Integral of s_a s_b over the unit interval: (coef, coef), exact ([PGV] Eq. 22)."""
+        shapes = self.table(0)
+        return np.einsum("q,qa,qb->ab", self.weights, shapes, shapes)
+
+    def scale_slopes(self, nodal: Float[Array, "coef 3 *batch tether"]) -> Array:
+        """Slopes to metres: l r_x. Also the transposed operation on the conjugate forces."""
+        if self.coefs == 1:
+            return nodal
+        slope = nodal[1] * self.element_length
+        return jnp.stack([nodal[0], slope])
+
+    def element_vectors(self, nodal: Nodal) -> Float[Array, "coef2 3 elem tether"]:
+        """(r_i, l r_x,i, r_j, l r_x,j) of every element."""
+        scaled = self.scale_slopes(nodal)
+        return jnp.concatenate([scaled[:, :, :-1], scaled[:, :, 1:]])
+
+    def assemble(self, elementwise: Float[Array, "coef2 3 elem tether"]) -> Nodal:
+        """Transpose of `element_vectors`: sum element forces into nodal ones ([PGV] Eq. 9)."""
+        k = self.coefs
+        none = jnp.zeros_like(elementwise[:k, :, :1])
+        left = jnp.concatenate([elementwise[:k], none], axis=2)
+        right = jnp.concatenate([none, elementwise[k:]], axis=2)
+        return self.scale_slopes(left + right)
+
+    def interpolate(self, nodal: Nodal) -> PointFields:
+        """The fields in use at every Gauss point: (xyz, point, elem, tether) each."""
+        vectors = self.element_vectors(nodal)
+        tables = np.concatenate([self.table(d) for d in self.derivatives])
+        values = (tables @ vectors.reshape(vectors.shape[0], -1)).reshape(
+            len(self.derivatives), -1, *vectors.shape[1:]
+        )
+        fields = {}
+        for name, d, value in zip(self.fields_used, self.derivatives, values, strict=True):
+            value = jnp.moveaxis(value, 1, 0)
+            fields[name] = value / self.element_length**d if d else value
+        return PointFields(fields.get("r"), fields["r_x"], fields.get("r_xx"))
+
+    def nodal_forces(
+        self, conjugates: PointFields, acceleration: Nodal | None = None
+    ) -> Nodal:
+        """Integral of S^T f + S_x^T n + S_xx^T m dx over all tethers, plus M `acceleration`.
+
+        conjugates: f [N/m], n [N], m [N m] at the Gauss points. One product serves both.
+        """
+        tables, values = [], []
+        for d, conjugate in enumerate(conjugates):
+            if conjugate is not None:
+                tables.append(self.weights[:, None] * self.table(d))
+                scaled = conjugate * self.element_length ** (1 - d)
+                values.append(jnp.moveaxis(scaled, 0, 1))
+        if acceleration is not None:
+            tables.append(self.mass_table)
+            scale = self.line_density * self.element_length
+            values.append(self.element_vectors(acceleration) * scale)
+        stacked = jnp.concatenate(values)
+        product = np.concatenate(tables).T @ stacked.reshape(stacked.shape[0], -1)
+        forces = self.assemble(product.reshape(-1, *stacked.shape[1:]))
+        if acceleration is not None:
+            forces = forces.at[0, :, -1].add(self.tip_mass * acceleration[0, :, -1])
+        return forces
+
+    def inertia(self, acceleration: Nodal) -> Nodal:
+        """M `acceleration` ([PGV] Eq. 22), remote units included."""
+        scale = self.line_density * self.element_length
+        vectors = self.element_vectors(acceleration)
+        product = jnp.tensordot(self.mass_table, vectors, 1) * scale
+        return self.assemble(product).at[0, :, -1].add(self.tip_mass * acceleration[0, :, -1])
+
+    def uniform(self, vector: Float[Array, "3"]) -> Nodal:
+        """Nodal vectors of a field equal to `vector` everywhere: positions, no slopes."""
+        shape = (self.coefs, 3, self.elements + 1, self.element_length.shape[0])
+        return jnp.zeros(shape).at[0].set(vector[:, None, None])
+
+    def mass_elements(self) -> Float[Array, "row col tether"]:
+        """Element mass matrices (3 coef2, 3 coef2, tether), rows ordered (coef, xyz)."""
+        mass = np.kron(self.mass_table, np.eye(3))
+        return mass[:, :, None] * (self.line_density * self.element_length)
+
+    def tangent_elements(
+        self, jacobian: dict[tuple[str, str], Array]
+    ) -> Float[Array, "row col elem tether"]:
+        """Element matrices from pointwise derivatives.
+
+        jacobian: by (row, column) field, the derivative of the conjugate of `row` along each axis
+        of `column`: (direction, component, point, elem, tether). Rows and columns of the result
+        are ordered (coef, xyz), slopes in metres.
+        """
+        order = PointFields._fields.index
+        values, tables = [], []
+        for (row, column), block in jacobian.items():
+            scale = self.element_length ** (1 - order(row) - order(column))
+            values.append(jnp.moveaxis(block * scale, 2, 0))
+            pair = (self.table(order(row)), self.table(order(column)))
+            tables.append(np.einsum("q,qa,qb->qab", self.weights, *pair))
+        stacked, table = jnp.concatenate(values), np.concatenate(tables)
+        points, coefs = table.shape[:2]
+        flat = table.reshape(points, -1).T @ stacked.reshape(points, -1)
+        matrices = flat.reshape(coefs, coefs, *stacked.shape[1:])  # a, b, direction, component, ...
+        rows_first = matrices.transpose(0, 3, 1, 2, 4, 5)
+        return rows_first.reshape(coefs * stacked.shape[2], coefs * stacked.shape[1], *stacked.shape[3:])
+
+    def blocks(
+        self, elementwise: Float[Array, "row col elem tether"]
+    ) -> tuple[Array, Array, Array]:
+        """Node blocks of a block-tridiagonal matrix from element matrices: diagonal (node, row,
+        col, tether), upper and lower (elem, row, col, tether). Slope rows and columns in metres."""
+        matrices = jnp.moveaxis(elementwise, 2, 0)
+        m = matrices.shape[1] // 2
+        none = jnp.zeros_like(matrices[:1, :m, :m])
+        diagonal = jnp.concatenate([matrices[:, :m, :m], none]) + jnp.concatenate(
+            [none, matrices[:, m:, m:]]
+        )
+        return diagonal, matrices[:, :m, m:], matrices[:, m:, :m]
+
+    def mass_blocks(self) -> tuple[Array, Array, Array]:
+        """M as node blocks, remote units included."""
+        element = self.mass_elements()
+        shape = (*element.shape[:2], self.elements, element.shape[2])
+        diagonal, upper, lower = self.blocks(jnp.broadcast_to(element[:, :, None], shape))
+        tip = self.tip_mass * np.diag([1.0] * 3 + [0.0] * (3 * self.coefs - 3))[:, :, None]
+        return diagonal.at[-1].add(tip), upper, lower

@@ -1,0 +1,16 @@
+"""The orbital frame."""
+
+import jax.numpy as jnp
+
+from esail_jax.array_types import Rotation, Vector
+
+
+def orbital_frame(heliocentric: Vector) -> Rotation:
+    """C_O^I: columns i_O, j_O, k_O at a heliocentric position [m] ([PGV] Sec. 2.1, Eq. 44).
+
+    k_O points away from the Sun, i_O = k_H x k_O / |k_H x k_O|, j_O completes the frame.
+    """
+    k = heliocentric / jnp.linalg.norm(heliocentric)
+    i = jnp.cross(jnp.array([0.0, 0.0, 1.0]), k)
+    i = i / jnp.linalg.norm(i)
+    return jnp.stack([i, jnp.cross(k, i), k], axis=1)

@@ -1,0 +1,83 @@
+"""How tether roots are held: by points of the hub, or by a frame with prescribed rotation.
+
+A spherical joint, C = G(x_i) d - S(0) e = 0 ([PGV] Eq. 53), identifies the root with a hub point. A
+clamped root also keeps its slope along a body-fixed direction: two conditions c_j . r_x = 0 with
+body-fixed normals c_j; the stretch at the root stays free.
+"""
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from esail_jax.array_types import Array, Float, HubPoints, PerTether, Rotation, Scalar, Vector
+
+
+def radial_directions(azimuth: PerTether) -> Float[Array, "3 tether"]:
+    """Body-fixed unit vectors from the spin axis through the roots, azimuth from Y_B about X_B."""
+    return jnp.stack([jnp.zeros_like(azimuth), jnp.cos(azimuth), jnp.sin(azimuth)])
+
+
+def clamp_normals(azimuth: PerTether) -> Float[Array, "2 3 tether"]:
+    """Two body-fixed unit vectors normal to each root direction: X_B and the azimuthal one."""
+    zero, one = jnp.zeros_like(azimuth), jnp.ones_like(azimuth)
+    return jnp.stack(
+        [
+            jnp.stack([one, zero, zero]),
+            jnp.stack([zero, -jnp.sin(azimuth), jnp.cos(azimuth)]),
+        ]
+    )
+
+
+class HubRoots(eqx.Module):
+    """Roots on the hub. weights g: root_i = sum_k g_k,i r_k. normals: weights of the clamp normals
+    on the base points, None if pinned."""
+
+    weights: Float[Array, "4 tether"]
+    normals: Float[Array, "2 4 tether"] | None
+
+    def positions(self, points: HubPoints) -> Float[Array, "3 tether"]:
+        """Root positions, or velocities or accelerations from those of the base points."""
+        return points.T @ self.weights
+
+    def clamp_directions(self, points: HubPoints) -> Float[Array, "2 3 tether"]:
+        """c_j of every tether."""
+        return jnp.einsum("kx,jkt->jxt", points, self.normals)
+
+
+class FrameRoots(eqx.Module):
+    """Roots on a frame that turns at `rate` [rad/s] about X_B, fixed in space.
+
+    start C_B^I(0), anchors (3, tether) [m] and normals in that frame (None if pinned).
+    """
+
+    start: Rotation
+    rate: Scalar
+    anchors: Float[Array, "3 tether"]
+    normals: Float[Array, "2 3 tether"] | None
+
+    def rotation(self, time: Scalar) -> Rotation:
+        """C_B^I(t)."""
+        return self.start @ rotation_about_x(self.rate * time)
+
+    def turn(self, time: Scalar, body: Float[Array, "*batch 3 tether"], derivative: int = 0) -> Array:
+        """Body-fixed vectors in I, or their first or second time derivative."""
+        spin = jnp.stack([self.rate, jnp.zeros_like(self.rate), jnp.zeros_like(self.rate)])
+        for _ in range(derivative):
+            body = jnp.cross(spin[:, None], body, axis=-2)
+        return jnp.einsum("xb,...bt->...xt", self.rotation(time), body)
+
+
+def rotation_about_x(angle: Scalar) -> Rotation:
+    """Active rotation about the first axis."""
+    c, s, zero, one = jnp.cos(angle), jnp.sin(angle), jnp.zeros_like(angle), jnp.ones_like(angle)
+    return jnp.array([[one, zero, zero], [zero, c, -s], [zero, s, c]])
+
+
+def rotation_about_y(angle: Scalar) -> Rotation:
+    """Active rotation about the second axis."""
+    c, s, zero, one = jnp.cos(angle), jnp.sin(angle), jnp.zeros_like(angle), jnp.ones_like(angle)
+    return jnp.array([[c, zero, s], [zero, one, zero], [-s, zero, c]])
+
+
+def spin_vector(rotation: Rotation, rate: Scalar) -> Vector:
+    """omega in I of a body that spins at `rate` about its X_B."""
+    return rotation[:, 0] * rate

@@ -1,0 +1,26 @@
+"""Coulomb thrust of the solar wind on charged tethers ([PGV] Sec. 2.2.3)."""
+
+from typing import ClassVar
+
+from esail_jax.array_types import PerTether, Scalar, VectorPerPoint
+from esail_jax.environment.solar_wind import SolarWind
+from esail_jax.numerics.vectors import dot
+from esail_jax.terms import Load, PointFields
+
+
+class CoulombThrust(Load):
+    """f = (sigma/u) u_perp, u_perp = u - (i_t . u) i_t, i_t = r_x/|r_x| ([PGV] Eq. 27-30).
+
+    Per undeformed length. The tether's own velocity is not subtracted from the wind's.
+    """
+
+    wind: SolarWind
+    voltage: PerTether
+
+    name: ClassVar[str] = "coulomb"
+    depends_on: ClassVar[tuple[str, ...]] = ("r", "r_x")
+
+    def force(self, time: Scalar, fields: PointFields, rates: PointFields) -> VectorPerPoint:
+        u = self.wind.velocity(fields.r)
+        along = dot(fields.r_x, u) / dot(fields.r_x, fields.r_x)
+        return self.wind.thrust_per_speed(self.voltage) * (u - along * fields.r_x)

@@ -1,0 +1,85 @@
+"""Block LU factorisation of many block-tridiagonal chains at once, in O(blocks).
+
+A chain is numbered from its port: block 0 is the port (a tether's root), block N the free end.
+Elimination runs from the free end towards the port,
+
+    S_N = D_N,    S_k = D_k - U_k S_{k+1}^{-1} L_k    (k = N-1 ... 0),
+
+so that S_0 is the Schur complement of the chain on its port: what the rest of the structure feels.
+`U_k` couples row k to column k+1 and `L_k` row k+1 to column k. Blocks are (row, col, ...) with the
+chains as trailing batch.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jax import lax
+
+from esail_jax.array_types import Array, Float
+from esail_jax.numerics.small_matrices import inverse, matmul, matvec_transposed, transpose
+
+Blocks = Float[Array, "block row row *batch"]
+Links = Float[Array, "link row row *batch"]
+BlockVectors = Float[Array, "block row *batch"]
+
+UNROLL = 8
+"""Blocks per iteration of the sweeps' loops: short chains run without a loop, whose overhead is
+larger than a 6 x 6 product; unrolling all of a long chain would multiply compile time instead."""
+
+
+class ChainFactors(NamedTuple):
+    """Factors of the blocks 1 ... N, each stored transposed (see `matvec_transposed`).
+
+    inverse:    S_k^{-1}          (k = 1 ... N)
+    reduce:     U_{k-1} S_k^{-1}  carries a right-hand side one block towards the port
+    substitute: S_k^{-1} L_{k-1}  carries a solution one block away from it
+    """
+
+    inverse: Blocks
+    reduce: Blocks
+    substitute: Blocks
+
+
+def factor(diag: Blocks, upper: Links, lower: Links) -> tuple[ChainFactors, Array]:
+    """Factors of the blocks 1 ... N, and the Schur complement S_0 (row, row, ...) on the port."""
+
+    def eliminate(schur, blocks):
+        diag_k, upper_k, lower_k = blocks
+        inv = inverse(schur)
+        reduce = matmul(upper_k, inv)
+        step = (transpose(inv), transpose(reduce), transpose(matmul(inv, lower_k)))
+        return diag_k - matmul(reduce, lower_k), step
+
+    schur, factors = lax.scan(
+        eliminate, diag[-1], (diag[:-1], upper, lower), reverse=True, unroll=1
+    )
+    return ChainFactors(*factors), schur
+
+
+def reduce_to_port(factors: ChainFactors, rhs: BlockVectors) -> tuple[BlockVectors, Array]:
+    """Right-hand sides of the blocks 1 ... N with everything beyond them eliminated, and that of
+    the port."""
+
+    def carry_over(behind, row):
+        reduce_k, rhs_k = row
+        return rhs_k - matvec_transposed(reduce_k, behind), behind
+
+    port, reduced = lax.scan(
+        carry_over, rhs[-1], (factors.reduce, rhs[:-1]), reverse=True, unroll=UNROLL
+    )
+    return reduced, port
+
+
+def substitute_from_port(
+    factors: ChainFactors, reduced: BlockVectors, port: Float[Array, "row *batch"]
+) -> BlockVectors:
+    """Solution of the blocks 0 ... N once the port's is known."""
+    own = (factors.inverse * reduced[:, :, None]).sum(1)
+
+    def carry_back(before, row):
+        own_k, substitute_k = row
+        here = own_k - matvec_transposed(substitute_k, before)
+        return here, here
+
+    _, blocks = lax.scan(carry_back, port, (own, factors.substitute), unroll=UNROLL)
+    return jnp.concatenate([port[None], blocks])

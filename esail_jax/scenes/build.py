@@ -1,0 +1,208 @@
+"""From a scene to a system and its initial state: the only place that knows every part.
+
+`split` separates what decides the compiled program (`Structure`, hashable) from the numbers (one
+dictionary of arrays); `build` uses jax.numpy only, so every number has a derivative, the steady
+start included.
+"""
+
+import dataclasses
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from esail_jax.array_types import Array, Float, PerTether, Rotation
+from esail_jax.constants import ASTRONOMICAL_UNIT
+from esail_jax.coordinates import Coordinates
+from esail_jax.dynamics.equilibrium import Line, along, steady_line, unstretched_line
+from esail_jax.elements.axial import AxialDissipation, AxialEnergy
+from esail_jax.elements.bending import STRAIGHT_TURN, BendingDissipation, BendingEnergy
+from esail_jax.elements.rigid_body import RigidBody
+from esail_jax.elements.tether import Tethers
+from esail_jax.environment.orbit import orbital_frame
+from esail_jax.environment.solar_wind import SolarWind
+from esail_jax.joints import roots as joints
+from esail_jax.loads.coulomb import CoulombThrust
+from esail_jax.scenes import scene as scenes
+from esail_jax.scenes.keys import rule_of
+from esail_jax.scenes.scene import Scene
+from esail_jax.system import System
+
+SCHEDULE = ("integrator.t_end", "integrator.step", "output.interval")
+"""Structure of the run, not of the compiled program."""
+
+Numbers = dict[str, Array]
+
+
+@dataclasses.dataclass(frozen=True)
+class Structure:
+    """What is compiled: the choices of a scene, and which numbers it has."""
+
+    choices: tuple[tuple[str, Any], ...]
+    numbers: frozenset[str]
+
+    def __getitem__(self, key: str) -> Any:
+        return dict(self.choices)[key]
+
+    def has(self, table: str) -> bool:
+        """Is any number of this table, or this very key, there?"""
+        return any(key == table or key.startswith(table + ".") for key in self.numbers)
+
+
+class Model(NamedTuple):
+    """A built scene."""
+
+    system: System
+    spectral_radius: Array
+    q: Coordinates
+    v: Coordinates
+    unbalanced: PerTether  # [N] left over by the steady elongation
+
+
+def split(scene: Scene) -> tuple[Structure, Numbers]:
+    """The scene's structure and its numbers; per-tether numbers as arrays of `tethers.count`."""
+    choices, numbers = [], {}
+    for table in scenes.TABLES:
+        content = getattr(scene, table)
+        for field in dataclasses.fields(content) if content is not None else ():
+            key, value, rule = f"{table}.{field.name}", getattr(content, field.name), rule_of(field)
+            if rule.structure:
+                choices += [(key, value)] if key not in SCHEDULE else []
+            elif value is not None:
+                value = jnp.asarray(value, float)
+                per_tether = rule.shape == "tether"
+                numbers[key] = jnp.broadcast_to(value, scene.tethers.count) if per_tether else value
+    return Structure(tuple(choices), frozenset(numbers)), numbers
+
+
+def build(structure: Structure, numbers: Numbers) -> Model:
+    """System and initial state ([PGV] Sec. 4.1) of a scene's structure and numbers."""
+    n = numbers
+    start, origin = starting_attitude(n)
+    azimuth = 2.0 * jnp.pi * jnp.arange(structure["tethers.count"]) / structure["tethers.count"]
+    hub = None
+    if structure.has("hub"):
+        hub = RigidBody(n["hub.height"], n["hub.radius"], n["hub.density"])
+    terms = material_terms(structure, n)
+    loads = ()
+    if structure.has("solar_wind"):
+        wind = SolarWind(
+            n["solar_wind.speed"], n["solar_wind.number_density"], n["solar_wind.cutoff_voltage"], origin
+        )
+        loads = (CoulombThrust(wind, n["voltage.value"]),)
+    system = System(
+        tethers=tethers_of(structure, n, bool(loads)),
+        roots=roots_of(structure, n, hub, azimuth, start),
+        hub=hub,
+        energies=terms[0],
+        dissipations=terms[1],
+        loads=loads,
+        gravity=n.get("gravity.acceleration"),
+    )
+    q, v, unbalanced = initial_state(structure, n, system, azimuth, start)
+    return Model(system, n["integrator.spectral_radius"], q, v, unbalanced)
+
+
+def starting_attitude(n: Numbers) -> tuple[Rotation, Float[Array, "3"]]:
+    """C_B^I(0): the orbital frame turned by (alpha - 90 deg) about Y_O; and R_0 [m]."""
+    origin = n["initial.heliocentric_position_au"] * ASTRONOMICAL_UNIT
+    pitch = jnp.deg2rad(n["initial.sailing_angle_deg"] - 90.0)
+    return orbital_frame(origin) @ joints.rotation_about_y(pitch), origin
+
+
+def material_terms(structure: Structure, n: Numbers) -> tuple[tuple, tuple]:
+    """Energies and dissipations of the tethers."""
+    strain = structure["tethers.strain"]
+    axial = n["tethers.youngs_modulus"] * n["tethers.area"]
+    energies, dissipations = [AxialEnergy(axial, strain)], []
+    if structure.has("tethers.axial_damping_time"):
+        dissipations.append(AxialDissipation(axial, n["tethers.axial_damping_time"], strain))
+    if structure["tethers.bending"]:
+        bending = n["tethers.youngs_modulus"] * n["tethers.second_moment"]
+        energies.append(BendingEnergy(bending))
+        if structure.has("tethers.bending_damping_time"):
+            straight = STRAIGHT_TURN / n["tethers.length"]
+            time = n["tethers.bending_damping_time"]
+            dissipations.append(BendingDissipation(bending, time, straight))
+    return tuple(energies), tuple(dissipations)
+
+
+def tethers_of(structure: Structure, n: Numbers, loaded: bool) -> Tethers:
+    """The batch of tethers, with the fields its terms need."""
+    elements = structure["tethers.elements"]
+    length = n["tethers.length"]
+    fields = ("r",) * loaded + ("r_x",) + ("r_xx",) * structure["tethers.bending"]
+    mass = n.get("remote_units.mass", jnp.zeros_like(length))
+    return Tethers(
+        element_length=length / elements,
+        line_density=n["tethers.density"] * n["tethers.area"],
+        tip_mass=mass,
+        elements=elements,
+        kind=structure["tethers.element"],
+        fields_used=fields,
+    )
+
+
+def roots_of(
+    structure: Structure, n: Numbers, hub: RigidBody | None, azimuth: PerTether, start: Rotation
+) -> joints.HubRoots | joints.FrameRoots:
+    """Spherical or clamped roots at azimuth 2 pi i/p from Y_B, in the hub's mid-plane, or at the
+    centre of a turning frame if there is no hub."""
+    clamped = structure["tethers.root"] == "clamped"
+    normals = joints.clamp_normals(azimuth) if clamped else None
+    outward = joints.radial_directions(azimuth)
+    if hub is None:
+        return joints.FrameRoots(start, n["initial.spin_rate"], 0.0 * outward, normals)
+    if clamped:
+        normals = jnp.moveaxis(hub.direction_weights(jnp.moveaxis(normals, 1, 0)), 0, 1)
+    return joints.HubRoots(hub.weights(hub.radius * outward), normals)
+
+
+def initial_state(
+    structure: Structure, n: Numbers, system: System, azimuth: PerTether, start: Rotation
+) -> tuple[Coordinates, Coordinates, PerTether]:
+    """Straight tethers on their cone, turning rigidly with the hub, and what the steady
+    elongation leaves unbalanced [N]."""
+    coning = jnp.deg2rad(n["initial.coning_angle_deg"])
+    radius = n["hub.radius"] if system.hub is not None else jnp.zeros(())
+    spin = n["initial.spin_rate"]
+    if structure["initial.elongation"] == "paper":
+        line, unbalanced = printed_line(n, system.tethers, radius), jnp.zeros_like(azimuth)
+    else:
+        line, unbalanced = steady_line(system.tethers, system.energies, radius, spin, coning)
+    outward = joints.radial_directions(azimuth)
+    x_axis = jnp.array([[1.0], [0.0], [0.0]])
+    direction = jnp.cos(coning) * outward + jnp.sin(coning) * x_axis
+    body = along(line, direction)
+    body = body.at[0].add(radius * outward[:, None])
+    tether = jnp.einsum("ib,kbnt->kint", start, body)
+    omega = joints.spin_vector(start, spin)
+
+    def turned(vectors, axis):
+        return jnp.cross(omega, vectors, axisb=axis, axisc=axis)
+
+    hub = hub_velocity = None
+    if system.hub is not None:
+        hub = system.hub.base_points @ start.T
+        hub_velocity = turned(hub, 1)
+    q, v = Coordinates(tether, hub), Coordinates(turned(tether, 1), hub_velocity)
+    zero = jnp.zeros(())
+    return system.place_roots(zero, q), system.place_roots(zero, v, derivative=1), unbalanced
+
+
+def printed_line(n: Numbers, tethers: Tethers, radius: Array) -> Line:
+    """[PGV] Eq. 79-80 as printed: the elongation of a rotating cable whose tip mass is the
+    tether's own mass m_t, and stretched about the axis rather than from the root. Only the root
+    itself is put on the hub; the errata say what the rest does."""
+    modulus, spin_squared = n["tethers.youngs_modulus"], n["initial.spin_rate"] ** 2
+    length, density = n["tethers.length"], n["tethers.density"]
+    tether_mass = tethers.line_density * length
+    tip = tether_mass * spin_squared * length / (modulus * n["tethers.area"])
+    r = radius + unstretched_line(tethers)[0]
+    position = (1.0 + density * spin_squared / (6.0 * modulus) * (3.0 * length**2 - r**2) + tip) * r
+    slope = 1.0 + density * spin_squared / (2.0 * modulus) * (length**2 - r**2) + tip
+    line = jnp.stack([position - radius, slope][: tethers.coefs])
+    return line.at[0, 0].set(0.0)
+
+
+build_jitted = jax.jit(build, static_argnums=0)

@@ -1,0 +1,147 @@
+"""What a scene key may hold, and the one line a user reads when it holds something else.
+
+Every message reads: `key` must be ..., but is ... .
+"""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import numpy as np
+
+
+class SceneError(ValueError):
+    """A scene that cannot be built; the message names the key, what it must be and what it is."""
+
+    def __init__(self, key: str, must: str, got: str):
+        super().__init__(f"`{key}` must {must}, but {got}")
+
+
+@dataclasses.dataclass(frozen=True)
+class Rule:
+    """Check of one key. `accepts(array)` gets finite numbers."""
+
+    must: str
+    accepts: Callable[[Any], bool] = lambda value: True
+    shape: str = "scalar"  # or "tether": one number or one per tether; "vector": three numbers
+    structure: bool = False  # recompiles, takes no tracer
+    kind: str = "number"  # or "integer", "choice", "switch"
+    choices: tuple[str, ...] = ()
+
+
+def rule_of(field: dataclasses.Field) -> Rule:
+    """The rule a dataclass field was declared with."""
+    return field.metadata["rule"]
+
+
+def declare(rule: Rule, default: Any = dataclasses.MISSING) -> Any:
+    """A dataclass field with its rule; without a default the key must be given."""
+    if default is dataclasses.MISSING:
+        return dataclasses.field(metadata={"rule": rule})
+    return dataclasses.field(default=default, metadata={"rule": rule})
+
+
+def positive(shape: str = "scalar", structure: bool = False) -> Rule:
+    return Rule("be positive", lambda x: bool((x > 0).all()), shape, structure)
+
+
+def non_negative(shape: str = "scalar") -> Rule:
+    return Rule("not be negative", lambda x: bool((x >= 0).all()), shape)
+
+
+def any_number(shape: str = "scalar") -> Rule:
+    return Rule("be a finite number", lambda x: True, shape)
+
+
+def between(must: str, accepts: Callable[[Any], bool]) -> Rule:
+    return Rule(must, accepts)
+
+
+def choice(*names: str) -> Rule:
+    listed = ", ".join(f'"{name}"' for name in names[:-1]) + f' or "{names[-1]}"'
+    listed = f'"{names[0]}"' if len(names) == 1 else listed
+    return Rule(f"be {listed}", structure=True, kind="choice", choices=names)
+
+
+def count() -> Rule:
+    return Rule("be a positive integer", structure=True, kind="integer")
+
+
+def switch() -> Rule:
+    return Rule("be true or false", structure=True, kind="switch")
+
+
+def describe(value: Any) -> str:
+    """`is ...` of a message, short."""
+    if isinstance(value, jax.core.Tracer):
+        return "is a traced value"
+    text = repr(value.tolist() if hasattr(value, "tolist") else value)
+    text = {"True": "true", "False": "false"}.get(text, text)
+    return f"is {text if len(text) <= 60 else text[:57] + '...'}"
+
+
+def check_value(key: str, value: Any, rule: Rule, tethers: int | None) -> Any:
+    """`value` in the form the scene keeps (numbers as float, tuple of floats, or JAX array).
+
+    Raises SceneError. Tracers of physical numbers pass unchecked: they have no value yet.
+    """
+    if isinstance(value, jax.core.Tracer):
+        if rule.structure:
+            raise SceneError(key, "be a plain Python value: it is structure", "is a traced value")
+        return check_shape(key, value, rule, tethers)
+    if rule.kind == "switch":
+        if not isinstance(value, bool):
+            raise SceneError(key, rule.must, describe(value))
+        return value
+    if rule.kind == "choice":
+        if value not in rule.choices:
+            raise SceneError(key, rule.must, describe(value))
+        return value
+    if rule.kind == "integer":
+        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
+            raise SceneError(key, rule.must, describe(value))
+        return int(value)
+    return check_number(key, value, rule, tethers)
+
+
+def check_number(key: str, value: Any, rule: Rule, tethers: int | None) -> Any:
+    """A finite real number, or as many as the rule's shape wants."""
+    try:
+        array = np.asarray(value)
+        numeric = array.dtype.kind in "iuf"
+        array = array.astype(float) if numeric else array
+    except (TypeError, ValueError):
+        numeric = False
+    if not numeric or array.size == 0:
+        raise SceneError(key, "be a number" + plural(rule, tethers), describe(value))
+    check_shape(key, array, rule, tethers)
+    if not np.isfinite(array).all():
+        raise SceneError(key, "be finite", describe(value))
+    if not rule.accepts(array):
+        raise SceneError(key, rule.must, describe(value))
+    if isinstance(value, jax.Array):
+        return value
+    return float(array) if array.ndim == 0 else tuple(array.tolist())
+
+
+def plural(rule: Rule, tethers: int | None) -> str:
+    if rule.shape == "vector":
+        return " for each of x, y, z"
+    return " or a list with one per tether" if rule.shape == "tether" else ""
+
+
+def check_shape(key: str, value: Any, rule: Rule, tethers: int | None) -> Any:
+    """Raise unless the shape fits: (), (p,) where allowed, or (3,) for a vector."""
+    shape = np.shape(value)
+    if rule.shape == "vector":
+        if shape != (3,):
+            raise SceneError(key, "be a list of three numbers", f"has shape {shape}")
+    elif rule.shape == "tether" and len(shape) == 1:
+        if tethers is not None and shape[0] != tethers:
+            raise SceneError(
+                key, f"be a number or a list of {tethers} (`tethers.count`)", f"has {shape[0]} entries"
+            )
+    elif shape != ():
+        raise SceneError(key, "be a single number", describe(value))
+    return value
