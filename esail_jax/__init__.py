@@ -15,16 +15,21 @@ jax.config.update("jax_enable_x64", True)
 
 from esail_jax.scenes.keys import SceneError  # noqa: E402
 from esail_jax.scenes.scene import Scene, load_scene  # noqa: E402
-from esail_jax.simulate import RESULTS, SimulationError, Solution, simulate  # noqa: E402
+from esail_jax.march import RESULTS, SimulationError  # noqa: E402
+from esail_jax.simulate import Solution, simulate  # noqa: E402
+from esail_jax.storage import RunFileError, load, save  # noqa: E402
 
 __version__ = "0.1.0"
 
 __all__ = [
     "RESULTS",
+    "RunFileError",
     "Scene",
     "SceneError",
     "SimulationError",
     "Solution",
+    "load",
     "load_scene",
+    "save",
     "simulate",
 ]

@@ -236,28 +236,13 @@ class System(eqx.Module):
         diag, upper, lower = tethers.blocks(elements)
         tip = tethers.tip_mass * np.diag([1.0] * 3 + [0.0] * (3 * tethers.coefs - 3))[:, :, None]
         matrix = bordered.Bordered(
-            diag.at[-1].add(tip), upper, lower, self.local_map(), self.border_map()
+            diag.at[-1].add(tip), upper, lower, self.roots.weights if self.hub is not None else None
         )
         if self.hub is not None:
             matrix = matrix._replace(border=self._hub_border(q, lam))
         if self.clamped:
             matrix = self._add_clamps(time, matrix, q, lam)
         return matrix
-
-    def local_map(self) -> np.ndarray | None:
-        """Z: the root slope, and two multipliers that move nothing if it is clamped."""
-        if self.tethers.coefs == 1:
-            return None
-        slopes = np.eye(6, 3, -3)
-        return np.concatenate([slopes, np.zeros((6, 2))], axis=1) if self.clamped else slopes
-
-    def border_map(self) -> Array | None:
-        """Y: root positions from the base points; the border is (base points, multipliers)."""
-        if self.hub is None:
-            return None
-        position = jnp.einsum("kt,xy->xkyt", self.roots.weights, jnp.eye(3)).reshape(3, 12, -1)
-        rows = 3 * self.tethers.coefs
-        return jnp.zeros((rows, 18, position.shape[-1])).at[:3, :12].set(position)
 
     def _hub_border(self, q: Coordinates, lam: Multipliers) -> Float[Array, "18 18"]:
         """Hub mass, and the Hessian of lam . Phi in (base points, multipliers), which holds the
@@ -310,7 +295,7 @@ class System(eqx.Module):
         if self.hub is not None:
             border = jnp.concatenate([forces.hub.reshape(-1), constraints.hub])
         if self.clamped:
-            local = jnp.concatenate([jnp.zeros((3, constraints.clamp.shape[1])), constraints.clamp])
+            local = constraints.clamp
         return bordered.Vector(self._to_blocks(forces.tether), local, border)
 
     def from_vector(self, x: bordered.Vector) -> tuple[Coordinates, Multipliers]:
@@ -321,7 +306,7 @@ class System(eqx.Module):
             nodal = jnp.stack([nodal[0], nodal[1] / tethers.element_length])
         hub = x.border[:12].reshape(4, 3) if self.hub is not None else None
         lam = Multipliers(
-            x.border[12:] if self.hub is not None else None, x.local[3:] if self.clamped else None
+            x.border[12:] if self.hub is not None else None, x.local if self.clamped else None
         )
         return Coordinates(nodal, hub), lam
 

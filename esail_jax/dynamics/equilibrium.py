@@ -11,7 +11,7 @@ from jax import lax
 
 from esail_jax.array_types import Array, Float, Nodal, PerTether, Scalar
 from esail_jax.elements.tether import Tethers
-from esail_jax.numerics import bordered
+from esail_jax.numerics import block_tridiagonal as chains
 from esail_jax.system import add_fields
 from esail_jax.terms import Energy, PointFields
 
@@ -51,7 +51,6 @@ def steady_line(
     p = tethers.element_length.shape[0]
     x_axis = jnp.tile(jnp.array([[1.0], [0.0], [0.0]]), (1, p))
     cosine = jnp.cos(coning)
-    z = jnp.eye(tethers.coefs)[:, 1:] if tethers.coefs == 2 else None
 
     def stress(fields: PointFields) -> PointFields:
         at_rest = jax.tree.map(jnp.zeros_like, fields)
@@ -63,7 +62,7 @@ def steady_line(
         forces = tethers.nodal_forces(stress(fields), -(spin**2) * cosine * lever)
         return forces[:, 0]
 
-    def matrix(line: Line) -> bordered.Bordered:
+    def matrix(line: Line) -> tuple[Array, Array, Array]:
         fields = tethers.interpolate(along(line, x_axis))
         unit = jnp.broadcast_to(x_axis[:, None, None], fields.r_x.shape)
         moved = jax.jvp(lambda r_x: stress(fields._replace(r_x=r_x)).r_x, (fields.r_x,), (unit,))[1]
@@ -73,13 +72,16 @@ def steady_line(
         elements = stiffness - (spin * cosine) ** 2 * mass
         diag, upper, lower = tethers.blocks(elements)
         tip = jnp.zeros_like(diag[-1]).at[0, 0].set((spin * cosine) ** 2 * tethers.tip_mass)
-        return bordered.Bordered(diag.at[-1].add(-tip), upper, lower, z)
+        return diag.at[-1].add(-tip), upper, lower
 
     def newton(line: Line, frozen: Line) -> Line:
-        system = matrix(frozen)
-        blocks = jnp.moveaxis(to_metres(tethers, unbalanced(line), -1), 1, 0)
-        solution = bordered.solve(system, bordered.factor(system), bordered.Vector(-blocks))
-        return line + to_metres(tethers, jnp.moveaxis(solution.blocks, 0, 1), -1)
+        factors, root = chains.factor(*matrix(frozen))
+        blocks = jnp.moveaxis(to_metres(tethers, -unbalanced(line), -1), 1, 0)
+        reduced, port = chains.reduce_to_port(factors, blocks)
+        # The root does not move; its slope, if it has one, is free.
+        port = jnp.stack([jnp.zeros_like(port[0]), port[-1] / root[-1, -1]])[: tethers.coefs]
+        change = jnp.moveaxis(chains.substitute_from_port(factors, reduced, port), 0, 1)
+        return line + to_metres(tethers, change, -1)
 
     start = unstretched_line(tethers)
     found = lax.stop_gradient(

@@ -8,12 +8,15 @@ Eq. 62-64 use belong to other points; see the errata.
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 
 from esail_jax.array_types import Array, Float, HubPoints, Rotation, Scalar, Vector
-from esail_jax.numerics.vectors import dot
 
 EDGE_PAIRS = ((0, 0), (1, 1), (2, 2), (1, 0), (2, 0), (2, 1))
 """Pairs of edges (AB, AC, AD) whose products are kept, in the order of [PGV] Eq. 45."""
+
+PICK_PAIRS = np.stack([np.eye(9)[3 * k + m] for k, m in EDGE_PAIRS])
+"""Selects those pairs from a flattened 3 x 3 matrix of products."""
 
 
 class RigidBody(eqx.Module):
@@ -73,13 +76,12 @@ class RigidBody(eqx.Module):
         Squared lengths are divided by 2 L and products by sqrt(L_K L_L), so that each constraint
         is the distance in metres by which the body is out of shape, and its multiplier a force.
         """
-        now, reference = self.edges(points), self.edges(self.base_points)
-        lengths = jnp.sqrt((reference**2).sum(1))
-        values = []
-        for k, m in EDGE_PAIRS:
-            scale = 2.0 * lengths[k] if k == m else jnp.sqrt(lengths[k] * lengths[m])
-            values.append((dot(now[k], now[m]) - dot(reference[k], reference[m])) / scale)
-        return jnp.stack(values)
+        reference = self.edges(self.base_points)
+        products = reference @ reference.T
+        lengths = jnp.sqrt(jnp.diag(products))
+        scale = jnp.sqrt(lengths[:, None] * lengths) * (1.0 + np.eye(3))
+        now = self.edges(points)
+        return PICK_PAIRS @ ((now @ now.T - products) / scale).reshape(9)
 
     def rotation(self, points: HubPoints) -> Rotation:
         """C_B^I: columns i_B, j_B, k_B ([PGV] Eq. 41)."""

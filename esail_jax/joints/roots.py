@@ -8,7 +8,15 @@ body-fixed normals c_j; the stretch at the root stays free.
 import equinox as eqx
 import jax.numpy as jnp
 
-from esail_jax.array_types import Array, Float, HubPoints, PerTether, Rotation, Scalar, Vector
+from esail_jax.array_types import (
+    Array,
+    Float,
+    HubPoints,
+    PerTether,
+    Rotation,
+    Scalar,
+    Vector,
+)
 
 
 def radial_directions(azimuth: PerTether) -> Float[Array, "3 tether"]:

@@ -16,7 +16,12 @@ import jax.numpy as jnp
 from jax import lax
 
 from esail_jax.array_types import Array, Float
-from esail_jax.numerics.small_matrices import inverse, matmul, matvec_transposed, transpose
+from esail_jax.numerics.small_matrices import (
+    inverse,
+    matmul,
+    matvec_transposed,
+    transpose,
+)
 
 Blocks = Float[Array, "block row row *batch"]
 Links = Float[Array, "link row row *batch"]

@@ -1,14 +1,11 @@
 """Solver for chains that meet at a small border: a sail's tethers and its hub.
 
 Unknowns are the blocks of every chain, per chain a few *local* unknowns at its port, and the shared
-*border*. The port block of a chain is not free but moves with both,
-
-    port = Z local + Y border,
-
-and its equations are projected the same way (virtual work): a tether's root position is a point of
-the hub (Y), its root slope is free (Z). Chains are condensed on their ports in O(blocks), local
-unknowns are eliminated chain by chain, and one small dense system in the border is left. Absent
-parts are `None` and cost nothing.
+*border*. The first three rows of a port block, its position, are held: they move with points of the
+border, position = sum_k weight_k point_k, and their equations act on those points (virtual work).
+Without a border they do not move at all. The other rows, a root slope, are free: local unknowns.
+Chains are condensed on their ports in O(blocks), local unknowns are eliminated chain by chain, and one
+small dense system in the border is left. Absent parts are `None` and cost nothing.
 """
 
 from typing import NamedTuple
@@ -19,29 +16,41 @@ from esail_jax.array_types import Array, Float
 from esail_jax.numerics import block_tridiagonal as chains
 from esail_jax.numerics.small_matrices import inverse, matmul, matvec
 
+HELD = 3
+"""Rows of a port block that the border holds."""
+
 
 class Bordered(NamedTuple):
     """The matrix. Axes: row, col within a block; tether last.
 
     diag, upper, lower: blocks 0 ... N of every chain, block 0 the port (`block_tridiagonal`)
-    local_map Z: (row, local), or None if the port has no free part
-    border_map Y: (row, border, tether), or None without a border
-    local, local_border, border_local, border: what is added to the projected equations
+    weights: of the border's points on the held rows; None without a border
+    local, local_border, border_local: added to the equations of the free rows, which the local
+    unknowns extend at the end (multipliers of a clamped root)
+    border: added to the border's equations; its unknowns are the points' coordinates, then others
     """
 
     diag: Float[Array, "block row row tether"]
     upper: Float[Array, "link row row tether"]
     lower: Float[Array, "link row row tether"]
-    local_map: Float[Array, "row local"] | None = None
-    border_map: Float[Array, "row border tether"] | None = None
+    weights: Float[Array, "point tether"] | None = None
     local: Float[Array, "local local tether"] | None = None
     local_border: Float[Array, "local border tether"] | None = None
     border_local: Float[Array, "border local tether"] | None = None
     border: Float[Array, "border border"] | None = None
 
+    @property
+    def free(self) -> int:
+        """Free rows of a port block."""
+        return self.diag.shape[1] - HELD
+
 
 class Vector(NamedTuple):
-    """Right-hand side or solution. A solution's block 0 is the port's Z local + Y border."""
+    """Right-hand side or solution.
+
+    blocks: of a right-hand side, all rows; of a solution, block 0 is the port's displacement.
+    local: what the local unknowns have beyond the free rows.
+    """
 
     blocks: Float[Array, "block row tether"]
     local: Float[Array, "local tether"] | None = None
@@ -64,9 +73,12 @@ class Factors(NamedTuple):
     port: PortFactors
 
 
-def add(a: Array, b: Array | None) -> Array:
-    """a + b, where an absent b is no operation at all."""
-    return a if b is None else a + b
+def padded(a: Array, like: Array | None) -> Array:
+    """`a` enlarged by zeros to the shape of `like`, plus `like`; `a` itself if that is absent."""
+    if like is None:
+        return a
+    widths = [(0, n - m) for n, m in zip(like.shape, a.shape, strict=True)]
+    return jnp.pad(a, widths) + like
 
 
 def project(
@@ -74,15 +86,21 @@ def project(
 ) -> tuple[Array | None, Array | None, Array | None, Array | None]:
     """The ports' Schur complements in the unknowns (local, border): the blocks
     (local, local), (local, border), (border, local), (border, border)."""
-    z, y = matrix.local_map, matrix.border_map
+    held, free, g = slice(None, HELD), slice(HELD, None), matrix.weights
     local = local_border = border_local = border = None
-    if z is not None:
-        local = add(jnp.einsum("ra,rst,sb->abt", z, schur, z), matrix.local)
-    if y is not None:
-        border = jnp.einsum("rat,rst,sbt->ab", y, schur, y) + matrix.border
-        if z is not None:
-            local_border = add(jnp.einsum("ra,rst,sbt->abt", z, schur, y), matrix.local_border)
-            border_local = add(jnp.einsum("rat,rst,sb->abt", y, schur, z), matrix.border_local)
+    if matrix.free:
+        local = padded(schur[free, free], matrix.local)
+    if matrix.border is not None:
+        n, others = matrix.border.shape[0], matrix.border.shape[0] - HELD * g.shape[0]
+        points = jnp.einsum("at,ijt,bt->aibj", g, schur[held, held], g)
+        border = padded(points.reshape(n - others, -1), matrix.border)
+        if matrix.free:
+            right = (g[None, :, None] * schur[free, held][:, None]).reshape(matrix.free, -1, g.shape[1])
+            below = (g[:, None, None] * schur[held, free]).reshape(-1, matrix.free, g.shape[1])
+            right = jnp.pad(right, ((0, 0), (0, others), (0, 0)))
+            below = jnp.pad(below, ((0, others), (0, 0), (0, 0)))
+            local_border = padded(right, matrix.local_border)
+            border_local = padded(below, matrix.border_local)
     return local, local_border, border_local, border
 
 
@@ -117,31 +135,30 @@ def factor(matrix: Bordered) -> Factors:
 def solve_ports(
     matrix: Bordered, factors: PortFactors, port: Float[Array, "row tether"], rhs: Vector
 ) -> tuple[Array, Array | None, Array | None]:
-    """Port displacement, local unknowns and border, from the chains' reduced right-hand sides."""
-    z, y = matrix.local_map, matrix.border_map
-    local_rhs = local = border = None
-    displacement = jnp.zeros_like(port)
-    if z is not None:
-        local_rhs = add((z[:, :, None] * port[:, None]).sum(0), rhs.local)
-    if y is not None:
-        border_rhs = add((y * port[:, None]).sum((0, 2)), rhs.border)
-        if z is not None:
+    """Port displacement, extra local unknowns and border, from the reduced right-hand sides."""
+    held, local, border = jnp.zeros_like(port[:HELD]), None, None
+    if matrix.free:
+        local_rhs = port[HELD:]
+        if rhs.local is not None:
+            local_rhs = jnp.concatenate([local_rhs, rhs.local])
+    if matrix.border is not None:
+        points = (matrix.weights @ port[:HELD].T).reshape(-1)
+        border_rhs = padded(points, rhs.border)
+        if matrix.free:
             border_rhs = border_rhs - (factors.border_from_local * local_rhs).sum((1, 2))
         border = factors.border_inverse @ border_rhs
-        displacement = (y * border[None, :, None]).sum(1)
-    if z is not None:
+        held = border[: points.shape[0]].reshape(-1, HELD).T @ matrix.weights
+    if matrix.free:
         local = matvec(factors.local_inverse, local_rhs)
-        if y is not None:
+        if matrix.border is not None:
             local = local - (factors.local_from_border * border[None, :, None]).sum(1)
-        displacement = displacement + (z[:, :, None] * local[None]).sum(1)
-    return displacement, local, border
+        held, local = jnp.concatenate([held, local[: matrix.free]]), local[matrix.free :]
+    return held, local, border
 
 
 def solve(matrix: Bordered, factors: Factors, rhs: Vector) -> Vector:
-    """Solution of matrix x = rhs; of `matrix` only the constant maps Z and Y are read."""
+    """Solution of matrix x = rhs; of `matrix` only the weights and shapes are read."""
     reduced, port = chains.reduce_to_port(factors.chains, rhs.blocks)
     displacement, local, border = solve_ports(matrix, factors.port, port, rhs)
     blocks = chains.substitute_from_port(factors.chains, reduced, displacement)
     return Vector(blocks, local, border)
-
-

@@ -1,0 +1,194 @@
+"""The host's loop over the entries of a run: repair, checkpoints, failure."""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from esail_jax.dynamics.generalized_alpha import KEEP, StepInfo
+from esail_jax.entry import Carry, entry_data, look_at_entry_jitted, step_entry_jitted
+from esail_jax.prepare import Prepared
+from esail_jax.schedule import Entry, rows_per_entry, stretch
+
+MAX_HALVINGS = 6
+"""Times a stretch that does not converge is repeated with half the step before the run gives up."""
+
+NUMERICS = ("iterations_per_step", "last_increment", "constraint_violation")
+"""Per saved interval: mean chord iterations of a step, largest last increment [m], largest
+constraint violation before a last correction [m]."""
+
+
+class RESULTS(eqx.Enumeration):
+    """How a run ended."""
+
+    successful = "The run reached its end time."
+    newton_diverged = "The equations of a step could not be solved."
+    nonfinite = "The state became infinite or undefined."
+
+
+class SimulationError(RuntimeError):
+    """The solver gave up; the message says when, where and how far it was. result: of `RESULTS`."""
+
+    def __init__(self, message: str, result: RESULTS):
+        super().__init__(message)
+        self.result = result
+
+
+class Piece(NamedTuple):
+    """What the host gets from an entry. numerics: per saved instant, since the one before."""
+
+    rows: dict[str, np.ndarray]
+    time: np.ndarray
+    numerics: dict[str, np.ndarray]
+    reached: float
+
+
+class Checkpoint(NamedTuple):
+    """Enough to go on, bit for bit: the carry after `position` entries, `rows` saved so far,
+    `steps` taken, and what had been tallied since the last saved instant."""
+
+    carry: Carry
+    position: int
+    rows: int
+    steps: int
+    tally: tuple[float, ...]
+
+
+class March:
+    """Runs a prepared scene entry by entry, repairing what does not converge."""
+
+    def __init__(self, prepared: Prepared, checkpoint: Checkpoint | None = None):
+        self.prepared, self.plan = prepared, prepared.plan
+        start = checkpoint or Checkpoint(prepared.carry, 0, 0, 0, Tally().values)
+        self.carry, self.position, self.rows, self.steps, tally = start
+        self.tally = Tally(*tally)
+        self.checkpoint = start
+        self.repairs = 0
+
+    def pieces(self) -> Iterator[Piece]:
+        """One piece per entry. Raises SimulationError when even small steps fail."""
+        while self.position < len(self.plan.entries):
+            entry = self.plan.entries[self.position]
+            rows, time, numerics = self._entry(entry)
+            self.position += 1
+            self.rows += len(time)
+            if not entry.hand_over or entry.kind == "begin":
+                # The same entry stands in a longer run's plan: a longer run may go on from here.
+                here = (self.carry, self.position, self.rows, self.steps, self.tally.values)
+                self.checkpoint = Checkpoint(*here)
+            yield Piece(rows, time, numerics, entry.end)
+
+    def _call(self, entry: Entry, carry: Carry, rows: int, keep: int):
+        data = entry_data(entry, rows)
+        steps = self.plan.steps_per_entry
+        between = self.plan.between or keep == 1
+        problem = self.prepared.problem
+        stepped = step_entry_jitted(problem, carry.state, data, steps, keep)
+        carry, seen = look_at_entry_jitted(problem, carry, data, *stepped, between)
+        return carry, (seen, stepped[2])
+
+    def _entry(self, entry: Entry) -> tuple[dict, np.ndarray, dict]:
+        rows = self.plan.rows_per_entry
+        carry, (seen, info) = self._call(entry, self.carry, rows, KEEP)
+        if int(carry.failed) and entry.kind == "march":
+            return self._repair(entry)
+        if int(carry.failed):  # a trial step only improves the start: go on without it
+            carry = carry._replace(failed=jnp.zeros((), int), state=self.carry.state)
+        self.carry = carry
+        return self._collect(entry, seen, info)
+
+    def _collect(self, entry: Entry, seen: dict, info: StepInfo):
+        count = len(entry.rows)
+        rows = {name: np.asarray(value)[:count] for name, value in seen.items()}
+        time = np.array([row[0] for row in entry.rows])
+        numerics = self.tally.add(entry, jax.tree.map(np.asarray, info))
+        self.steps += entry.take if entry.kind == "march" else 0
+        return rows, time, numerics
+
+    def _repair(self, entry: Entry) -> tuple[dict, np.ndarray, dict]:
+        """The stretch of an entry again: factors of every step, then half the step, and so on."""
+        self.repairs += 1
+        steps, times = self.plan.steps_per_entry, np.array([row[0] for row in entry.rows])
+        whole = Entry("march", entry.start, entry.step, entry.take, entry.rows, entry.hand_over)
+        attempts = [[whole]]
+        for halving in range(1, MAX_HALVINGS + 1):
+            fine = stretch(entry.start, entry.end, entry.step / 2**halving, steps, times, False)
+            fine[-1:] = [_handing_over(fine[-1])]
+            attempts.append(fine + stretch_start(entry.end, entry.step))
+        for attempt in attempts:
+            carry, parts, failure = self.carry, [], None
+            for part in attempt:
+                rows = rows_per_entry(steps, part.step, self.prepared.scene.output.interval)
+                carry, (seen, info) = self._call(part, carry, rows, 1)
+                if int(carry.failed):
+                    failure = (part, jax.tree.map(np.asarray, info))
+                    break
+                parts.append((part, seen, info))
+            if failure is None:
+                self.carry = carry
+                collected = [self._collect(*part) for part in parts]
+                rows, times, numerics = zip(*collected, strict=True)
+                return join(rows), np.concatenate(times), join(numerics)
+        raise failure_of(*failure)
+
+
+def stretch_start(start: float, step: float) -> list[Entry]:
+    """Entries that begin afresh at `start`, saving nothing."""
+    return stretch(start, start, step, 1, np.empty(0), False)
+
+
+def _handing_over(entry: Entry) -> Entry:
+    return Entry(entry.kind, entry.start, entry.step, entry.take, entry.rows, True)
+
+
+def join(parts: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """Rows of consecutive pieces in one."""
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def failure_of(entry: Entry, info: StepInfo) -> SimulationError:
+    """The error that describes an entry's first failed step."""
+    good = np.asarray(jax.vmap(StepInfo.converged)(info))
+    step = int(np.argmin(good))
+    increment = float(info.increment[step].max())
+    finite = np.isfinite(increment)
+    result = RESULTS.newton_diverged if finite else RESULTS.nonfinite
+    return SimulationError(
+        f"{RESULTS[result]} At t = {entry.start + (step + 1) * entry.step:.6g} s with steps of "
+        f"{entry.step:.3g} s, tether {int(info.tether[step])}: last increment {increment:.3g} m "
+        f"after {int(info.iterations[step])} iterations, constraint violation "
+        f"{float(info.constraint[step]):.3g} m. Smaller steps did not help.",
+        result,
+    )
+
+
+class Tally:
+    """Iterations, steps, largest increment and constraint violation since the last saved instant."""
+
+    def __init__(self, *values: float):
+        self.values = values or (0.0, 0.0, 0.0, 0.0)
+
+    def add(self, entry: Entry, info: StepInfo) -> dict[str, np.ndarray]:
+        """Values at an entry's saved instants; the remainder is kept for the next one."""
+        marching = entry.kind == "march"
+        cuts = [row[1] + 1 if marching else 0 for row in entry.rows]
+        found, done = [], 0
+        for cut in [*cuts, entry.take if marching else 0]:
+            iterations, steps, increment, constraint = self.values
+            part = slice(done, max(cut, done))
+            self.values = (
+                iterations + float(info.iterations[part].sum()),
+                steps + max(cut - done, 0),
+                float(max(increment, info.increment[part].max(initial=0.0))),
+                float(max(constraint, info.constraint[part].max(initial=0.0))),
+            )
+            done = max(done, cut)
+            if len(found) < len(entry.rows):
+                iterations, steps, increment, constraint = self.values
+                found.append((iterations / max(steps, 1.0), increment, constraint))
+                self.values = (0.0, 0.0, 0.0, 0.0)
+        columns = np.array(found, float).reshape(-1, 3).T
+        return dict(zip(NUMERICS, columns, strict=True))

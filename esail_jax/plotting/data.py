@@ -1,0 +1,66 @@
+"""What the figures take from a run: observables that may be absent, numbers per tether, spectra."""
+
+from typing import Any
+
+import numpy as np
+from scipy.signal import periodogram
+
+DEGREES = 180.0 / np.pi
+"""In a radian."""
+
+KILOMETRE = 1e3
+"""[m]"""
+
+LEAST_SAMPLES = 8
+"""Samples below which a spectrum says nothing."""
+
+ROUNDING = 1e-13
+"""Variation, relative to the largest value, below which a signal is constant."""
+
+
+def observable(run: Any, name: str, factor: float = 1.0) -> np.ndarray | None:
+    """A factor times an observable, time first; None if the run lacks it or all of it is NaN."""
+    if name not in run.observables:
+        return None
+    values = np.asarray(run[name])
+    return factor * values if np.isfinite(values).any() else None
+
+
+def per_tether(value: Any, count: int) -> np.ndarray:
+    """A number for all tethers, or one per tether, as an array (tether)."""
+    return np.broadcast_to(np.asarray(value, float), (count,))
+
+
+def spin_period(run: Any) -> float | None:
+    """T_s [s]; None without spin."""
+    rate = abs(float(run.scene.initial.spin_rate))
+    return 2.0 * np.pi / rate if rate > 0.0 else None
+
+
+def leading_finite(*signals: np.ndarray) -> int:
+    """Number of leading instants at which all signals (time, ...) are finite: a failed run is NaN
+    from the failure on."""
+    finite = np.ones(len(signals[0]), bool)
+    for signal in signals:
+        finite &= np.isfinite(signal).reshape(len(signal), -1).all(1)
+    return len(finite) if finite.all() else int(np.argmin(finite))
+
+
+def power_spectrum(times: np.ndarray, signal: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """Frequencies [Hz] above zero and one-sided power spectral density [signal^2/Hz] of the signal
+    less its mean. None for a short or constant signal.
+
+    The last saved interval may be shorter than the others and is left out.
+    """
+    known = leading_finite(signal)
+    if known > 2:
+        steps = np.diff(times[:known])
+        known -= not np.isclose(steps[-1], steps[0], rtol=1e-6)
+    if known < LEAST_SAMPLES:
+        return None
+    signal = np.asarray(signal)[:known]
+    if np.ptp(signal) <= ROUNDING * np.abs(signal).max():
+        return None
+    sampling = 1.0 / (times[1] - times[0])
+    frequency, density = periodogram(signal, fs=sampling, detrend="constant")
+    return frequency[1:], density[1:]

@@ -1,0 +1,81 @@
+"""Pictures of the sail in space."""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d import Axes3D
+
+from esail_jax.constants import ASTRONOMICAL_UNIT
+from esail_jax.plotting.data import KILOMETRE, leading_finite, observable, spin_period
+from esail_jax.plotting.panels import LEAST_WIDTH, tether_colours
+
+VIEW_OFF_WIND_DEG, VIEW_ELEVATION_DEG = 25.0, 25.0
+"""The view: near the wind, so that the disc is open, but not along it, which would hide coning."""
+
+ARROW = 0.8
+"""Length of the wind's arrow in half widths of the picture."""
+
+MARGIN = 1.05
+"""Half width of the picture over that of what is in it."""
+
+
+def sail_picture(run: Any, instants: int = 3) -> Figure:
+    """The sail at equally spaced instants, in I: straight lines from the hub to the tips, the paths
+    of the tips so far, and the direction of the wind, Z_O."""
+    tips = observable(run, "tip_position_I")
+    frames = []
+    if tips is not None:
+        last = leading_finite(tips) - 1
+        frames = np.unique(np.linspace(0, last, instants).round().astype(int))
+    columns = max(1, len(frames))
+    figure = Figure(figsize=(max(LEAST_WIDTH, 4.8 * columns), 4.8), layout="constrained")
+    figure.suptitle("The sail in the inertial frame; arrow: the direction of the wind, $Z_O$")
+    for i, frame in enumerate(frames):
+        draw_sail(figure.add_subplot(1, columns, i + 1, projection="3d"), run, int(frame))
+    return figure
+
+
+def draw_sail(ax: Axes3D, run: Any, frame: int) -> None:
+    """The sail at one saved instant, in km."""
+    tips = np.asarray(run["tip_position_I"])[: frame + 1] / KILOMETRE
+    hub = hub_centre(run, frame) / KILOMETRE
+    for k, colour in enumerate(tether_colours(tips.shape[1])):
+        path, tip = tips[:, k], tips[-1, k]
+        ax.plot(*path.T, color=colour, linewidth=0.6, alpha=0.6)
+        ax.plot(*np.stack([hub, tip], axis=1), color="0.3", linewidth=0.8)
+        ax.plot(*tip[:, None], color=colour, marker="o", markersize=4)
+    ax.plot(*hub[:, None], color="black", marker="s", markersize=4)
+    half = frame_cube(ax, np.concatenate([tips.reshape(-1, 3), hub[None]]))
+    draw_wind(ax, run, hub, ARROW * half)
+    period = spin_period(run)
+    turns = "" if period is None else f", $t/T_s$ = {run.time[frame] / period:.3g}"
+    ax.set_title(f"$t$ = {run.time[frame]:.4g} s{turns}", fontsize="medium", y=1.03)
+
+
+def hub_centre(run: Any, frame: int) -> np.ndarray:
+    """Hub centre [m]; without a hub the origin, through which the axis of the turning frame goes."""
+    path = observable(run, "hub_position_I")
+    return np.zeros(3) if path is None else path[frame]
+
+
+def frame_cube(ax: Axes3D, points: np.ndarray) -> float:
+    """Equal scales around the points (point, 3); returns half the width."""
+    low, high = points.min(0), points.max(0)
+    middle, half = (low + high) / 2.0, MARGIN * (high - low).max() / 2.0
+    limits = np.stack([middle - half, middle + half], axis=1)
+    ax.set(xlim=limits[0], ylim=limits[1], zlim=limits[2])
+    ax.set(xlabel="$X_I$ [km]", ylabel="$Y_I$ [km]", zlabel="$Z_I$ [km]")
+    ax.locator_params(nbins=5)
+    ax.set_box_aspect((1.0, 1.0, 1.0))
+    return half
+
+
+def draw_wind(ax: Axes3D, run: Any, hub: np.ndarray, length: float) -> None:
+    """An arrow along Z_O at the hub [km], and a view that shows the sail obliquely."""
+    sun = np.asarray(run.scene.initial.heliocentric_position_au, float) * ASTRONOMICAL_UNIT
+    outward = sun / KILOMETRE + hub
+    arrow = length * outward / np.linalg.norm(outward)
+    ax.quiver(*hub, *arrow, color="tab:red", linewidth=1.5, arrow_length_ratio=0.15)
+    azimuth = np.degrees(np.arctan2(arrow[1], arrow[0]))
+    ax.view_init(elev=VIEW_ELEVATION_DEG, azim=azimuth - VIEW_OFF_WIND_DEG)

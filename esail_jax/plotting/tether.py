@@ -1,0 +1,120 @@
+"""Figures of single tethers: motion and forces of one ([PGV] Fig. 6 and 7), motion of all."""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.figure import Figure
+
+from esail_jax.plotting.data import DEGREES, KILOMETRE, observable, per_tether
+from esail_jax.plotting.panels import (
+    Curve,
+    Panel,
+    assemble,
+    components,
+    history,
+    spectrum,
+    tether_colours,
+)
+from esail_jax.plotting.pendulum import rigid_pendulum
+
+KEY_TICKS = 12
+"""Most numbers beside the bar of tether colours."""
+
+
+def tether_motion(run: Any, tether: int = 0) -> Figure:
+    """Tip and root angles and length of one tether, with spectra ([PGV] Fig. 6).
+
+    The rigid pendulum (`plotting.pendulum`) under the run's moments is drawn over the tip angles.
+    """
+    number = tether + 1
+    rigid = rigid_pendulum(run, tether)
+    coning = lagging = None
+    if rigid is not None:
+        times, coning, lagging = rigid
+        coning, lagging = (
+            Curve(DEGREES * angle, "rigid pendulum", "tab:orange", "--", times=times)
+            for angle in (coning, lagging)
+        )
+    rows = [
+        angle_row(run, tether, "coning_angle", rf"\gamma_{{{number}}}", coning),
+        angle_row(run, tether, "lagging_angle", rf"\beta_{{{number}}}", lagging),
+        length_row(run, tether),
+        angle_row(run, tether, "root_coning_angle", rf"\gamma'_{{{number}}}"),
+        angle_row(run, tether, "root_lagging_angle", rf"\beta'_{{{number}}}"),
+    ]
+    return assemble(f"Motion of tether {number}", rows)
+
+
+def angle_row(
+    run: Any, tether: int, name: str, symbol: str, rigid: Curve | None = None
+) -> list[Panel | None]:
+    """History of an angle, with that of the rigid tether if given, and spectrum."""
+    angle = of_tether(observable(run, name, DEGREES), tether)
+    curves = [Curve(angle)] if rigid is None else [Curve(angle, "simulated"), rigid]
+    return [
+        history(run, rf"${symbol}$ [deg]", *curves),
+        spectrum(run, rf"PSD of ${symbol}$ [deg$^2$/Hz]", angle),
+    ]
+
+
+def length_row(run: Any, tether: int) -> list[Panel | None]:
+    """History and spectrum of the length over the undeformed one."""
+    undeformed = per_tether(run.scene.tethers.length, run.scene.tethers.count)[tether]
+    ratio = of_tether(observable(run, "tether_length", 1.0 / undeformed), tether)
+    return [
+        history(run, r"$L/L_0$ [-]", Curve(ratio)),
+        spectrum(run, r"PSD of $L/L_0$ [1/Hz]", ratio),
+    ]
+
+
+def tether_forces(run: Any, tether: int = 0) -> Figure:
+    """Thrust, its moment about the root and root reaction of one tether, in B ([PGV] Fig. 7)."""
+    number = tether + 1
+    quantities = (
+        ("thrust_B", f"F_{{c,{number},AXIS}}^B", "N"),
+        ("thrust_moment_B", f"M_{{c,{number},AXIS}}^B", "N m"),
+        ("reaction_B", rf"\lambda_{{{number},AXIS}}^B", "N"),
+    )
+    rows = [
+        components(run, of_tether(observable(run, name), tether), symbol, unit)
+        for name, symbol, unit in quantities
+    ]
+    return assemble(f"Forces on tether {number} in the body frame", rows)
+
+
+def of_tether(values: np.ndarray | None, tether: int) -> np.ndarray | None:
+    """The part of one tether of values (time, tether, ...)."""
+    return None if values is None else values[:, tether]
+
+
+def all_tethers(run: Any) -> Figure:
+    """Coning, lagging and largest strain of every tether, and the smallest distance."""
+    distance = observable(run, "smallest_tether_distance", 1.0 / KILOMETRE)
+    rows = [
+        [
+            tether_lines(run, r"$\gamma_i$ [deg]", observable(run, "coning_angle", DEGREES)),
+            tether_lines(run, r"$\beta_i$ [deg]", observable(run, "lagging_angle", DEGREES)),
+        ],
+        [
+            tether_lines(run, r"$\epsilon_{max,i}$ [-]", observable(run, "max_axial_strain")),
+            history(run, r"$d_{min}$ [km]", Curve(distance, colour="black")),
+        ],
+    ]
+    figure = assemble("All tethers", rows)
+    count = run.scene.tethers.count
+    if count > 1 and figure.axes:
+        norm = BoundaryNorm(np.arange(count + 1) + 0.5, count)
+        key = ScalarMappable(norm, ListedColormap(tether_colours(count)))
+        ticks = np.arange(1, count + 1, -(-count // KEY_TICKS))
+        figure.colorbar(key, ax=figure.axes, label="tether $i$ [-]", ticks=ticks, aspect=40)
+    return figure
+
+
+def tether_lines(run: Any, ylabel: str, values: np.ndarray | None) -> Panel | None:
+    """One thin line per tether of values (time, tether)."""
+    if values is None:
+        return None
+    lines = zip(values.T, tether_colours(values.shape[1]), strict=True)
+    return history(run, ylabel, *(Curve(line, colour=colour, width=0.7) for line, colour in lines))

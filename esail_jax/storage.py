@@ -1,0 +1,272 @@
+"""Run files: HDF5, written while the run goes on.
+
+    /time, /observables/NAME, /numerics/NAME (time first), /state/* (enough to resume), /scene
+
+A file is never written in place: a copy gets the new rows and is renamed over the old one, so that
+whatever kills the writer leaves a complete, closed file. Copies are rationed in time, which keeps
+their cost below a few per cent whatever the length of the run.
+"""
+
+import os
+import platform
+import shutil
+import time
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import h5py
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from esail_jax.dynamics.generalized_alpha import State
+from esail_jax.march import NUMERICS, RESULTS, Checkpoint, Piece, join
+from esail_jax.observables import listed
+from esail_jax.prepare import Prepared, prepare
+from esail_jax.scenes.scene import Scene, parse, to_toml
+from esail_jax.simulate import Solution
+
+SCHEMA_VERSION = 1
+
+CHECKPOINT_SECONDS = 1.0
+"""Least time between two writes."""
+
+COPY_SHARE = 0.03
+"""Most part of the run time that copying may take: large files are written less often."""
+
+NUMERICS_UNITS = dict(zip(NUMERICS, ("-", "m", "m"), strict=True))
+
+
+class RunFileError(ValueError):
+    """A run file that cannot be used as asked."""
+
+
+def versions() -> dict[str, str]:
+    """Versions of what computed a run."""
+    packages = ("esail_jax", "jax", "jaxlib", "numpy", "h5py")
+    found = {}
+    for name in packages:
+        try:
+            found[f"version_{name}"] = metadata.version(name)
+        except metadata.PackageNotFoundError:  # run from a source tree that is not installed
+            found[f"version_{name}"] = "not installed"
+    return found | {"version_python": platform.python_version()}
+
+
+def scene_of_run(scene: Scene) -> str:
+    """The scene's text without `t_end`: what must agree for a run to be resumed."""
+    return to_toml(scene.replace({"integrator.t_end": 1.0, "output.interval": scene.output.interval}))
+
+
+def create(path: Path, prepared: Prepared) -> None:
+    """An empty run file: everything but rows. Replaces nothing: the caller has looked."""
+    with h5py.File(path, "w") as file:
+        file["scene"] = to_toml(prepared.scene)
+        attributes = versions() | {
+            "schema_version": SCHEMA_VERSION,
+            "device": jax.devices()[0].device_kind,
+            "status": "running",
+            "message": "",
+            "steps": 0,
+            "wall_time": 0.0,
+            "compile_time": 0.0,
+        }
+        file.attrs.update(attributes)
+        growing(file, "time", (), "s", "t", (), "")
+        for entry in listed(prepared.problem.system):
+            shape = shape_of(entry.axes, prepared.scene.tethers.count)
+            name = f"observables/{entry.name}"
+            growing(file, name, shape, entry.unit, entry.symbol, entry.axes, entry.equation)
+        for name, unit in NUMERICS_UNITS.items():
+            growing(file, f"numerics/{name}", (), unit, name, (), "")
+        file["numerics"].attrs["terms"] = list(prepared.problem.system.terms)
+
+
+def shape_of(axes: tuple[str, ...], tethers: int) -> tuple[int, ...]:
+    """Sizes of an observable's axes after time."""
+    return tuple(tethers if axis == "tether" else 3 for axis in axes)
+
+
+def growing(
+    file: h5py.File,
+    name: str,
+    shape: tuple[int, ...],
+    unit: str,
+    symbol: str,
+    axes: tuple[str, ...],
+    equation: str,
+) -> None:
+    """A dataset that grows along its first axis, time."""
+    data = file.create_dataset(
+        name, (0, *shape), dtype=float, maxshape=(None, *shape), chunks=(64, *shape)
+    )
+    data.attrs.update({"unit": unit, "symbol": symbol, "equation": equation})
+    data.attrs["axes"] = ["time", *axes]
+
+
+class RunWriter:
+    """Appends pieces to a run file.
+
+    path: the file; `start` continues an existing file from its checkpoint, dropping rows beyond it.
+    """
+
+    def __init__(self, path: Path, prepared: Prepared, resume: bool):
+        self.path, self.part = path, path.with_name(path.name + ".part")
+        self.prepared = prepared
+        self._pending: list[Piece] = []
+        self._dropped_to: int | None = None
+        self._next_write = 0.0
+        self._clock = time.perf_counter()
+        self._before = (0.0, 0.0)
+        if resume:
+            with h5py.File(path) as file:
+                self._dropped_to = int(file["state"].attrs["rows"])
+                self._before = (float(file.attrs["wall_time"]), float(file.attrs["compile_time"]))
+        else:
+            create(self.part, prepared)
+            os.replace(self.part, path)
+
+    def add(self, piece: Piece, checkpoint: Checkpoint, times: tuple[float, float]) -> None:
+        """Keep a piece; write when it is time to."""
+        self._pending.append(piece)
+        if time.perf_counter() >= self._next_write:
+            self.write(checkpoint, times)
+
+    def write(
+        self,
+        checkpoint: Checkpoint,
+        times: tuple[float, float],
+        status: str = "running",
+        message: str = "",
+    ) -> None:
+        """Write what is pending. times: compile and wall time [s] of this process."""
+        began = time.perf_counter()
+        shutil.copyfile(self.path, self.part)
+        with h5py.File(self.part, "r+") as file:
+            if self._dropped_to is not None:
+                for data in rows_of(file):
+                    data.resize(self._dropped_to, axis=0)
+            if self._pending:
+                self._append(file)
+            save_checkpoint(file, checkpoint)
+            file.attrs.update({"status": status, "message": message, "steps": checkpoint.steps})
+            file.attrs["compile_time"] = self._before[1] + times[0]
+            file.attrs["wall_time"] = self._before[0] + times[1]
+            del file["scene"]
+            file["scene"] = to_toml(self.prepared.scene)
+        with open(self.part, "rb") as file:
+            os.fsync(file.fileno())
+        os.replace(self.part, self.path)
+        self._pending, self._dropped_to = [], None
+        cost = time.perf_counter() - began
+        self._next_write = time.perf_counter() + max(CHECKPOINT_SECONDS, cost / COPY_SHARE)
+
+    def _append(self, file: h5py.File) -> None:
+        append(file["time"], np.concatenate([piece.time for piece in self._pending]))
+        for name, values in join([piece.rows for piece in self._pending]).items():
+            append(file["observables"][name], values)
+        for name, values in join([piece.numerics for piece in self._pending]).items():
+            append(file["numerics"][name], values)
+
+
+def append(data: h5py.Dataset, values: np.ndarray) -> None:
+    """Rows at the end of a growing dataset."""
+    before = data.shape[0]
+    data.resize(before + len(values), axis=0)
+    data[before:] = values
+
+
+def rows_of(file: h5py.File) -> list[h5py.Dataset]:
+    """Every dataset with time as first axis."""
+    return [file["time"], *file["observables"].values(), *file["numerics"].values()]
+
+
+def save_checkpoint(file: h5py.File, checkpoint: Checkpoint) -> None:
+    """/state: the leaves of the carry under their path."""
+    if "state" in file:
+        del file["state"]
+    group = file.create_group("state")
+    for path, leaf in jax.tree_util.tree_leaves_with_path(checkpoint.carry):
+        group["/".join(str(getattr(key, "name", key)) for key in path)] = np.asarray(leaf)
+    group["tally"] = np.array(checkpoint.tally)
+    group.attrs.update(
+        {"position": checkpoint.position, "rows": checkpoint.rows, "steps": checkpoint.steps}
+    )
+
+
+def load_checkpoint(file: h5py.File, prepared: Prepared) -> Checkpoint:
+    """The checkpoint of a run file, in the layout of the scene's carry."""
+    group = file["state"]
+    leaves, structure = jax.tree_util.tree_flatten_with_path(prepared.carry)
+    values = [
+        jnp.asarray(group["/".join(str(getattr(key, "name", key)) for key in path)][()])
+        for path, _ in leaves
+    ]
+    carry = jax.tree_util.tree_unflatten(structure, values)
+    counts = (int(group.attrs[name]) for name in ("position", "rows", "steps"))
+    return Checkpoint(carry, *counts, tuple(group["tally"][()]))
+
+
+def open_run(path: str | os.PathLike) -> h5py.File:
+    """A run file for reading. Raises RunFileError in one line."""
+    try:
+        file = h5py.File(path)
+    except OSError as error:
+        reason = "does not exist" if not os.path.exists(path) else "cannot be read as HDF5"
+        raise RunFileError(f"`{path}` must be a run file, but {reason}") from error
+    if "schema_version" not in file.attrs or "scene" not in file:
+        file.close()
+        raise RunFileError(f"`{path}` must be a run file, but has no scene")
+    if file.attrs["schema_version"] > SCHEMA_VERSION:
+        found = file.attrs["schema_version"]
+        file.close()
+        raise RunFileError(
+            f"`{path}` must have schema version {SCHEMA_VERSION} or lower, but has {found}"
+        )
+    return file
+
+
+def save(solution: Solution, path: str | os.PathLike, overwrite: bool = False) -> None:
+    """Write a solution as a run file.
+
+    Raises FileExistsError unless `overwrite`, and ValueError for a solution made under a trace.
+    """
+    path = Path(path)
+    if solution.scene is None:
+        raise ValueError("`solution` must come from a run on concrete numbers, but was traced")
+    if path.exists() and not overwrite:
+        raise FileExistsError(f"`{path}` must not exist (or pass overwrite=True), but does")
+    prepared = prepare(solution.scene)
+    temporary = path.with_name(path.name + ".new")
+    writer = RunWriter(temporary, prepared, resume=False)
+    reached = float(solution.time[-1])
+    writer._pending.append(Piece(solution.rows, solution.time, solution.numerics, reached))
+    stats = solution.stats
+    times = (stats["compile_time"], stats["wall_time"])
+    status = "failed" if stats["message"] else "complete"
+    writer.write(solution.checkpoint, times, status, stats["message"])
+    os.replace(temporary, path)
+
+
+def load(path: str | os.PathLike) -> Solution:
+    """A run file as a solution. Raises RunFileError."""
+    with open_run(path) as file:
+        scene = parse(file["scene"][()].decode(), str(path))
+        rows = {name: data[()] for name, data in file["observables"].items()}
+        numerics = {name: data[()] for name, data in file["numerics"].items()}
+        stats: dict[str, Any] = {name: plain(value) for name, value in file.attrs.items()}
+        stats["terms"] = tuple(file["numerics"].attrs["terms"])
+        prepared = prepare(scene)
+        checkpoint = load_checkpoint(file, prepared) if "state" in file else None
+        times = file["time"][()]
+    result = RESULTS.successful if stats["status"] != "failed" else RESULTS.newton_diverged
+    state: State | None = checkpoint.carry.state if checkpoint else None
+    return Solution(times, rows, result, state, stats, numerics, checkpoint, scene)
+
+
+def plain(value: Any) -> Any:
+    """An HDF5 attribute as a Python value."""
+    return value.item() if hasattr(value, "item") else value
+
+

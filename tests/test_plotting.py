@@ -1,0 +1,341 @@
+"""The figures on small synthetic runs, and the two computations behind them.
+
+The pendulum is held against closed forms of its equations, and its equations against Newton's law for
+a point mass on a rod; the spectrum against a sine.
+"""
+
+import dataclasses
+
+import matplotlib.image
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from esail_jax import plotting
+from esail_jax.plotting.data import power_spectrum
+from esail_jax.plotting.pendulum import hinge_moments, inertia, rigid_pendulum, swing
+from esail_jax.scenes.scene import RemoteUnits, load_scene
+
+INTERVAL = 20.0
+PERIOD = 2.0 * np.pi / 4e-3
+TIME = np.append(np.arange(0.0, 1.5 * PERIOD, INTERVAL), 1.5 * PERIOD)
+OF_HUB = ("angular_velocity_B", "euler_hub", "hub_position_I")
+
+
+@dataclasses.dataclass
+class FakeRun:
+    """Stand-in for a solution."""
+
+    scene: object
+    time: np.ndarray
+    data: dict
+
+    @property
+    def observables(self):
+        return set(self.data)
+
+    def __getitem__(self, name):
+        return self.data[name]
+
+
+def scene_of(count=12, **tables):
+    scene = load_scene("baseline")
+    return dataclasses.replace(
+        scene, tethers=dataclasses.replace(scene.tethers, count=count), **tables
+    )
+
+
+def make_run(scene):
+    """Smooth invented signals with the names and shapes of the observables of a sail."""
+    count = scene.tethers.count
+    turn, rng = 2.0 * np.pi * TIME / PERIOD, np.random.default_rng(0)
+
+    def wave(*shape, mean=0.0, size=1.0):
+        phase = rng.uniform(0.0, 6.0, shape)
+        return mean + size * np.sin(turn.reshape(-1, *[1] * len(shape)) + phase)
+
+    scalars = (
+        "sailing_angle thrust_angle reaction_angle kinetic_energy elastic_energy dissipated_power "
+        "external_power dissipated_energy external_work energy_balance_error precession_angle "
+        "smallest_tether_distance"
+    )
+    vectors = (
+        "angular_velocity_B euler_hub euler_sail hub_position_I thrust_O thrust_moment_O "
+        "reaction_O reaction_moment_O"
+    )
+    data = {name: wave(mean=2.0) for name in scalars.split()}
+    data |= {name: wave(3) for name in vectors.split()}
+    angles = "coning_angle lagging_angle root_coning_angle root_lagging_angle"
+    data |= {name: wave(count, size=0.02) for name in angles.split()}
+    data |= {name: wave(count, 3) for name in ("thrust_B", "thrust_moment_B", "reaction_B")}
+    data["tether_length"] = wave(count, mean=10e3)
+    data["max_axial_strain"] = wave(count, mean=9e-4, size=1e-5)
+    data["tip_position_I"] = 10e3 * wave(count, 3)
+    if scene.hub is None:
+        data = {name: values for name, values in data.items() if name not in OF_HUB}
+    if count < 3:
+        data["euler_sail"] = np.full((len(TIME), 3), np.nan)
+        data["precession_angle"] = np.full(len(TIME), np.nan)
+    if count < 2:
+        data["smallest_tether_distance"] = np.full(len(TIME), np.nan)
+    return FakeRun(scene, TIME, data)
+
+
+def no_spin():
+    initial = dataclasses.replace(load_scene("baseline").initial, spin_rate=0.0)
+    run = make_run(scene_of(initial=initial))
+    for name in run.data:
+        if "thrust" in name or "external" in name:
+            run.data[name] = 0.0 * run.data[name]
+    return run
+
+
+def failed_at(index):
+    run = make_run(scene_of())
+    for name, values in run.data.items():
+        run.data[name] = values.copy()
+        run.data[name][index:] = np.nan
+    return run
+
+
+def cut_to(samples):
+    run = make_run(scene_of())
+    run.time = TIME[:samples]
+    run.data = {name: values[:samples] for name, values in run.data.items()}
+    return run
+
+
+def different_tethers():
+    scene = scene_of(3, remote_units=RemoteUnits(mass=(1.0, 2.0, 0.0)))
+    tethers = dataclasses.replace(scene.tethers, length=(9e3, 10e3, 11e3))
+    return make_run(dataclasses.replace(scene, tethers=tethers))
+
+
+RUNS = {
+    "full": lambda: make_run(scene_of()),
+    "no hub": lambda: make_run(scene_of(hub=None)),
+    "one tether": lambda: make_run(scene_of(1, hub=None, remote_units=None)),
+    "different tethers": different_tethers,
+    "no spin, no wind": no_spin,
+    "failed": lambda: failed_at(30),
+    "short": lambda: cut_to(4),
+    "start only": lambda: cut_to(1),
+}
+
+
+# ---- figures ----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return {name: make() for name, make in RUNS.items()}
+
+
+@pytest.mark.parametrize("make", plotting.FIGURES, ids=lambda make: make.__name__)
+@pytest.mark.parametrize("name", RUNS)
+def test_every_axis_says_what_it_shows(runs, make, name):
+    figure = make(runs[name])
+    assert figure.axes
+    for ax in figure.axes:
+        assert ax.get_ylabel().endswith("]")
+        if ax.get_label() != "<colorbar>":
+            assert ax.get_xlabel().endswith("]") or shares_a_labelled_axis(ax)
+            assert ax.lines
+
+
+def shares_a_labelled_axis(ax):
+    """Whether an axes further down in the same column has the same x axis and labels it."""
+    left, bottom = ax.get_position().x0, ax.get_position().y0
+    return any(
+        other.get_xlabel().endswith("]")
+        and np.isclose(other.get_position().x0, left, atol=0.01)
+        and other.get_position().y0 < bottom
+        for other in ax.get_shared_x_axes().get_siblings(ax)
+    )
+
+
+def panels(figure):
+    return {ax.get_ylabel(): ax for ax in figure.axes}
+
+
+def test_tether_motion_shows_the_chosen_tether_in_degrees_and_spin_periods(runs):
+    run = runs["full"]
+    shown = panels(plotting.tether_motion(run, tether=4))
+    assert len(shown) == 10
+    time, angle = shown[r"$\gamma_{5}$ [deg]"].lines[0].get_data()
+    np.testing.assert_allclose(time, TIME * 4e-3 / (2.0 * np.pi))
+    np.testing.assert_allclose(angle, np.degrees(run["coning_angle"][:, 4]))
+    rigid = shown[r"$\beta_{5}$ [deg]"].lines[1].get_data()
+    np.testing.assert_allclose(rigid[1], np.degrees(rigid_pendulum(run, 4)[2]))
+    dashed = shown[r"PSD of $\gamma_{5}$ [deg$^2$/Hz]"].lines[1].get_xdata()
+    np.testing.assert_allclose(dashed, 1.0 / PERIOD)
+
+
+def test_length_is_divided_by_that_of_the_tether(runs):
+    run = runs["different tethers"]
+    shown = panels(plotting.tether_motion(run, tether=2))["$L/L_0$ [-]"].lines[0].get_ydata()
+    np.testing.assert_allclose(shown, run["tether_length"][:, 2] / 11e3)
+
+
+def test_without_spin_time_is_in_seconds_and_nothing_rigid_turns(runs):
+    figure = plotting.tether_motion(runs["no spin, no wind"])
+    ax = panels(figure)[r"$\gamma_{1}$ [deg]"]
+    assert len(ax.lines) == 1
+    np.testing.assert_allclose(ax.lines[0].get_xdata(), TIME)
+
+
+def test_absent_data_leaves_no_panel(runs):
+    assert len(plotting.attitude(runs["full"]).axes) == 8
+    assert len(plotting.attitude(runs["no hub"]).axes) == 5
+    assert len(plotting.attitude(runs["one tether"]).axes) == 1
+    assert len(plotting.tether_motion(runs["short"]).axes) == 5
+    assert r"$d_{min}$ [km]" not in panels(plotting.all_tethers(runs["one tether"]))
+
+
+def test_energies_start_at_zero_and_euler_angles_do_not_jump(runs):
+    run = runs["full"]
+    total = panels(plotting.energies(run))["$E_T - E_T(0)$ [J]"].lines[0].get_ydata()
+    energy = run["kinetic_energy"] + run["elastic_energy"]
+    np.testing.assert_allclose(total, energy - energy[0], atol=1e-12)
+    turning = np.stack([TIME * 4e-3] * 3, axis=1)
+    wrapped = np.angle(np.exp(1j * turning))
+    turned = FakeRun(run.scene, TIME, run.data | {"euler_hub": wrapped})
+    phi = panels(plotting.attitude(turned))[r"$\phi$ [deg]"].lines[0].get_ydata()
+    np.testing.assert_allclose(phi, np.degrees(turning[:, 2]))
+
+
+def test_plot_all_writes_png_files(runs, tmp_path, monkeypatch):
+    monkeypatch.setattr(plotting, "DOTS_PER_INCH", 20)
+    paths = plotting.plot_all(runs["full"], tmp_path / "new" / "figures")
+    assert [path.name for path in paths] == [f"{make.__name__}.png" for make in plotting.FIGURES]
+    for path in paths:
+        assert matplotlib.image.imread(path).std() > 0.0
+
+
+def test_nothing_is_written_without_data(tmp_path):
+    assert plotting.plot_all(failed_at(0), tmp_path) == []
+
+
+# ---- rigid pendulum ---------------------------------------------------------------------------
+
+
+def test_constant_flapping_moment_has_a_closed_form():
+    """gamma = A (1 - cos W t) with W = w sqrt(1 + eps), A = m / W^2; the coupling
+    2 w A^2 W (sin W t - sin(2 W t) / 2) then drives the lagging oscillator of frequency
+    n = w sqrt(eps)."""
+    rate, eps, flap = 4e-3, 0.3, 2e-7
+    fast, slow = rate * np.sqrt(1.0 + eps), rate * np.sqrt(eps)
+    size = flap / fast**2
+    drive = 2.0 * rate * size**2 * fast
+    first, second = drive / (slow**2 - fast**2), -drive / 2.0 / (slow**2 - 4.0 * fast**2)
+    free = -(fast * first + 2.0 * fast * second) / slow
+    gamma, beta = swing(TIME, rate, eps, lambda _: np.array([flap, 0.0]), (0.0, 0.0))
+    np.testing.assert_allclose(gamma, size * (1.0 - np.cos(fast * TIME)), atol=1e-7 * size)
+    expected = (
+        first * np.sin(fast * TIME)
+        + second * np.sin(2.0 * fast * TIME)
+        + free * np.sin(slow * TIME)
+    )
+    np.testing.assert_allclose(beta, expected, atol=1e-6 * np.abs(expected).max())
+
+
+def test_constant_lagging_moment_of_a_run_has_a_closed_form():
+    """beta = (M_X / I) (1 - cos n t) / n^2, n = w sqrt(eps), about the initial angle's cosine."""
+    scene = scene_of(3)
+    run = make_run(scene)
+    zero = np.zeros((len(TIME), 3))
+    moment = np.zeros((len(TIME), 3, 3))
+    moment[:, 1, 0] = 0.02
+    run.data |= {"thrust_moment_B": moment, "coning_angle": zero, "lagging_angle": zero + 0.01}
+    mass = 7653.0 * 4.28e-9 * 10e3
+    total = (1.5 + mass / 3.0) * 1e8
+    slow = 4e-3 * np.sqrt(1e-4 * (1.5 + mass / 2.0) / (1.5 + mass / 3.0))
+    times, gamma, beta = rigid_pendulum(run, 1)
+    expected = 0.01 * np.cos(slow * times) + 0.02 / total * (1.0 - np.cos(slow * times)) / slow**2
+    np.testing.assert_allclose(beta, expected, rtol=1e-7)
+    np.testing.assert_allclose(gamma, 0.0, atol=1e-15)
+
+
+@pytest.mark.parametrize(("azimuth", "side"), [(0.0, 0.0), (2.0, 0.3)])
+def test_equations_follow_from_newtons_law(azimuth, side):
+    """A point mass on a massless rod, in inertial axes, pulled by body-fixed forces: across the
+    plane, where only the coupling moves the rod within it, and with a part along the spin."""
+    rate, radius, length, mass = 4e-3, 3e3, 10e3, 1.5
+    force_B = 3e-3 * np.array([1.0, -side * np.sin(azimuth), side * np.cos(azimuth)])
+
+    def body_axes(time):
+        c, s = np.cos(rate * time), np.sin(rate * time)
+        return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+
+    outward = np.array([0.0, np.cos(azimuth), np.sin(azimuth)])
+    spin = np.array([rate, 0.0, 0.0])
+
+    def slope(time, state):
+        hinge = radius * body_axes(time) @ outward
+        rod = state[:3] - hinge
+        rod_rate = state[3:] - np.cross(spin, hinge)
+        free = body_axes(time) @ force_B / mass
+        pull = (rod_rate @ rod_rate + rod @ (free + rate**2 * hinge)) / length**2
+        return np.concatenate([state[3:], free - pull * rod])
+
+    tip = (radius + length) * outward
+    solution = solve_ivp(
+        slope,
+        (0.0, TIME[-1]),
+        np.concatenate([tip, np.cross(spin, tip)]),
+        method="DOP853",
+        t_eval=TIME,
+        rtol=1e-11,
+        atol=1e-9,
+    )
+    rods = np.array([body_axes(t).T @ x for t, x in zip(TIME, solution.y[:3].T, strict=True)])
+    rods = rods - radius * outward
+    sideways = np.array([0.0, -np.sin(azimuth), np.cos(azimuth)])
+    coning, lagging = np.arcsin(rods[:, 0] / length), np.arctan2(rods @ sideways, rods @ outward)
+
+    moments = hinge_moments(np.cross(rods, force_B), azimuth)
+    forcing = np.stack(moments, axis=1) / (mass * length**2)
+    gamma, beta = swing(
+        TIME,
+        rate,
+        radius / length,
+        lambda t: [np.interp(t, TIME, column) for column in forcing.T],
+        (0.0, 0.0),
+    )
+    error = 3.0 * coning.max() ** 2
+    assert error < 2e-3 and np.abs(lagging).max() > 1e-4
+    np.testing.assert_allclose(gamma, coning, atol=error * coning.max())
+    np.testing.assert_allclose(beta, lagging, atol=error * np.abs(lagging).max())
+
+
+def test_inertia_of_the_baseline():
+    """I and eps from the moments of a rod with a point mass, by summation; R = 0 without a hub."""
+    lengths = (np.arange(20000) + 0.5) / 20000 * 10e3
+    unit = 7653.0 * 4.28e-9 * 10e3 / 20000
+    second = 1.5 * 1e8 + unit * (lengths**2).sum()
+    first = 1.5 * 1e4 + unit * lengths.sum()
+    total, eps = inertia(scene_of(), 0)
+    np.testing.assert_allclose(total, second, rtol=1e-8)
+    np.testing.assert_allclose(eps, 1.0 * first / second, rtol=1e-8)
+    assert inertia(scene_of(hub=None), 0)[1] == 0.0
+
+
+# ---- spectrum ---------------------------------------------------------------------------------
+
+
+def test_spectrum_peaks_where_the_sine_is_and_holds_its_power():
+    """The shorter last interval must not count: 500 samples are 50 whole periods."""
+    time = np.append(np.arange(500) * 2.0, 999.0)
+    signal = 3.0 + 0.2 * np.sin(2.0 * np.pi * 0.05 * time)
+    frequency, density = power_spectrum(time, signal)
+    assert frequency[np.argmax(density)] == pytest.approx(0.05, rel=1e-12)
+    assert density.sum() * frequency[0] == pytest.approx(0.5 * 0.2**2, rel=1e-9)
+    assert np.sort(density)[-2] < 1e-12 * density.max()
+
+
+def test_no_spectrum_of_short_or_constant_signals():
+    time = np.arange(20.0)
+    assert power_spectrum(time[:7], time[:7]) is None
+    assert power_spectrum(time, np.full(20, 0.1)) is None
+    assert power_spectrum(time, np.zeros(20)) is None
+    assert power_spectrum(time, np.where(time < 5.0, time, np.nan)) is None
