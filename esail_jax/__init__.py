@@ -13,9 +13,9 @@ import jax
 
 jax.config.update("jax_enable_x64", True)
 
+from esail_jax.march import RESULTS, SimulationError  # noqa: E402
 from esail_jax.scenes.keys import SceneError  # noqa: E402
 from esail_jax.scenes.scene import Scene, load_scene  # noqa: E402
-from esail_jax.march import RESULTS, SimulationError  # noqa: E402
 from esail_jax.simulate import Solution, simulate  # noqa: E402
 from esail_jax.storage import RunFileError, load, save  # noqa: E402
 

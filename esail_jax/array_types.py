@@ -24,6 +24,15 @@ Nodal = Float[Array, "coef 3 node tether"]
 HubPoints = Float[Array, "4 3"]
 
 __all__ = [
-    "Array", "Float", "Int", "Scalar", "Vector", "Rotation", "PerTether", "PerPoint",
-    "VectorPerPoint", "Nodal", "HubPoints",
+    "Array",
+    "Float",
+    "HubPoints",
+    "Int",
+    "Nodal",
+    "PerPoint",
+    "PerTether",
+    "Rotation",
+    "Scalar",
+    "Vector",
+    "VectorPerPoint",
 ]

@@ -13,9 +13,11 @@ from jax import lax
 
 from esail_jax import observables
 from esail_jax.array_types import Array, Float, Scalar, Vector
+from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.coordinates import Coordinates
 from esail_jax.dynamics.consistent import project
 from esail_jax.dynamics.generalized_alpha import GeneralizedAlpha, State, StepInfo
+from esail_jax.scenes.build import Model, Numbers
 from esail_jax.schedule import Entry
 from esail_jax.system import Power, System
 
@@ -37,6 +39,22 @@ class Problem(NamedTuple):
     system: System
     spectral_radius: Scalar
     origin: Vector
+
+
+def starting_carry(q: Coordinates, v: Coordinates, system: System) -> Carry:
+    """The carry an entry of kind "begin" takes."""
+    zero = jnp.zeros(())
+    nothing = Power(zero, zero)
+    rest = jax.tree.map(jnp.zeros_like, q)
+    state = fresh_state(q, v, rest, system.no_multipliers(), nothing, nothing)
+    return Carry(state, zero, jnp.zeros((), int))
+
+
+def problem_of(numbers: Numbers, model: Model) -> tuple[Problem, Carry]:
+    """What the compiled programs take, from a built scene."""
+    origin = numbers["initial.heliocentric_position_au"] * ASTRONOMICAL_UNIT
+    problem = Problem(model.system, model.spectral_radius, origin)
+    return problem, starting_carry(model.q, model.v, model.system)
 
 
 class EntryData(NamedTuple):
@@ -150,12 +168,8 @@ def look_at_entry(
             on_step = (theta == 0.0) | (theta == 1.0)
             inside = interpolate(before, later, theta, data.step)
             inside = (*project(system, time, *inside[:2]), inside[2])
-            q, v, work = jax.tree.map(
-                lambda x, y: jnp.where(on_step, x, y), (q, v, work), inside
-            )
-        instant = observables.make_instant(
-            system, problem.origin, time, q, v, work, start_energy
-        )
+            q, v, work = jax.tree.map(lambda x, y: jnp.where(on_step, x, y), (q, v, work), inside)
+        instant = observables.make_instant(system, problem.origin, time, q, v, work, start_energy)
         handed = fresh_state(q, v, instant.vdot, instant.lam, work, instant.power)
         return observables.observe(instant), handed
 

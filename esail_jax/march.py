@@ -84,10 +84,13 @@ class March:
     def _call(self, entry: Entry, carry: Carry, rows: int, keep: int):
         data = entry_data(entry, rows)
         steps = self.plan.steps_per_entry
-        between = self.plan.between or keep == 1
-        problem = self.prepared.problem
-        stepped = step_entry_jitted(problem, carry.state, data, steps, keep)
-        carry, seen = look_at_entry_jitted(problem, carry, data, *stepped, between)
+        problem, compiled = self.prepared.problem, self.prepared.programs
+        if keep == KEEP and rows == self.plan.rows_per_entry:
+            stepped = compiled.step(problem, carry.state, data)
+            carry, seen = compiled.look(problem, carry, data, *stepped)
+        else:  # a repair: compiled when it is needed
+            stepped = step_entry_jitted(problem, carry.state, data, steps, keep)
+            carry, seen = look_at_entry_jitted(problem, carry, data, *stepped, True)
         return carry, (seen, stepped[2])
 
     def _entry(self, entry: Entry) -> tuple[dict, np.ndarray, dict]:

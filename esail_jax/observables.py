@@ -155,9 +155,7 @@ def make_instant(
     if system.loads:
         fields, rates = system.tethers.interpolate(q.tether), system.tethers.interpolate(v.tether)
         load = sum(term.force(time, fields, rates) for term in system.loads)
-    return Instant(
-        system, time, q, v, vdot, lam, work, start_energy, origin, residual.forces, power, load
-    )
+    return Instant(system, time, q, v, vdot, lam, work, start_energy, origin, residual.forces, power, load)
 
 
 # ---- helpers with safe derivatives ------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 import os
 import sys
+import time
 from pathlib import Path
 
 import h5py
@@ -10,7 +11,6 @@ from esail_jax.march import March, SimulationError
 from esail_jax.prepare import prepare
 from esail_jax.progress import Progress
 from esail_jax.scenes.scene import Scene, parse
-from esail_jax.simulate import CompileClock
 from esail_jax.storage import (
     RunFileError,
     RunWriter,
@@ -26,28 +26,33 @@ def run_scene(scene: Scene, path: Path, resume: bool, quiet: bool) -> int:
 
     Raises SceneError or RunFileError before anything is written.
     """
-    clock = CompileClock()
+    began = time.perf_counter()
     going_on = check_output(scene, path, resume)
     if going_on == "complete":
         return 0
+    progress = Progress(scene.integrator.t_end, quiet=quiet)
     prepared = prepare(scene)
+    ready = time.perf_counter()
     checkpoint = None
     if going_on == "resume":
         with open_run(path) as file:
             checkpoint = load_checkpoint(file, prepared)
     writer = RunWriter(path, prepared, resume=going_on == "resume")
     march = March(prepared, checkpoint)
-    progress = Progress(scene.integrator.t_end, quiet=quiet)
     status, message, code = "complete", "", 0
+
+    def times():
+        return ready - began, time.perf_counter() - ready
+
     try:
         for piece in march.pieces():
             progress.update(piece.reached)
-            writer.add(piece, march.checkpoint, clock.read())
+            writer.add(piece, march, times())
     except SimulationError as error:
         status, message, code = "failed", str(error), 3
     except KeyboardInterrupt:
         status, message, code = "interrupted", "Interrupted; --resume continues.", 130
-    writer.write(march.checkpoint, clock.read(), status, message)
+    writer.write(march, times(), status, message)
     progress.close()
     if code:
         print(message, file=sys.stderr)
@@ -57,7 +62,7 @@ def run_scene(scene: Scene, path: Path, resume: bool, quiet: bool) -> int:
 
 
 def check_output(scene: Scene, path: Path, resume: bool) -> str:
-    """"new", "resume" or "complete": what there is to do for this file. Raises RunFileError."""
+    """ "new", "resume" or "complete": what there is to do for this file. Raises RunFileError."""
     if not path.parent.is_dir():
         raise RunFileError(f"`-o` must be in an existing directory, but {path.parent} is none")
     if not os.access(path.parent, os.W_OK):

@@ -1,5 +1,6 @@
 """From a scene to a solution: `simulate`."""
 
+import functools
 import time
 from collections.abc import Mapping
 from typing import Any
@@ -12,11 +13,12 @@ from jax import lax
 
 from esail_jax.array_types import Array, Float
 from esail_jax.dynamics.generalized_alpha import KEEP, State
-from esail_jax.entry import entry_data, run_entry
+from esail_jax.entry import entry_data, problem_of, run_entry
 from esail_jax.march import RESULTS, Checkpoint, March, SimulationError, join
-from esail_jax.prepare import prepare
+from esail_jax.prepare import plan_of, prepare, require_64_bit
+from esail_jax.scenes.build import Numbers, Structure, build, split
 from esail_jax.scenes.scene import Scene, load_scene
-from esail_jax.schedule import save_times
+from esail_jax.schedule import Plan, save_times
 
 
 class Solution(eqx.Module):
@@ -38,6 +40,11 @@ class Solution(eqx.Module):
 
     def __getitem__(self, name: str) -> Array:
         return self.rows[name]
+
+    @property
+    def steps(self) -> int:
+        """Steps taken."""
+        return int(self.stats["steps"])
 
     @property
     def observables(self) -> list[str]:
@@ -64,34 +71,44 @@ def simulate(
 
 
 def simulate_traced(scene: Scene) -> Solution:
-    """The whole run as one checkpointed scan over the plan's entries."""
-    prepared = prepare(scene, jit=False)
-    layout = prepared.plan
+    """The whole run as one program, for `jit`, `grad`, `jvp` and `vmap`."""
+    require_64_bit()
+    structure, numbers = split(scene)
+    layout = plan_of(scene)
+    rows, state, result, iterations = traced_run(structure, layout, numbers)
+    times = jnp.asarray([time for entry in layout.entries for time, *_ in entry.rows])
+    return Solution(times, rows, result, state, {"newton_iterations": iterations})
+
+
+@functools.partial(jax.jit, static_argnums=(0, 1))
+def traced_run(
+    structure: Structure, layout: Plan, numbers: Numbers
+) -> tuple[dict[str, Array], State, RESULTS, Array]:
+    """Build, then one checkpointed scan over the plan's entries."""
+    problem, carry = problem_of(numbers, build(structure, numbers))
     data = [entry_data(entry, layout.rows_per_entry) for entry in layout.entries]
     stacked = jax.tree.map(lambda *x: jnp.stack(x), *data)
 
     @jax.checkpoint
     def body(carry, entry):
-        return run_entry(
-            prepared.problem, carry, entry, layout.steps_per_entry, KEEP, layout.between
-        )
+        carry, (seen, info) = run_entry(problem, carry, entry, layout.steps_per_entry, KEEP, layout.between)
+        return carry, (seen, info.iterations.sum())
 
-    carry, (seen, info) = lax.scan(body, prepared.carry, stacked)
+    carry, (seen, iterations) = lax.scan(body, carry, stacked)
     where = [(e, r) for e, entry in enumerate(layout.entries) for r in range(len(entry.rows))]
     entries, rows = (np.array(x) for x in zip(*where, strict=True))
-    times = np.array([layout.entries[e].rows[r][0] for e, r in where])
     seen = {name: value[entries, rows] for name, value in seen.items()}
     finite = jnp.isfinite(carry.state.q.tether).all()
     cause = RESULTS.where(finite, RESULTS.newton_diverged, RESULTS.nonfinite)
     result = RESULTS.where(carry.failed > 0, cause, RESULTS.successful)
-    stats = {"newton_iterations": info.iterations.sum()}
-    return Solution(jnp.asarray(times), seen, result, carry.state, stats)
+    return seen, carry.state, result, iterations.sum()
 
 
 def simulate_concrete(scene: Scene, throw: bool) -> Solution:
     """The host's loop, everything kept in memory."""
-    clock = CompileClock()
+    began = time.perf_counter()
     prepared = prepare(scene)
+    ready = time.perf_counter()
     march, pieces, message, result = March(prepared), [], "", RESULTS.successful
     try:
         pieces.extend(march.pieces())
@@ -99,12 +116,11 @@ def simulate_concrete(scene: Scene, throw: bool) -> Solution:
         if throw:
             raise
         message, result = str(error), error.result
-    compile_time, wall_time = clock.read()
     stats = {
         "steps": march.steps,
         "repairs": march.repairs,
-        "compile_time": compile_time,
-        "wall_time": wall_time,
+        "compile_time": ready - began,
+        "wall_time": time.perf_counter() - ready,
         "terms": prepared.problem.system.terms,
         "message": message,
     }
@@ -119,27 +135,3 @@ def filled(rows: dict[str, np.ndarray], count: int) -> dict[str, np.ndarray]:
     """Rows up to `count`, NaN where a failed run did not get to."""
     missing = {name: np.full((count - len(x), *x.shape[1:]), np.nan) for name, x in rows.items()}
     return {name: np.concatenate([x, missing[name]]) for name, x in rows.items()}
-
-
-class CompileClock:
-    """Seconds since its making, split into compiling (tracing and lowering included) and the rest."""
-
-    EVENTS = ("jaxpr_trace_duration", "jaxpr_to_mlir_module_duration", "backend_compile_duration")
-    spent = 0.0
-    listening = False
-
-    def __init__(self):
-        if not CompileClock.listening:
-            jax.monitoring.register_event_duration_secs_listener(CompileClock._heard)
-            CompileClock.listening = True
-        self._start, self._before = time.perf_counter(), CompileClock.spent
-
-    @staticmethod
-    def _heard(event: str, duration: float, **_) -> None:
-        if event.endswith(CompileClock.EVENTS):
-            CompileClock.spent += duration
-
-    def read(self) -> tuple[float, float]:
-        """(compiling, everything else) [s]."""
-        compiling = CompileClock.spent - self._before
-        return compiling, max(time.perf_counter() - self._start - compiling, 0.0)

@@ -13,7 +13,7 @@ import shutil
 import time
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import h5py
 import jax
@@ -36,6 +36,13 @@ COPY_SHARE = 0.03
 """Most part of the run time that copying may take: large files are written less often."""
 
 NUMERICS_UNITS = dict(zip(NUMERICS, ("-", "m", "m"), strict=True))
+
+
+class Progressed(Protocol):
+    """A march or a solution: how many steps are done, and where to go on from."""
+
+    steps: int
+    checkpoint: Checkpoint
 
 
 class RunFileError(ValueError):
@@ -98,9 +105,7 @@ def growing(
     equation: str,
 ) -> None:
     """A dataset that grows along its first axis, time."""
-    data = file.create_dataset(
-        name, (0, *shape), dtype=float, maxshape=(None, *shape), chunks=(64, *shape)
-    )
+    data = file.create_dataset(name, (0, *shape), dtype=float, maxshape=(None, *shape), chunks=(64, *shape))
     data.attrs.update({"unit": unit, "symbol": symbol, "equation": equation})
     data.attrs["axes"] = ["time", *axes]
 
@@ -127,20 +132,21 @@ class RunWriter:
             create(self.part, prepared)
             os.replace(self.part, path)
 
-    def add(self, piece: Piece, checkpoint: Checkpoint, times: tuple[float, float]) -> None:
+    def add(self, piece: Piece, progress: Progressed, times: tuple[float, float]) -> None:
         """Keep a piece; write when it is time to."""
         self._pending.append(piece)
         if time.perf_counter() >= self._next_write:
-            self.write(checkpoint, times)
+            self.write(progress, times)
 
     def write(
         self,
-        checkpoint: Checkpoint,
+        progress: Progressed,
         times: tuple[float, float],
         status: str = "running",
         message: str = "",
     ) -> None:
-        """Write what is pending. times: compile and wall time [s] of this process."""
+        """Write what is pending. progress: a march or a solution; times: compiling and running
+        [s] of this process."""
         began = time.perf_counter()
         shutil.copyfile(self.path, self.part)
         with h5py.File(self.part, "r+") as file:
@@ -149,8 +155,8 @@ class RunWriter:
                     data.resize(self._dropped_to, axis=0)
             if self._pending:
                 self._append(file)
-            save_checkpoint(file, checkpoint)
-            file.attrs.update({"status": status, "message": message, "steps": checkpoint.steps})
+            save_checkpoint(file, progress.checkpoint)
+            file.attrs.update({"status": status, "message": message, "steps": progress.steps})
             file.attrs["compile_time"] = self._before[1] + times[0]
             file.attrs["wall_time"] = self._before[0] + times[1]
             del file["scene"]
@@ -221,9 +227,7 @@ def open_run(path: str | os.PathLike) -> h5py.File:
     if file.attrs["schema_version"] > SCHEMA_VERSION:
         found = file.attrs["schema_version"]
         file.close()
-        raise RunFileError(
-            f"`{path}` must have schema version {SCHEMA_VERSION} or lower, but has {found}"
-        )
+        raise RunFileError(f"`{path}` must have schema version {SCHEMA_VERSION} or lower, but has {found}")
     return file
 
 
@@ -245,7 +249,7 @@ def save(solution: Solution, path: str | os.PathLike, overwrite: bool = False) -
     stats = solution.stats
     times = (stats["compile_time"], stats["wall_time"])
     status = "failed" if stats["message"] else "complete"
-    writer.write(solution.checkpoint, times, status, stats["message"])
+    writer.write(solution, times, status, stats["message"])
     os.replace(temporary, path)
 
 
@@ -268,5 +272,3 @@ def load(path: str | os.PathLike) -> Solution:
 def plain(value: Any) -> Any:
     """An HDF5 attribute as a Python value."""
     return value.item() if hasattr(value, "item") else value
-
-

@@ -60,7 +60,10 @@ class System(eqx.Module):
     def terms(self) -> tuple[str, ...]:
         """Names of everything that was built, for `/numerics` and for people."""
         names = ["hub" if self.hub is not None else "turning frame"]
-        names += [f"{self.tethers.kind} elements", "clamped roots" if self.clamped else "pinned roots"]
+        names += [
+            f"{self.tethers.kind} elements",
+            "clamped roots" if self.clamped else "pinned roots",
+        ]
         names += [term.name for term in (*self.energies, *self.dissipations, *self.loads)]
         return tuple(names + (["gravity"] if self.gravity is not None else []))
 

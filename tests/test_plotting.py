@@ -1,7 +1,7 @@
 """The figures on small synthetic runs, and the two computations behind them.
 
-The pendulum is held against closed forms of its equations, and its equations against Newton's law for
-a point mass on a rod; the spectrum against a sine.
+The pendulum is held against closed forms of its equations, and its equations against Newton's law
+for a point mass on a rod; the spectrum against a sine.
 """
 
 import dataclasses
@@ -9,6 +9,7 @@ import dataclasses
 import matplotlib.image
 import numpy as np
 import pytest
+from matplotlib.mathtext import MathTextParser
 from scipy.integrate import solve_ivp
 
 from esail_jax import plotting
@@ -38,11 +39,9 @@ class FakeRun:
         return self.data[name]
 
 
-def scene_of(count=12, **tables):
+def scene_of(count=3, **tables):
     scene = load_scene("baseline")
-    return dataclasses.replace(
-        scene, tethers=dataclasses.replace(scene.tethers, count=count), **tables
-    )
+    return dataclasses.replace(scene, tethers=dataclasses.replace(scene.tethers, count=count), **tables)
 
 
 def make_run(scene):
@@ -98,28 +97,24 @@ def failed_at(index):
     return run
 
 
-def cut_to(samples):
+def start_only():
     run = make_run(scene_of())
-    run.time = TIME[:samples]
-    run.data = {name: values[:samples] for name, values in run.data.items()}
-    return run
+    return FakeRun(run.scene, TIME[:1], {name: values[:1] for name, values in run.data.items()})
 
 
 def different_tethers():
-    scene = scene_of(3, remote_units=RemoteUnits(mass=(1.0, 2.0, 0.0)))
+    scene = scene_of(remote_units=RemoteUnits(mass=(1.0, 2.0, 0.0)))
     tethers = dataclasses.replace(scene.tethers, length=(9e3, 10e3, 11e3))
     return make_run(dataclasses.replace(scene, tethers=tethers))
 
 
 RUNS = {
-    "full": lambda: make_run(scene_of()),
+    "full": different_tethers,
     "no hub": lambda: make_run(scene_of(hub=None)),
     "one tether": lambda: make_run(scene_of(1, hub=None, remote_units=None)),
-    "different tethers": different_tethers,
     "no spin, no wind": no_spin,
     "failed": lambda: failed_at(30),
-    "short": lambda: cut_to(4),
-    "start only": lambda: cut_to(1),
+    "start only": start_only,
 }
 
 
@@ -138,6 +133,7 @@ def test_every_axis_says_what_it_shows(runs, make, name):
     assert figure.axes
     for ax in figure.axes:
         assert ax.get_ylabel().endswith("]")
+        MathTextParser("path").parse(ax.get_ylabel())
         if ax.get_label() != "<colorbar>":
             assert ax.get_xlabel().endswith("]") or shares_a_labelled_axis(ax)
             assert ax.lines
@@ -160,19 +156,19 @@ def panels(figure):
 
 def test_tether_motion_shows_the_chosen_tether_in_degrees_and_spin_periods(runs):
     run = runs["full"]
-    shown = panels(plotting.tether_motion(run, tether=4))
+    shown = panels(plotting.tether_motion(run, tether=1))
     assert len(shown) == 10
-    time, angle = shown[r"$\gamma_{5}$ [deg]"].lines[0].get_data()
+    time, angle = shown[r"$\gamma_{2}$ [deg]"].lines[0].get_data()
     np.testing.assert_allclose(time, TIME * 4e-3 / (2.0 * np.pi))
-    np.testing.assert_allclose(angle, np.degrees(run["coning_angle"][:, 4]))
-    rigid = shown[r"$\beta_{5}$ [deg]"].lines[1].get_data()
-    np.testing.assert_allclose(rigid[1], np.degrees(rigid_pendulum(run, 4)[2]))
-    dashed = shown[r"PSD of $\gamma_{5}$ [deg$^2$/Hz]"].lines[1].get_xdata()
+    np.testing.assert_allclose(angle, np.degrees(run["coning_angle"][:, 1]))
+    rigid = shown[r"$\beta_{2}$ [deg]"].lines[1].get_data()
+    np.testing.assert_allclose(rigid[1], np.degrees(rigid_pendulum(run, 1)[2]))
+    dashed = shown[r"PSD of $\gamma_{2}$ [deg$^2$/Hz]"].lines[1].get_xdata()
     np.testing.assert_allclose(dashed, 1.0 / PERIOD)
 
 
 def test_length_is_divided_by_that_of_the_tether(runs):
-    run = runs["different tethers"]
+    run = runs["full"]
     shown = panels(plotting.tether_motion(run, tether=2))["$L/L_0$ [-]"].lines[0].get_ydata()
     np.testing.assert_allclose(shown, run["tether_length"][:, 2] / 11e3)
 
@@ -188,7 +184,7 @@ def test_absent_data_leaves_no_panel(runs):
     assert len(plotting.attitude(runs["full"]).axes) == 8
     assert len(plotting.attitude(runs["no hub"]).axes) == 5
     assert len(plotting.attitude(runs["one tether"]).axes) == 1
-    assert len(plotting.tether_motion(runs["short"]).axes) == 5
+    assert len(plotting.tether_motion(runs["start only"]).axes) == 5
     assert r"$d_{min}$ [km]" not in panels(plotting.all_tethers(runs["one tether"]))
 
 
@@ -206,7 +202,7 @@ def test_energies_start_at_zero_and_euler_angles_do_not_jump(runs):
 
 def test_plot_all_writes_png_files(runs, tmp_path, monkeypatch):
     monkeypatch.setattr(plotting, "DOTS_PER_INCH", 20)
-    paths = plotting.plot_all(runs["full"], tmp_path / "new" / "figures")
+    paths = plotting.plot_all(runs["one tether"], tmp_path / "new" / "figures")
     assert [path.name for path in paths] == [f"{make.__name__}.png" for make in plotting.FIGURES]
     for path in paths:
         assert matplotlib.image.imread(path).std() > 0.0
@@ -231,17 +227,13 @@ def test_constant_flapping_moment_has_a_closed_form():
     free = -(fast * first + 2.0 * fast * second) / slow
     gamma, beta = swing(TIME, rate, eps, lambda _: np.array([flap, 0.0]), (0.0, 0.0))
     np.testing.assert_allclose(gamma, size * (1.0 - np.cos(fast * TIME)), atol=1e-7 * size)
-    expected = (
-        first * np.sin(fast * TIME)
-        + second * np.sin(2.0 * fast * TIME)
-        + free * np.sin(slow * TIME)
-    )
+    expected = first * np.sin(fast * TIME) + second * np.sin(2.0 * fast * TIME) + free * np.sin(slow * TIME)
     np.testing.assert_allclose(beta, expected, atol=1e-6 * np.abs(expected).max())
 
 
 def test_constant_lagging_moment_of_a_run_has_a_closed_form():
     """beta = (M_X / I) (1 - cos n t) / n^2, n = w sqrt(eps), about the initial angle's cosine."""
-    scene = scene_of(3)
+    scene = scene_of()
     run = make_run(scene)
     zero = np.zeros((len(TIME), 3))
     moment = np.zeros((len(TIME), 3, 3))
@@ -302,8 +294,10 @@ def test_equations_follow_from_newtons_law(azimuth, side):
         lambda t: [np.interp(t, TIME, column) for column in forcing.T],
         (0.0, 0.0),
     )
-    error = 3.0 * coning.max() ** 2
-    assert error < 2e-3 and np.abs(lagging).max() > 1e-4
+    # What the equations leave out: third powers of the angles, and 2 w gamma beta'.
+    error = 3.0 * coning.max() ** 2 + 2.0 * np.abs(lagging).max()
+    assert error < 0.1
+    assert np.abs(lagging).max() > 1e-4
     np.testing.assert_allclose(gamma, coning, atol=error * coning.max())
     np.testing.assert_allclose(beta, lagging, atol=error * np.abs(lagging).max())
 

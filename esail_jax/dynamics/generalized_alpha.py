@@ -28,7 +28,7 @@ from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.numerics import bordered
 from esail_jax.system import Power, Residual, System
 
-KEEP = 10
+KEEP = 20
 """Steps per factorisation. A block of this many steps is the unit of work everywhere: a resumed run
 starts at a block, so that it factors where the uninterrupted one did."""
 
@@ -170,9 +170,7 @@ class GeneralizedAlpha(eqx.Module):
             q, v = system.place_roots(end, q), system.place_roots(end, v, derivative=1)
         return q, v
 
-    def step(
-        self, system: System, time: Scalar, state: State, kept: KeptFactors
-    ) -> tuple[State, StepInfo]:
+    def step(self, system: System, time: Scalar, state: State, kept: KeptFactors) -> tuple[State, StepInfo]:
         """From t to t + h, until the last chord increment is within tolerance."""
         h = self.step_size
         end = time + h
@@ -298,9 +296,7 @@ def _solve_step_jvp(primals, tangents):
     return (unknowns, power, info), (unknowns_dot, power_dot, info_dot)
 
 
-def increment_norms(
-    system: System, dq: Coordinates
-) -> tuple[Float[jax.Array, "2"], Int[jax.Array, ""]]:
+def increment_norms(system: System, dq: Coordinates) -> tuple[Float[jax.Array, "2"], Int[jax.Array, ""]]:
     """Largest change [m] of a tether's nodal coordinates (slopes times l) and of the hub's, and
     which tether's it is."""
     tether = jnp.abs(system.tethers.scale_slopes(dq.tether)).max((0, 1, 2))

@@ -43,7 +43,5 @@ class AxialDissipation(Dissipation):
     depends_on: ClassVar[tuple[str, ...]] = ("r_x",)
 
     def density(self, fields: PointFields, rates: PointFields) -> PerPoint:
-        _, strain_rate = jax.jvp(
-            lambda r_x: axial_strain(r_x, self.strain), (fields.r_x,), (rates.r_x,)
-        )
+        _, strain_rate = jax.jvp(lambda r_x: axial_strain(r_x, self.strain), (fields.r_x,), (rates.r_x,))
         return 0.5 * self.time * self.stiffness * strain_rate**2

@@ -55,7 +55,12 @@ class RigidBody(eqx.Module):
         Eq. 133 in closed form for these base points."""
         h, r, zero, half = 1.0 / self.height, 0.5 / self.radius, 0.0 * self.height, 0.5
         return jnp.array(
-            [[-h, -r, -r, half], [h, -r, -r, half], [zero, 2 * r, zero, 0.0], [zero, zero, 2 * r, 0.0]]
+            [
+                [-h, -r, -r, half],
+                [h, -r, -r, half],
+                [zero, 2 * r, zero, 0.0],
+                [zero, zero, 2 * r, 0.0],
+            ]
         )
 
     @property

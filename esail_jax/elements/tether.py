@@ -99,9 +99,7 @@ class Tethers(eqx.Module):
             fields[name] = value / self.element_length**d if d else value
         return PointFields(fields.get("r"), fields["r_x"], fields.get("r_xx"))
 
-    def nodal_forces(
-        self, conjugates: PointFields, acceleration: Nodal | None = None
-    ) -> Nodal:
+    def nodal_forces(self, conjugates: PointFields, acceleration: Nodal | None = None) -> Nodal:
         """Integral of S^T f + S_x^T n + S_xx^T m dx over all tethers, plus M `acceleration`.
 
         conjugates: f [N/m], n [N], m [N m] at the Gauss points. One product serves both.
@@ -163,9 +161,7 @@ class Tethers(eqx.Module):
         rows_first = matrices.transpose(0, 3, 1, 2, 4, 5)
         return rows_first.reshape(coefs * stacked.shape[2], coefs * stacked.shape[1], *stacked.shape[3:])
 
-    def blocks(
-        self, elementwise: Float[Array, "row col elem tether"]
-    ) -> tuple[Array, Array, Array]:
+    def blocks(self, elementwise: Float[Array, "row col elem tether"]) -> tuple[Array, Array, Array]:
         """Node blocks of a block-tridiagonal matrix from element matrices: diagonal (node, row,
         col, tether), upper and lower (elem, row, col, tether). Slope rows and columns in metres."""
         matrices = jnp.moveaxis(elementwise, 2, 0)

@@ -55,9 +55,7 @@ def factor(diag: Blocks, upper: Links, lower: Links) -> tuple[ChainFactors, Arra
         step = (transpose(inv), transpose(reduce), transpose(matmul(inv, lower_k)))
         return diag_k - matmul(reduce, lower_k), step
 
-    schur, factors = lax.scan(
-        eliminate, diag[-1], (diag[:-1], upper, lower), reverse=True, unroll=1
-    )
+    schur, factors = lax.scan(eliminate, diag[-1], (diag[:-1], upper, lower), reverse=True, unroll=1)
     return ChainFactors(*factors), schur
 
 
@@ -69,9 +67,7 @@ def reduce_to_port(factors: ChainFactors, rhs: BlockVectors) -> tuple[BlockVecto
         reduce_k, rhs_k = row
         return rhs_k - matvec_transposed(reduce_k, behind), behind
 
-    port, reduced = lax.scan(
-        carry_over, rhs[-1], (factors.reduce, rhs[:-1]), reverse=True, unroll=UNROLL
-    )
+    port, reduced = lax.scan(carry_over, rhs[-1], (factors.reduce, rhs[:-1]), reverse=True, unroll=UNROLL)
     return reduced, port
 
 

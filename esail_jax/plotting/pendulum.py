@@ -1,7 +1,7 @@
 """The rigid pendulum that a tether would be without flexibility ([PGV] Eq. 83-85, derived).
 
-A rigid uniform tether (mass m_t, length L) with a tip mass m_u is hinged at distance R from an axis X
-that turns at a constant rate w. With r outward through the hinge and s = X x r, both turning, the
+A rigid uniform tether (mass m_t, length L) with a tip mass m_u is hinged at distance R from an axis
+X that turns at a constant rate w. With r outward through the hinge and s = X x r, both turning, the
 point of the tether at distance l from the hinge is at
 
     R r + l n,    n = sin(gamma) X + cos(gamma) (cos(beta) r + sin(beta) s).
@@ -11,17 +11,19 @@ The kinetic energy is, up to a constant and a total time derivative,
     I gamma'^2 / 2 + I cos(gamma)^2 (w + beta')^2 / 2 + w^2 R S cos(gamma) cos(beta),
     I = (m_u + m_t / 3) L^2,    S = (m_u + m_t / 2) L.
 
-Lagrange's equations, to first order and with the lowest coupling kept, are
+Lagrange's equations, to first order and with the quadratic coupling kept in the second, are
 
     gamma'' + w^2 (1 + eps) gamma = -M_s / I
     beta''  + w^2 eps beta        =  M_X / I + 2 w gamma gamma'
     eps = R S / I = (R / L) (m_u + m_t / 2) / (m_u + m_t / 3)
 
-with the moment M of the load about the hinge; coning increases in a rotation about -s. With R = 0 and
-M_X = 0 the second equation keeps cos(gamma)^2 (w + beta'), the angular momentum, to this order.
+with the moment M of the load about the hinge; coning increases in a rotation about -s. As in the
+paper, 2 w gamma beta' is left out of the first equation: it is of third order while beta is of the
+order of gamma^2. With R = 0 and M_X = 0 the second equation keeps the angular momentum,
+cos(gamma)^2 (w + beta').
 
-[PGV] Eq. 83 and 84 agree with this, but their components of M, along axes of the body, are those along
-X and s for tether 1 only; Eq. 85 has half of the coupling, w gamma gamma'.
+[PGV] Eq. 83 and 84 agree with this, but their components of M, along axes of the body, are those
+along X and s for tether 1 only. Eq. 85 has half of the coupling, w gamma gamma'.
 """
 
 from collections.abc import Callable
@@ -42,8 +44,7 @@ def inertia(scene: Any, tether: int) -> tuple[float, float]:
     """I [kg m^2] about the hinge and eps [-] of one tether; R = 0 without a hub."""
     tethers, count = scene.tethers, scene.tethers.count
     length, area, density = (
-        per_tether(value, count)[tether]
-        for value in (tethers.length, tethers.area, tethers.density)
+        per_tether(value, count)[tether] for value in (tethers.length, tethers.area, tethers.density)
     )
     unit = 0.0 if scene.remote_units is None else per_tether(scene.remote_units.mass, count)[tether]
     radius = 0.0 if scene.hub is None else float(scene.hub.radius)
@@ -96,7 +97,7 @@ def swing(
 def rigid_pendulum(run: Any, tether: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """Times [s], gamma and beta [rad] of the rigid tether under the moments of the run.
 
-    None where the model does not apply: no spin, gravity that the hub does not fall with, or no data.
+    None where the model does not apply: no spin, gravity on a sail that does not fall, no data.
     """
     scene = run.scene
     rate = float(scene.initial.spin_rate)

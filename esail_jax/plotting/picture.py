@@ -54,7 +54,7 @@ def draw_sail(ax: Axes3D, run: Any, frame: int) -> None:
 
 
 def hub_centre(run: Any, frame: int) -> np.ndarray:
-    """Hub centre [m]; without a hub the origin, through which the axis of the turning frame goes."""
+    """Hub centre [m]; without a hub the origin, on the axis of the turning frame."""
     path = observable(run, "hub_position_I")
     return np.zeros(3) if path is None else path[frame]
 

@@ -87,7 +87,10 @@ def build(structure: Structure, numbers: Numbers) -> Model:
     loads = ()
     if structure.has("solar_wind"):
         wind = SolarWind(
-            n["solar_wind.speed"], n["solar_wind.number_density"], n["solar_wind.cutoff_voltage"], origin
+            n["solar_wind.speed"],
+            n["solar_wind.number_density"],
+            n["solar_wind.cutoff_voltage"],
+            origin,
         )
         loads = (CoulombThrust(wind, n["voltage.value"]),)
     system = System(
@@ -205,6 +208,4 @@ def printed_line(n: Numbers, tethers: Tethers, radius: Array) -> Line:
     return line.at[0, 0].set(0.0)
 
 
-build_jitted = jax.jit(
-    build, static_argnums=0, compiler_options={"xla_cpu_use_fusion_emitters": False}
-)
+build_jitted = jax.jit(build, static_argnums=0, compiler_options={"xla_cpu_use_fusion_emitters": False})

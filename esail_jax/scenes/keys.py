@@ -140,7 +140,9 @@ def check_shape(key: str, value: Any, rule: Rule, tethers: int | None) -> Any:
     elif rule.shape == "tether" and len(shape) == 1:
         if tethers is not None and shape[0] != tethers:
             raise SceneError(
-                key, f"be a number or a list of {tethers} (`tethers.count`)", f"has {shape[0]} entries"
+                key,
+                f"be a number or a list of {tethers} (`tethers.count`)",
+                f"has {shape[0]} entries",
             )
     elif shape != ():
         raise SceneError(key, "be a single number", describe(value))

@@ -7,7 +7,9 @@ DIRECTORY = resources.files("esail_jax.scenes") / "builtin"
 
 def builtin_names() -> list[str]:
     """Names of the built-in scenes, in the order they are listed."""
-    return sorted(path.name.removesuffix(".toml") for path in DIRECTORY.iterdir() if path.name.endswith(".toml"))
+    return sorted(
+        path.name.removesuffix(".toml") for path in DIRECTORY.iterdir() if path.name.endswith(".toml")
+    )
 
 
 def builtin_text(name: str) -> str | None:

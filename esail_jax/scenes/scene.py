@@ -81,9 +81,7 @@ class Initial:
 
     spin_rate: Any = declare(keys.any_number())  # rad/s about X_B
     sailing_angle_deg: Any = declare(
-        keys.between(
-            "lie in (-180, 180]", lambda x: bool(((x > -180.0) & (x <= 180.0)).all())
-        ),
+        keys.between("lie in (-180, 180]", lambda x: bool(((x > -180.0) & (x <= 180.0)).all())),
         0.0,
     )
     heliocentric_position_au: Any = declare(
@@ -189,9 +187,7 @@ def checked(table: str, content: Any, tethers: int | None) -> Any:
     for field in dataclasses.fields(content):
         value = getattr(content, field.name)
         if value is not None:
-            value = keys.check_value(
-                f"{table}.{field.name}", value, keys.rule_of(field), tethers
-            )
+            value = keys.check_value(f"{table}.{field.name}", value, keys.rule_of(field), tethers)
         elif field.default is dataclasses.MISSING:
             raise SceneError(f"{table}.{field.name}", "be given", "is missing")
         values[field.name] = value
@@ -213,13 +209,13 @@ def check_together(scene: Scene) -> None:
         raise SceneError(f"{lack}.{first}", f"be given with [{have}]", "is missing")
     radius = scene.integrator.spectral_radius
     if (scene.hub is not None or clamped) and isinstance(radius, float) and radius >= 1.0:
-        raise SceneError(
-            "integrator.spectral_radius", "be below 1 with constraints", keys.describe(radius)
-        )
+        raise SceneError("integrator.spectral_radius", "be below 1 with constraints", keys.describe(radius))
     position = scene.initial.heliocentric_position_au
     if isinstance(position, tuple) and position[0] == position[1] == 0.0:
         raise SceneError(
-            "initial.heliocentric_position_au", "not lie on the ecliptic's axis", keys.describe(position)
+            "initial.heliocentric_position_au",
+            "not lie on the ecliptic's axis",
+            keys.describe(position),
         )
 
 
@@ -258,7 +254,11 @@ def to_toml(scene: Scene) -> str:
     for table in TABLES:
         content = getattr(scene, table)
         if content is not None:
-            lines += [f"[{table}]", *(f"{k} = {toml_value(v)}" for k, v in given(content).items()), ""]
+            lines += [
+                f"[{table}]",
+                *(f"{k} = {toml_value(v)}" for k, v in given(content).items()),
+                "",
+            ]
     return "\n".join(lines)
 
 

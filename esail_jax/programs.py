@@ -1,0 +1,61 @@
+"""Compiling: the three programs of a run at once, each kept for scenes of the same structure.
+
+Tracing holds Python's lock, compiling does not, so the programs are traced in turn and compiled side
+by side: three quarters of the time on two cores.
+"""
+
+import functools
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import jax
+import numpy as np
+
+from esail_jax.array_types import Array
+from esail_jax.dynamics.generalized_alpha import KEEP
+from esail_jax.entry import entry_data, look_at_entry_jitted, problem_of, step_entry_jitted
+from esail_jax.scenes.build import Numbers, Structure, build, build_jitted
+from esail_jax.schedule import Entry, Plan
+
+
+class Programs(NamedTuple):
+    """Compiled `build(numbers)`, `step_entry(problem, state, data)` and
+    `look_at_entry(problem, carry, data, after, record, info)`."""
+
+    build: Callable
+    step: Callable
+    look: Callable
+
+
+def programs(structure: Structure, numbers: Numbers, layout: Plan) -> Programs:
+    """The programs of a scene's structure, for any numbers and any end time."""
+    shapes = tuple((key, value.shape) for key, value in sorted(numbers.items()))
+    return _compiled(structure, shapes, layout.steps_per_entry, layout.rows_per_entry, layout.between)
+
+
+@functools.lru_cache(maxsize=64)
+def _compiled(
+    structure: Structure,
+    shapes: tuple[tuple[str, tuple[int, ...]], ...],
+    steps: int,
+    rows: int,
+    between: bool,
+) -> Programs:
+    numbers = {key: jax.ShapeDtypeStruct(shape, float) for key, shape in shapes}
+    data = jax.tree.map(abstract, entry_data(Entry("march", 0.0, 1.0, 1), rows))
+    problem, carry = jax.eval_shape(lambda n: problem_of(n, build(structure, n)), numbers)
+    with ThreadPoolExecutor() as pool:
+        # The longest first, so that the others are traced while it compiles.
+        stepping = step_entry_jitted.lower(problem, carry.state, data, steps, KEEP)
+        step = pool.submit(stepping.compile)
+        building = pool.submit(build_jitted.lower(structure, numbers).compile)
+        looking = look_at_entry_jitted.lower(problem, carry, data, *stepping.out_info, between)
+        look = pool.submit(looking.compile)
+        return Programs(building.result(), step.result(), look.result())
+
+
+def abstract(value: Array) -> jax.ShapeDtypeStruct:
+    """Shape and type of an array."""
+    array = np.asarray(value)
+    return jax.ShapeDtypeStruct(array.shape, array.dtype)
