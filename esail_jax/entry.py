@@ -22,7 +22,8 @@ from esail_jax.schedule import Entry
 from esail_jax.system import Power, System
 
 QUICK_COMPILE = {"xla_cpu_use_fusion_emitters": False}
-"""For programs that run once, or once per entry: less compile time for somewhat slower code."""
+"""Compiler options. XLA's older way of writing loops for the CPU takes a third less compile time; the
+step it makes is as fast (64 and 66 us on the baseline)."""
 
 
 class Carry(NamedTuple):
@@ -227,5 +228,5 @@ def with_jerk(stepper: GeneralizedAlpha, state: State, v_next: Coordinates) -> S
     return state._replace(a=state.vdot.axpy(c.alpha_m - c.alpha_f, rise), rise=rise)
 
 
-step_entry_jitted = jax.jit(step_entry, static_argnums=(3, 4))
+step_entry_jitted = jax.jit(step_entry, static_argnums=(3, 4), compiler_options=QUICK_COMPILE)
 look_at_entry_jitted = jax.jit(look_at_entry, static_argnums=6, compiler_options=QUICK_COMPILE)

@@ -191,7 +191,7 @@ class System(eqx.Module):
 
             zeros = [jnp.zeros_like(getattr(fields, name)) for name in names]
             for index, column in enumerate(names):
-                rows = jax.vmap(lambda d, i=index: jax.jvp(shifted, zeros, one_of(zeros, i, d))[1])(
+                rows = jax.vmap(lambda d, i=index, z=zeros: jax.jvp(shifted, z, one_of(z, i, d))[1])(
                     unit_directions(zeros[index])
                 )
                 for row in term.acts_on:

@@ -283,7 +283,7 @@ def solve_step(
 @solve_step.defjvp
 def _solve_step_jvp(primals, tangents):
     """d(unknowns) = -(dR/dx)^{-1} dR: implicit function theorem with the exact tangent."""
-    stepper, system, end, q0, v0, guess, kept = primals
+    stepper, system, end, q0, v0, *_ = primals
     given, given_dot = primals[:5], tangents[:5]
     unknowns, power, info = solve_step(*primals)
     _, (residual_dot, _) = jax.jvp(lambda *x: step_residual(*x, unknowns), given, given_dot)
