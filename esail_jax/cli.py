@@ -8,6 +8,7 @@ import argparse
 import os
 import signal
 import sys
+import threading
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -63,7 +64,7 @@ def toml_or_text(text: str) -> Any:
     """VALUE read as TOML; what does not parse is a string."""
     try:
         parsed = tomllib.loads(f"value = {text}")
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):
         return text.strip()
     return parsed["value"] if list(parsed) == ["value"] else text.strip()
 
@@ -85,7 +86,7 @@ def run(options: argparse.Namespace) -> int:
     from esail_jax.scenes.scene import load_scene
 
     use_compilation_cache()
-    scene = load_scene(options.scene).replace(settings(options))
+    scene = load_scene(options.scene, settings(options))
     return run_scene(scene, options.output, options.resume, options.quiet)
 
 
@@ -120,6 +121,11 @@ def plot(options: argparse.Namespace) -> int:
 COMMANDS = {"run": run, "scenes": scenes, "info": info, "plot": plot}
 
 
+def complain(error: Exception) -> None:
+    """One line on stderr."""
+    print(" ".join(str(error).split()), file=sys.stderr)
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Entry point; returns the exit status."""
     try:
@@ -127,13 +133,14 @@ def main(arguments: list[str] | None = None) -> int:
         from esail_jax.scenes.keys import SceneError
         from esail_jax.storage import RunFileError
     except UsageError as error:
-        print(error, file=sys.stderr)
+        complain(error)
         return BAD_INPUT
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         return COMMANDS[options.command](options)
     except (UsageError, SceneError, RunFileError, OSError) as error:
-        print(" ".join(str(error).split()), file=sys.stderr)
+        complain(error)
         return BAD_INPUT
     except KeyboardInterrupt:
         return INTERRUPTED

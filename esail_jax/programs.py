@@ -55,7 +55,7 @@ def _compiled(
         return Programs(building.result(), step.result(), look.result())
 
 
-def abstract(value: Array) -> jax.ShapeDtypeStruct:
+def abstract(value: "Array | np.ndarray") -> jax.ShapeDtypeStruct:
     """Shape and type of an array."""
     array = np.asarray(value)
     return jax.ShapeDtypeStruct(array.shape, array.dtype)

@@ -10,11 +10,12 @@ WIDTH = 30
 class Progress:
     """Part done, simulated time, speed (x real time) and remaining time, on one line.
 
-    Silent unless `stream` is a terminal; redrawn at most ten times a second.
+    Silent unless `stream` (stderr) is a terminal; redrawn at most ten times a second.
     """
 
-    def __init__(self, t_end: float, start: float = 0.0, quiet: bool = False, stream: TextIO = sys.stderr):
-        self.t_end, self.start, self.stream = t_end, start, stream
+    def __init__(self, t_end: float, start: float = 0.0, quiet: bool = False, stream: TextIO | None = None):
+        self.t_end, self.start = t_end, start
+        self.stream = stream = sys.stderr if stream is None else stream
         self.shown = not quiet and stream.isatty()
         self._began = self._drawn = None
         if self.shown:
@@ -43,9 +44,11 @@ class Progress:
         self.stream.flush()
 
     def close(self) -> None:
-        """End the line."""
+        """End the line; nothing more is shown."""
         if self.shown:
             self.stream.write("\n")
+            self.stream.flush()
+        self.shown = False
 
 
 def clock(seconds: float) -> str:

@@ -1,14 +1,19 @@
 """A run from the command line: file, progress, interruption, summary."""
 
 import os
+import signal
 import sys
+import threading
 import time
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import h5py
+import numpy as np
 
 from esail_jax.march import March, SimulationError
-from esail_jax.prepare import prepare
+from esail_jax.prepare import plan_of, prepare
 from esail_jax.progress import Progress
 from esail_jax.scenes.scene import Scene, parse
 from esail_jax.storage import (
@@ -31,34 +36,78 @@ def run_scene(scene: Scene, path: Path, resume: bool, quiet: bool) -> int:
     if going_on == "complete":
         return 0
     progress = Progress(scene.integrator.t_end, quiet=quiet)
-    prepared = prepare(scene)
-    ready = time.perf_counter()
-    checkpoint = None
-    if going_on == "resume":
-        with open_run(path) as file:
-            checkpoint = load_checkpoint(file, prepared)
-    writer = RunWriter(path, prepared, resume=going_on == "resume")
-    march = March(prepared, checkpoint)
-    status, message, code = "complete", "", 0
-
-    def times():
-        return ready - began, time.perf_counter() - ready
-
     try:
-        for piece in march.pieces():
-            progress.update(piece.reached)
-            writer.add(piece, march, times())
-    except SimulationError as error:
-        status, message, code = "failed", str(error), 3
-    except KeyboardInterrupt:
-        status, message, code = "interrupted", "Interrupted; --resume continues.", 130
-    writer.write(march, times(), status, message)
-    progress.close()
+        prepared = prepare(scene)
+        ready = time.perf_counter()
+        checkpoint = None
+        if going_on == "resume":
+            with open_run(path) as file:
+                checkpoint = load_checkpoint(file, prepared.carry)
+        with Interrupts() as interrupts:
+            message, code = march_on(
+                March(prepared, checkpoint),
+                RunWriter(path, prepared, resume=going_on == "resume"),
+                progress,
+                interrupts,
+                lambda: (ready - began, time.perf_counter() - ready),
+            )
+    finally:
+        progress.close()
     if code:
         print(message, file=sys.stderr)
     elif not quiet:
         print(describe(path))
     return code
+
+
+def march_on(
+    march: March,
+    writer: RunWriter,
+    progress: Progress,
+    interrupts: "Interrupts",
+    times: Callable[[], tuple[float, float]],
+) -> tuple[str, int]:
+    """Run to the end, or to what stops it: message and exit status. `times()`: seconds of
+    compiling and of running."""
+    status, message, code = "complete", "", 0
+    try:
+        for piece in march.pieces():
+            writer.add(piece, march, times())
+            progress.update(piece.reached)
+            if interrupts.asked:
+                status, message, code = "interrupted", "Interrupted; --resume continues.", 130
+                break
+    except SimulationError as error:
+        status, message, code = "failed", str(error), 3
+    writer.write(march, times(), status, message)
+    return message, code
+
+
+class Interrupts:
+    """Ctrl-C and SIGTERM wait until an entry is done and kept: in the midst of one, rows and the
+    checkpoint would not belong together. A second one does not wait; the file stays as last
+    written.
+
+    asked: has one come?
+    """
+
+    def __init__(self):
+        self.asked = False
+        self._before: dict[int, Any] = {}
+
+    def __enter__(self) -> "Interrupts":
+        if threading.current_thread() is threading.main_thread():
+            self._before = {n: signal.signal(n, self._ask) for n in (signal.SIGINT, signal.SIGTERM)}
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def _ask(self, *_: object) -> None:
+        if self.asked:
+            raise KeyboardInterrupt
+        self.asked = True
 
 
 def check_output(scene: Scene, path: Path, resume: bool) -> str:
@@ -87,7 +136,23 @@ def check_output(scene: Scene, path: Path, resume: bool) -> str:
                 f"`--t-end` must not end before the finished run ({before.integrator.t_end:g} s), "
                 f"but is {scene.integrator.t_end:g}"
             )
-        return "resume" if "state" in file else "new"
+        if "state" not in file:
+            return "new"
+        check_checkpoint(before, scene, file["state"].attrs, path)
+        return "resume"
+
+
+def check_checkpoint(before: Scene, scene: Scene, state: Mapping[str, Any], path: Path) -> None:
+    """Raise RunFileError unless the run of `scene` passes through the checkpoint of that of `before`."""
+    old, new, position = plan_of(before), plan_of(scene), int(state["position"])
+    if state.get("steps_per_entry", new.steps_per_entry) != new.steps_per_entry:
+        raise RunFileError(
+            f"`--resume` must continue a run of this version of esail_jax, but {path} is of another"
+        )
+    if old.entries[:position] != new.entries[:position]:
+        raise RunFileError(
+            f"`--t-end` must let the run go on from the state in {path}, but is {scene.integrator.t_end:g}"
+        )
 
 
 def describe(path: Path) -> str:
@@ -120,11 +185,12 @@ def describe(path: Path) -> str:
 def balance_text(file: h5py.File) -> str:
     """Largest energy balance error, beside the energies it is an error of."""
     seen = file["observables"]
-    if not seen["energy_balance_error"].shape[0]:
+    good = np.isfinite(seen["energy_balance_error"][()])  # rows after a failure are NaN
+    if not good.any():
         return ""
-    error = abs(seen["energy_balance_error"][()]).max()
-    energy = (seen["kinetic_energy"][()] + seen["elastic_energy"][()]).max()
-    violation = file["numerics/constraint_violation"][()].max()
+    error = abs(seen["energy_balance_error"][()][good]).max()
+    energy = (seen["kinetic_energy"][()] + seen["elastic_energy"][()])[good].max()
+    violation = file["numerics/constraint_violation"][()][good].max()
     return (
         f"  balance    |dE - W + D| <= {error:.2e} J of {energy:.5g} J; "
         f"constraints within {violation:.1e} m"

@@ -1,6 +1,7 @@
 """From a scene to a solution: `simulate`."""
 
 import functools
+import os
 import time
 from collections.abc import Mapping
 from typing import Any
@@ -29,16 +30,16 @@ class Solution(eqx.Module):
     a longer run could go on. `scene` and the last two are None under a trace.
     """
 
-    time: Float[Array, " time"]
-    rows: dict[str, Array]
+    time: Float[Array, " time"] | Float[np.ndarray, " time"]
+    rows: dict[str, Array | np.ndarray]
     result: Any
     final_state: State | None
     stats: dict[str, Any]
-    numerics: dict[str, Array] | None = None
+    numerics: dict[str, np.ndarray] | None = None
     checkpoint: Checkpoint | None = None
     scene: Scene | None = eqx.field(static=True, default=None)
 
-    def __getitem__(self, name: str) -> Array:
+    def __getitem__(self, name: str) -> Array | np.ndarray:
         return self.rows[name]
 
     @property
@@ -53,7 +54,7 @@ class Solution(eqx.Module):
 
 
 def simulate(
-    scene: "Scene | str", overrides: Mapping[str, Any] | None = None, *, throw: bool = True
+    scene: Scene | str | os.PathLike, overrides: Mapping[str, Any] | None = None, *, throw: bool = True
 ) -> Solution:
     """Run a scene.
 

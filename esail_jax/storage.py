@@ -13,7 +13,7 @@ import shutil
 import time
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import h5py
 import jax
@@ -21,9 +21,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.dynamics.generalized_alpha import State
+from esail_jax.entry import Carry, problem_of
 from esail_jax.march import NUMERICS, RESULTS, Checkpoint, Piece, join
 from esail_jax.observables import listed
-from esail_jax.prepare import Prepared, prepare
+from esail_jax.prepare import Prepared, prepare, require_64_bit
+from esail_jax.scenes.build import build, split
 from esail_jax.scenes.scene import Scene, parse, to_toml
 from esail_jax.simulate import Solution
 
@@ -38,6 +40,7 @@ COPY_SHARE = 0.03
 NUMERICS_UNITS = dict(zip(NUMERICS, ("-", "m", "m"), strict=True))
 
 
+@runtime_checkable
 class Progressed(Protocol):
     """A march or a solution: how many steps are done, and where to go on from."""
 
@@ -156,6 +159,7 @@ class RunWriter:
             if self._pending:
                 self._append(file)
             save_checkpoint(file, progress.checkpoint)
+            file["state"].attrs["steps_per_entry"] = self.prepared.plan.steps_per_entry
             file.attrs.update({"status": status, "message": message, "steps": progress.steps})
             file.attrs["compile_time"] = self._before[1] + times[0]
             file.attrs["wall_time"] = self._before[0] + times[1]
@@ -201,10 +205,10 @@ def save_checkpoint(file: h5py.File, checkpoint: Checkpoint) -> None:
     )
 
 
-def load_checkpoint(file: h5py.File, prepared: Prepared) -> Checkpoint:
-    """The checkpoint of a run file, in the layout of the scene's carry."""
+def load_checkpoint(file: h5py.File, like: Carry) -> Checkpoint:
+    """The checkpoint of a run file, in the layout of the scene's carry (arrays or their shapes)."""
     group = file["state"]
-    leaves, structure = jax.tree_util.tree_flatten_with_path(prepared.carry)
+    leaves, structure = jax.tree_util.tree_flatten_with_path(like)
     values = [
         jnp.asarray(group["/".join(str(getattr(key, "name", key)) for key in path)][()])
         for path, _ in leaves
@@ -254,19 +258,25 @@ def save(solution: Solution, path: str | os.PathLike, overwrite: bool = False) -
 
 
 def load(path: str | os.PathLike) -> Solution:
-    """A run file as a solution. Raises RunFileError."""
+    """A run file as a solution. Raises RunFileError, and RuntimeError in 32-bit mode."""
+    require_64_bit()
     with open_run(path) as file:
         scene = parse(file["scene"][()].decode(), str(path))
         rows = {name: data[()] for name, data in file["observables"].items()}
         numerics = {name: data[()] for name, data in file["numerics"].items()}
         stats: dict[str, Any] = {name: plain(value) for name, value in file.attrs.items()}
         stats["terms"] = tuple(file["numerics"].attrs["terms"])
-        prepared = prepare(scene)
-        checkpoint = load_checkpoint(file, prepared) if "state" in file else None
+        checkpoint = load_checkpoint(file, layout_of(scene)) if "state" in file else None
         times = file["time"][()]
     result = RESULTS.successful if stats["status"] != "failed" else RESULTS.newton_diverged
     state: State | None = checkpoint.carry.state if checkpoint else None
     return Solution(times, rows, result, state, stats, numerics, checkpoint, scene)
+
+
+def layout_of(scene: Scene) -> Carry:
+    """Shapes of a scene's carry; nothing is compiled."""
+    structure, numbers = split(scene)
+    return jax.eval_shape(lambda n: problem_of(n, build(structure, n))[1], numbers)
 
 
 def plain(value: Any) -> Any:

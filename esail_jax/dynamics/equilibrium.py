@@ -9,14 +9,15 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from esail_jax.array_types import Array, Float, Nodal, PerTether, Scalar
+from esail_jax.array_types import Array, Float, Int, Nodal, PerTether, Scalar
 from esail_jax.elements.tether import Tethers
 from esail_jax.numerics import block_tridiagonal as chains
 from esail_jax.system import add_fields
 from esail_jax.terms import Energy, PointFields
 
-ITERATIONS = 20
-"""Newton steps; a stretch of 1e-3 takes four, strains of order one take ten."""
+RAMP, ITERATIONS = 12, 20
+"""Newton steps, the first of them while the centrifugal force grows to its value: from rest, strains
+of order one are out of Newton's reach (spin softening outweighs the unstressed stiffness)."""
 
 Line = Float[Array, "coef node tether"]
 """Distance from the root along the tether's line [m] and stretch [-] of every node."""
@@ -56,40 +57,42 @@ def steady_line(
         at_rest = jax.tree.map(jnp.zeros_like, fields)
         return add_fields([term.point_forces(jnp.zeros(()), fields, at_rest) for term in straight])
 
-    def unbalanced(line: Line) -> Line:
+    def unbalanced(line: Line, spin_squared: Scalar) -> Line:
         fields = tethers.interpolate(along(line, x_axis))
         lever = along(line * cosine, x_axis) + radius * tethers.uniform(jnp.array([1.0, 0.0, 0.0]))
-        forces = tethers.nodal_forces(stress(fields), -(spin**2) * cosine * lever)
+        forces = tethers.nodal_forces(stress(fields), -spin_squared * cosine * lever)
         return forces[:, 0]
 
-    def matrix(line: Line) -> tuple[Array, Array, Array]:
+    def matrix(line: Line, spin_squared: Scalar) -> tuple[Array, Array, Array]:
         fields = tethers.interpolate(along(line, x_axis))
         unit = jnp.broadcast_to(x_axis[:, None, None], fields.r_x.shape)
         moved = jax.jvp(lambda r_x: stress(fields._replace(r_x=r_x)).r_x, (fields.r_x,), (unit,))[1]
         jacobian = {("r_x", "r_x"): moved[None, :1]}
         stiffness = tethers.tangent_elements(jacobian)
         mass = tethers.mass_elements()[::3, ::3, None]
-        elements = stiffness - (spin * cosine) ** 2 * mass
+        elements = stiffness - spin_squared * cosine**2 * mass
         diag, upper, lower = tethers.blocks(elements)
-        tip = jnp.zeros_like(diag[-1]).at[0, 0].set((spin * cosine) ** 2 * tethers.tip_mass)
+        tip = jnp.zeros_like(diag[-1]).at[0, 0].set(spin_squared * cosine**2 * tethers.tip_mass)
         return diag.at[-1].add(-tip), upper, lower
 
-    def newton(line: Line, frozen: Line) -> Line:
-        factors, root = chains.factor(*matrix(frozen))
-        blocks = jnp.moveaxis(to_metres(tethers, -unbalanced(line), -1), 1, 0)
+    def newton(line: Line, frozen: Line, spin_squared: Scalar) -> Line:
+        fixed = lax.stop_gradient(spin_squared)
+        factors, root = chains.factor(*matrix(frozen, fixed))
+        blocks = jnp.moveaxis(to_metres(tethers, -unbalanced(line, spin_squared), -1), 1, 0)
         reduced, port = chains.reduce_to_port(factors, blocks)
         # The root does not move; its slope, if it has one, is free.
         port = jnp.stack([jnp.zeros_like(port[0]), port[-1] / root[-1, -1]])[: tethers.coefs]
         change = jnp.moveaxis(chains.substitute_from_port(factors, reduced, port), 0, 1)
         return line + to_metres(tethers, change, -1)
 
-    start = unstretched_line(tethers)
-    found = lax.stop_gradient(
-        lax.fori_loop(0, ITERATIONS, lambda _, line: newton(line, line), lax.stop_gradient(start))
-    )
-    # Root and unstretched lengths carry derivatives of their own; the correction adds the rest.
-    found = newton(found.at[0, 0].set(0.0), found)
-    left = unbalanced(lax.stop_gradient(found)).at[0, 0].set(0.0)
+    def ramped(i: Int[Array, ""], line: Line) -> Line:
+        part = jnp.minimum(1.0, (i + 1.0) / RAMP)
+        return newton(line, line, part * spin**2)
+
+    start = lax.stop_gradient(unstretched_line(tethers))
+    found = lax.stop_gradient(lax.fori_loop(0, ITERATIONS, ramped, start))
+    found = newton(found, found, spin**2)
+    left = unbalanced(lax.stop_gradient(found), spin**2).at[0, 0].set(0.0)
     return found, jnp.abs(left[0]).max(0)
 
 

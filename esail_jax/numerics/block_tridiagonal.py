@@ -26,6 +26,7 @@ from esail_jax.numerics.small_matrices import (
 Blocks = Float[Array, "block row row *batch"]
 Links = Float[Array, "link row row *batch"]
 BlockVectors = Float[Array, "block row *batch"]
+LinkVectors = Float[Array, "link row *batch"]
 
 UNROLL = 8
 """Blocks per iteration of the sweeps' loops: short chains run without a loop, whose overhead is
@@ -59,7 +60,7 @@ def factor(diag: Blocks, upper: Links, lower: Links) -> tuple[ChainFactors, Arra
     return ChainFactors(*factors), schur
 
 
-def reduce_to_port(factors: ChainFactors, rhs: BlockVectors) -> tuple[BlockVectors, Array]:
+def reduce_to_port(factors: ChainFactors, rhs: BlockVectors) -> tuple[LinkVectors, Array]:
     """Right-hand sides of the blocks 1 ... N with everything beyond them eliminated, and that of
     the port."""
 
@@ -72,7 +73,7 @@ def reduce_to_port(factors: ChainFactors, rhs: BlockVectors) -> tuple[BlockVecto
 
 
 def substitute_from_port(
-    factors: ChainFactors, reduced: BlockVectors, port: Float[Array, "row *batch"]
+    factors: ChainFactors, reduced: LinkVectors, port: Float[Array, "row *batch"]
 ) -> BlockVectors:
     """Solution of the blocks 0 ... N once the port's is known."""
     own = (factors.inverse * reduced[:, :, None]).sum(1)

@@ -95,7 +95,7 @@ def check_value(key: str, value: Any, rule: Rule, tethers: int | None) -> Any:
             raise SceneError(key, rule.must, describe(value))
         return value
     if rule.kind == "choice":
-        if value not in rule.choices:
+        if not isinstance(value, str) or value not in rule.choices:
             raise SceneError(key, rule.must, describe(value))
         return value
     if rule.kind == "integer":
@@ -113,16 +113,28 @@ def check_number(key: str, value: Any, rule: Rule, tethers: int | None) -> Any:
         array = array.astype(float) if numeric else array
     except (TypeError, ValueError):
         numeric = False
-    if not numeric or array.size == 0:
+    if not numeric or array.size == 0 or has_switch(value):
         raise SceneError(key, "be a number" + plural(rule, tethers), describe(value))
     check_shape(key, array, rule, tethers)
     if not np.isfinite(array).all():
         raise SceneError(key, "be finite", describe(value))
     if not rule.accepts(array):
         raise SceneError(key, rule.must, describe(value))
-    if isinstance(value, jax.Array):
+    if isinstance(value, jax.Array) and not rule.structure:
         return value
     return float(array) if array.ndim == 0 else tuple(array.tolist())
+
+
+def has_switch(value: Any) -> bool:
+    """Is there a true or false among the numbers? NumPy would count it as 1 or 0."""
+    if isinstance(value, (list, tuple)):
+        return any(has_switch(item) for item in value)
+    return isinstance(value, (bool, np.bool_))
+
+
+def known(value: Any) -> np.ndarray | None:
+    """The numbers of a checked value, None for a tracer."""
+    return None if isinstance(value, jax.core.Tracer) else np.asarray(value)
 
 
 def plural(rule: Rule, tethers: int | None) -> str:
@@ -136,7 +148,7 @@ def check_shape(key: str, value: Any, rule: Rule, tethers: int | None) -> Any:
     shape = np.shape(value)
     if rule.shape == "vector":
         if shape != (3,):
-            raise SceneError(key, "be a list of three numbers", f"has shape {shape}")
+            raise SceneError(key, "be a list of three numbers", wrong_shape(value))
     elif rule.shape == "tether" and len(shape) == 1:
         if tethers is not None and shape[0] != tethers:
             raise SceneError(
@@ -145,5 +157,12 @@ def check_shape(key: str, value: Any, rule: Rule, tethers: int | None) -> Any:
                 f"has {shape[0]} entries",
             )
     elif shape != ():
-        raise SceneError(key, "be a single number", describe(value))
+        must = "be a number" + plural(rule, tethers) if rule.shape == "tether" else "be a single number"
+        raise SceneError(key, must, wrong_shape(value))
     return value
+
+
+def wrong_shape(value: Any) -> str:
+    """`is ...` or, for a tracer, `has ...` of a message."""
+    traced = isinstance(value, jax.core.Tracer)
+    return f"is traced, of shape {np.shape(value)}" if traced else describe(value)

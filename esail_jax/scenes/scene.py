@@ -1,7 +1,8 @@
 """A scene: what is there, and its numbers. One frozen dataclass per table of the TOML file.
 
 A table that is `None` is an absent part of the model. Physical numbers may be JAX arrays, traced or
-not; everything that decides *which* program is compiled takes plain Python values.
+not; everything that decides *which* program is compiled takes plain Python values. Fields say `Any`
+because a table may hold anything until a `Scene` is made of it: that is where values are checked.
 """
 
 import dataclasses
@@ -30,19 +31,19 @@ class Hub:
 class Tethers:
     """Main tethers, one number for all or a list with one per tether."""
 
-    count: int = declare(keys.count())
+    count: Any = declare(keys.count())
     length: Any = declare(keys.positive("tether"))  # m, undeformed
     area: Any = declare(keys.positive("tether"))  # m^2
     density: Any = declare(keys.positive("tether"))  # kg/m^3
     youngs_modulus: Any = declare(keys.positive("tether"))  # Pa
     second_moment: Any = declare(keys.positive("tether"), None)  # m^4, needed for bending
-    element: str = declare(keys.choice("cable", "truss"), "cable")
-    elements: int = declare(keys.count(), 5)
-    strain: str = declare(keys.choice("green-lagrange", "engineering"), "green-lagrange")
-    bending: bool = declare(keys.switch(), False)
+    element: Any = declare(keys.choice("cable", "truss"), "cable")
+    elements: Any = declare(keys.count(), 5)
+    strain: Any = declare(keys.choice("green-lagrange", "engineering"), "green-lagrange")
+    bending: Any = declare(keys.switch(), False)
     axial_damping_time: Any = declare(keys.non_negative("tether"), None)  # s
     bending_damping_time: Any = declare(keys.non_negative("tether"), None)  # s, with bending
-    root: str = declare(keys.choice("pinned", "clamped"), "pinned")
+    root: Any = declare(keys.choice("pinned", "clamped"), "pinned")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -87,7 +88,7 @@ class Initial:
     heliocentric_position_au: Any = declare(
         keys.any_number("vector"), (0.7071067811865476, 0.7071067811865476, 0.0)
     )
-    elongation: str = declare(keys.choice("steady", "paper"), "steady")
+    elongation: Any = declare(keys.choice("steady", "paper"), "steady")
     coning_angle_deg: Any = declare(
         keys.between("lie in (-90, 90)", lambda x: bool((np.abs(x) < 90.0).all())), 0.0
     )
@@ -97,9 +98,9 @@ class Initial:
 class Integrator:
     """Time integration."""
 
-    t_end: float = declare(keys.positive(structure=True))  # s
-    method: str = declare(keys.choice("generalized-alpha"), "generalized-alpha")
-    step: float = declare(keys.positive(structure=True), 0.1)  # s
+    t_end: Any = declare(keys.positive(structure=True))  # s
+    method: Any = declare(keys.choice("generalized-alpha"), "generalized-alpha")
+    step: Any = declare(keys.positive(structure=True), 0.1)  # s
     spectral_radius: Any = declare(
         keys.between("lie in [0, 1]", lambda x: bool(((x >= 0.0) & (x <= 1.0)).all())), 0.25
     )
@@ -109,7 +110,7 @@ class Integrator:
 class Output:
     """What is kept."""
 
-    interval: float = declare(keys.positive(structure=True))  # s
+    interval: Any = declare(keys.positive(structure=True))  # s
 
 
 @dataclasses.dataclass(frozen=True)
@@ -143,12 +144,7 @@ class Scene:
     def replace(self, overrides: Mapping[str, Any]) -> "Scene":
         """The scene with other values, by key; a table that was absent comes into being."""
         tables = {name: given(content) for name, content in vars(self).items() if content is not None}
-        for key, value in overrides.items():
-            table, _, name = key.partition(".")
-            if table not in TABLES or name not in names_of(table):
-                raise unknown(key)
-            tables.setdefault(table, {})[name] = value
-        return from_tables(tables)
+        return from_tables(merged(tables, overrides))
 
 
 TABLES = {
@@ -176,6 +172,8 @@ def given(content: Any) -> dict[str, Any]:
 def unknown(key: str) -> SceneError:
     """Error for a key nobody knows, with the nearest one that exists."""
     known = [f"{table}.{name}" for table in TABLES for name in names_of(table)]
+    if key in TABLES:
+        return SceneError(key, "be followed by a key of the table", "is the table's name")
     near = difflib.get_close_matches(key, known + list(TABLES), 1)
     hint = f" (perhaps `{near[0]}`)" if near else ""
     return SceneError(key, "be a known key" + hint, "is not")
@@ -208,10 +206,11 @@ def check_together(scene: Scene) -> None:
         first = names_of(lack)[0]
         raise SceneError(f"{lack}.{first}", f"be given with [{have}]", "is missing")
     radius = scene.integrator.spectral_radius
-    if (scene.hub is not None or clamped) and isinstance(radius, float) and radius >= 1.0:
+    limited = scene.hub is not None or clamped
+    if limited and keys.known(radius) is not None and keys.known(radius) >= 1.0:
         raise SceneError("integrator.spectral_radius", "be below 1 with constraints", keys.describe(radius))
-    position = scene.initial.heliocentric_position_au
-    if isinstance(position, tuple) and position[0] == position[1] == 0.0:
+    position = keys.known(scene.initial.heliocentric_position_au)
+    if position is not None and position[0] == position[1] == 0.0:
         raise SceneError(
             "initial.heliocentric_position_au",
             "not lie on the ecliptic's axis",
@@ -240,12 +239,34 @@ def from_tables(tables: Mapping[str, Any]) -> Scene:
     return Scene(**parts)
 
 
-def parse(text: str, source: str) -> Scene:
-    """A scene from TOML text; `source` names it in errors."""
+def merged(tables: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
+    """Tables with other values, by key. An interval that nobody gives stays that of the tables' own
+    t_end, so that a run may go on to a later one. Raises SceneError."""
+    result = {name: dict(x) if isinstance(x, Mapping) else x for name, x in tables.items()}
+    for key, value in overrides.items():
+        table, _, name = key.partition(".")
+        if table not in TABLES or name not in names_of(table):
+            raise unknown(key)
+        content = result.setdefault(table, {})
+        if not isinstance(content, dict):
+            raise SceneError(table, "be a table", keys.describe(content))
+        content[name] = value
+    schedule = tables.get("integrator")
+    if "output" not in result and isinstance(schedule, Mapping) and "t_end" in schedule:
+        rule = keys.rule_of(Integrator.__dataclass_fields__["t_end"])
+        t_end = keys.check_value("integrator.t_end", schedule["t_end"], rule, None)
+        result["output"] = {"interval": t_end / 1000.0}
+    return result
+
+
+def parse(text: str, source: str, overrides: Mapping[str, Any] | None = None) -> Scene:
+    """A scene from TOML text; `source` names it in errors. `overrides` come before any check, so
+    that they may give what the text lacks."""
     try:
-        return from_tables(tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
+        tables = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # also numbers of thousands of digits
         raise SceneError(source, "be a TOML file", f"is not: {error}") from None
+    return from_tables(merged(tables, overrides or {}))
 
 
 def to_toml(scene: Scene) -> str:
@@ -275,20 +296,23 @@ def toml_value(value: Any) -> str:
     return "[" + ", ".join(toml_value(float(x)) for x in array) + "]"
 
 
-def load_scene(source: "str | os.PathLike | Scene") -> Scene:
-    """A built-in scene by name, a TOML file by path, or a Scene as it is. Raises SceneError."""
+def load_scene(
+    source: "str | os.PathLike | Scene", overrides: Mapping[str, Any] | None = None
+) -> Scene:
+    """A built-in scene by name, a TOML file by path, or a Scene as it is; `overrides` by scene key
+    may also give what the file lacks. Raises SceneError."""
     from esail_jax.scenes.presets import builtin_text
 
     if isinstance(source, Scene):
-        return source
+        return source.replace(overrides or {})
     text = builtin_text(str(source))
     if text is None:
         try:
             with open(source, encoding="utf-8") as file:
                 text = file.read()
-        except (OSError, UnicodeDecodeError) as error:
+        except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or "is not text"
             raise SceneError(
                 str(source), "be a built-in scene or a TOML file", f"cannot be read: {reason}"
             ) from None
-    return parse(text, str(source))
+    return parse(text, str(source), overrides)
