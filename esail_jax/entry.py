@@ -21,9 +21,10 @@ from esail_jax.scenes.build import Model, Numbers
 from esail_jax.schedule import Entry
 from esail_jax.system import Power, System
 
-QUICK_COMPILE = {"xla_cpu_use_fusion_emitters": False}
-"""Compiler options. XLA's older way of writing loops for the CPU takes a third less compile time; the
-step it makes is as fast (64 and 66 us on the baseline)."""
+QUICK_COMPILE = {"xla_cpu_use_fusion_emitters": False} if jax.__version_info__ < (0, 11) else None
+"""Compiler options. XLA's older way of writing loops for the CPU takes a third less compile time and
+makes the step a tenth slower (64 for 58 us on the baseline): a gain for every first run shorter than
+two hundred thousand steps. Later versions have one way only."""
 
 
 class Carry(NamedTuple):

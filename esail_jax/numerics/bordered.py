@@ -85,18 +85,20 @@ def project(
     matrix: Bordered, schur: Float[Array, "row row tether"]
 ) -> tuple[Array | None, Array | None, Array | None, Array | None]:
     """The ports' Schur complements in the unknowns (local, border): the blocks
-    (local, local), (local, border), (border, local), (border, border)."""
+    (local, local), (local, border), (border, local), (border, border). Rows beyond the held ones,
+    whatever they stand for, are local."""
     held, free, g = slice(None, HELD), slice(HELD, None), matrix.weights
+    free_rows = schur.shape[0] - HELD
     local = local_border = border_local = border = None
-    if matrix.free:
+    if free_rows:
         local = padded(schur[free, free], matrix.local)
     if matrix.border is not None:
         n, others = matrix.border.shape[0], matrix.border.shape[0] - HELD * g.shape[0]
         points = jnp.einsum("at,ijt,bt->aibj", g, schur[held, held], g)
         border = padded(points.reshape(n - others, -1), matrix.border)
-        if matrix.free:
-            right = (g[None, :, None] * schur[free, held][:, None]).reshape(matrix.free, -1, g.shape[1])
-            below = (g[:, None, None] * schur[held, free]).reshape(-1, matrix.free, g.shape[1])
+        if free_rows:
+            right = (g[None, :, None] * schur[free, held][:, None]).reshape(free_rows, -1, g.shape[1])
+            below = (g[:, None, None] * schur[held, free]).reshape(-1, free_rows, g.shape[1])
             right = jnp.pad(right, ((0, 0), (0, others), (0, 0)))
             below = jnp.pad(below, ((0, others), (0, 0), (0, 0)))
             local_border = padded(right, matrix.local_border)
@@ -132,28 +134,48 @@ def factor(matrix: Bordered) -> Factors:
     return Factors(chain_factors, factor_ports(matrix, schur))
 
 
+def port_loads(
+    matrix: Bordered, port: Float[Array, "row tether"], rhs: Vector
+) -> tuple[Array | None, Array | None]:
+    """Right-hand sides (local, border) from the reduced ones of the ports."""
+    local = border = None
+    if matrix.free:
+        local = port[HELD:]
+        if rhs.local is not None:
+            local = jnp.concatenate([local, rhs.local])
+    if matrix.border is not None:
+        border = padded((matrix.weights @ port[:HELD].T).reshape(-1), rhs.border)
+    return local, border
+
+
+def port_displacement(
+    matrix: Bordered, local: Array | None, border: Array | None
+) -> tuple[Array, Array | None]:
+    """Port displacement and extra local unknowns, once (local, border) are known."""
+    held = jnp.zeros((HELD, matrix.diag.shape[-1]))
+    if border is not None:
+        points = HELD * matrix.weights.shape[0]
+        held = border[:points].reshape(-1, HELD).T @ matrix.weights
+    if local is None:
+        return held, None
+    return jnp.concatenate([held, local[: matrix.free]]), local[matrix.free :]
+
+
 def solve_ports(
     matrix: Bordered, factors: PortFactors, port: Float[Array, "row tether"], rhs: Vector
 ) -> tuple[Array, Array | None, Array | None]:
     """Port displacement, extra local unknowns and border, from the reduced right-hand sides."""
-    held, local, border = jnp.zeros_like(port[:HELD]), None, None
-    if matrix.free:
-        local_rhs = port[HELD:]
-        if rhs.local is not None:
-            local_rhs = jnp.concatenate([local_rhs, rhs.local])
-    if matrix.border is not None:
-        points = (matrix.weights @ port[:HELD].T).reshape(-1)
-        border_rhs = padded(points, rhs.border)
-        if matrix.free:
-            border_rhs = border_rhs - (factors.border_from_local * local_rhs).sum((1, 2))
-        border = factors.border_inverse @ border_rhs
-        held = border[: points.shape[0]].reshape(-1, HELD).T @ matrix.weights
-    if matrix.free:
-        local = matvec(factors.local_inverse, local_rhs)
-        if matrix.border is not None:
+    local, border = port_loads(matrix, port, rhs)
+    if border is not None:
+        if local is not None:
+            border = border - (factors.border_from_local * local).sum((1, 2))
+        border = factors.border_inverse @ border
+    if local is not None:
+        local = matvec(factors.local_inverse, local)
+        if border is not None:
             local = local - (factors.local_from_border * border[None, :, None]).sum(1)
-        held, local = jnp.concatenate([held, local[: matrix.free]]), local[matrix.free :]
-    return held, local, border
+    displacement, extra = port_displacement(matrix, local, border)
+    return displacement, extra, border
 
 
 def solve(matrix: Bordered, factors: Factors, rhs: Vector) -> Vector:

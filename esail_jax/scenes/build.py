@@ -208,4 +208,4 @@ def printed_line(n: Numbers, tethers: Tethers, radius: Array) -> Line:
     return line.at[0, 0].set(0.0)
 
 
-build_jitted = jax.jit(build, static_argnums=0, compiler_options={"xla_cpu_use_fusion_emitters": False})
+build_jitted = jax.jit(build, static_argnums=0)

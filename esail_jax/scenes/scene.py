@@ -296,9 +296,7 @@ def toml_value(value: Any) -> str:
     return "[" + ", ".join(toml_value(float(x)) for x in array) + "]"
 
 
-def load_scene(
-    source: "str | os.PathLike | Scene", overrides: Mapping[str, Any] | None = None
-) -> Scene:
+def load_scene(source: "str | os.PathLike | Scene", overrides: Mapping[str, Any] | None = None) -> Scene:
     """A built-in scene by name, a TOML file by path, or a Scene as it is; `overrides` by scene key
     may also give what the file lacks. Raises SceneError."""
     from esail_jax.scenes.presets import builtin_text

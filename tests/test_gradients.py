@@ -1,0 +1,114 @@
+"""Derivatives through whole runs: jvp, grad and vmap of `simulate`."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import esail_jax as esail
+
+KEYS = {
+    "voltage.value": (20e3, 100.0),
+    "initial.spin_rate": (4e-3, 1e-5),
+    "tethers.length": (10e3, 1.0),
+    "tethers.youngs_modulus": (70e9, 1e7),
+    "remote_units.mass": (1.5, 1e-3),
+    "hub.radius": (1.0, 1e-3),
+    "solar_wind.speed": (4e5, 1e3),
+    "tethers.bending_damping_time": (1.0, 0.1),
+    "initial.sailing_angle_deg": (10.0, 0.1),
+}
+"""Number, and the size of the change whose directional derivative is taken."""
+
+SIGNALS = ("tip_position_I", "coning_angle", "thrust_O", "reaction_B", "kinetic_energy", "euler_sail")
+
+
+@pytest.fixture(scope="module")
+def run(small):
+    """Signals as a function of all numbers of KEYS at once."""
+
+    def signals(numbers):
+        found = esail.simulate("baseline", {**small, **numbers})
+        return {name: found[name] for name in SIGNALS}
+
+    return signals
+
+
+def numbers(scale=0.0):
+    return {key: jnp.asarray(value + scale * size) for key, (value, size) in KEYS.items()}
+
+
+def test_jvp_through_a_run_is_the_difference_quotient(run):
+    """One direction that moves nine numbers of every table at once, exactly straight start
+    included; the quotient at +-1 % of the change is good to 1e-5."""
+    direction = {key: jnp.asarray(size) for key, (_, size) in KEYS.items()}
+    _, tangent = jax.jvp(jax.jit(run), (numbers(),), (direction,))
+    step = 1e-2
+    ahead, behind = run(to_floats(numbers(step))), run(to_floats(numbers(-step)))
+    for name in SIGNALS:
+        quotient = (np.asarray(ahead[name]) - np.asarray(behind[name])) / (2 * step)
+        error = np.abs(quotient - tangent[name]).max() / np.abs(quotient).max()
+        assert error < 1e-5, (name, error)
+
+
+def to_floats(tree):
+    return {key: float(value) for key, value in tree.items()}
+
+
+def test_traced_run_equals_the_host_run(run):
+    """Under jit the whole run is one program, on the host one call per entry. The compiler arranges
+    the two differently, so they agree to rounding (positions of 1e4 m: 2e-12), not bit for bit."""
+    host, traced = run(to_floats(numbers())), jax.jit(run)(numbers())
+    for name in SIGNALS:
+        scale = np.abs(host[name]).max()
+        assert np.abs(np.asarray(host[name]) - traced[name]).max() < 1e-11 * scale + 1e-14, name
+
+
+def test_vmap_over_voltages_equals_a_loop(small):
+    """Members of a batch do not see each other."""
+    volts = jnp.array([10e3, 20e3])
+
+    def tip(volt):
+        return esail.simulate("baseline", {**small, "voltage.value": volt})["tip_position_I"]
+
+    batch = jax.jit(jax.vmap(tip))(volts)
+    for member, volt in zip(batch, volts, strict=True):
+        np.testing.assert_allclose(member, tip(float(volt)), rtol=0, atol=1e-8)
+
+
+@pytest.mark.slow
+def test_reverse_mode_agrees_with_forward_mode(small):
+    """d(final coning of tether 1)/d(voltages, spin), by grad and by jvp: 1e-9 relative."""
+
+    def coning(volts, spin):
+        found = esail.simulate(
+            "baseline", {**small, "voltage.value": volts, "initial.spin_rate": spin}
+        )
+        return found["coning_angle"][-1, 0]
+
+    at = (jnp.array([20e3, 18e3, 22e3]), jnp.asarray(4e-3))
+    by_volts, by_spin = jax.jit(jax.grad(coning, argnums=(0, 1)))(*at)
+    direction = (jnp.array([1.0, 2.0, -1.0]), jnp.asarray(1e-6))
+    _, forward = jax.jvp(jax.jit(coning), at, direction)
+    reverse = by_volts @ direction[0] + by_spin * direction[1]
+    np.testing.assert_allclose(reverse, forward, rtol=1e-9)
+
+
+def test_failed_run_under_a_trace_is_nan_from_the_failure_on(small):
+    """A step of 200 s on a sail that turns by 0.8 rad in it cannot converge: `.result` says so,
+    t = 0 is still there, everything after is NaN; on the host it raises."""
+    hopeless = {
+        **small,
+        "integrator.step": 1000.0,
+        "integrator.t_end": 2000.0,
+        "output.interval": 1000.0,
+        "initial.spin_rate": 0.4,
+    }
+
+    def run(volt):
+        found = esail.simulate("baseline", {**hopeless, "voltage.value": volt})
+        return found["coning_angle"], found.result
+
+    angle, result = jax.jit(run)(jnp.asarray(1e5))
+    assert np.isfinite(angle[0]).all() and np.isnan(angle[1:]).all()
+    assert result != esail.RESULTS.successful

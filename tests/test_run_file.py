@@ -1,0 +1,526 @@
+"""Run files: what is in them, and that nothing which stops a run costs more than time.
+
+However a run was cut short (Ctrl-C, kill -9, a failed step, an earlier t_end), its file opens, and
+`--resume` ends with the very bits of a run that was never disturbed. All runs share one structure, so
+it compiles once; the processes started here find the programs in the cache.
+"""
+
+import contextlib
+import os
+import random
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import h5py
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import small_sail
+
+import esail_jax as esail
+import esail_jax.march
+import esail_jax.runner
+from esail_jax import cli, storage
+from esail_jax.scenes.presets import builtin_names
+from esail_jax.scenes.scene import parse
+
+OBSERVABLES = {
+    "coning_angle": "tether", "lagging_angle": "tether", "root_coning_angle": "tether",
+    "root_lagging_angle": "tether", "tether_length": "tether", "max_axial_strain": "tether",
+    "angular_velocity_B": "3", "euler_hub": "3", "euler_sail": "3", "sailing_angle": "",
+    "precession_angle": "", "tip_position_I": "tether 3", "hub_position_I": "3", "rotation_IB": "3 3",
+    "thrust_O": "3", "thrust_moment_O": "3", "reaction_O": "3", "reaction_moment_O": "3",
+    "thrust_B": "tether 3", "thrust_moment_B": "tether 3", "reaction_B": "tether 3",
+    "thrust_angle": "", "reaction_angle": "", "kinetic_energy": "", "elastic_energy": "",
+    "dissipated_power": "", "external_power": "", "dissipated_energy": "", "external_work": "",
+    "energy_balance_error": "", "smallest_tether_distance": "",
+}  # fmt: skip
+"""Observables of a sail with a hub, and their axes after time."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def compilation_cache(tmp_path_factory):
+    """The command keeps its programs away from the user's; the processes started here share them."""
+    before = jax.config.jax_compilation_cache_dir
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        yield
+    jax.config.update("jax_compilation_cache_dir", before)
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    path = tmp_path_factory.mktemp("scene") / "small.toml"
+    path.write_text(small_sail.TEXT)
+    return path
+
+
+@pytest.fixture(scope="module")
+def whole(scene, tmp_path_factory):
+    """A run to 60 s (two and a half entries) that nothing disturbed; never written to by a test."""
+    path = tmp_path_factory.mktemp("whole") / "whole.h5"
+    assert esail_run(scene, path) == 0
+    return path
+
+
+def esail_run(scene, path, *more):
+    return cli.main(["run", str(scene), "-o", str(path), "--quiet", *map(str, more)])
+
+
+def status_of(path):
+    with h5py.File(path, "r") as file:
+        return file.attrs["status"]
+
+
+def check_same(path, other):
+    """Same names, shapes and bits in /time, /observables, /numerics and /state."""
+    with h5py.File(path, "r") as a, h5py.File(other, "r") as b:
+        names = ([], [])
+        for file, found in zip((a, b), names, strict=True):
+            file.visit(found.append)
+        assert names[0] == names[1]
+        for name in names[0]:
+            if isinstance(a[name], h5py.Dataset) and name != "scene":
+                assert a[name].shape == b[name].shape, name
+                assert a[name][()].tobytes() == b[name][()].tobytes(), f"{name} differs"
+        assert dict(a["state"].attrs) == dict(b["state"].attrs)
+        assert (a.attrs["status"], a.attrs["steps"]) == (b.attrs["status"], b.attrs["steps"])
+
+
+def check_start_of(path, other):
+    """A consistent file: rows of equal count, each with the bits of `other`'s."""
+    with h5py.File(path, "r") as a, h5py.File(other, "r") as b:
+        rows = a["time"].shape[0]
+        for group in ("observables", "numerics"):
+            for name, data in a[group].items():
+                assert data.shape[0] == rows
+                assert data[()].tobytes() == b[group][name][:rows].tobytes(), f"{name} differs"
+        assert a["time"][()].tobytes() == b["time"][:rows].tobytes()
+        return rows
+
+
+# What is in a file
+
+
+def test_run_file_holds_every_observable_with_unit_symbol_axes_and_equation(whole):
+    with h5py.File(whole, "r") as file:
+        assert set(OBSERVABLES) <= set(file["observables"])
+        for name, data in file["observables"].items():
+            assert set(data.attrs) >= {"unit", "symbol", "axes", "equation"}, name
+            assert data.attrs["unit"] and data.attrs["symbol"], name
+            axes = list(data.attrs["axes"])
+            assert axes[0] == "time" and len(axes) == data.ndim, name
+            assert all(size == 2 for axis, size in zip(axes, data.shape, strict=True) if axis == "tether")
+        for name, axes in OBSERVABLES.items():
+            shape = tuple(2 if axis == "tether" else int(axis) for axis in axes.split())
+            assert file["observables"][name].shape[1:] == shape, name
+            assert list(file["observables"][name].attrs["axes"]).count("tether") == axes.count("tether")
+            if name not in ("precession_angle", "euler_sail"):
+                assert np.isfinite(file["observables"][name][()]).all(), name
+
+
+def test_run_file_holds_how_the_solver_fared(whole):
+    with h5py.File(whole, "r") as file:
+        rows = file["time"].shape[0]
+        assert {"hub", "coulomb"} <= set(file["numerics"].attrs["terms"])
+        numerics = {name: data[()] for name, data in file["numerics"].items()}
+        assert {len(values) for values in numerics.values()} == {rows}
+        assert (numerics["iterations_per_step"][1:] >= 1.0).all()
+        assert 0.0 < numerics["last_increment"].max() <= 1e-8
+        assert numerics["constraint_violation"].max() < 1e-9
+
+
+def test_run_file_says_what_ran_and_where(whole):
+    with h5py.File(whole, "r") as file:
+        attributes = dict(file.attrs)
+        assert attributes["status"] == "complete" and attributes["message"] == ""
+        assert attributes["schema_version"] == 1 and attributes["steps"] == 600
+        assert attributes["wall_time"] > 0.0 and attributes["compile_time"] > 0.0
+        assert attributes["device"]
+        for package in ("esail_jax", "jax", "jaxlib", "numpy", "h5py"):
+            assert re.match(r"\d+\.\d+", attributes[f"version_{package}"])
+        assert parse(file["scene"][()].decode(), "file") == parse(small_sail.TEXT, "text")
+        assert file["time"].attrs["unit"] == "s"
+        assert len(file["state"]) and "position" in file["state"].attrs
+
+
+@pytest.mark.parametrize("t_end", [60.0, 30.07, 0.25, 0.07])
+def test_saved_times_are_zero_the_multiples_of_the_interval_and_the_end(t_end, scene, tmp_path):
+    """Also when neither interval nor t_end is a multiple of the step, and when t_end is below it."""
+    assert esail_run(scene, tmp_path / "a.h5", "--t-end", t_end) == 0
+    with h5py.File(tmp_path / "a.h5", "r") as file:
+        expected = [*np.arange(0.0, t_end - 1e-9, 0.25), t_end]
+        assert file["time"][()].tolist() == expected
+        assert file["observables/kinetic_energy"].shape == (len(expected),)
+        assert file.attrs["steps"] == int(np.ceil(t_end / 0.1 - 1e-9))
+        error = np.abs(file["observables/energy_balance_error"][()]).max()
+        assert error < 1e-6 * file["observables/kinetic_energy"][0]
+
+
+def test_a_step_beyond_the_end_makes_one_short_step(scene, tmp_path):
+    """step > t_end is legal: the only step is the last one, and ends at t_end."""
+    assert esail_run(scene, tmp_path / "a.h5", "--t-end", 0.05) == 0
+    with h5py.File(tmp_path / "a.h5", "r") as file:
+        assert file["time"][()].tolist() == [0.0, 0.05] and file.attrs["steps"] == 1
+        assert file.attrs["status"] == "complete"
+
+
+def test_quiet_says_nothing_and_a_pipe_gets_no_progress(scene, tmp_path, capsys):
+    assert esail_run(scene, tmp_path / "a.h5", "--t-end", 1) == 0
+    assert capsys.readouterr() == ("", "")
+    assert cli.main(["run", str(scene), "-o", str(tmp_path / "b.h5"), "--t-end", "1"]) == 0
+    out, err = capsys.readouterr()
+    assert err == "" and "complete" in out
+
+
+# Resuming
+
+
+def test_resume_without_a_file_starts(scene, whole, tmp_path):
+    assert esail_run(scene, tmp_path / "a.h5", "--resume") == 0
+    check_same(tmp_path / "a.h5", whole)
+
+
+def test_resume_of_a_complete_run_changes_no_byte(scene, whole, tmp_path, capsys):
+    path = tmp_path / "a.h5"
+    path.write_bytes(whole.read_bytes())
+    before = path.stat()
+    assert esail_run(scene, path, "--resume") == 0
+    after = path.stat()
+    assert path.read_bytes() == whole.read_bytes()
+    assert (after.st_ino, after.st_mtime_ns) == (before.st_ino, before.st_mtime_ns)
+    assert capsys.readouterr().err == ""
+
+
+NOT_A_STEP = pytest.mark.xfail(
+    strict=True, reason="the checkpoint of a shorter last step stands nowhere in a longer run's plan"
+)
+
+
+@pytest.mark.parametrize(
+    "first", [30.0, 48.0, 1.0, pytest.param(30.07, marks=NOT_A_STEP), pytest.param(0.07, marks=NOT_A_STEP)]
+)
+def test_a_later_end_continues_bit_for_bit(first, scene, whole, tmp_path):
+    """An end within an entry, at an entry's end, within the first; between two steps, below one."""
+    path = tmp_path / "a.h5"
+    assert esail_run(scene, path, "--t-end", first) == 0
+    assert esail_run(scene, path, "--t-end", 60, "--resume") == 0
+    check_same(path, whole)
+
+
+def test_resume_with_another_scene_is_refused(scene, whole, tmp_path, capsys):
+    path = tmp_path / "a.h5"
+    path.write_bytes(whole.read_bytes())
+    for setting in (
+        "voltage.value=20001.0",
+        "integrator.step=0.05",
+        "output.interval=0.5",
+        "tethers.count=3",
+    ):
+        assert esail_run(scene, path, "--resume", "--set", setting) == 2
+        err = capsys.readouterr().err
+        assert err.count("\n") == 1 and re.match("`--resume` must .*, but ", err)
+    assert path.read_bytes() == whole.read_bytes()
+
+
+def test_resume_to_an_earlier_end_is_refused(scene, whole, tmp_path, capsys):
+    """Of a finished run, and of one interrupted beyond that end."""
+    path = tmp_path / "a.h5"
+    path.write_bytes(whole.read_bytes())
+    for status in ("complete", "interrupted"):
+        with h5py.File(path, "r+") as file:
+            file.attrs["status"] = status
+        before = path.read_bytes()
+        assert esail_run(scene, path, "--resume", "--t-end", 10) == 2
+        err = capsys.readouterr().err
+        assert err.count("\n") == 1 and re.match("`--t-end` must .*, but ", err)
+        assert path.read_bytes() == before
+
+
+def test_resume_of_a_file_with_other_entries_is_refused(scene, whole, tmp_path, capsys):
+    """Written by a version that took other blocks of steps: its checkpoint would mean another time."""
+    path = tmp_path / "a.h5"
+    path.write_bytes(whole.read_bytes())
+    with h5py.File(path, "r+") as file:
+        file.attrs["status"] = "interrupted"
+        file["state"].attrs["steps_per_entry"] = 7
+    assert esail_run(scene, path, "--resume", "--t-end", 70) == 2
+    assert "version" in capsys.readouterr().err
+
+
+# Interruption
+
+
+@pytest.mark.parametrize("place", ["progress", "collect", "write"])
+@pytest.mark.parametrize("number", [1, 2, 4])
+def test_ctrl_c_anywhere_leaves_a_file_that_resumes_bit_for_bit(
+    place, number, scene, whole, tmp_path, monkeypatch, capsys
+):
+    """The signal comes while an entry is collected, written, or shown, at the `number`-th time."""
+    path, left = tmp_path / "a.h5", [number]
+    owner, name = {
+        "progress": (esail_jax.runner.Progress, "update"),
+        "collect": (esail_jax.march.March, "_collect"),
+        "write": (storage.RunWriter, "_append"),
+    }[place]
+    monkeypatch.setattr(storage, "CHECKPOINT_SECONDS", 0.0)
+    monkeypatch.setattr(storage, "COPY_SHARE", 1e9)
+    original = getattr(owner, name)
+
+    def interrupted(*arguments):
+        result = original(*arguments)
+        left[0] -= 1
+        if left[0] == 0:
+            signal.raise_signal(signal.SIGINT)
+        return result
+
+    monkeypatch.setattr(owner, name, interrupted)
+    assert esail_run(scene, path) == 130
+    assert capsys.readouterr().err.count("\n") == 1
+    assert status_of(path) == "interrupted"
+    check_start_of(path, whole)
+    monkeypatch.undo()
+    assert esail_run(scene, path, "--resume") == 0
+    check_same(path, whole)
+
+
+def test_signal_handlers_are_put_back(scene, tmp_path):
+    before = signal.getsignal(signal.SIGINT)
+    assert esail_run(scene, tmp_path / "a.h5", "--t-end", 1) == 0
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+OFTEN = (
+    "import sys, esail_jax.storage as storage; storage.CHECKPOINT_SECONDS = 0.0; "
+    "storage.COPY_SHARE = 1e9; from esail_jax.cli import main; sys.exit(main(sys.argv[1:]))"
+)
+"""The command, writing after every entry: kills come while it writes."""
+
+
+@contextlib.contextmanager
+def process(scene, path, *more):
+    """The command in a process of its own, ended if it is still there."""
+    command = [sys.executable, "-c", OFTEN, "run", str(scene), "-o", str(path), "--quiet", *map(str, more)]
+    running = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        yield running
+    finally:
+        running.kill()
+        running.communicate()
+
+
+def wait_for_writing(running, path, before, deadline=60.0):
+    """Until the process has replaced the file (`before`: the inode it had), or is done."""
+    end = time.monotonic() + deadline
+    while running.poll() is None and time.monotonic() < end:
+        with contextlib.suppress(FileNotFoundError):
+            if path.stat().st_ino != before:
+                return
+        time.sleep(0.002)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_to_the_process_ends_it_with_130_and_resumable(number, scene, tmp_path):
+    path = tmp_path / "a.h5"
+    with process(scene, path, "--t-end", 20000) as running:
+        wait_for_writing(running, path, None)
+        time.sleep(0.2)
+        running.send_signal(number)
+        out, err = running.communicate(timeout=60)
+    assert (running.returncode, out, err.count("\n")) == (130, "", 1), err
+    assert status_of(path) == "interrupted" and not path.with_name("a.h5.part").exists()
+    with h5py.File(path, "r") as file:
+        t_end = float(np.ceil(file["time"][-1]) + 30.0)
+    assert t_end < 20000
+    assert esail_run(scene, path, "--resume", "--t-end", t_end) == 0
+    assert esail_run(scene, tmp_path / "b.h5", "--t-end", t_end) == 0
+    check_same(path, tmp_path / "b.h5")
+
+
+def kill_and_resume(kills, t_end, seed, scene, tmp_path):
+    """Kill -9 at random moments, each time look at the file, go on; finish, and compare. Returns how
+    many processes were killed."""
+    path, other, chance, killed = tmp_path / "a.h5", tmp_path / "b.h5", random.Random(seed), 0
+    assert esail_run(scene, other, "--t-end", t_end) == 0
+    for _ in range(kills):
+        before = path.stat().st_ino if path.exists() else None
+        with process(scene, path, "--t-end", t_end, "--resume") as running:
+            wait_for_writing(running, path, before)
+            time.sleep(chance.choice([0.0, chance.uniform(0.0, 0.02), chance.uniform(0.0, 0.3)]))
+            running.kill()
+            running.communicate()
+            killed += running.returncode == -signal.SIGKILL
+        if path.exists():
+            check_start_of(path, other)
+            assert status_of(path) in ("running", "complete")
+            assert cli.main(["info", str(path)]) == 0
+    assert esail_run(scene, path, "--t-end", t_end, "--resume") == 0
+    check_same(path, other)
+    return killed
+
+
+def test_kill_9_leaves_a_file_that_opens_and_resumes_bit_for_bit(scene, tmp_path):
+    assert kill_and_resume(3, 1500.0, 1, scene, tmp_path) >= 2
+
+
+@pytest.mark.slow
+def test_fifty_kills_leave_a_file_that_opens_and_resumes_bit_for_bit(scene, tmp_path):
+    assert kill_and_resume(50, 10000.0, 2, scene, tmp_path) >= 40
+
+
+# Failure
+
+
+def break_from(monkeypatch, start):
+    """Let every step from `start` on fail, as if the equations could not be solved."""
+    original = esail_jax.march.March._call
+
+    def call(self, entry, carry, rows, keep):
+        carry, (seen, info) = original(self, entry, carry, self.plan.rows_per_entry, esail_jax.march.KEEP)
+        if entry.kind == "march" and entry.end > start:
+            bad = jnp.full_like(info.increment, jnp.inf)
+            carry, info = carry._replace(failed=jnp.ones((), int)), info._replace(increment=bad)
+        return carry, (seen, info)
+
+    monkeypatch.setattr(esail_jax.march, "MAX_HALVINGS", 0)
+    monkeypatch.setattr(esail_jax.march.March, "_call", call)
+
+
+def test_a_failed_run_keeps_what_was_good_and_says_why(scene, whole, tmp_path, monkeypatch, capsys):
+    path = tmp_path / "a.h5"
+    break_from(monkeypatch, 30.0)
+    assert esail_run(scene, path) == 3
+    out, err = capsys.readouterr()
+    assert out == "" and err.count("\n") == 1 and "t = 24.1 s" in err
+    assert check_start_of(path, whole) == 97, "all rows of the first entry, which ends at 24 s"
+    with h5py.File(path, "r") as file:
+        assert file.attrs["status"] == "failed" and file.attrs["message"] == err.strip()
+    assert cli.main(["info", str(path)]) == 0
+    assert err.strip() in capsys.readouterr().out
+    assert esail.load(path).result != esail.RESULTS.successful
+    assert esail_run(scene, path, "--resume") == 3, "it fails again"
+    monkeypatch.undo()
+    assert esail_run(scene, path, "--resume") == 0
+    check_same(path, whole)
+
+
+def test_a_spin_that_nothing_holds_is_refused_before_anything_is_written(scene, tmp_path, capsys):
+    """Elements of engineering strain run away at a finite spin: bad input, not a failed run."""
+    options = ("--set", "tethers.strain=engineering", "--set", "initial.spin_rate=0.2")
+    assert esail_run(scene, tmp_path / "a.h5", *options) == 2
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1 and re.match(r"`initial\.spin_rate` must .*, but is 0\.2", err)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.xfail(strict=True, reason="an equilibrium with a folded tether is taken for a steady start")
+def test_a_spin_whose_only_equilibrium_is_folded_is_refused(scene):
+    """Beyond the spin that a tether can hold, elements folded back on themselves balance too."""
+    overrides = {"tethers.strain": "engineering", "initial.spin_rate": 0.5}
+    with pytest.raises(esail.SceneError, match=r"initial\.spin_rate"):
+        esail_jax.runner.prepare(esail.load_scene(scene, overrides))
+
+
+# Python
+
+
+@pytest.fixture(scope="module")
+def solution(scene):
+    return esail.simulate(str(scene))
+
+
+def test_simulate_and_the_command_give_the_same_file(solution, whole, tmp_path):
+    esail.save(solution, tmp_path / "a.h5")
+    check_same(tmp_path / "a.h5", whole)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.h5"], "temporary files stay"
+
+
+def test_load_gives_back_what_was_saved(solution, tmp_path):
+    path = tmp_path / "a.h5"
+    esail.save(solution, str(path))
+    again = esail.load(str(path))
+    assert again.scene == solution.scene and again.steps == solution.steps
+    assert again.time.tobytes() == solution.time.tobytes()
+    assert set(again.observables) == set(solution.observables)
+    for name in solution.observables:
+        assert np.asarray(again[name]).tobytes() == np.asarray(solution[name]).tobytes(), name
+    for one, other in zip(
+        jax.tree.leaves(again.final_state.q), jax.tree.leaves(solution.checkpoint.carry.state.q)
+    ):
+        assert np.array_equal(one, other)
+    assert again.result == esail.RESULTS.successful
+    assert set(again.stats["terms"]) == set(solution.stats["terms"])
+    esail.save(again, tmp_path / "b.h5")
+    check_same(tmp_path / "b.h5", path)
+
+
+def test_load_compiles_nothing(whole, monkeypatch):
+    def compile_nothing(*_):
+        raise AssertionError("compiled to read a file")
+
+    monkeypatch.setattr("esail_jax.prepare.programs", compile_nothing)
+    assert esail.load(whole)["kinetic_energy"].shape == (241,)
+
+
+def test_save_overwrites_only_when_told(solution, tmp_path):
+    path = tmp_path / "a.h5"
+    path.write_text("precious")
+    with pytest.raises(FileExistsError, match=r"a\.h5"):
+        esail.save(solution, path)
+    assert path.read_text() == "precious"
+    esail.save(solution, path, overwrite=True)
+    assert status_of(path) == "complete"
+
+
+def test_a_saved_solution_can_be_resumed(scene, whole, tmp_path):
+    esail.save(esail.simulate(str(scene), {"integrator.t_end": 30.0}), tmp_path / "a.h5")
+    assert esail_run(scene, tmp_path / "a.h5", "--resume") == 0
+    check_same(tmp_path / "a.h5", whole)
+
+
+def test_load_refuses_a_file_that_is_no_run(tmp_path):
+    (tmp_path / "a.h5").write_text("precious")
+    with pytest.raises(esail.RunFileError, match=r"a\.h5"):
+        esail.load(tmp_path / "a.h5")
+    with pytest.raises(esail.RunFileError, match="does not exist"):
+        esail.load(tmp_path / "b.h5")
+
+
+# Other commands
+
+
+def test_info_says_what_ran_how_it_ended_and_how_fast(whole, capsys):
+    assert cli.main(["info", str(whole)]) == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    for word in (
+        "complete",
+        "2 tethers x 2 elements",
+        "coulomb",
+        "generalized-alpha",
+        "600 steps",
+        "compiling",
+    ):
+        assert word in out
+
+
+def test_scenes_lists_every_built_in_scene_on_its_own_line(capsys):
+    assert cli.main(["scenes"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == builtin_names()
+    assert all(len(line.split()) > 3 for line in lines)
+
+
+def test_the_package_runs_as_a_module(whole):
+    environment = os.environ | {"PYTHONWARNINGS": "error"}
+    done = subprocess.run(
+        [sys.executable, "-m", "esail_jax", "info", str(whole)],
+        capture_output=True,
+        text=True,
+        env=environment,
+    )
+    assert (done.returncode, done.stderr) == (0, "") and "complete" in done.stdout

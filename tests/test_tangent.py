@@ -1,0 +1,103 @@
+"""The tangent that `System` assembles block by block against derivatives of its whole residual.
+
+A column of M + s (K + c C) and of the constraint gradients is s times the derivative of the equations
+of motion, and the derivative of the constraints, along dq, dv = c dq, dvdot = dq / s and
+dlam = x / s. Roots follow the hub in the state; their equations act on it by the transposed map.
+"""
+
+import dataclasses
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from oracles.dense import Dense
+
+from esail_jax.coordinates import Coordinates
+from esail_jax.scenes.build import build_jitted, split
+from esail_jax.scenes.scene import load_scene
+
+TOLERANCE = 1e-10
+"""Relative error of every column. Measured: at most 1e-15."""
+
+TIME, S, C = jnp.asarray(30.0), jnp.asarray(1.0), jnp.asarray(2.0)
+"""[s], [s^2], [1/s]: so long a step that mass, stiffness and damping weigh alike."""
+
+SMALL = {"tethers.count": 3, "tethers.elements": 2}
+BENT = SMALL | {"tethers.second_moment": 1e-4}  # m^4, or bending would vanish beside stretching
+SCENES = {
+    "hub": ("baseline", True, BENT),
+    "hub, clamped": ("baseline", True, BENT | {"tethers.root": "clamped"}),
+    "no hub": ("baseline", False, BENT),
+    "no hub, clamped": ("baseline", False, BENT | {"tethers.root": "clamped"}),
+    "truss": ("truss", True, SMALL),
+}
+
+
+def random_state(system, q, v):
+    """q, v, vdot and multipliers, off the constraints and with every component of its own size."""
+    random = np.random.default_rng(0)
+
+    def moved(x, position, slope):
+        sizes = np.array([position, slope])[: x.tether.shape[0], None, None, None]
+        tether = x.tether + sizes * random.normal(size=x.tether.shape)
+        hub = None if x.hub is None else x.hub + 0.05 * random.normal(size=x.hub.shape)
+        return Coordinates(tether, hub)
+
+    rest = jax.tree.map(jnp.zeros_like, q)
+    lam = jax.tree.map(lambda x: x + random.normal(size=x.shape), system.no_multipliers())
+    return moved(q, 20.0, 0.02), moved(v, 1.0, 1e-3), moved(rest, 0.1, 1e-4), lam
+
+
+# Every scene is a program of its own, run once: compiled quickly, not well.
+QUICKLY = {"xla_backend_optimization_level": 0, "xla_llvm_disable_expensive_passes": True}
+
+
+@partial(jax.jit, compiler_options=QUICKLY)
+def assembled(system, q, v, lam):
+    return system.tangent(TIME, q, v, lam, S, C)
+
+
+@partial(jax.jit, compiler_options=QUICKLY)
+def derivatives(system, state, columns):
+    """Of all equations along the columns: unknowns and equations in the solver's layout."""
+
+    def equations(q, v, vdot, lam):
+        q, pull_back = jax.vjp(lambda q: system.place_roots(TIME, q), q)
+        v, vdot = (system.place_roots(TIME, x, n) for n, x in ((1, v), (2, vdot)))
+        residual, _ = system.residual(TIME, q, v, vdot, lam)
+        return pull_back(residual.forces)[0], residual.constraints
+
+    def along(column):
+        dq, dlam = system.from_vector(column)
+        tangents = dq, *(jax.tree.map(lambda x, f=f: f * x, dq) for f in (C, 1 / S))
+        tangents = *tangents, jax.tree.map(lambda x: x / S, dlam)
+        _, (forces, constraints) = jax.jvp(equations, state, tangents)
+        return system.to_vector(jax.tree.map(lambda x: S * x, forces), constraints)
+
+    return jax.vmap(along)(columns)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_tangent_is_the_derivative_of_the_residual(name):
+    builtin, hub, overrides = SCENES[name]
+    scene = load_scene(builtin).replace(overrides)
+    if not hub:
+        scene = dataclasses.replace(scene, hub=None)
+    model = build_jitted(*split(scene))
+    system = model.system
+    state = q, v, _, lam = random_state(system, model.q, model.v)
+    q, v = system.place_roots(TIME, q), system.place_roots(TIME, v, 1)
+    matrix = jax.tree.map(np.asarray, assembled(system, q, v, lam))
+
+    dense = Dense(matrix)
+    columns = jax.tree.map(jnp.asarray, dense.unflatten(np.eye(dense.count)))
+    rows = jax.tree.map(np.asarray, derivatives(system, state, columns))
+    jacobian = np.stack(
+        [dense.flatten(jax.tree.map(lambda x, j=j: x[j], rows)) for j in range(dense.count)], 1
+    )
+    jacobian = np.delete(np.delete(jacobian, dense.held, 0), dense.held, 1)
+
+    error = np.abs(dense.independent(matrix) - jacobian).max(0) / np.abs(jacobian).max(0)
+    assert error.max() < TOLERANCE
