@@ -58,8 +58,8 @@ def save_times(t_end: float, interval: float) -> np.ndarray:
 
 def steps_per_entry(unknowns: int, step: float, interval: float, block: int) -> int:
     """Steps of an entry, a multiple of `block`, from the scene alone (never from `t_end`): about
-    ten milliseconds of work, and no more than some hundred saved instants."""
-    by_work = max(1, min(20, 10_000 // unknowns))
+    at most some tenths of a second of work, and no more than some hundred saved instants."""
+    by_work = max(1, min(20, 40_000 // unknowns))
     by_rows = max(1, int(100 * interval / (block * step)))
     return block * min(by_work, by_rows)
 

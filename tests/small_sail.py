@@ -1,5 +1,6 @@
 """A small sail that the tests of scenes and of the command line share: two tethers of two cables on a
-hub, with wind. Saved instants fall on steps and between them."""
+hub, with wind. Saved instants fall on steps and between them, and an entry ends between
+two of them."""
 
 TEXT = """\
 [hub]
@@ -32,9 +33,9 @@ spin_rate = 4e-3
 sailing_angle_deg = 10.0
 
 [integrator]
-t_end = 60.0
+t_end = 80.0
 step = 0.1
 
 [output]
-interval = 0.25
+interval = 0.35
 """

@@ -140,7 +140,7 @@ def test_overriding_part_of_an_absent_table_names_what_is_missing(sail):
 def test_overrides_may_give_what_the_file_lacks(tmp_path):
     """`--set` works for every key, a required one that the file leaves out too, and mends a bad one."""
     path = tmp_path / "part.toml"
-    path.write_text(small_sail.TEXT.replace("t_end = 60.0\n", "").replace("[voltage]\nvalue = 20e3", ""))
+    path.write_text(small_sail.TEXT.replace("t_end = 80.0\n", "").replace("[voltage]\nvalue = 20e3", ""))
     scene = load_scene(path, {"integrator.t_end": 7, "voltage.value": 1e3})
     assert scene.integrator.t_end == 7.0 and scene.voltage.value == 1e3
     path.write_text(small_sail.TEXT.replace("count = 2", "count = -2"))
@@ -151,8 +151,8 @@ def test_an_interval_nobody_gave_stays_when_t_end_changes(tmp_path):
     """So that --resume --t-end LONGER continues the same scene."""
     path = tmp_path / "no_output.toml"
     path.write_text(small_sail.TEXT.split("[output]")[0])
-    assert load_scene(path).output.interval == 0.06
-    assert load_scene(path, {"integrator.t_end": 600.0}).output.interval == 0.06
+    assert load_scene(path).output.interval == 0.08
+    assert load_scene(path, {"integrator.t_end": 600.0}).output.interval == 0.08
 
 
 def test_none_takes_a_key_away(sail):
