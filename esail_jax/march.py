@@ -1,5 +1,6 @@
 """The host's loop over the entries of a run: repair, checkpoints, failure."""
 
+import dataclasses
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -30,11 +31,12 @@ class RESULTS(eqx.Enumeration):
 
 
 class SimulationError(RuntimeError):
-    """The solver gave up; the message says when, where and how far it was. result: of `RESULTS`."""
+    """The solver gave up; the message says when, where and how far it was. result: of `RESULTS`;
+    seen: what the entry that failed saw before."""
 
-    def __init__(self, message: str, result: RESULTS):
+    def __init__(self, message: str, result: RESULTS, seen: "Piece"):
         super().__init__(message)
-        self.result = result
+        self.result, self.seen = result, seen
 
 
 class Piece(NamedTuple):
@@ -69,17 +71,28 @@ class March:
         self.repairs = 0
 
     def pieces(self) -> Iterator[Piece]:
-        """One piece per entry. Raises SimulationError when even small steps fail."""
+        """One piece per entry. Raises SimulationError when even small steps fail, after a last
+        piece with what the failed entry still saw."""
         while self.position < len(self.plan.entries):
             entry = self.plan.entries[self.position]
-            rows, time, numerics = self._entry(entry)
+            try:
+                rows, time, numerics = self._entry(entry)
+            except SimulationError as error:
+                yield error.seen
+                raise
             self.position += 1
             self.rows += len(time)
-            if not entry.hand_over or entry.kind == "begin":
-                # The same entry stands in a longer run's plan: a longer run may go on from here.
+            if self.common(entry):
                 here = (self.carry, self.position, self.rows, self.steps, self.tally.values)
                 self.checkpoint = Checkpoint(*here)
             yield Piece(rows, time, numerics, entry.end)
+
+    def common(self, entry: Entry) -> bool:
+        """Does this entry stand in a longer run's plan too, rows and all, so that one may go on
+        from its end? Not the last one (it saves t_end), nor those of a shorter last step."""
+        whole_steps = entry.step == self.prepared.scene.integrator.step
+        whole_entry = entry.kind == "begin" or not entry.hand_over
+        return whole_steps and whole_entry and self.position < len(self.plan.entries)
 
     def _call(self, entry: Entry, carry: Carry, rows: int, keep: int):
         data = entry_data(entry, rows)
@@ -97,7 +110,7 @@ class March:
         rows = self.plan.rows_per_entry
         carry, (seen, info) = self._call(entry, self.carry, rows, KEEP)
         if int(carry.failed) and entry.kind == "march":
-            return self._repair(entry)
+            return self._repair(entry, seen, info)
         if int(carry.failed):  # a trial step only improves the start: go on without it
             carry = carry._replace(failed=jnp.zeros((), int), state=self.carry.state)
         self.carry = carry
@@ -111,12 +124,14 @@ class March:
         self.steps += entry.take if entry.kind == "march" else 0
         return rows, time, numerics
 
-    def _repair(self, entry: Entry) -> tuple[dict, np.ndarray, dict]:
-        """The stretch of an entry again: factors of every step, then half the step, and so on."""
+    def _repair(self, entry: Entry, seen: dict, info: StepInfo) -> tuple[dict, np.ndarray, dict]:
+        """The stretch of an entry again: factors of every step, then half the step, and so on.
+
+        `seen` are the rows of the first attempt, NaN from its failure on, `info` its steps.
+        """
         self.repairs += 1
         steps, times = self.plan.steps_per_entry, np.array([row[0] for row in entry.rows])
-        whole = Entry("march", entry.start, entry.step, entry.take, entry.rows, entry.hand_over)
-        attempts = [[whole]]
+        attempts = [[entry]]
         for halving in range(1, MAX_HALVINGS + 1):
             fine = stretch(entry.start, entry.end, entry.step / 2**halving, steps, times, False)
             fine[-1:] = [_handing_over(fine[-1])]
@@ -125,17 +140,21 @@ class March:
             carry, parts, failure = self.carry, [], None
             for part in attempt:
                 rows = rows_per_entry(steps, part.step, self.prepared.scene.output.interval)
-                carry, (seen, info) = self._call(part, carry, rows, 1)
+                carry, (found, how) = self._call(part, carry, rows, 1)
                 if int(carry.failed):
-                    failure = (part, jax.tree.map(np.asarray, info))
+                    failure = (part, jax.tree.map(np.asarray, how))
                     break
-                parts.append((part, seen, info))
+                parts.append((part, found, how))
             if failure is None:
                 self.carry = carry
                 collected = [self._collect(*part) for part in parts]
                 rows, times, numerics = zip(*collected, strict=True)
                 return join(rows), np.concatenate(times), join(numerics)
-        raise failure_of(*failure)
+        good = int(np.isfinite(np.asarray(seen["kinetic_energy"])[: len(entry.rows)]).sum())
+        part = dataclasses.replace(entry, rows=entry.rows[:good])
+        rows, time, numerics = self._collect(part, seen, info)
+        last = Piece(rows, time, numerics, entry.start)
+        raise failure_of(*failure, last)
 
 
 def stretch_start(start: float, step: float) -> list[Entry]:
@@ -144,7 +163,7 @@ def stretch_start(start: float, step: float) -> list[Entry]:
 
 
 def _handing_over(entry: Entry) -> Entry:
-    return Entry(entry.kind, entry.start, entry.step, entry.take, entry.rows, True)
+    return dataclasses.replace(entry, hand_over=True)
 
 
 def join(parts: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
@@ -152,7 +171,7 @@ def join(parts: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
-def failure_of(entry: Entry, info: StepInfo) -> SimulationError:
+def failure_of(entry: Entry, info: StepInfo, seen: Piece) -> SimulationError:
     """The error that describes an entry's first failed step."""
     good = np.asarray(jax.vmap(StepInfo.converged)(info))
     step = int(np.argmin(good))
@@ -165,6 +184,7 @@ def failure_of(entry: Entry, info: StepInfo) -> SimulationError:
         f"after {int(info.iterations[step])} iterations, constraint violation "
         f"{float(info.constraint[step]):.3g} m. Smaller steps did not help.",
         result,
+        seen,
     )
 
 

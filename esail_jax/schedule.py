@@ -76,18 +76,16 @@ def beginning(start: float, step: float, save: bool) -> list[Entry]:
     return [Entry("begin", start, step, 0, rows, hand_over=True), trial, trial]
 
 
-def marching(
-    start: float, count: int, step: float, steps: int, times: np.ndarray, first: int = 0
-) -> list[Entry]:
+def marching(start: float, count: int, step: float, steps: int, times: np.ndarray) -> list[Entry]:
     """Entries that take `count` steps from `start`; saved are the `times` within."""
     entries = []
-    for done in range(first, count, steps):
+    for done in range(0, count, steps):
         take = min(steps, count - done)
         origin = start + done * step
-        position = (times - origin) / step
-        inside = (position > SNAP) & (position < take + SNAP)
+        first, last = np.searchsorted(times, origin + step * np.array([SNAP, take + SNAP]))
+        position = (times[first:last] - origin) / step
         rows = []
-        for time, x in zip(times[inside], position[inside], strict=True):
+        for time, x in zip(times[first:last], position, strict=True):
             k = min(int(np.ceil(x - SNAP)) - 1, take - 1)
             theta = 1.0 if abs(x - k - 1) < SNAP * max(1.0, abs(x)) * 10 else float(x - k)
             rows.append((float(time), k, theta))

@@ -64,7 +64,7 @@ def simulate(
 
     Raises SceneError for bad input, RuntimeError in 32-bit mode.
     """
-    scene = load_scene(scene).replace(overrides or {})
+    scene = load_scene(scene, overrides)
     leaves = [x for t in vars(scene).values() if t is not None for x in vars(t).values()]
     if any(isinstance(leaf, jax.core.Tracer) for leaf in leaves):
         return simulate_traced(scene)
@@ -112,7 +112,8 @@ def simulate_concrete(scene: Scene, throw: bool) -> Solution:
     ready = time.perf_counter()
     march, pieces, message, result = March(prepared), [], "", RESULTS.successful
     try:
-        pieces.extend(march.pieces())
+        for piece in march.pieces():
+            pieces.append(piece)
     except SimulationError as error:
         if throw:
             raise

@@ -258,7 +258,10 @@ def save(solution: Solution, path: str | os.PathLike, overwrite: bool = False) -
 
 
 def load(path: str | os.PathLike) -> Solution:
-    """A run file as a solution. Raises RunFileError, and RuntimeError in 32-bit mode."""
+    """A run file as a solution; its `final_state` is the one a longer run would go on from.
+
+    Raises RunFileError, and RuntimeError in 32-bit mode.
+    """
     require_64_bit()
     with open_run(path) as file:
         scene = parse(file["scene"][()].decode(), str(path))

@@ -27,7 +27,9 @@ def test_energy_error_of_a_free_sail_falls_with_the_step(small):
     changes = []
     for step in (1.6, 0.8):
         settings = {**small, "initial.spin_rate": 0.04, "integrator.step": step}
-        run = esail.simulate("voltage-off", {**settings, "integrator.t_end": 160.0, "output.interval": 16.0})
+        run = esail.simulate(
+            "voltage-off", {**settings, "integrator.t_end": 160.0, "output.interval": 16.0}
+        )
         changes.append(np.abs(energy(run) / energy(run)[0] - 1.0).max())
     assert changes[0] > 4.0 * changes[1] > 0.0
 

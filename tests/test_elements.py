@@ -49,7 +49,9 @@ def test_energy_density_does_not_see_rotation(name):
 def test_rigid_rotation_dissipates_nothing(name):
     """Rates omega x r_x, omega x r_xx of a bent, stretched cable: R = 0, and so is its force."""
     fields, omega = random_fields(), jnp.array([0.3, -1.1, 0.7])
-    spun = jax.tree.map(lambda x: jnp.cross(jnp.broadcast_to(omega.reshape(3, 1, 1, 1), x.shape), x, axis=0), fields)
+    spun = jax.tree.map(
+        lambda x: jnp.cross(jnp.broadcast_to(omega.reshape(3, 1, 1, 1), x.shape), x, axis=0), fields
+    )
     scale = DISSIPATIONS[name].density(fields, random_fields(5)).max()
     assert DISSIPATIONS[name].density(fields, spun).max() < 1e-28 * max(1.0, float(scale))
 

@@ -81,9 +81,7 @@ def test_reverse_mode_agrees_with_forward_mode(small):
     """d(final coning of tether 1)/d(voltages, spin), by grad and by jvp: 1e-9 relative."""
 
     def coning(volts, spin):
-        found = esail.simulate(
-            "baseline", {**small, "voltage.value": volts, "initial.spin_rate": spin}
-        )
+        found = esail.simulate("baseline", {**small, "voltage.value": volts, "initial.spin_rate": spin})
         return found["coning_angle"][-1, 0]
 
     at = (jnp.array([20e3, 18e3, 22e3]), jnp.asarray(4e-3))

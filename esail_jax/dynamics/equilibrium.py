@@ -92,8 +92,11 @@ def steady_line(
     start = lax.stop_gradient(unstretched_line(tethers))
     found = lax.stop_gradient(lax.fori_loop(0, ITERATIONS, ramped, start))
     found = newton(found, found, spin**2)
-    left = unbalanced(lax.stop_gradient(found), spin**2).at[0, 0].set(0.0)
-    return found, jnp.abs(left[0]).max(0)
+    settled = lax.stop_gradient(found)
+    left = jnp.abs(unbalanced(settled, spin**2).at[0, 0].set(0.0)[0]).max(0)
+    # Beyond the spin a tether can hold, elements folded back on themselves balance too.
+    folded = (jnp.diff(settled[0], axis=0) <= 0.0).any(0) | (settled[1:] <= 0.0).any((0, 1))
+    return found, jnp.where(folded, jnp.inf, left)
 
 
 def to_metres(tethers: Tethers, line: Line, power: int) -> Line:
