@@ -15,7 +15,7 @@ import numpy as np
 from esail_jax.array_types import Array
 from esail_jax.dynamics.generalized_alpha import KEEP
 from esail_jax.entry import entry_data, look_at_entry_jitted, problem_of, step_entry_jitted
-from esail_jax.scenes.build import Numbers, Structure, build, build_jitted
+from esail_jax.scenes.build import Numbers, Structure, build_jitted
 from esail_jax.schedule import Entry, Plan
 
 
@@ -44,12 +44,13 @@ def _compiled(
 ) -> Programs:
     numbers = {key: jax.ShapeDtypeStruct(shape, float) for key, shape in shapes}
     data = jax.tree.map(abstract, entry_data(Entry("march", 0.0, 1.0, 1), rows))
-    problem, carry = jax.eval_shape(lambda n: problem_of(n, build(structure, n)), numbers)
+    built = build_jitted.lower(structure, numbers)
+    problem, carry = jax.eval_shape(problem_of, numbers, built.out_info)
     with ThreadPoolExecutor() as pool:
         # The longest first, so that the others are traced while it compiles.
         stepping = step_entry_jitted.lower(problem, carry.state, data, steps, KEEP)
         step = pool.submit(stepping.compile)
-        building = pool.submit(build_jitted.lower(structure, numbers).compile)
+        building = pool.submit(built.compile)
         looking = look_at_entry_jitted.lower(problem, carry, data, *stepping.out_info, between)
         look = pool.submit(looking.compile)
         return Programs(building.result(), step.result(), look.result())
