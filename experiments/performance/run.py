@@ -1,0 +1,163 @@
+"""Time per step, what leaving a term out saves, growth with size: python run.py [part ...].
+
+Pin it to one core for figures that compare: taskset -c 0 python run.py
+Medians of interleaved repetitions, compile time apart (in seconds of processor time).
+"""
+
+import dataclasses
+import sys
+import time
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import esail_jax as esail
+from esail_jax.dynamics.generalized_alpha import GeneralizedAlpha
+from esail_jax.entry import QUICK_COMPILE, entry_data, step_entry
+from esail_jax.march import March
+from esail_jax.prepare import prepare
+
+
+def without(scene: esail.Scene, table: str, *keys: str) -> esail.Scene:
+    """The scene without some keys of a table, or without the table."""
+    content = getattr(scene, table)
+    part = dataclasses.replace(content, **dict.fromkeys(keys)) if keys else None
+    return dataclasses.replace(scene, **{table: part})
+
+
+def started(scene: esail.Scene, seconds: float):
+    """A prepared scene, its state after some seconds, and the numbers of a full entry."""
+    prepared = prepare(scene.replace({"integrator.t_end": seconds}))
+    march = March(prepared)
+    for _ in march.pieces():
+        pass
+    entry = next(entry for entry in prepared.plan.entries if entry.kind == "march")
+    return prepared, march.carry, entry_data(entry, prepared.plan.rows_per_entry)
+
+
+def seconds_of(call) -> float:
+    begin = time.perf_counter()
+    jax.block_until_ready(call())
+    return time.perf_counter() - begin
+
+
+def per_step() -> None:
+    """A step of the baseline beside a 400 x 400 matrix product."""
+    prepared, carry, data = started(esail.load_scene("baseline"), 200.0)
+    matrix = jnp.asarray(np.random.default_rng(0).normal(size=(400, 400)))
+    product = jax.jit(lambda a: a @ a)
+    steps = prepared.plan.steps_per_entry
+
+    def step():
+        return prepared.programs.step(prepared.problem, carry.state, data)
+
+    info = step()[2]
+    product(matrix).block_until_ready()
+    pairs = [(seconds_of(step) / steps, seconds_of(lambda: product(matrix))) for _ in range(50)]
+    ours, theirs = np.median(pairs, axis=0)
+    rate = 2 * 400**3 / theirs / 1e9
+    print(
+        f"step {1e6 * ours:.1f} us, product {1e3 * theirs:.2f} ms ({rate:.0f} GFLOP/s), ratio {ours / theirs:.4f}"
+    )
+    print(
+        f"iterations per step {np.mean(info.iterations):.3f}, last increment {np.max(info.increment):.1e} m"
+    )
+
+
+def count_equations(jaxpr) -> int:
+    """Equations of a jaxpr, nested ones included."""
+    total = 0
+    for equation in jaxpr.eqns:
+        total += 1
+        for value in equation.params.values():
+            for part in value if isinstance(value, (tuple, list)) else [value]:
+                inner = getattr(part, "jaxpr", part)
+                total += count_equations(inner) if hasattr(inner, "eqns") else 0
+    return total
+
+
+def equations_of_a_step(problem, state) -> int:
+    """Equations of one factorisation and one step."""
+    stepper = GeneralizedAlpha(jnp.asarray(0.1), problem.spectral_radius)
+
+    def one(problem, state):
+        kept = stepper.factor(problem.system, jnp.zeros(()), state.q, state.v, state.lam)
+        return stepper.step(problem.system, jnp.zeros(()), state, kept)
+
+    return count_equations(jax.make_jaxpr(one)(problem, state).jaxpr)
+
+
+def leaving_out() -> None:
+    """The baseline with a part left out."""
+    full = esail.load_scene("baseline")
+    scenes = {
+        "everything": full,
+        "no bending": full.replace({"tethers.bending": False}),
+        "no damping": without(full, "tethers", "axial_damping_time", "bending_damping_time"),
+        "no voltage": dataclasses.replace(full, voltage=None, solar_wind=None),
+        "no hub": without(full, "hub"),
+    }
+    runs = {name: started(scene, 50.0) for name, scene in scenes.items()}
+
+    def compile_once(prepared, carry, data):
+        lowered = jax.jit(lambda p, s, d: step_entry(p, s, d, 200, 20)).lower(
+            prepared.problem, carry.state, data
+        )
+        begin = time.process_time()
+        compiled = lowered.compile(compiler_options=QUICK_COMPILE)
+        return compiled, time.process_time() - begin
+
+    compiled = {name: [compile_once(*run)] for name, run in runs.items()}
+    for _ in range(8):
+        for name, run in runs.items():
+            compiled[name].append(compile_once(*run))
+    times = {name: [] for name in runs}
+    for _ in range(25):
+        for name, (prepared, carry, data) in runs.items():
+            step = compiled[name][0][0]
+            times[name].append(
+                seconds_of(lambda s=step, p=prepared, c=carry, d=data: s(p.problem, c.state, d)) / 200
+            )
+    for name, (prepared, carry, _) in runs.items():
+        equations = equations_of_a_step(prepared.problem, carry.state)
+        took = np.median([seconds for _, seconds in compiled[name]])
+        print(
+            f"{name:11s} {equations:5d} equations, compile {took:.2f} s, step {1e6 * np.median(times[name]):.1f} us"
+        )
+
+
+def growth() -> None:
+    """Time per element and step, observables included."""
+    for tethers, elements in ((12, 5), (12, 10), (12, 20), (12, 50), (12, 100), (50, 5), (100, 5)):
+        size = {"tethers.count": tethers, "tethers.elements": elements}
+        prepared, carry, data = started(esail.load_scene("baseline").replace(size), 6.0)
+        steps = prepared.plan.steps_per_entry
+        stepped = prepared.programs.step(prepared.problem, carry.state, data)
+        step = np.median(
+            [
+                seconds_of(lambda: prepared.programs.step(prepared.problem, carry.state, data))
+                for _ in range(9)
+            ]
+        )
+        look = np.median(
+            [
+                seconds_of(lambda: prepared.programs.look(prepared.problem, carry, data, *stepped))
+                for _ in range(9)
+            ]
+        )
+        step, look = 1e6 * step / steps, 1e6 * look / steps
+        each = step / (tethers * elements)
+        iterations = float(np.mean(stepped[2].iterations))
+        print(
+            f"{tethers:3d} x {elements:3d}: step {step:7.1f} us = {each:.2f} us per element, "
+            f"{iterations:.2f} iterations; observables {look:.1f} us a step",
+            flush=True,
+        )
+
+
+PARTS = {"per_step": per_step, "leaving_out": leaving_out, "growth": growth}
+
+if __name__ == "__main__":
+    for part in sys.argv[1:] or PARTS:
+        PARTS[part]()
