@@ -17,9 +17,14 @@ from esail_jax.schedule import Entry, rows_per_entry, stretch
 MAX_HALVINGS = 6
 """Times a stretch that does not converge is repeated with half the step before the run gives up."""
 
-NUMERICS = ("iterations_per_step", "last_increment", "constraint_violation")
-"""Per saved interval: mean chord iterations of a step, largest last increment [m], largest
-constraint violation before a last correction [m]."""
+NUMERICS = {
+    "iterations_per_step": "-",
+    "last_increment": "m",
+    "constraint_violation": "m",
+    "residual": "N",
+}
+"""Names and units of what is kept per saved interval: mean chord iterations of a step, and the
+largest last increment, constraint violation and unbalanced force of a node (`StepInfo`)."""
 
 
 class RESULTS(eqx.Enumeration):
@@ -189,10 +194,12 @@ def failure_of(entry: Entry, info: StepInfo, seen: Piece) -> SimulationError:
 
 
 class Tally:
-    """Iterations, steps, largest increment and constraint violation since the last saved instant."""
+    """Iterations and steps since the last saved instant, and the largest of what `NUMERICS` keeps."""
+
+    NOTHING = (0.0,) * (1 + len(NUMERICS))
 
     def __init__(self, *values: float):
-        self.values = values or (0.0, 0.0, 0.0, 0.0)
+        self.values = values or self.NOTHING
 
     def add(self, entry: Entry, info: StepInfo) -> dict[str, np.ndarray]:
         """Values at an entry's saved instants; the remainder is kept for the next one."""
@@ -200,18 +207,18 @@ class Tally:
         cuts = [row[1] + 1 if marching else 0 for row in entry.rows]
         found, done = [], 0
         for cut in [*cuts, entry.take if marching else 0]:
-            iterations, steps, increment, constraint = self.values
             part = slice(done, max(cut, done))
+            iterations, steps, *largest = self.values
+            now = (info.increment, info.constraint, info.residual)
             self.values = (
                 iterations + float(info.iterations[part].sum()),
                 steps + max(cut - done, 0),
-                float(max(increment, info.increment[part].max(initial=0.0))),
-                float(max(constraint, info.constraint[part].max(initial=0.0))),
+                *(float(x[part].max(initial=before)) for x, before in zip(now, largest, strict=True)),
             )
             done = max(done, cut)
             if len(found) < len(entry.rows):
-                iterations, steps, increment, constraint = self.values
-                found.append((iterations / max(steps, 1.0), increment, constraint))
-                self.values = (0.0, 0.0, 0.0, 0.0)
-        columns = np.array(found, float).reshape(-1, 3).T
+                iterations, steps, *largest = self.values
+                found.append((iterations / max(steps, 1.0), *largest))
+                self.values = self.NOTHING
+        columns = np.array(found, float).reshape(-1, len(NUMERICS)).T
         return dict(zip(NUMERICS, columns, strict=True))

@@ -37,8 +37,6 @@ CHECKPOINT_SECONDS = 1.0
 COPY_SHARE = 0.03
 """Most part of the run time that copying may take: large files are written less often."""
 
-NUMERICS_UNITS = dict(zip(NUMERICS, ("-", "m", "m"), strict=True))
-
 
 @runtime_checkable
 class Progressed(Protocol):
@@ -88,7 +86,7 @@ def create(path: Path, prepared: Prepared) -> None:
             shape = shape_of(entry.axes, prepared.scene.tethers.count)
             name = f"observables/{entry.name}"
             growing(file, name, shape, entry.unit, entry.symbol, entry.axes, entry.equation)
-        for name, unit in NUMERICS_UNITS.items():
+        for name, unit in NUMERICS.items():
             growing(file, f"numerics/{name}", (), unit, name, (), "")
         file["numerics"].attrs["terms"] = list(prepared.problem.system.terms)
 

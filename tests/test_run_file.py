@@ -131,6 +131,7 @@ def test_run_file_holds_how_the_solver_fared(whole):
         assert {len(values) for values in numerics.values()} == {rows}
         assert (numerics["iterations_per_step"][1:] >= 1.0).all()
         assert 0.0 < numerics["last_increment"].max() <= 1e-8
+        assert 0.0 < numerics["residual"].max() < 1e-3
         assert numerics["constraint_violation"].max() < 1e-9
 
 

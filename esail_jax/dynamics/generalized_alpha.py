@@ -95,12 +95,17 @@ class KeptFactors(NamedTuple):
 
 
 class StepInfo(NamedTuple):
-    """How a step went: iterations, last increment [m] of tether nodes and of the hub, constraint
-    violation [m] before the last correction, and the tether with the largest increment."""
+    """How a step went.
+
+    iterations; increment [m]: the last one, of tether nodes and of the hub; constraint [m] and
+    residual [N]: largest constraint violation and unbalanced force of a node beyond the root, before
+    the last correction and any scaling; tether: the one with the largest increment.
+    """
 
     iterations: Int[jax.Array, ""]
     increment: Float[jax.Array, "2"]
     constraint: Scalar
+    residual: Scalar
     tether: Int[jax.Array, ""]
 
     def converged(self) -> jax.Array:
@@ -268,15 +273,21 @@ def solve_step(
         change, dq = correct(stepper, system, residual, kept, turned)
         unknowns = jax.tree.map(jnp.add, unknowns, change)
         norms, worst = increment_norms(system, dq)
-        violation = largest(residual.constraints)
-        return unknowns, power, StepInfo(info.iterations + 1, norms, violation, worst)
+        info = StepInfo(
+            iterations=info.iterations + 1,
+            increment=norms,
+            constraint=largest(residual.constraints),
+            residual=jnp.abs(residual.forces.tether[0, :, 1:]).max(),
+            tether=worst,
+        )
+        return unknowns, power, info
 
     def unfinished(carry):
         info = carry[-1]
         return ~info.converged() & (info.iterations < MAX_ITERATIONS)
 
-    start = StepInfo(jnp.zeros((), int), jnp.full(2, jnp.inf), jnp.zeros(()), jnp.zeros((), int))
-    zero = jnp.zeros(())
+    zero, none = jnp.zeros(()), jnp.zeros((), int)
+    start = StepInfo(none, jnp.full(2, jnp.inf), zero, zero, none)
     return lax.while_loop(unfinished, iterate, (guess, Power(zero, zero), start))
 
 
@@ -292,7 +303,7 @@ def _solve_step_jvp(primals, tangents):
     unknowns_dot, _ = correct(stepper, system, residual_dot, fresh, jnp.eye(3))
     _, (_, power_dot) = jax.jvp(step_residual, (*given, unknowns), (*given_dot, unknowns_dot))
     none = np.zeros((), jax.dtypes.float0)
-    info_dot = StepInfo(none, jnp.zeros(2), jnp.zeros(()), none)
+    info_dot = StepInfo(none, jnp.zeros(2), jnp.zeros(()), jnp.zeros(()), none)
     return (unknowns, power, info), (unknowns_dot, power_dot, info_dot)
 
 

@@ -42,6 +42,11 @@ def seconds_of(call) -> float:
     return time.perf_counter() - begin
 
 
+def median_of(program, *arguments) -> float:
+    """Seconds of a compiled program, median of nine calls."""
+    return float(np.median([seconds_of(lambda: program(*arguments)) for _ in range(9)]))
+
+
 def per_step() -> None:
     """A step of the baseline beside a 400 x 400 matrix product."""
     prepared, carry, data = started(esail.load_scene("baseline"), 200.0)
@@ -57,12 +62,10 @@ def per_step() -> None:
     pairs = [(seconds_of(step) / steps, seconds_of(lambda: product(matrix))) for _ in range(50)]
     ours, theirs = np.median(pairs, axis=0)
     rate = 2 * 400**3 / theirs / 1e9
-    print(
-        f"step {1e6 * ours:.1f} us, product {1e3 * theirs:.2f} ms ({rate:.0f} GFLOP/s), ratio {ours / theirs:.4f}"
-    )
-    print(
-        f"iterations per step {np.mean(info.iterations):.3f}, last increment {np.max(info.increment):.1e} m"
-    )
+    print(f"step {1e6 * ours:.1f} us, ratio to the product {ours / theirs:.4f}")
+    print(f"product {1e3 * theirs:.2f} ms ({rate:.0f} GFLOP/s)")
+    iterations, increment = np.mean(info.iterations), np.max(info.increment)
+    print(f"iterations per step {iterations:.3f}, last increment {increment:.1e} m")
 
 
 def count_equations(jaxpr) -> int:
@@ -122,9 +125,8 @@ def leaving_out() -> None:
     for name, (prepared, carry, _) in runs.items():
         equations = equations_of_a_step(prepared.problem, carry.state)
         took = np.median([seconds for _, seconds in compiled[name]])
-        print(
-            f"{name:11s} {equations:5d} equations, compile {took:.2f} s, step {1e6 * np.median(times[name]):.1f} us"
-        )
+        step = 1e6 * np.median(times[name])
+        print(f"{name:11s} {equations:5d} equations, compile {took:.2f} s, step {step:.1f} us")
 
 
 def growth() -> None:
@@ -132,20 +134,10 @@ def growth() -> None:
     for tethers, elements in ((12, 5), (12, 10), (12, 20), (12, 50), (12, 100), (50, 5), (100, 5)):
         size = {"tethers.count": tethers, "tethers.elements": elements}
         prepared, carry, data = started(esail.load_scene("baseline").replace(size), 6.0)
-        steps = prepared.plan.steps_per_entry
-        stepped = prepared.programs.step(prepared.problem, carry.state, data)
-        step = np.median(
-            [
-                seconds_of(lambda: prepared.programs.step(prepared.problem, carry.state, data))
-                for _ in range(9)
-            ]
-        )
-        look = np.median(
-            [
-                seconds_of(lambda: prepared.programs.look(prepared.problem, carry, data, *stepped))
-                for _ in range(9)
-            ]
-        )
+        steps, state = prepared.plan.steps_per_entry, carry.state
+        stepped = prepared.programs.step(prepared.problem, state, data)
+        step = median_of(prepared.programs.step, prepared.problem, state, data)
+        look = median_of(prepared.programs.look, prepared.problem, carry, data, *stepped)
         step, look = 1e6 * step / steps, 1e6 * look / steps
         each = step / (tethers * elements)
         iterations = float(np.mean(stepped[2].iterations))
