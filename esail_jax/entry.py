@@ -95,37 +95,43 @@ def entry_data(entry: Entry, rows: int) -> EntryData:
 
 
 def interpolate(
-    before: tuple, after: tuple, theta: Scalar, h: Scalar
+    before: "Record", after: "Record", theta: Scalar, h: Scalar
 ) -> tuple[Coordinates, Coordinates, Power]:
-    """q, v and work within a step: the cubic through positions and velocities at its ends, and for
-    the work the cubic through energies and powers. Exact at theta = 0 and 1."""
+    """q, v and work within a step, each by the cubic through its own values and rates at the ends.
+
+    v is not the derivative of q's cubic: the stepper's v and dq/dt differ by a constant times
+    h^2 d^2v/dt^2 (0.17 at spectral radius 0.25), which would jump in and out at saved instants.
+    """
     t2, t3 = theta**2, theta**3
     h00, h10, h01, h11 = 2 * t3 - 3 * t2 + 1, t3 - 2 * t2 + theta, 3 * t2 - 2 * t3, t3 - t2
-    d00, d10, d11 = 6 * t2 - 6 * theta, 3 * t2 - 4 * theta + 1, 3 * t2 - 2 * theta
 
-    def value(x0, r0, x1, r1):
+    def cubic(x0, r0, x1, r1):
         return h00 * x0 + h01 * x1 + h * (h10 * r0 + h11 * r1)
 
-    def rate(x0, r0, x1, r1):
-        return d00 * (x0 - x1) / h + d10 * r0 + d11 * r1
-
-    (q0, v0, w0, p0), (q1, v1, w1, p1) = before, after
-    q = jax.tree.map(value, q0, v0, q1, v1)
-    v = jax.tree.map(rate, q0, v0, q1, v1)
-    return q, v, jax.tree.map(value, w0, p0, w1, p1)
+    q = jax.tree.map(cubic, before.q, before.v, after.q, after.v)
+    v = jax.tree.map(cubic, before.v, before.vdot, after.v, after.vdot)
+    return q, v, jax.tree.map(cubic, before.work, before.power, after.work, after.power)
 
 
 class Record(NamedTuple):
-    """State at the start of an entry and after each of its steps (time first)."""
+    """State at the start of an entry and after each of its steps (time first). vdot only if
+    instants between steps are saved."""
 
     q: Coordinates
     v: Coordinates
     work: Power
     power: Power
+    vdot: Coordinates | None
+
+    @classmethod
+    def of(cls, state: State, between: bool) -> "Record":
+        """What a record keeps of a state."""
+        vdot = state.vdot if between else None
+        return cls(state.q, state.v, state.work, state.power, vdot)
 
 
 def step_entry(
-    problem: Problem, state: State, data: EntryData, steps: int, keep: int
+    problem: Problem, state: State, data: EntryData, steps: int, keep: int, between: bool
 ) -> tuple[State, Record, StepInfo]:
     """The steps of an entry, in blocks of `keep`: the state after the last, all of them, and how
     each went."""
@@ -134,9 +140,9 @@ def step_entry(
     def block(state, index):
         time = data.start + index * keep * data.step
         state, (states, info) = stepper.block(problem.system, time, state, keep)
-        return state, (Record(states.q, states.v, states.work, states.power), info)
+        return state, (Record.of(states, between), info)
 
-    start = Record(state.q, state.v, state.work, state.power)
+    start = Record.of(state, between)
     after, (record, info) = lax.scan(block, state, jnp.arange(steps // keep))
     record, info = jax.tree.map(lambda x: x.reshape(steps, *x.shape[2:]), (record, info))
     record = jax.tree.map(lambda x0, x: jnp.concatenate([x0[None], x]), start, record)
@@ -165,7 +171,8 @@ def look_at_entry(
 
     def look(time, k, theta):
         before, later = (jax.tree.map(lambda x, i=i: x[i], record) for i in (k, k + 1))
-        q, v, work, _ = jax.tree.map(lambda x0, x1: jnp.where(theta == 0.0, x0, x1), before, later)
+        nearest = jax.tree.map(lambda x0, x1: jnp.where(theta == 0.0, x0, x1), before, later)
+        q, v, work = nearest.q, nearest.v, nearest.work
         if between:
             on_step = (theta == 0.0) | (theta == 1.0)
             inside = interpolate(before, later, theta, data.step)
@@ -194,7 +201,7 @@ def run_entry(
     problem: Problem, carry: Carry, data: EntryData, steps: int, keep: int, between: bool
 ) -> tuple[Carry, tuple[dict[str, Array], StepInfo]]:
     """An entry: its steps, then a look at them."""
-    after, record, info = step_entry(problem, carry.state, data, steps, keep)
+    after, record, info = step_entry(problem, carry.state, data, steps, keep, between)
     carry, seen = look_at_entry(problem, carry, data, after, record, info, between)
     return carry, (seen, info)
 
@@ -229,5 +236,5 @@ def with_jerk(stepper: GeneralizedAlpha, state: State, v_next: Coordinates) -> S
     return state._replace(a=state.vdot.axpy(c.alpha_m - c.alpha_f, rise), rise=rise)
 
 
-step_entry_jitted = jax.jit(step_entry, static_argnums=(3, 4), compiler_options=QUICK_COMPILE)
+step_entry_jitted = jax.jit(step_entry, static_argnums=(3, 4, 5), compiler_options=QUICK_COMPILE)
 look_at_entry_jitted = jax.jit(look_at_entry, static_argnums=6, compiler_options=QUICK_COMPILE)

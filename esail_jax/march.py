@@ -107,7 +107,7 @@ class March:
             stepped = compiled.step(problem, carry.state, data)
             carry, seen = compiled.look(problem, carry, data, *stepped)
         else:  # a repair: compiled when it is needed
-            stepped = step_entry_jitted(problem, carry.state, data, steps, keep)
+            stepped = step_entry_jitted(problem, carry.state, data, steps, keep, True)
             carry, seen = look_at_entry_jitted(problem, carry, data, *stepped, True)
         return carry, (seen, stepped[2])
 

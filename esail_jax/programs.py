@@ -48,7 +48,7 @@ def _compiled(
     problem, carry = jax.eval_shape(problem_of, numbers, built.out_info)
     with ThreadPoolExecutor() as pool:
         # The longest first, so that the others are traced while it compiles.
-        stepping = step_entry_jitted.lower(problem, carry.state, data, steps, KEEP)
+        stepping = step_entry_jitted.lower(problem, carry.state, data, steps, KEEP, between)
         step = pool.submit(stepping.compile)
         building = pool.submit(built.compile)
         looking = look_at_entry_jitted.lower(problem, carry, data, *stepping.out_info, between)

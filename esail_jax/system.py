@@ -149,7 +149,7 @@ class System(eqx.Module):
         clamp = None
         if self.clamped:
             if self.hub is not None:
-                normals = jnp.einsum("kx,jkt->jxt", q.hub, self.roots.normals)
+                normals = self.roots.clamp_directions(q.hub)
             else:
                 normals = self.roots.turn(time, self.roots.normals)
             clamp = (normals * q.tether[1, :, 0]).sum(1) * self.tethers.element_length

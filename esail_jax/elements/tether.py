@@ -171,11 +171,3 @@ class Tethers(eqx.Module):
             [none, matrices[:, m:, m:]]
         )
         return diagonal, matrices[:, :m, m:], matrices[:, m:, :m]
-
-    def mass_blocks(self) -> tuple[Array, Array, Array]:
-        """M as node blocks, remote units included."""
-        element = self.mass_elements()
-        shape = (*element.shape[:2], self.elements, element.shape[2])
-        diagonal, upper, lower = self.blocks(jnp.broadcast_to(element[:, :, None], shape))
-        tip = self.tip_mass * np.diag([1.0] * 3 + [0.0] * (3 * self.coefs - 3))[:, :, None]
-        return diagonal.at[-1].add(tip), upper, lower

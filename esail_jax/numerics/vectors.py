@@ -17,8 +17,3 @@ def dot(a: VectorPerPoint, b: VectorPerPoint) -> PerPoint:
 def norm(a: VectorPerPoint) -> PerPoint:
     """Euclidean length |a|; its derivative is infinite at a = 0."""
     return jnp.sqrt(dot(a, a))
-
-
-def cross(a: VectorPerPoint, b: VectorPerPoint) -> VectorPerPoint:
-    """Vector product a x b over the leading axis."""
-    return jnp.cross(a, b, axis=0)

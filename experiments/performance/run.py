@@ -104,7 +104,7 @@ def leaving_out() -> None:
     runs = {name: started(scene, 50.0) for name, scene in scenes.items()}
 
     def compile_once(prepared, carry, data):
-        lowered = jax.jit(lambda p, s, d: step_entry(p, s, d, 200, 20)).lower(
+        lowered = jax.jit(lambda p, s, d: step_entry(p, s, d, 200, 20, False)).lower(
             prepared.problem, carry.state, data
         )
         begin = time.process_time()
