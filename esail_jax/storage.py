@@ -64,7 +64,7 @@ def versions() -> dict[str, str]:
 
 def scene_of_run(scene: Scene) -> str:
     """The scene's text without `t_end`: what must agree for a run to be resumed."""
-    return to_toml(scene.replace({"integrator.t_end": 1.0, "output.interval": scene.output.interval}))
+    return to_toml(scene.replace({"integrator.t_end": 1.0}))
 
 
 def create(path: Path, prepared: Prepared) -> None:
@@ -114,7 +114,7 @@ def growing(
 class RunWriter:
     """Appends pieces to a run file.
 
-    path: the file; `start` continues an existing file from its checkpoint, dropping rows beyond it.
+    path: the file; `resume` continues an existing file from its checkpoint, dropping rows beyond it.
     """
 
     def __init__(self, path: Path, prepared: Prepared, resume: bool):
@@ -123,7 +123,6 @@ class RunWriter:
         self._pending: list[Piece] = []
         self._dropped_to: int | None = None
         self._next_write = 0.0
-        self._clock = time.perf_counter()
         self._before = (0.0, 0.0)
         if resume:
             with h5py.File(path) as file:

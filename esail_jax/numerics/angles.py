@@ -1,0 +1,55 @@
+"""Angles, lengths and axes whose derivatives are finite where the textbook formula's are not."""
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+from esail_jax.array_types import Array, Float, Rotation, Vector
+
+GIMBAL_LOCK = 1e-7
+"""cos(theta) below which psi is set to zero: the two other angles are then one."""
+
+
+def smallest_eigenvector(matrix: Float[Array, "3 3"]) -> Vector:
+    """Unit eigenvector of the smallest eigenvalue of a symmetric matrix.
+
+    The derivative is that of one Newton step on A n = lambda n, n . n = 1: the rule for `eigh`
+    divides by the difference of the two other eigenvalues, which is zero for a symmetric sail.
+    """
+    value, vector = jax.tree.map(lambda x: x[..., 0], jnp.linalg.eigh(lax.stop_gradient(matrix)))
+    defect = jnp.concatenate([matrix @ vector - value * vector, jnp.zeros(1)])
+    bordered = jnp.block(
+        [
+            [lax.stop_gradient(matrix) - value * jnp.eye(3), -vector[:, None]],
+            [-vector[None], jnp.zeros((1, 1))],
+        ]
+    )
+    return vector - jnp.linalg.solve(lax.stop_gradient(bordered), defect)[:3]
+
+
+def safe_length(x: Array, y: Array) -> Array:
+    """hypot(x, y), with derivative 0 at the origin."""
+    squared = x**2 + y**2
+    positive = squared > 0.0
+    return jnp.where(positive, jnp.sqrt(jnp.where(positive, squared, 1.0)), 0.0)
+
+
+def safe_angle(y: Array, x: Array) -> Array:
+    """atan2(y, x), with derivative 0 at the origin."""
+    origin = (x == 0.0) & (y == 0.0)
+    return jnp.arctan2(jnp.where(origin, 0.0, y), jnp.where(origin, 1.0, x))
+
+
+def euler_angles(rotation: Rotation) -> Vector:
+    """(psi, theta, phi) of the sequence Z-Y-X that leads to the frame whose axes are the columns;
+    theta in [-pi/2, pi/2], psi = 0 at gimbal lock."""
+    level = safe_length(rotation[0, 0], rotation[1, 0])
+    locked = level < GIMBAL_LOCK
+    psi = jnp.where(locked, 0.0, safe_angle(rotation[1, 0], rotation[0, 0]))
+    theta = jnp.arctan2(-rotation[2, 0], level)
+    phi = jnp.where(
+        locked,
+        safe_angle(-rotation[1, 2], rotation[1, 1]),
+        safe_angle(rotation[2, 1], rotation[2, 2]),
+    )
+    return jnp.stack([psi, theta, phi])
