@@ -2,6 +2,8 @@
 
 import pytest
 
+pytest_plugins = ["validation_record"]
+
 
 @pytest.fixture(scope="session")
 def small():

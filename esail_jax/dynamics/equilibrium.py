@@ -1,106 +1,132 @@
-"""Steady stretch of spinning tethers: the start of a run.
+"""Relative equilibrium: the shape of a system that turns steadily, or stands still, under its loads.
 
-Each tether is straight, at a coning angle, and turns rigidly about X_B through the hub centre; its
-elements carry the centrifugal force of everything further out. This is the discrete equilibrium, so
-that a run without wind starts without axial ringing; [PGV] Eq. 79-80 as printed is the alternative.
+    M (Omega x (Omega x q) + a) + Phi_q^T lam = Q(q, Omega x q),      Phi(q) = 0
+
+Found by Newton's method on the derivative of the residual, in steps that turn no element far. With a
+hub the whole is free to accelerate along the spin axis, a = F_axial / m; its position along and its
+angle about that axis are left as they were. The matrix is dense: sails of some hundred coordinates
+take seconds, and nothing in a run's path needs this.
+
+Loads count as they act at time 0. They are steady in the turning frame if they are symmetric about
+its axis (a spin axis along the wind); elsewhere the result is a snapshot's.
 """
+
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jax import lax
+from jax.flatten_util import ravel_pytree
 
-from esail_jax.array_types import Array, Float, Int, Nodal, PerTether, Scalar
-from esail_jax.elements.tether import Tethers
-from esail_jax.numerics import block_tridiagonal as chains
-from esail_jax.system import add_fields
-from esail_jax.terms import Energy, PointFields
+from esail_jax.array_types import Array, Float, Scalar, Vector
+from esail_jax.coordinates import Coordinates, Multipliers
+from esail_jax.dynamics.moving_frame import (
+    MovingFrame,
+    expanded,
+    forces,
+    independent,
+    rotation_about,
+    translation,
+    uniform_inertia,
+)
+from esail_jax.system import System
 
-RAMP, ITERATIONS = 12, 20
-"""Newton steps, the first of them while the centrifugal force grows to its value: from rest, strains
-of order one are out of Newton's reach (spin softening outweighs the unstressed stiffness)."""
+ITERATIONS = 40
+"""Newton steps at most."""
 
-Line = Float[Array, "coef node tether"]
-"""Distance from the root along the tether's line [m] and stretch [-] of every node."""
-
-
-def unstretched_line(tethers: Tethers) -> Line:
-    """Distance and slope of the undeformed tether."""
-    steps = jnp.arange(tethers.elements + 1.0)[:, None] * tethers.element_length
-    return jnp.stack([steps, jnp.ones_like(steps)][: tethers.coefs])
-
-
-def along(line: Line, direction: Float[Array, "3 tether"]) -> Nodal:
-    """Nodal vectors relative to the root of a straight tether."""
-    return line[:, None] * direction[None, :, None]
+SETTLED = 1e-9
+"""Newton step, relative to the largest coordinate, that ends the iteration: one more follows it, and
+Newton's convergence is quadratic."""
 
 
-def steady_line(
-    tethers: Tethers,
-    energies: tuple[Energy, ...],
-    radius: Scalar,
-    spin: Scalar,
-    coning: Scalar,
-) -> tuple[Line, PerTether]:
-    """Distances and stretches at which elastic forces balance omega^2 (R + s cos Lambda) cos Lambda
-    per unit mass, and the largest unbalanced force [N] left, per tether.
+TURN = 0.3
+"""Largest change of r_x anywhere in one Newton step: longer steps leave the range in which a cable's
+tangent says where its equilibrium is."""
 
-    radius R [m]: distance of the roots from the axis; spin [rad/s]; coning Lambda [rad].
-    Differentiable: the last Newton step carries the derivative of the equilibrium (implicit
-    function theorem), the steps before it none.
+
+class Equilibrium(NamedTuple):
+    """q, lam at rest in `frame`; unbalanced: largest force [N] left; step: last Newton step [m]."""
+
+    q: Coordinates
+    lam: Multipliers
+    frame: MovingFrame
+    unbalanced: Scalar
+    step: Scalar
+
+
+def equilibrium(system: System, start: Coordinates, spin: Vector) -> Equilibrium:
+    """The relative equilibrium that Newton's method finds from `start`.
+
+    spin: Omega [rad/s] of the frame through the origin, inertial components (zero: statics, without a
+    hub only). Differentiable in the numbers of the system (implicit
+    function theorem). Nothing raises here: look at `unbalanced` and `step`.
     """
-    straight = [term for term in energies if term.depends_on == ("r_x",)]
-    p = tethers.element_length.shape[0]
-    x_axis = jnp.tile(jnp.array([[1.0], [0.0], [0.0]]), (1, p))
-    cosine = jnp.cos(coning)
+    first, unravel = ravel_pytree(system.no_multipliers())
+    zero = independent(system, start) * 0.0
 
-    def stress(fields: PointFields) -> PointFields:
-        at_rest = jax.tree.map(jnp.zeros_like, fields)
-        return add_fields([term.point_forces(jnp.zeros(()), fields, at_rest) for term in straight])
+    def at_rest(y, lam):
+        """Forces and constraints, and the acceleration along the axis."""
+        frame, acceleration = MovingFrame(spin, jnp.zeros(3)), jnp.zeros(3)
+        balance, constraints = forces(system, frame, y, zero, zero, unravel(lam))
+        if system.hub is not None:
+            axis = spin / jnp.linalg.norm(spin)
+            along = translation(system, axis)
+            mass = along @ uniform_inertia(system, axis)
+            acceleration = -axis * (balance @ along) / mass
+            balance = balance + uniform_inertia(system, acceleration)
+        return jnp.concatenate([balance, ravel_pytree(constraints)[0]]), acceleration
 
-    def unbalanced(line: Line, spin_squared: Scalar) -> Line:
-        fields = tethers.interpolate(along(line, x_axis))
-        lever = along(line * cosine, x_axis) + radius * tethers.uniform(jnp.array([1.0, 0.0, 0.0]))
-        forces = tethers.nodal_forces(stress(fields), -spin_squared * cosine * lever)
-        return forces[:, 0]
+    n = zero.size
 
-    def matrix(line: Line, spin_squared: Scalar) -> tuple[Array, Array, Array]:
-        fields = tethers.interpolate(along(line, x_axis))
-        unit = jnp.broadcast_to(x_axis[:, None, None], fields.r_x.shape)
-        moved = jax.jvp(lambda r_x: stress(fields._replace(r_x=r_x)).r_x, (fields.r_x,), (unit,))[1]
-        jacobian = {("r_x", "r_x"): moved[None, :1]}
-        stiffness = tethers.tangent_elements(jacobian)
-        mass = tethers.mass_elements()[::3, ::3, None]
-        elements = stiffness - spin_squared * cosine**2 * mass
-        diag, upper, lower = tethers.blocks(elements)
-        tip = jnp.zeros_like(diag[-1]).at[0, 0].set(spin_squared * cosine**2 * tethers.tip_mass)
-        return diag.at[-1].add(-tip), upper, lower
+    def newton(z):
+        """The step from z = (y, lam), and what is left before it."""
 
-    def newton(line: Line, frozen: Line, spin_squared: Scalar) -> Line:
-        fixed = lax.stop_gradient(spin_squared)
-        factors, root = chains.factor(*matrix(frozen, fixed))
-        blocks = jnp.moveaxis(to_metres(tethers, -unbalanced(line, spin_squared), -1), 1, 0)
-        reduced, port = chains.reduce_to_port(factors, blocks)
-        # The root does not move; its slope, if it has one, is free.
-        port = jnp.stack([jnp.zeros_like(port[0]), port[-1] / root[-1, -1]])[: tethers.coefs]
-        change = jnp.moveaxis(chains.substitute_from_port(factors, reduced, port), 0, 1)
-        return line + to_metres(tethers, change, -1)
+        def left(z):
+            return at_rest(z[:n], z[n:])[0]
 
-    def ramped(i: Int[Array, ""], line: Line) -> Line:
-        part = jnp.minimum(1.0, (i + 1.0) / RAMP)
-        return newton(line, line, part * spin**2)
+        fixed = lax.stop_gradient(z)
+        matrix = lax.stop_gradient(jax.jacfwd(left)(fixed))
+        if system.hub is not None:
+            matrix = matrix + gauge(system, lax.stop_gradient(spin), fixed[:n], matrix)
+        residual = left(z)
+        return -equilibrated_solve(matrix, residual), jnp.abs(residual).max()
 
-    start = lax.stop_gradient(unstretched_line(tethers))
-    found = lax.stop_gradient(lax.fori_loop(0, ITERATIONS, ramped, start))
-    found = newton(found, found, spin**2)
-    settled = lax.stop_gradient(found)
-    left = jnp.abs(unbalanced(settled, spin**2).at[0, 0].set(0.0)[0]).max(0)
-    # Beyond the spin a tether can hold, elements folded back on themselves balance too.
-    folded = (jnp.diff(settled[0], axis=0) <= 0.0).any(0) | (settled[1:] <= 0.0).any((0, 1))
-    return found, jnp.where(folded, jnp.inf, left)
+    def unfinished(carry):
+        z, step, _, count = carry
+        moving = ~(step <= SETTLED * jnp.abs(z[:n]).max())
+        return moving & (count < ITERATIONS)
+
+    def iterate(carry):
+        z, _, _, count = carry
+        step, left = newton(z)
+        turn = jnp.abs(system.tethers.interpolate(expanded(system, step[:n], derivative=1).tether).r_x)
+        short = step * jnp.minimum(1.0, TURN / turn.max())
+        return z + short, jnp.abs(step[:n]).max(), left, count + 1
+
+    z = jnp.concatenate([independent(system, start), first])
+    begin = (lax.stop_gradient(z), jnp.asarray(jnp.inf), jnp.asarray(jnp.inf), 0)
+    found, step, _, _ = lax.stop_gradient(lax.while_loop(unfinished, iterate, begin))
+    last, left = newton(found)
+    settled = found + last
+    acceleration = at_rest(settled[:n], settled[n:])[1]
+    frame = MovingFrame(spin, acceleration)
+    return Equilibrium(expanded(system, settled[:n]), unravel(settled[n:]), frame, left, step)
 
 
-def to_metres(tethers: Tethers, line: Line, power: int) -> Line:
-    """Slopes times l^power: solver unknowns and rows are in metres and newtons."""
-    if tethers.coefs == 1:
-        return line
-    return line.at[1].multiply(tethers.element_length**power)
+def gauge(
+    system: System, spin: Vector, y: Float[Array, " n"], matrix: Float[Array, "m m"]
+) -> Float[Array, "m m"]:
+    """What keeps a free system's place along and angle about the spin axis: without it the matrix is
+    singular there. It changes nothing else, for these two directions have no force."""
+    scale = jnp.abs(jnp.diag(matrix)).max()
+    total = jnp.zeros_like(matrix)
+    for motion in (translation(system, spin), rotation_about(system, spin, y)):
+        unit = jnp.zeros(len(matrix)).at[: len(motion)].set(motion / jnp.linalg.norm(motion))
+        total = total + scale * jnp.outer(unit, unit)
+    return total
+
+
+def equilibrated_solve(a: Float[Array, "n n"], b: Float[Array, " n"]) -> Float[Array, " n"]:
+    """a^{-1} b after scaling rows and columns: axial, bending and hub rows differ by many orders."""
+    scale = 1.0 / jnp.sqrt(jnp.abs(a).max(1))
+    return scale * jnp.linalg.solve(scale[:, None] * a * scale, scale * b)

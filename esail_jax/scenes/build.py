@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from esail_jax.array_types import Array, Float, PerTether, Rotation
 from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.coordinates import Coordinates
-from esail_jax.dynamics.equilibrium import Line, along, steady_line, unstretched_line
+from esail_jax.dynamics.steady_stretch import Line, along, steady_line, unstretched_line
 from esail_jax.elements.axial import AxialDissipation, AxialEnergy
 from esail_jax.elements.bending import STRAIGHT_TURN, BendingDissipation, BendingEnergy
 from esail_jax.elements.rigid_body import RigidBody

@@ -1,0 +1,107 @@
+"""The equations of motion as seen from a frame that turns steadily and is uniformly accelerated.
+
+With x the coordinates in that frame, which at time 0 is parallel to the inertial one,
+
+    v = x' + Omega x x,      vdot = x'' + 2 Omega x x' + Omega x (Omega x x) + a,
+
+so that centrifugal, gyroscopic and damping terms all follow from the one residual of the system. A
+motion at rest in the frame is a relative equilibrium (`equilibrium.py`), small motions about it are
+modes (`modes.py`). Unknowns are the independent coordinates y in metres: all nodal vectors but the
+root positions, slopes times l, and the hub's base points.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from esail_jax.array_types import Array, Float, Vector
+from esail_jax.coordinates import Coordinates, Multipliers
+from esail_jax.system import System
+
+
+class MovingFrame(eqx.Module):
+    """Omega [rad/s] and a [m/s^2], inertial components at time 0."""
+
+    spin: Vector
+    acceleration: Vector
+
+    def turned(self, q: Coordinates) -> Coordinates:
+        """Omega x every vector."""
+        tether = jnp.cross(self.spin, q.tether, axisb=1, axisc=1)
+        return Coordinates(tether, None if q.hub is None else jnp.cross(self.spin, q.hub))
+
+    def velocity(self, q: Coordinates, rate: Coordinates) -> Coordinates:
+        """v of a motion x, x' in the frame."""
+        return rate.axpy(1.0, self.turned(q))
+
+    def vdot(self, q: Coordinates, rate: Coordinates, second: Coordinates) -> Coordinates:
+        """vdot of a motion x, x', x'' in the frame. Uniform acceleration moves points, not slopes."""
+        coriolis = second.axpy(2.0, self.turned(rate)).axpy(1.0, self.turned(self.turned(q)))
+        tether = coriolis.tether.at[0].add(self.acceleration[:, None, None])
+        hub = None if coriolis.hub is None else coriolis.hub + self.acceleration
+        return Coordinates(tether, hub)
+
+
+def independent(system: System, q: Coordinates) -> Float[Array, " n"]:
+    """y of given coordinates [m]."""
+    tether = system.tethers.scale_slopes(q.tether)
+    parts = [tether[:, :, 1:], tether[1:, :, 0]] + ([] if q.hub is None else [q.hub])
+    return jnp.concatenate([part.reshape(-1) for part in parts])
+
+
+def expanded(system: System, y: Float[Array, " n"], derivative: int = 0) -> Coordinates:
+    """Coordinates of y (derivative = 0) or of a displacement (1), linear in it: roots follow the
+    hub, or rest in the turning frame."""
+    tethers = system.tethers
+    k, n, p = tethers.coefs, tethers.elements, tethers.element_length.shape[0]
+    cuts = (3 * k * n * p, 3 * (k * n + k - 1) * p)
+    nodes = y[: cuts[0]].reshape(k, 3, n, p)
+    root = jnp.concatenate([jnp.zeros((1, 3, p)), y[cuts[0] : cuts[1]].reshape(k - 1, 3, p)])
+    tether = jnp.concatenate([root[:, :, None], nodes], axis=2)
+    if k == 2:
+        tether = jnp.stack([tether[0], tether[1] / tethers.element_length])
+    hub = y[cuts[1] :].reshape(4, 3) if system.hub is not None else None
+    q = Coordinates(tether, hub)
+    if derivative and system.hub is None:
+        return q
+    return system.place_roots(jnp.zeros(()), q)
+
+
+def forces(
+    system: System,
+    frame: MovingFrame,
+    y: Float[Array, " n"],
+    rate: Float[Array, " n"],
+    second: Float[Array, " n"],
+    lam: Multipliers,
+) -> tuple[Float[Array, " n"], Multipliers]:
+    """Equations of motion conjugate to y [N] and constraints [m], for y, y', y'' in the frame."""
+    time = jnp.zeros(())
+    q = expanded(system, y)
+    x1, x2 = (expanded(system, d, derivative=1) for d in (rate, second))
+    residual, _ = system.residual(time, q, frame.velocity(q, x1), frame.vdot(q, x1, x2), lam)
+    return conjugate(system, residual.forces), residual.constraints
+
+
+def conjugate(system: System, forces: Coordinates) -> Float[Array, " n"]:
+    """Generalized forces on y of nodal forces: the transpose of `expanded`."""
+    zero = jnp.zeros(independent(system, forces).shape)
+    return jax.vjp(lambda d: expanded(system, d, derivative=1), zero)[1](forces)[0]
+
+
+def uniform_inertia(system: System, acceleration: Vector) -> Float[Array, " n"]:
+    """M times a uniform acceleration of a system with a hub, conjugate to y [N]."""
+    hub = system.hub.mass_matrix @ jnp.broadcast_to(acceleration, (4, 3))
+    tether = system.tethers.inertia(system.tethers.uniform(acceleration))
+    return conjugate(system, Coordinates(tether, hub))
+
+
+def translation(system: System, direction: Vector) -> Float[Array, " n"]:
+    """Displacement of y in a uniform translation of a system with a hub."""
+    hub = jnp.broadcast_to(direction, (4, 3))
+    return independent(system, Coordinates(system.tethers.uniform(direction), hub))
+
+
+def rotation_about(system: System, spin: Vector, y: Float[Array, " n"]) -> Float[Array, " n"]:
+    """Displacement of y in a rotation about the axis of `spin` through the origin."""
+    return independent(system, MovingFrame(spin, jnp.zeros(3)).turned(expanded(system, y)))

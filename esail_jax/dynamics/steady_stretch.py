@@ -1,0 +1,106 @@
+"""Steady stretch of spinning tethers: the start of a run.
+
+Each tether is straight, at a coning angle, and turns rigidly about X_B through the hub centre; its
+elements carry the centrifugal force of everything further out. This is the discrete equilibrium, so
+that a run without wind starts without axial ringing; [PGV] Eq. 79-80 as printed is the alternative.
+"""
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+from esail_jax.array_types import Array, Float, Int, Nodal, PerTether, Scalar
+from esail_jax.elements.tether import Tethers
+from esail_jax.numerics import block_tridiagonal as chains
+from esail_jax.system import add_fields
+from esail_jax.terms import Energy, PointFields
+
+RAMP, ITERATIONS = 12, 20
+"""Newton steps, the first of them while the centrifugal force grows to its value: from rest, strains
+of order one are out of Newton's reach (spin softening outweighs the unstressed stiffness)."""
+
+Line = Float[Array, "coef node tether"]
+"""Distance from the root along the tether's line [m] and stretch [-] of every node."""
+
+
+def unstretched_line(tethers: Tethers) -> Line:
+    """Distance and slope of the undeformed tether."""
+    steps = jnp.arange(tethers.elements + 1.0)[:, None] * tethers.element_length
+    return jnp.stack([steps, jnp.ones_like(steps)][: tethers.coefs])
+
+
+def along(line: Line, direction: Float[Array, "3 tether"]) -> Nodal:
+    """Nodal vectors relative to the root of a straight tether."""
+    return line[:, None] * direction[None, :, None]
+
+
+def steady_line(
+    tethers: Tethers,
+    energies: tuple[Energy, ...],
+    radius: Scalar,
+    spin: Scalar,
+    coning: Scalar,
+) -> tuple[Line, PerTether]:
+    """Distances and stretches at which elastic forces balance omega^2 (R + s cos Lambda) cos Lambda
+    per unit mass, and the largest unbalanced force [N] left, per tether.
+
+    radius R [m]: distance of the roots from the axis; spin [rad/s]; coning Lambda [rad].
+    Differentiable: the last Newton step carries the derivative of the equilibrium (implicit
+    function theorem), the steps before it none.
+    """
+    straight = [term for term in energies if term.depends_on == ("r_x",)]
+    p = tethers.element_length.shape[0]
+    x_axis = jnp.tile(jnp.array([[1.0], [0.0], [0.0]]), (1, p))
+    cosine = jnp.cos(coning)
+
+    def stress(fields: PointFields) -> PointFields:
+        at_rest = jax.tree.map(jnp.zeros_like, fields)
+        return add_fields([term.point_forces(jnp.zeros(()), fields, at_rest) for term in straight])
+
+    def unbalanced(line: Line, spin_squared: Scalar) -> Line:
+        fields = tethers.interpolate(along(line, x_axis))
+        lever = along(line * cosine, x_axis) + radius * tethers.uniform(jnp.array([1.0, 0.0, 0.0]))
+        forces = tethers.nodal_forces(stress(fields), -spin_squared * cosine * lever)
+        return forces[:, 0]
+
+    def matrix(line: Line, spin_squared: Scalar) -> tuple[Array, Array, Array]:
+        fields = tethers.interpolate(along(line, x_axis))
+        unit = jnp.broadcast_to(x_axis[:, None, None], fields.r_x.shape)
+        moved = jax.jvp(lambda r_x: stress(fields._replace(r_x=r_x)).r_x, (fields.r_x,), (unit,))[1]
+        jacobian = {("r_x", "r_x"): moved[None, :1]}
+        stiffness = tethers.tangent_elements(jacobian)
+        mass = tethers.mass_elements()[::3, ::3, None]
+        elements = stiffness - spin_squared * cosine**2 * mass
+        diag, upper, lower = tethers.blocks(elements)
+        tip = jnp.zeros_like(diag[-1]).at[0, 0].set(spin_squared * cosine**2 * tethers.tip_mass)
+        return diag.at[-1].add(-tip), upper, lower
+
+    def newton(line: Line, frozen: Line, spin_squared: Scalar) -> Line:
+        fixed = lax.stop_gradient(spin_squared)
+        factors, root = chains.factor(*matrix(frozen, fixed))
+        blocks = jnp.moveaxis(to_metres(tethers, -unbalanced(line, spin_squared), -1), 1, 0)
+        reduced, port = chains.reduce_to_port(factors, blocks)
+        # The root does not move; its slope, if it has one, is free.
+        port = jnp.stack([jnp.zeros_like(port[0]), port[-1] / root[-1, -1]])[: tethers.coefs]
+        change = jnp.moveaxis(chains.substitute_from_port(factors, reduced, port), 0, 1)
+        return line + to_metres(tethers, change, -1)
+
+    def ramped(i: Int[Array, ""], line: Line) -> Line:
+        part = jnp.minimum(1.0, (i + 1.0) / RAMP)
+        return newton(line, line, part * spin**2)
+
+    start = lax.stop_gradient(unstretched_line(tethers))
+    found = lax.stop_gradient(lax.fori_loop(0, ITERATIONS, ramped, start))
+    found = newton(found, found, spin**2)
+    settled = lax.stop_gradient(found)
+    left = jnp.abs(unbalanced(settled, spin**2).at[0, 0].set(0.0)[0]).max(0)
+    # Beyond the spin a tether can hold, elements folded back on themselves balance too.
+    folded = (jnp.diff(settled[0], axis=0) <= 0.0).any(0) | (settled[1:] <= 0.0).any((0, 1))
+    return found, jnp.where(folded, jnp.inf, left)
+
+
+def to_metres(tethers: Tethers, line: Line, power: int) -> Line:
+    """Slopes times l^power: solver unknowns and rows are in metres and newtons."""
+    if tethers.coefs == 1:
+        return line
+    return line.at[1].multiply(tethers.element_length**power)

@@ -1,0 +1,123 @@
+"""Systems of one tether made by hand, and all steppers behind one call.
+
+An exact case builds its system with `one_tether`, its start, and calls `march` with each of STEPPERS:
+a new stepper joins every case by a line here.
+"""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from esail_jax.coordinates import Coordinates
+from esail_jax.dynamics.consistent import consistent_acceleration
+from esail_jax.dynamics.generalized_alpha import KEEP, GeneralizedAlpha, StepInfo
+from esail_jax.dynamics.steady_stretch import along, unstretched_line
+from esail_jax.elements.axial import AxialDissipation, AxialEnergy
+from esail_jax.elements.bending import BendingEnergy
+from esail_jax.elements.tether import Tethers
+from esail_jax.entry import fresh_state, with_jerk
+from esail_jax.joints.roots import FrameRoots, HubRoots, clamp_normals
+from esail_jax.system import Power, System
+
+QUICKLY = {"xla_backend_optimization_level": 0, "xla_llvm_disable_expensive_passes": True}
+"""Every case is a program of its own, run once: compiled quickly, not well."""
+
+AZIMUTH = jnp.zeros(1)
+"""The one tether points along Y_B; the spin axis is X_B."""
+
+
+def one_tether(
+    *,
+    kind="cable",
+    elements=4,
+    length=1.0,
+    axial=1.0,
+    bending=None,
+    line_density=0.0,
+    tip_mass=0.0,
+    strain="green-lagrange",
+    damping_time=None,
+    radius=0.0,
+    spin=0.0,
+    clamped=False,
+    gravity=None,
+    loads=(),
+    hub=None,
+):
+    """A tether held at `radius` from the axis of a frame that turns at `spin`, or by a hub."""
+    one = lambda x: jnp.full(1, float(x))  # noqa: E731
+    energies = [AxialEnergy(one(axial), strain)]
+    if bending is not None:
+        energies.append(BendingEnergy(one(bending)))
+    damping = [] if damping_time is None else [AxialDissipation(one(axial), one(damping_time), strain)]
+    fields = ("r",) * bool(loads) + ("r_x",) + ("r_xx",) * (bending is not None)
+    tethers = Tethers(one(length / elements), one(line_density), one(tip_mass), elements, kind, fields)
+    anchor = jnp.array([[0.0], [radius], [0.0]])
+    normals = clamp_normals(AZIMUTH) if clamped else None
+    if hub is None:
+        roots = FrameRoots(jnp.eye(3), jnp.asarray(float(spin)), anchor, normals)
+    else:
+        roots = HubRoots(hub.weights(anchor), None)
+    gravity = None if gravity is None else jnp.asarray(gravity, float)
+    return System(tethers, roots, hub, tuple(energies), tuple(damping), tuple(loads), gravity)
+
+
+def straight(system, direction=(0.0, 1.0, 0.0), line=None):
+    """Undeformed straight tether, or one with given distances and slopes, from its root; the hub as it
+    is at rest."""
+    line = unstretched_line(system.tethers) if line is None else line
+    tether = along(jnp.asarray(line), jnp.asarray(direction)[:, None])
+    hub = None if system.hub is None else system.hub.base_points
+    root = system.roots.positions(hub) if hub is not None else system.roots.anchors
+    return Coordinates(tether.at[0].add(root[:, None]), hub)
+
+
+def turning(q, omega):
+    """omega x q: velocities of a rigid rotation about an axis through the origin."""
+    omega = jnp.asarray(omega, float)
+    hub = None if q.hub is None else jnp.cross(omega, q.hub)
+    return Coordinates(jnp.cross(omega, q.tether, axisb=1, axisc=1), hub)
+
+
+def generalized_alpha(system, q, v, step, steps, spectral_radius):
+    """All (q, v, lam) from the start on; steps must be a multiple of the block length."""
+    stepper = GeneralizedAlpha(step, spectral_radius)
+    zero = jnp.zeros(())
+    nothing = Power(zero, zero)
+    vdot, lam = consistent_acceleration(system, zero, q, v)
+    begin = fresh_state(q, v, vdot, lam, nothing, nothing)
+    kept = stepper.factor(system, zero, q, v, lam)
+    trial, _ = stepper.step(system, zero, begin, kept)
+    state = with_jerk(stepper, begin, trial.v)
+
+    def block(state, index):
+        state, (states, info) = stepper.block(system, index * KEEP * step, state, KEEP)
+        return state, ((states.q, states.v, states.lam), jax.vmap(StepInfo.converged)(info).all())
+
+    _, (trajectory, good) = lax.scan(block, state, jnp.arange(steps // KEEP))
+    flat = jax.tree.map(lambda x: x.reshape(steps, *x.shape[2:]), trajectory)
+    return jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), (q, v, lam), flat), good.all()
+
+
+STEPPERS = {"generalized-alpha": generalized_alpha}
+"""By name: (system, q, v, step, steps, spectral_radius) -> ((q, v, lam) at all steps, converged)."""
+
+
+@functools.partial(jax.jit, static_argnums=(0, 5), compiler_options=QUICKLY)
+def _march(name, system, q, v, step, steps, spectral_radius):
+    return STEPPERS[name](system, q, v, step, steps, spectral_radius)
+
+
+def march(name, system, q, v, step, steps, spectral_radius=0.9):
+    """(time, q, v, lam) at every step, of a run in which every step converged. With constraints a
+    spectral radius of 1 is not for use: multipliers alternate from step to step, and momentum drifts a
+    hundred times more than at 0.9."""
+    assert steps % KEEP == 0
+    (q, v, lam), good = _march(
+        name, system, q, v, jnp.asarray(float(step)), steps, jnp.asarray(float(spectral_radius))
+    )
+    assert good
+    return step * np.arange(steps + 1), q, v, lam

@@ -1,0 +1,166 @@
+"""Natural frequencies of one tether, `dynamics/modes.py`, against beam, string and chain theory."""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from numpy.polynomial import chebyshev
+from scipy.optimize import brentq
+from scipy.special import jn_zeros
+from systems.drive import QUICKLY, one_tether, straight
+
+from esail_jax.dynamics.equilibrium import equilibrium
+from esail_jax.dynamics.modes import modes
+
+quick = functools.partial(jax.jit, compiler_options=QUICKLY)
+quick_equilibrium = quick(equilibrium)
+
+
+def angular_frequencies(made, spin=0.0, direction=(0.0, 1.0, 0.0)):
+    """Of all modes [rad/s], sorted."""
+    found = quick_equilibrium(made, straight(made, direction), jnp.array([spin, 0.0, 0.0]))
+    assert found.unbalanced < 1e-7
+    return 2.0 * np.pi * modes(made, found).frequency
+
+
+def worst(measured, exact, each=1):
+    """Largest relative error of the lowest modes, every frequency occurring `each` times."""
+    exact = np.repeat(exact, each)
+    return np.abs(measured[: len(exact)] / exact - 1.0).max()
+
+
+def roots(function, guesses):
+    """Zeros between neighbouring guesses."""
+    return [brentq(function, a, b) for a, b in zip(guesses[:-1], guesses[1:], strict=True)]
+
+
+@pytest.mark.parametrize("root", ["clamped", "pinned"])
+def test_beam_without_tension(root, validate):
+    """Euler-Bernoulli, omega = (beta L)^2 sqrt(EI / (rho A L^4)): clamped-free cos cosh = -1,
+    pinned-free tan = tanh (and a rigid swing). EA = 1e6 keeps stretching modes out of the way; in the
+    third frequency n elements leave (beta l)^4 / 1440, 2e-5 for twenty."""
+    made = one_tether(elements=20, axial=1e6, bending=1.0, line_density=1.0, clamped=root == "clamped")
+    found = quick_equilibrium(made, straight(made), jnp.zeros(3))
+    measured = 2.0 * np.pi * modes(made, found).frequency
+    if root == "clamped":
+        beta = np.array(roots(lambda b: np.cos(b) * np.cosh(b) + 1.0, [1.0, 3.0, 6.0, 9.0]))
+    else:
+        beta = np.array(
+            roots(lambda b: np.sin(b) * np.cosh(b) - np.cos(b) * np.sinh(b), [3.5, 4.5, 8.0, 10.5])
+        )
+        assert (measured[:2] == 0.0).all()
+        measured = measured[2:]
+    number = 1 if root == "clamped" else 2
+    validate(
+        f"FRE-{number}", f"{root}-free beam", "Euler-Bernoulli", "three lowest frequencies",
+        worst(measured, beta**2, each=2), 1e-4,
+    )  # fmt: skip
+
+
+def test_taut_string(validate):
+    """Between its root and a tip mass that is too heavy to move, under the weight of that mass:
+    omega_n = n pi sqrt(T / rho A) / (L sqrt(lambda)), lambda the stretch (T = 100 N, EA = 1e4 N)."""
+    tension, axial, mass = 100.0, 1e4, 1e12
+    made = one_tether(
+        elements=10, axial=axial, line_density=2.0, tip_mass=mass, strain="engineering",
+        gravity=[0.0, tension / mass, 0.0],
+    )  # fmt: skip
+    measured = angular_frequencies(made)
+    # The heavy mass itself swings and bounces far below the string.
+    measured = measured[measured > 1.0]
+    stretch = 1.0 + tension / axial
+    exact = np.pi * np.arange(1, 4) * np.sqrt(tension / 2.0 / stretch)
+    validate(
+        "FRE-3", "taut string", "n pi sqrt(T / rho A) / L", "three lowest frequencies",
+        worst(measured, exact, each=2), 1e-4,
+    )  # fmt: skip
+
+
+def test_hanging_chain(validate):
+    """omega_n = j_{0,n} sqrt(g / L) / 2 (Bernoulli), j the zeros of Bessel's J_0; EA = 1e7 rho A g L."""
+    made = one_tether(elements=12, axial=1e7, line_density=1.0, gravity=[0.0, 1.0, 0.0])
+    validate(
+        "FRE-4", "hanging chain", "zeros of Bessel J0", "three lowest frequencies",
+        worst(angular_frequencies(made), 0.5 * jn_zeros(0, 3), each=2), 1e-4,
+    )  # fmt: skip
+
+
+def test_rotating_string_without_tip_mass(validate):
+    """Legendre polynomials: (omega / Omega)^2 = k (k + 1) / 2 out of plane and one less in plane,
+    k = 1, 3, 5; the first in plane is the rotation itself."""
+    made = one_tether(elements=12, axial=1e7, line_density=1.0, spin=1.0)
+    measured = angular_frequencies(made, spin=1.0)
+    k = np.array([1.0, 3.0, 5.0])
+    out, within = np.sqrt(k * (k + 1.0) / 2.0), np.sqrt(k[1:] * (k[1:] + 1.0) / 2.0 - 1.0)
+    exact = np.sort(np.concatenate([out, within]))
+    case, reference = "rotating string", "Legendre polynomials"
+    validate("FRE-5", case, reference, "in and out of plane", worst(measured[1:], exact), 1e-4)
+
+
+def rotating_string(spin, radius, length, axial, density, tip, points=32):
+    """Frequencies of a stretched rotating string with a tip mass, in the turning frame: Chebyshev
+    collocation in the material coordinate.
+
+    Steady: (n(lambda))' = -Omega^2 rho A r, n = EA (lambda^2 - 1) lambda / 2, by Picard iteration. With u
+    along, w across in plane and z out of plane, k = dn / dlambda and t = n / lambda,
+
+        rho A (u'' - 2 Omega w' - Omega^2 u) = (k u_x)_x,    rho A (w'' + 2 Omega u' - Omega^2 w) = (t w_x)_x,
+        rho A z'' = (t z_x)_x,
+
+    zero at the root, and at the tip the same with m in place of rho A and minus the forces k u_x, t w_x.
+    """
+    nodes = np.cos(np.pi * np.arange(points + 1) / points)[::-1]
+    basis = np.eye(points + 1)
+    slopes = np.stack([chebyshev.chebval(nodes, chebyshev.chebder(c)) for c in basis], axis=1)
+    derivative = slopes @ np.linalg.inv(chebyshev.chebvander(nodes, points)) * 2.0 / length
+    integral = np.linalg.inv(np.vstack([derivative[1:], basis[:1]]))
+
+    def from_root(values):
+        return integral @ np.concatenate([values[1:], [0.0]])
+
+    r = radius + 0.5 * (nodes + 1.0) * length
+    stretch = np.ones_like(r)
+    for _ in range(60):
+        inner = from_root(r)
+        pull = spin**2 * (density * (inner[-1] - inner) + tip * r[-1])
+        left = 0.5 * axial * (stretch**2 - 1.0) * stretch - pull
+        stretch = stretch - left / (0.5 * axial * (3.0 * stretch**2 - 1.0))
+        r = radius + from_root(stretch)
+
+    def stiffness(modulus):
+        """Minus (modulus y_x)_x inside, modulus y_x at the tip; root row and column dropped."""
+        rows = -derivative @ np.diag(modulus) @ derivative
+        rows[-1] = modulus[-1] * derivative[-1]
+        return rows[1:, 1:]
+
+    mass = density * np.eye(points)
+    mass[-1, -1] = tip
+    along = stiffness(0.5 * axial * (3.0 * stretch**2 - 1.0))
+    across = stiffness(0.5 * axial * (stretch**2 - 1.0))
+    none = np.zeros_like(mass)
+    static = np.block([[along - spin**2 * mass, none], [none, across - spin**2 * mass]])
+    coriolis = 2.0 * spin * np.block([[none, -mass], [mass, none]])
+    inertia = np.block([[mass, none], [none, mass]])
+    state = np.block(
+        [
+            [np.zeros_like(inertia), np.eye(2 * points)],
+            [-np.linalg.solve(inertia, static), -np.linalg.solve(inertia, coriolis)],
+        ]
+    )
+    within = np.linalg.eigvals(state).imag
+    outside = np.sqrt(np.linalg.eigvals(np.linalg.solve(mass, across)).real)
+    return np.sort(np.concatenate([within[within > 0.0], outside]))
+
+
+def test_tether_of_the_baseline(validate):
+    """The baseline's tether hinged on the hub's rim, without wind or damping: the ten lowest modes as
+    seen in the turning frame, the first stretching mode among them."""
+    data = {"length": 1e4, "axial": 70e9 * 4.28e-9, "line_density": 7653.0 * 4.28e-9}
+    made = one_tether(elements=12, tip_mass=1.5, radius=1.0, spin=4e-3, **data)
+    exact = rotating_string(4e-3, 1.0, data["length"], data["axial"], data["line_density"], 1.5)[:10]
+    validate(
+        "FRE-6", "baseline tether, spinning", "rotating string with tip mass, Chebyshev collocation",
+        "ten lowest frequencies", worst(angular_frequencies(made, spin=4e-3), exact), 1e-4,
+    )  # fmt: skip

@@ -1,0 +1,91 @@
+"""Equilibria and modes as motions: every stepper must leave an equilibrium where it is, and bring a
+mode back after its period."""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from systems.drive import QUICKLY, STEPPERS, march, one_tether, straight, turning
+from systems.test_catenary import Pulled
+from systems.test_elastica import TIP_ANGLE, elliptic
+
+from esail_jax.dynamics.equilibrium import equilibrium
+from esail_jax.dynamics.modes import modes
+from esail_jax.dynamics.moving_frame import expanded
+from esail_jax.dynamics.steady_stretch import steady_line, unstretched_line
+from esail_jax.environment.solar_wind import SolarWind
+from esail_jax.loads.coulomb import CoulombThrust
+from esail_jax.system import System
+
+quick_equilibrium = functools.partial(jax.jit, compiler_options=QUICKLY)(equilibrium)
+
+
+def elastica():
+    """The cantilever of `test_elastica.py` under its load."""
+    load = elliptic(TIP_ANGLE)[0]
+    made = one_tether(
+        elements=4, axial=1e3, bending=1.0, line_density=0.2, tip_mass=1.0, clamped=True,
+        gravity=[0.0, 0.0, -load],
+    )  # fmt: skip
+    return made, straight(made), 0.0, 0.02
+
+
+def catenary():
+    """A cable without bending that hangs under its weight and a pull at its end."""
+    made = one_tether(elements=4, length=10.0, axial=500.0, line_density=1.5, gravity=[0.0, 0.0, -9.81])
+    system = Pulled(
+        *(getattr(made, name) for name in System.__dataclass_fields__), jnp.array([0.0, 60.0, 0.0])
+    )
+    start = straight(made, direction=(0.0, 0.8, -0.6), line=1.1 * unstretched_line(made.tethers))
+    return system, start, 0.0, 0.02
+
+
+def coning():
+    """The baseline's tether at 20 kV in a wind along the axis of its frame."""
+    wind = SolarWind(*(jnp.asarray(x) for x in (4e5, 7.3e6, 1e3)), jnp.array([1.5e11, 0.0, 0.0]))
+    made = one_tether(
+        elements=4, length=1e4, axial=299.6, line_density=3.2755e-5, tip_mass=1.5, radius=1.0, spin=4e-3,
+        loads=(CoulombThrust(wind, jnp.array([20e3])),),
+    )  # fmt: skip
+    line, _ = steady_line(made.tethers, made.energies, jnp.ones(()), jnp.asarray(4e-3), jnp.zeros(()))
+    return made, straight(made, line=line), 4e-3, 1.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", [elastica, catenary, coning])
+@pytest.mark.parametrize("stepper", STEPPERS)
+def test_equilibrium_is_a_fixed_point(stepper, case, validate):
+    """40 steps from rest (in the turning frame). What stands still does so exactly up to the iteration
+    tolerance (1e-8 m); what turns, up to (Omega h)^2 of the height: 1.6e-5 in 0.16 rad."""
+    made, start, spin, step = case()
+    omega = jnp.array([spin, 0.0, 0.0])
+    found = quick_equilibrium(made, start, omega)
+    _, q, _, _ = march(stepper, made, found.q, turning(found.q, omega), step, 40, 0.25)
+    length = float(made.tethers.element_length[0]) * made.tethers.elements
+    height = q.tether[:, 0, 0] if spin else q.tether[:, 0]
+    error = np.abs(height - height[0]).max() / length
+    validate(
+        f"RES-{case.__name__} {stepper}", f"equilibrium, {case.__name__}", "equilibrium solver",
+        "motion of the nodes / L", error, 1e-7,
+    )  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stepper", STEPPERS)
+def test_first_bending_mode_comes_back(stepper, validate):
+    """A clamped beam let go in its first mode, 1e-3 of its length high: after one period of
+    `modes` it is where it was. Second order: (2 pi / 400)^2, and amplitude squared, 1e-6."""
+    made = one_tether(elements=6, axial=1e4, bending=1.0, line_density=1.0, clamped=True)
+    found = quick_equilibrium(made, straight(made), jnp.zeros(3))
+    first = modes(made, found)
+    shape = expanded(made, jnp.asarray(first.shape[:, 0].real), derivative=1)
+    q = found.q.axpy(1e-3 / jnp.abs(shape.tether[0]).max(), shape)
+    period = 1.0 / first.frequency[0]
+    _, q, _, _ = march(stepper, made, q, turning(q, np.zeros(3)), period / 400, 400, 0.9)
+    error = np.abs(q.tether[-1, 0] - q.tether[0, 0])[:, -1].max() / 1e-3
+    validate(
+        f"RES-mode {stepper}", "clamped beam in its first mode", "period from the modes",
+        "return after a period / amplitude", error, (2.0 * np.pi / 400) ** 2,
+    )  # fmt: skip

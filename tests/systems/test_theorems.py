@@ -1,0 +1,104 @@
+"""Theorems of momentum and energy, of a free sail and of a swinging cable."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from systems.drive import STEPPERS, march, one_tether, straight, turning
+
+from esail_jax.elements.rigid_body import RigidBody
+
+GRAVITY = np.array([0.3, -0.2, 0.5])
+
+
+def energy_of(made, q, v):
+    """Kinetic and elastic energy [J] of the tether, without its tip mass's height."""
+    kinetic = 0.5 * jnp.vdot(v.tether, made.tethers.inertia(v.tether))
+    fields = made.tethers.interpolate(q.tether)
+    return kinetic + made.integrate(sum(term.density(fields) for term in made.energies))
+
+
+@pytest.fixture(scope="module", params=STEPPERS)
+def falling(request):
+    """A hub with one cable, spinning off its axis, in uniform gravity: 2 s, 200 steps."""
+    hub = RigidBody(jnp.asarray(1.0), jnp.asarray(0.4), jnp.asarray(2.0))
+    made = one_tether(
+        elements=4, length=2.0, axial=300.0, bending=0.5, line_density=0.4, tip_mass=0.6, radius=0.4,
+        hub=hub, gravity=GRAVITY,
+    )  # fmt: skip
+    q = straight(made)
+    return request.param, made, *march(request.param, made, q, turning(q, [1.0, 0.2, 0.1]), 0.01, 200)
+
+
+def test_centre_of_mass_falls_on_a_parabola(falling, validate):
+    """P(t) = P(0) + M g t: constant accelerations are integrated without error, so only iteration
+    tolerances (1e-10 m on the hub) remain."""
+    stepper, made, time, q, v, _ = falling
+    momentum = jax.vmap(made.momentum)(v)
+    mass = made.momentum(jax.tree.map(lambda x: 0.0 * x[0], v)._replace(
+        tether=made.tethers.uniform(jnp.array([1.0, 0.0, 0.0])), hub=jnp.tile(jnp.array([[1.0, 0.0, 0.0]]), (4, 1))
+    ))[0]  # fmt: skip
+    exact = momentum[0] + mass * GRAVITY * time[:, None]
+    error = np.abs(momentum - exact).max() / np.abs(exact).max()
+    validate(
+        f"THE-1 {stepper}", "spinning hub and cable in gravity", "P(0) + M g t", "momentum", error, 1e-7
+    )
+
+
+def test_angular_momentum_about_the_centre(falling, validate):
+    """Uniform gravity has no moment about the centre of mass. Second order, (omega h)^2 = 1e-4 times
+    the bending and stretching that the cable goes through."""
+    stepper, made, _, q, v, _ = falling
+
+    def about_centre(q, v):
+        p_tether, p_hub = made.tethers.inertia(v.tether), made.hub.mass_matrix @ v.hub
+        m_tether = made.tethers.inertia(made.tethers.uniform(jnp.ones(3)))
+        m_hub = made.hub.mass_matrix @ jnp.ones(4)
+        mass = m_tether[0, 0].sum() + m_hub.sum()
+        centre = ((q.tether * m_tether[:, :1]).sum((0, 2, 3)) + m_hub @ q.hub) / mass
+        total = p_tether[0].sum((1, 2)) + p_hub.sum(0)
+        moment = jnp.cross(q.tether, p_tether, axis=1).sum((0, 2, 3)) + jnp.cross(q.hub, p_hub).sum(0)
+        return moment - jnp.cross(centre, total)
+
+    moment = jax.vmap(about_centre)(q, v)
+    error = np.abs(moment - moment[0]).max() / np.linalg.norm(moment[0])
+    validate(
+        f"THE-2 {stepper}",
+        "spinning hub and cable in gravity",
+        "conservation",
+        "angular momentum about the centre",
+        error,
+        1e-4,
+    )
+
+
+@pytest.mark.parametrize("stepper", STEPPERS)
+def test_energy_band_without_constraints(stepper, validate):
+    """A soft cable swinging from a fixed root at rho_inf = 1, 2000 steps: energy stays in a band of
+    second order, and between the first and the second half of the run its mean does not move."""
+    made = one_tether(
+        elements=3,
+        length=2.0,
+        axial=200.0,
+        bending=0.2,
+        line_density=0.4,
+        tip_mass=0.6,
+        gravity=[0.0, -9.81, 0.0],
+    )
+    q = straight(made, direction=(0.0, -np.cos(0.5), np.sin(0.5)))
+    _, q, v, _ = march(stepper, made, q, turning(q, np.zeros(3)), 0.005, 2000, 1.0)
+    weight = 9.81 * made.tethers.inertia(made.tethers.uniform(jnp.array([0.0, 1.0, 0.0])))
+    energy = jax.vmap(lambda q, v: energy_of(made, q, v) + jnp.vdot(weight, q.tether))(q, v)
+    kinetic = jax.vmap(lambda v: 0.5 * jnp.vdot(v.tether, made.tethers.inertia(v.tether)))(v).max()
+    change = np.asarray(energy - energy[0]) / kinetic
+    case, reference = "swinging cable, rho_inf = 1", "conservation"
+    validate(
+        f"THE-3 {stepper}",
+        case,
+        reference,
+        "band of the energy / largest kinetic energy",
+        np.abs(change).max(),
+        1e-3,
+    )
+    drift = abs(change[1000:].mean() - change[:1000].mean())
+    validate(f"THE-4 {stepper}", case, reference, "drift of its mean between halves", drift, 1e-5)
