@@ -34,6 +34,19 @@ def errors(solution, reference):
     return found
 
 
+REFERENCE = "independent code, quaternion hub, Runge-Kutta of order 8"
+
+
+def enter(validate, case, what, found, tolerance):
+    """Two rows of the validation record: the worst of the smooth signals and of the fast ones."""
+    fast = {name for name in found if name in FAST or name.startswith("reaction")}
+    for number, names, bound in ((1, found.keys() - fast, tolerance), (2, fast, 10.0 * tolerance)):
+        worst = max(found[name] for name in names)
+        kind = "smooth" if number == 1 else "fast"
+        quantity = f"worst of {len(names)} {kind} signals / range"
+        validate(f"GOL-{case}-{number}", what, REFERENCE, quantity, worst, bound)
+
+
 def assert_within(found, tolerance):
     """`tolerance`, ten times that for what carries the fast modes."""
     for name, error in found.items():
@@ -42,21 +55,22 @@ def assert_within(found, tolerance):
 
 
 @pytest.mark.parametrize("case", ["unequal", "stiff_clamped", "stiff_pinned"])
-def test_sail_follows_the_time_exact_solution(case):
+def test_sail_follows_the_time_exact_solution(case, validate):
     """h = 0.1 s, where the fastest transverse mode has omega h > 0.05: 5e-3 of range."""
     solution = esail.simulate(GOLDEN / f"{case}.toml")
     found = errors(solution, np.load(GOLDEN / f"{case}.npz"))
     if case != "unequal":
         found = {name: error for name, error in found.items() if name not in SUMS}
-    assert_within(found, 5e-3)
+    enter(validate, case, f"{case.replace('_', ', ')} sail, h = 0.1 s", found, 5e-3)
 
 
-def test_undamped_turning_frame_follows_the_time_exact_solution():
+def test_undamped_turning_frame_follows_the_time_exact_solution(validate):
     """Undamped axial ringing at 59 rad/s is resolved at h = 2 ms only; there even the elongation
     and the reactions agree to 1e-2 of range."""
     reference = np.load(GOLDEN / "turning_frame.npz")
     solution = esail.simulate(GOLDEN / "turning_frame.toml", {"integrator.step": 0.002})
-    assert_within(errors(solution, reference), 1e-3)
+    found = errors(solution, reference)
+    enter(validate, "turning_frame", "undamped tethers on a turning frame, h = 2 ms", found, 1e-3)
 
 
 def test_error_falls_with_the_square_of_the_step():
@@ -78,11 +92,11 @@ def test_instants_between_steps_are_as_good_as_those_on_them():
 
 
 @pytest.mark.slow
-def test_baseline_follows_the_time_exact_solution_over_three_periods():
+def test_baseline_follows_the_time_exact_solution_over_three_periods(validate):
     """h = 0.1 s, fastest transverse mode omega h = 0.03: 1e-3 of range."""
     solution = esail.simulate("baseline")
     found = errors(solution, np.load(GOLDEN / "baseline.npz"))
-    assert_within(found, 1e-3)
+    enter(validate, "baseline", "baseline sail, 3 spin periods, h = 0.1 s", found, 1e-3)
     # Bounds on what is much better than asked, a factor two above what was measured.
     assert found["tip_position_I"] < 6e-7
     assert found["coning_angle"] < 1e-4

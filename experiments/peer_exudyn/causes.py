@@ -1,0 +1,104 @@
+"""Where the differences come from: the baseline for 600 s, one thing changed at a time.
+
+    python experiments/peer_exudyn/causes.py
+"""
+
+import contextlib
+import dataclasses
+
+import jax
+import numpy as np
+import sail
+from run import INTERVAL, scene_of
+from signals import signals
+
+import esail_jax as esail
+from esail_jax import entry, programs
+
+T_END = 600.0
+LOOKED_AT = ("tip_position_I", "kinetic_energy", "root_coning_angle", "angular_velocity_B", "reaction_B")
+
+
+@contextlib.contextmanager
+def plain_start():
+    """esail_jax started as Exudyn starts, with a_0 = vdot_0: no jerk in the first a."""
+    usual = entry.with_jerk
+    entry.with_jerk = lambda stepper, state, v_next: state
+    forget_programs()
+    try:
+        yield
+    finally:
+        entry.with_jerk = usual
+        forget_programs()
+
+
+def forget_programs() -> None:
+    """Programs of the other start must not be used again."""
+    jax.clear_caches()
+    programs._compiled.cache_clear()
+
+
+def run_ours(scene: esail.Scene, plain: bool) -> dict[str, np.ndarray]:
+    """Signals of esail_jax with either start."""
+    with plain_start() if plain else contextlib.nullcontext():
+        ours = esail.simulate(scene)
+    return {name: np.asarray(ours[name]) for name in ours.observables}
+
+
+def run_theirs(scene: esail.Scene, step: float, **options) -> dict[str, np.ndarray]:
+    """Signals of Exudyn."""
+    given, every = sail.sail_of(scene), round(INTERVAL / step)
+    return signals(given, sail.simulate(given, step, round(T_END / step), every, **options))
+
+
+def line(label: str, ours: dict, theirs: dict) -> None:
+    """Largest differences, in the units of the signals."""
+    gaps = [abs(ours[name] - theirs[name]).max() for name in LOOKED_AT]
+    print(f"{label:58s}" + "".join(f"{gap:19.1e}" for gap in gaps), flush=True)
+
+
+def with_wind(step: float) -> None:
+    """Start, hub and tolerance changed one at a time."""
+    scene = scene_of(step, 5, T_END)
+    usual, theirs = run_ours(scene, plain=False), run_theirs(scene, step)
+    plain = run_ours(scene, plain=True)
+    line(f"{step} s, as compared", usual, theirs)
+    line(f"{step} s, esail_jax with a_0 = vdot_0", plain, theirs)
+    line(f"{step} s, esail_jax with either start", usual, plain)
+    turning = run_theirs(scene, step, lie_group=True)
+    line(f"{step} s, Exudyn's hub on the Lie group, same start", plain, turning)
+    line(f"{step} s, Exudyn's hub: Lie group or Euler parameters", turning, theirs)
+    for tolerance in (1e-8, 1e-10):
+        other = run_theirs(scene, step, tolerance=tolerance)
+        line(f"{step} s, Exudyn with tolerance {tolerance:g} instead of 1e-9", other, theirs)
+
+
+def without_wind(step: float) -> None:
+    """No wind: the exact motion is a rigid rotation of constant energy."""
+    scene = scene_of(step, 5, T_END)
+    scene = dataclasses.replace(scene, voltage=None, solar_wind=None)
+    time = np.arange(0.0, T_END + 1.0, INTERVAL)
+    codes = {
+        "esail_jax": run_ours(scene, plain=False),
+        "esail_jax with a_0 = vdot_0": run_ours(scene, plain=True),
+        "Exudyn": run_theirs(scene, step),
+    }
+    for name, run in codes.items():
+        tip, energy = run["tip_position_I"][:, 0], run["kinetic_energy"]
+        axes = tip[0], run["tip_position_I"][0, 3]  # tethers 1 and 4 are a quarter turn apart
+        turned = np.unwrap(np.arctan2(tip @ axes[1], tip @ axes[0]))
+        late = np.linalg.norm(tip[0]) * (turned - 4e-3 * time)
+        print(
+            f"{step} s, no wind, {name:28s} tip ahead of the exact motion by {late[-1]:9.2e} m after "
+            f"{T_END:g} s; energy off by {energy[1] - energy[0]:9.2e} J after 5 s, "
+            f"{energy[-1] - energy[0]:9.2e} J in the end",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    print(f"{'':58s}" + "".join(f"{name:>19s}" for name in LOOKED_AT))
+    for step in (0.1, 0.05, 0.025):
+        with_wind(step)
+    for step in (0.2, 0.1, 0.05, 0.025):
+        without_wind(step)

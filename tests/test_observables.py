@@ -1,0 +1,48 @@
+"""Observables that the papers do not define; the others stand in `oracles/pgv_g_angles.py` to
+`pgv_k_text.py`."""
+
+import numpy as np
+from oracles.ledger import relative_error
+from oracles.pgv_h_roots import hub_force_and_torque
+from oracles.sail_states import (
+    B_P,
+    NODES,
+    ORIGIN,
+    STATES,
+    P,
+    State,
+    flat,
+    look,
+    model,
+    node,
+    random_placement,
+    states,
+)
+
+
+def test_smallest_distance_is_that_of_a_dense_search():
+    """From every remote unit to ten thousand points of every other tether's polyline."""
+    share = np.linspace(0.0, 1.0, 10_001)[:, None]
+    for state in states():
+        places = np.array(
+            [[B_P @ node(i, j) @ state.q for j in range(1, NODES + 1)] for i in range(1, P + 1)]
+        )
+        found = [
+            np.linalg.norm(places[i, -1] - (start + share * (end - start)), axis=1).min()
+            for i in range(P)
+            for k in range(P)
+            for start, end in zip(places[k, :-1], places[k, 1:], strict=True)
+            if k != i
+        ]
+        np.testing.assert_allclose(state.seen["smallest_tether_distance"], min(found), rtol=1e-7)
+
+
+def test_clamped_roots_turn_the_hub_by_their_couples_too():
+    """Euler's equations of the hub: its torque is minus the moment of forces and couples on the roots."""
+    rng, system = np.random.default_rng(3), model({"tethers.root": "clamped"}).system
+    placed = [random_placement(rng, system) for _ in range(STATES)]
+    seen = look(system, ORIGIN, [x[0] for x in placed], [x[1] for x in placed])
+    for (q, v, turn, omega), view in zip(placed, seen, strict=True):
+        state = State(flat(q), flat(v), turn, omega, view)
+        _, torque = hub_force_and_torque(state)
+        assert relative_error(-state.orbital @ view["reaction_moment_O"], torque) < 1e-10

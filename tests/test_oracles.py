@@ -1,0 +1,39 @@
+"""Every equation of both papers, as printed, against automatic differentiation or a derivation of its
+own. The entries stand in `tests/oracles/`; what is wrong in print is in `experiments/paper_errata`."""
+
+import importlib
+import pkgutil
+
+import numpy as np
+import oracles
+import pytest
+from oracles.ledger import ENTRIES
+
+VISIBLE = 1e-6
+"""A misprint is one only if its effect stands far above rounding."""
+
+for module in sorted(m.name for m in pkgutil.iter_modules(oracles.__path__)):
+    importlib.import_module(f"oracles.{module}")
+
+
+@pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.name)
+def test_printed_form_and_right_form(entry):
+    """The right form agrees with the judge; the printed one does exactly if the entry says so."""
+    errors = entry.check()
+    assert np.isfinite(errors.right) and errors.right <= entry.tolerance
+    if entry.holds:
+        assert errors.printed <= entry.tolerance
+    else:
+        assert errors.printed > max(VISIBLE, 2.0 * entry.tolerance)
+
+
+def test_names_are_unique():
+    """One row per equation or claim."""
+    names = [entry.name for entry in ENTRIES]
+    assert len(names) == len(set(names))
+
+
+def test_a_misprint_says_what_is_right_and_what_it_does():
+    for entry in ENTRIES:
+        if not entry.holds:
+            assert entry.printed and entry.right and entry.consequence, entry.name
