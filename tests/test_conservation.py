@@ -52,7 +52,9 @@ def test_angular_momentum_of_a_free_unequal_sail_is_constant(small, validate):
     end = momentum(run.final_state.q, run.final_state.v)
     # Second order in omega h = 4e-4 over an unsteady motion.
     error = np.abs(end - start).max() / np.abs(start).max()
-    validate("CSV-4", "free sail, unequal tip masses", "conservation", "angular momentum, 200 s", error, 1e-7)
+    validate(
+        "CSV-4", "free sail, unequal tip masses", "conservation", "angular momentum, 200 s", error, 1e-7
+    )
 
 
 def test_energy_theorem_closes_for_a_driven_damped_sail(small, validate):

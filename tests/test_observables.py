@@ -1,14 +1,18 @@
 """Observables that the papers do not define; the others stand in `oracles/pgv_g_angles.py` to
 `pgv_k_text.py`."""
 
+import jax.numpy as jnp
 import numpy as np
 from oracles.ledger import relative_error
 from oracles.pgv_h_roots import hub_force_and_torque
+from oracles.sail_matrices import ELEMENT, WEIGHTS, XI, shapes
 from oracles.sail_states import (
     B_P,
     NODES,
     ORIGIN,
+    START_ENERGY,
     STATES,
+    WORK,
     P,
     State,
     flat,
@@ -37,9 +41,32 @@ def test_smallest_distance_is_that_of_a_dense_search():
         np.testing.assert_allclose(state.seen["smallest_tether_distance"], min(found), rtol=1e-7)
 
 
+def test_energy_balance_counts_work_and_losses():
+    for state in states():
+        seen = state.seen
+        assert (seen["external_work"], seen["dissipated_energy"]) == WORK
+        energy = seen["kinetic_energy"] + seen["elastic_energy"]
+        change = energy - START_ENERGY - WORK[0] + WORK[1]
+        np.testing.assert_allclose(seen["energy_balance_error"], change, rtol=1e-12)
+
+
+def test_external_power_is_the_thrust_times_the_velocity():
+    for state in states():
+        power = 0.0
+        for i in range(1, P + 1):
+            for j in range(1, NODES):
+                ends = np.concatenate([node(i, j) @ state.v, node(i, j + 1) @ state.v]).reshape(4, 3)
+                velocity = shapes(XI, ELEMENT[i - 1]).T @ ends
+                force = state.seen["load"][:, :, j - 1, i - 1].T
+                power += ELEMENT[i - 1] * WEIGHTS @ (force * velocity).sum(1)
+        np.testing.assert_allclose(state.seen["external_power"], power, rtol=1e-12)
+
+
 def test_clamped_roots_turn_the_hub_by_their_couples_too():
     """Euler's equations of the hub: its torque is minus the moment of forces and couples on the roots."""
-    rng, system = np.random.default_rng(3), model({"tethers.root": "clamped"}).system
+    rng, (system, _, start, *_) = np.random.default_rng(3), model({"tethers.root": "clamped"})
+    # The clamps hold the outward direction, in which the tethers start.
+    assert np.abs(system.constraints(jnp.zeros(()), start).clamp).max() < 1e-12
     placed = [random_placement(rng, system) for _ in range(STATES)]
     seen = look(system, ORIGIN, [x[0] for x in placed], [x[1] for x in placed])
     for (q, v, turn, omega), view in zip(placed, seen, strict=True):

@@ -3,6 +3,7 @@ own. The entries stand in `tests/oracles/`; what is wrong in print is in `experi
 
 import importlib
 import pkgutil
+import re
 
 import numpy as np
 import oracles
@@ -37,3 +38,17 @@ def test_a_misprint_says_what_is_right_and_what_it_does():
     for entry in ENTRIES:
         if not entry.holds:
             assert entry.printed and entry.right and entry.consequence, entry.name
+
+
+@pytest.mark.parametrize(("paper", "last"), [("PGV", 134), ("MW", 31)])
+def test_every_equation_has_an_entry(paper, last):
+    """No numbered equation of either paper is left out."""
+    numbers = {re.match(r"\d*", entry.equation)[0] for entry in ENTRIES if entry.paper == paper}
+    spans = [
+        range(int(a), int(b) + 1)
+        for e in ENTRIES
+        if e.paper == paper
+        for a, b in re.findall(r"^(\d+)-(\d+)", e.equation)
+    ]
+    covered = {int(n) for n in numbers if n} | {n for span in spans for n in span}
+    assert set(range(1, last + 1)) <= covered

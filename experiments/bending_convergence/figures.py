@@ -100,7 +100,7 @@ def stiffness(study: Study, powers: tuple[int, ...], fine: int) -> None:
             without = study.errors("none", n)[key][1]
             label = f"{SIGNALS[key]}, {n} cables"
             axes[1].loglog(
-                layers / (modes.LENGTH / n), np.array(own) / without, style, color=color, label=label
+                layers * n / modes.LENGTH, np.array(own) / without, style, color=color, label=label
             )
     axes[1].axhline(1.0, color="0.5", lw=1)
     axes[1].set_xlabel(r"$\ell_b/l$, element length $l = L/n$")

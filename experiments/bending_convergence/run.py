@@ -120,11 +120,10 @@ def print_tables(tether: Study, sail: Study) -> None:
         stiff = get("nonlinear", fine, lane)
         table[f"EI 1e{power}, l_b {layer:.2g} m: change"] = errors(stiff, get("nonlinear", fine))
         for n in (5, 20):
-            table[f"    error of {n}, l_b/l {layer * n / modes.LENGTH:.2g}"] = tether.errors(
-                "nonlinear", n, lane
-            )
+            name = f"    error of {n}, l_b/l {layer * n / modes.LENGTH:.2g}"
+            table[name] = tether.errors("nonlinear", n, lane)
         if ("linear", fine, lane, 1) in tether.runs:
-            table["    linear - nonlinear curvature"] = errors(get("linear", fine, lane), stiff)
+            table[f"    linear - nonlinear, EI 1e{power}"] = errors(get("linear", fine, lane), stiff)
     print_errors("stiffer, rms / range", table)
     table = {f"{run.variant} {run.elements}": errors(run, sail.reference()) for run in sail.runs.values()}
     print_errors("sail, rms / range", table)

@@ -35,7 +35,9 @@ def mutated_copy(mutation: dict, folder: Path) -> None:
     path = folder / "esail_jax" / mutation["file"]
     text = path.read_text(encoding="utf-8")
     if text.count(mutation["old"]) != 1:
-        raise SystemExit(f"{mutation['name']}: {mutation['old']!r} is not in {mutation['file']} exactly once")
+        raise SystemExit(
+            f"{mutation['name']}: {mutation['old']!r} is not in {mutation['file']} exactly once"
+        )
     path.write_text(text.replace(mutation["old"], mutation["new"]), encoding="utf-8")
 
 
@@ -44,7 +46,18 @@ def failing_tests(mutation: dict) -> list[str]:
     with tempfile.TemporaryDirectory() as name:
         mutated_copy(mutation, Path(name))
         # -P: the working directory would come before PYTHONPATH, and the package there is whole.
-        command = [sys.executable, "-P", "-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", "", "--tb=no"]
+        command = [
+            sys.executable,
+            "-P",
+            "-m",
+            "pytest",
+            "-q",
+            "-p",
+            "no:cacheprovider",
+            "-m",
+            "",
+            "--tb=no",
+        ]
         environment = os.environ | {"PYTHONPATH": name}
         run = subprocess.run(
             command + mutation["tests"], cwd=ROOT, env=environment, capture_output=True, text=True
@@ -60,7 +73,9 @@ def main(names: list[str]) -> int:
     rows, survivors = [], []
     for mutation in chosen:
         caught = failing_tests(mutation)
-        rows.append((mutation["name"], mutation["file"], mutation["old"], mutation["new"], "; ".join(caught)))
+        rows.append(
+            (mutation["name"], mutation["file"], mutation["old"], mutation["new"], "; ".join(caught))
+        )
         print(f"{mutation['name']}: {len(caught)} tests fail", flush=True)
         survivors += [] if caught else [mutation["name"]]
     if not names:

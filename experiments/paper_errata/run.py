@@ -1,8 +1,8 @@
 """Write errata.csv and ERRATA.md from the ledger of equations (`tests/oracles/`).
 
-    python experiments/paper_errata/run.py              write both
-    python experiments/paper_errata/run.py --check      status 1 if they are not what would be written
-                                                        (but for the digits of errors)
+python experiments/paper_errata/run.py              write both
+python experiments/paper_errata/run.py --check      status 1 if they are not what would be written
+                                                    (but for the digits of errors)
 """
 
 import csv
@@ -47,8 +47,15 @@ def evaluated() -> list[tuple[Entry, Errors]]:
     """All entries in the order of the papers, with their errors."""
     for module in sorted(m.name for m in pkgutil.iter_modules(oracles.__path__)):
         importlib.import_module(f"oracles.{module}")
-    found = sorted(ENTRIES, key=lambda entry: list(PAPERS).index(entry.paper))
+    found = sorted(ENTRIES, key=place)
     return [(entry, entry.check()) for entry in found]
+
+
+def place(entry: Entry) -> tuple[int, int, int]:
+    """Sorts by paper and number of the equation (also of what stands after one), then the text."""
+    number = re.match(r"(after )?(\d+)(?!\.)", entry.equation)
+    in_text = number is None
+    return list(PAPERS).index(entry.paper), in_text, 0 if in_text else int(number[2])
 
 
 def digits(error: float) -> str:
@@ -96,7 +103,9 @@ def page(found: list[tuple[Entry, Errors]]) -> str:
                     f"{digits(errors.right)}",
                     f"- {entry.consequence}\n",
                 ]
-        held = [f"{name(entry)} ({entry.title})" for entry, _ in found if entry.holds and entry.paper == paper]
+        held = [
+            f"{name(entry)} ({entry.title})" for entry, _ in found if entry.holds and entry.paper == paper
+        ]
         lines.append(f"Holds as printed: {'; '.join(held)}.")
     return "\n".join(lines) + "\n"
 
@@ -111,7 +120,9 @@ def main(arguments: list[str]) -> int:
     found = evaluated()
     written = {HERE / "errata.csv": table(found), HERE / "ERRATA.md": page(found)}
     if arguments == ["--check"]:
-        stale = [str(p.name) for p, text in written.items() if not same(p.read_text(encoding="utf-8"), text)]
+        stale = [
+            str(p.name) for p, text in written.items() if not same(p.read_text(encoding="utf-8"), text)
+        ]
         print("stale: " + ", ".join(stale) if stale else "errata.csv and ERRATA.md are up to date")
         return 1 if stale else 0
     for path, text in written.items():

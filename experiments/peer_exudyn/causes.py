@@ -1,6 +1,6 @@
 """Where the differences come from: the baseline for 600 s, one thing changed at a time.
 
-    python experiments/peer_exudyn/causes.py
+python experiments/peer_exudyn/causes.py
 """
 
 import contextlib

@@ -154,7 +154,10 @@ def timing(repeats: int = 5, t_end: float = 100.0) -> None:
                 taken[name].append(1e6 * seconds)
         for name, times in taken.items():
             spread = f"{min(times):.0f} to {max(times):.0f}"
-            print(f"{elements:3d} elements  {name:42s} {np.median(times):7.0f} us per step ({spread})", flush=True)
+            print(
+                f"{elements:3d} elements  {name:42s} {np.median(times):7.0f} us per step ({spread})",
+                flush=True,
+            )
 
 
 def main(t_end: float, check: bool) -> int:
@@ -165,7 +168,9 @@ def main(t_end: float, check: bool) -> int:
     figures.draw_signals(runs[0.1, 5], runs[0.05, 5], HERE / "figures")
     figures.draw_differences(found, HERE / "figures")
     show(found)
-    worse = [x for x in found if x.compared.split(" ")[0] != x.against.split(" ")[0] and x.relative > x.bound]
+    worse = [
+        x for x in found if x.compared.split(" ")[0] != x.against.split(" ")[0] and x.relative > x.bound
+    ]
     for x in worse:
         print(f"{x.signal}: {x.relative:.1e} exceeds {x.bound:.0e} ({x.compared} against {x.against})")
     return 1 if check and worse else 0

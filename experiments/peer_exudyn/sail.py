@@ -199,7 +199,9 @@ def assemble(sail: Sail, lie_group: bool = False):
     joints, nodes = [], []
     for i in range(sail.tethers):
         mine = [
-            system.AddNode(items.NodePointSlope1(referenceCoordinates=q.ravel(), initialVelocities=v.ravel()))
+            system.AddNode(
+                items.NodePointSlope1(referenceCoordinates=q.ravel(), initialVelocities=v.ravel())
+            )
             for q, v in zip(sail.position[i], sail.velocity[i], strict=True)
         ]
         for pair in zip(mine[:-1], mine[1:], strict=True):
@@ -303,7 +305,8 @@ def simulate(
         rows.append(
             (
                 time,
-                sail.position + data.GetODE2Coordinates()[-sail.position.size :].reshape(sail.position.shape),
+                sail.position
+                + data.GetODE2Coordinates()[-sail.position.size :].reshape(sail.position.shape),
                 data.GetODE2Coordinates_t()[-sail.position.size :].reshape(sail.position.shape),
                 system.GetNodeOutput(0, output.Position),
                 np.reshape(system.GetNodeOutput(0, output.RotationMatrix), (3, 3)),

@@ -1,6 +1,7 @@
 """[MW] Eq. 31-32 and what the text says of the model and of both experiments. Judges: the truss elements;
 Dormand and Prince's method, which is MATLAB's ode45, on an oscillator; closed forms."""
 
+import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.elements.tether import Tethers
@@ -206,7 +207,8 @@ def location_error():
 def rod_is_a_truss_element():
     """Textbook element, m/6 (2 1; 1 2), assembled; and the package's."""
     errors, element = [], np.array([[2.0, 1.0], [1.0, 2.0]]) / 6
-    package = Tethers(np.ones(1), np.ones(1), np.zeros(1), 1, "truss", ("r_x",)).mass_table
+    one = jnp.ones(1)
+    package = Tethers(one, one, 0.0 * one, 1, "truss", ("r_x",)).mass_table
     for n in SIZES:
         for chain in chains(n):
             for matrix in (element, package):

@@ -29,6 +29,9 @@ P, NODES, STATES = 4, 3, 3
 HEIGHT, RADIUS, HUB_DENSITY = 0.9, 0.7, 1.3
 LENGTH, TIP_MASS = np.array([1.3, 1.7, 2.1, 1.5]), np.array([0.5, 0.8, 0.4, 0.7])
 LINE_DENSITY, AXIAL = 0.6 * 0.8, 0.6 * 5.0
+WORK, START_ENERGY = (0.3, 0.2), 0.7
+"""Work done and energy lost before the states, and the energy there was [J]."""
+
 SPIN, ORIGIN = 0.3, np.array([3.0, -2.0, 1.5])
 
 TEXT = f"""
@@ -173,7 +176,8 @@ def looking():
 
     def see(system: System, origin, q: Coordinates, v: Coordinates):
         zero = jnp.zeros(())
-        instant = make_instant(system, origin, zero, q, v, Power(zero, zero), zero)
+        work = Power(*(jnp.asarray(x) for x in WORK))
+        instant = make_instant(system, origin, zero, q, v, work, jnp.asarray(START_ENERGY))
         rest = jax.tree.map(jnp.zeros_like, q)
         statics, _ = system.residual(zero, q, v, rest, system.no_multipliers())
         added = {

@@ -14,12 +14,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from systems.drive import QUICKLY, one_tether, straight
 
 from esail_jax.array_types import Vector
 from esail_jax.dynamics.equilibrium import equilibrium
 from esail_jax.dynamics.steady_stretch import unstretched_line
 from esail_jax.system import System
+from systems.drive import QUICKLY, one_tether, straight
 
 LENGTH, AXIAL, DENSITY, GRAVITY = 10.0, 500.0, 1.5, 9.81
 

@@ -13,7 +13,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import quad
-from systems.drive import QUICKLY, one_tether, straight
 
 from esail_jax.dynamics.equilibrium import equilibrium
 from esail_jax.dynamics.steady_stretch import steady_line
@@ -21,6 +20,7 @@ from esail_jax.environment.solar_wind import SolarWind
 from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.scenes.build import build_jitted, split
 from esail_jax.scenes.scene import load_scene
+from systems.drive import QUICKLY, one_tether, straight
 
 LENGTH, DENSITY, TIP, SPIN = 1e4, 7653.0 * 4.28e-9, 1.5, 4e-3
 

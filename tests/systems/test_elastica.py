@@ -3,7 +3,8 @@
 Inextensible: with alpha = sqrt(P L^2 / EI), k^2 = (1 + sin theta_L) / 2, sin phi_0 = 1 / (k sqrt 2) and
 theta_L the angle of the tip from the unloaded direction,
 
-    alpha = K(k) - F(phi_0, k),    down = 1 - 2 (E(k) - E(phi_0, k)) / alpha,    along = sqrt(2 sin theta_L) / alpha
+    alpha = K(k) - F(phi_0, k),    down = 1 - 2 (E(k) - E(phi_0, k)) / alpha,
+    along = sqrt(2 sin theta_L) / alpha
 
 in units of L (Bisshopp and Drucker 1945). Extensible, with the energy of the element per undeformed
 length, EA ((lambda^2 - 1)/2)^2 / 2 + EI (theta'/lambda)^2 / 2: an ordinary differential equation for
@@ -20,9 +21,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
-from systems.drive import QUICKLY, one_tether, straight
 
 from esail_jax.dynamics.equilibrium import equilibrium
+from systems.drive import QUICKLY, one_tether, straight
 
 TIP_ANGLE = np.deg2rad(50.0)
 

@@ -1,17 +1,18 @@
 """Free flight of a stiff cable: its centre of mass moves uniformly, and it turns about it as a rigid,
 steadily stretched bar.
 
-Linear elastic, engineering strain: from the middle, r(x) = sin(k x) / (k cos(k L/2)), k = Omega sqrt(rho/EA).
+Linear elastic, engineering strain: from the middle,
+r(x) = sin(k x) / (k cos(k L/2)), k = Omega sqrt(rho/EA).
 The cable hangs on a hub of 1e-9 of its mass, which carries it along without being felt.
 """
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from systems.drive import STEPPERS, march, one_tether, straight
 
 from esail_jax.coordinates import Coordinates
 from esail_jax.elements.rigid_body import RigidBody
+from systems.drive import STEPPERS, march, one_tether, straight
 
 LENGTH, AXIAL, DENSITY, SPIN = 2.0, 4e3, 0.7, 1.3
 DRIFT = np.array([0.05, -0.1, 0.2])

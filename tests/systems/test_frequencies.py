@@ -1,6 +1,7 @@
 """Natural frequencies of one tether, `dynamics/modes.py`, against beam, string and chain theory."""
 
 import functools
+import itertools
 
 import jax
 import jax.numpy as jnp
@@ -9,10 +10,10 @@ import pytest
 from numpy.polynomial import chebyshev
 from scipy.optimize import brentq
 from scipy.special import jn_zeros
-from systems.drive import QUICKLY, one_tether, straight
 
 from esail_jax.dynamics.equilibrium import equilibrium
 from esail_jax.dynamics.modes import modes
+from systems.drive import QUICKLY, one_tether, straight
 
 quick = functools.partial(jax.jit, compiler_options=QUICKLY)
 quick_equilibrium = quick(equilibrium)
@@ -33,7 +34,7 @@ def worst(measured, exact, each=1):
 
 def roots(function, guesses):
     """Zeros between neighbouring guesses."""
-    return [brentq(function, a, b) for a, b in zip(guesses[:-1], guesses[1:], strict=True)]
+    return [brentq(function, a, b) for a, b in itertools.pairwise(guesses)]
 
 
 @pytest.mark.parametrize("root", ["clamped", "pinned"])
@@ -106,7 +107,8 @@ def rotating_string(spin, radius, length, axial, density, tip, points=32):
     Steady: (n(lambda))' = -Omega^2 rho A r, n = EA (lambda^2 - 1) lambda / 2, by Picard iteration. With u
     along, w across in plane and z out of plane, k = dn / dlambda and t = n / lambda,
 
-        rho A (u'' - 2 Omega w' - Omega^2 u) = (k u_x)_x,    rho A (w'' + 2 Omega u' - Omega^2 w) = (t w_x)_x,
+        rho A (u'' - 2 Omega w' - Omega^2 u) = (k u_x)_x,
+        rho A (w'' + 2 Omega u' - Omega^2 w) = (t w_x)_x,
         rho A z'' = (t z_x)_x,
 
     zero at the root, and at the tip the same with m in place of rho A and minus the forces k u_x, t w_x.

@@ -5,10 +5,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.special import ellipj, ellipk
-from systems.drive import STEPPERS, march, one_tether, straight, turning
 
 from esail_jax.dynamics.equilibrium import equilibrium
 from esail_jax.dynamics.modes import modes
+from systems.drive import STEPPERS, march, one_tether, straight, turning
 
 ROD, TIP, LENGTH = 0.6, 1.5, 2.0
 """Masses of rod and tip [kg], length [m]."""

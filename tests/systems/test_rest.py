@@ -7,9 +7,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from systems.drive import QUICKLY, STEPPERS, march, one_tether, straight, turning
-from systems.test_catenary import Pulled
-from systems.test_elastica import TIP_ANGLE, elliptic
 
 from esail_jax.dynamics.equilibrium import equilibrium
 from esail_jax.dynamics.modes import modes
@@ -18,6 +15,9 @@ from esail_jax.dynamics.steady_stretch import steady_line, unstretched_line
 from esail_jax.environment.solar_wind import SolarWind
 from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.system import System
+from systems.drive import QUICKLY, STEPPERS, march, one_tether, straight, turning
+from systems.test_catenary import Pulled
+from systems.test_elastica import TIP_ANGLE, elliptic
 
 quick_equilibrium = functools.partial(jax.jit, compiler_options=QUICKLY)(equilibrium)
 

@@ -6,9 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.special import ellipj
-from systems.drive import STEPPERS, march, one_tether, straight, turning
 
 from esail_jax.elements.rigid_body import RigidBody
+from systems.drive import STEPPERS, march, one_tether, straight, turning
 
 EXTENTS = np.array([0.9, 0.6, 0.3])
 """Mean squares of the three body coordinates [m^2]; moments of inertia are sums of two."""
@@ -73,7 +73,8 @@ def test_closed_form_starts_right_and_obeys_euler():
 
 
 def test_angular_velocity(runs, validate):
-    """Second order: the error at the finer step is below (omega h)^2 = 1.3e-4, and a quarter of the coarser's."""
+    """Second order: the error at the finer step is below (omega h)^2 = 1.3e-4, and a quarter of that at
+    the coarser one."""
     stepper, found = runs
     errors = []
     for time, q, v, _ in found:
