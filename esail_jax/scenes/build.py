@@ -195,8 +195,8 @@ def initial_state(
 
 def printed_line(n: Numbers, tethers: Tethers, radius: Array) -> Line:
     """[PGV] Eq. 79-80 as printed: the elongation of a rotating cable whose tip mass is the
-    tether's own mass m_t, and stretched about the axis rather than from the root. Only the root
-    itself is put on the hub; the errata say what the rest does."""
+    tether's own mass m_t, and stretched about the axis rather than from the root. `place_roots`
+    then puts the root itself on the hub; the errata say what the rest does."""
     modulus, spin_squared = n["tethers.youngs_modulus"], n["initial.spin_rate"] ** 2
     length, density = n["tethers.length"], n["tethers.density"]
     tether_mass = tethers.line_density * length
@@ -204,8 +204,7 @@ def printed_line(n: Numbers, tethers: Tethers, radius: Array) -> Line:
     r = radius + unstretched_line(tethers)[0]
     position = (1.0 + density * spin_squared / (6.0 * modulus) * (3.0 * length**2 - r**2) + tip) * r
     slope = 1.0 + density * spin_squared / (2.0 * modulus) * (length**2 - r**2) + tip
-    line = jnp.stack([position - radius, slope][: tethers.coefs])
-    return line.at[0, 0].set(0.0)
+    return jnp.stack([position - radius, slope][: tethers.coefs])
 
 
 build_jitted = jax.jit(build, static_argnums=0)
