@@ -58,8 +58,8 @@ def equilibrium(system: System, start: Coordinates, spin: Vector) -> Equilibrium
     """The relative equilibrium that Newton's method finds from `start`.
 
     spin: Omega [rad/s] of the frame through the origin, inertial components (zero: statics, without a
-    hub only). Differentiable in the numbers of the system (implicit
-    function theorem). Nothing raises here: look at `unbalanced` and `step`.
+    hub only). Differentiable in the numbers of the system (implicit function theorem). Nothing raises
+    here: look at `unbalanced` and `step`.
     """
     first, unravel = ravel_pytree(system.no_multipliers())
     zero = independent(system, start) * 0.0
