@@ -9,6 +9,7 @@ import dataclasses
 import jax
 import numpy as np
 import sail
+from inputs import sail_of
 from run import INTERVAL, scene_of
 from signals import signals
 
@@ -47,7 +48,7 @@ def run_ours(scene: esail.Scene, plain: bool) -> dict[str, np.ndarray]:
 
 def run_theirs(scene: esail.Scene, step: float, **options) -> dict[str, np.ndarray]:
     """Signals of Exudyn."""
-    given, every = sail.sail_of(scene), round(INTERVAL / step)
+    given, every = sail_of(scene), round(INTERVAL / step)
     return signals(given, sail.simulate(given, step, round(T_END / step), every, **options))
 
 
@@ -96,9 +97,31 @@ def without_wind(step: float) -> None:
         )
 
 
+def root_gaps(step: float, t_end: float) -> None:
+    """How far the root nodes end up from the points of the hub that hold them."""
+    scene = scene_of(step, 5, t_end)
+    given = sail_of(scene)
+    final = esail.simulate(scene).final_state.q
+    points, nodes = np.asarray(final.hub), np.asarray(final.tether)[0, :, 0].T
+    centre = points[:2].mean(0)
+    outward = (points[2:] - centre).T  # Y_B and Z_B times the radius
+    ours = nodes - centre - given.anchors[:, 1:] / np.linalg.norm(outward, axis=0) @ outward.T
+    steps = round(t_end / step)
+    history = sail.simulate(given, step, steps, steps)
+    held = history.hub_position[-1] + given.anchors @ history.hub_rotation[-1].T
+    theirs = history.position[-1, :, 0, 0] - held
+    print(
+        f"{step} s, after {t_end:g} s, largest gap between root and hub: "
+        f"esail_jax {abs(ours).max():.1e} m, Exudyn {abs(theirs).max():.1e} m",
+        flush=True,
+    )
+
+
 if __name__ == "__main__":
     print(f"{'':58s}" + "".join(f"{name:>19s}" for name in LOOKED_AT))
     for step in (0.1, 0.05, 0.025):
         with_wind(step)
-    for step in (0.2, 0.1, 0.05, 0.025):
+    for step in (0.2, 0.1):
         without_wind(step)
+    for t_end in (600.0, 1200.0, 2400.0):
+        root_gaps(0.05, t_end)

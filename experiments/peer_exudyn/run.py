@@ -16,6 +16,7 @@ from pathlib import Path
 import figures
 import numpy as np
 import sail
+from inputs import sail_of
 from signals import signals
 
 import esail_jax as esail
@@ -60,7 +61,7 @@ def both(step: float, elements: int, t_end: float) -> dict[str, dict[str, np.nda
     """Signals of one case by code, the same arrays under the same names."""
     scene = scene_of(step, elements, t_end)
     ours = esail.simulate(scene)
-    given = sail.sail_of(scene)
+    given = sail_of(scene)
     every = round(INTERVAL / step)
     history = sail.simulate(given, step, round(t_end / step), every)
     theirs = signals(given, history)
@@ -143,7 +144,7 @@ def timing(repeats: int = 5, t_end: float = 100.0) -> None:
     """Time per step, medians of alternating runs; compiling and assembling are not in it."""
     for step, elements in ((0.1, 5), (0.1, 10)):
         scene, steps = scene_of(step, elements, t_end), round(t_end / step)
-        given = sail.sail_of(scene)
+        given = sail_of(scene)
         calm = dataclasses.replace(given, load=0.0 * given.load)
         taken = {"esail_jax": [], "exudyn": [], "exudyn without wind (no Python function)": []}
         for _ in range(repeats):

@@ -1,135 +1,23 @@
 """The sail of an esail_jax scene, built and run in Exudyn.
 
-Shared with esail_jax: the numbers of the scene and the initial state. Everything else is Exudyn's:
-cable elements, rigid hub, joints, integrator; the Coulomb load is written here once more, in NumPy.
+Shared with esail_jax: the numbers of the scene and the initial state (`inputs.py`). Everything else is
+Exudyn's: cable elements, rigid hub, joints, integrator; the Coulomb load is written here once more, in
+NumPy.
 """
 
 import dataclasses
+import itertools
 import time
 
 import exudyn as exu
 import exudyn.itemInterface as items
 import numpy as np
-from exudyn.rigidBodyUtilities import AngularVelocity2EulerParameters_t, RotationMatrix2EulerParameters
-
-from esail_jax import Scene, constants
-from esail_jax.scenes.build import build_jitted, split
-
-POINTS = 5
-"""Gauss points per element of the load: as many as Exudyn's cable has for its axial force."""
-
-XI, WEIGHTS = (0.5 * (1.0 + np.polynomial.legendre.leggauss(POINTS)[0]),
-               0.5 * np.polynomial.legendre.leggauss(POINTS)[1])  # fmt: skip
-
-
-def hermite(xi: np.ndarray, derivative: int = 0) -> np.ndarray:
-    """Cubic shape functions of (r_i, l r_x,i, r_j, l r_x,j), or a derivative in xi: (point, 4)."""
-    powers = np.array([[1, 0, -3, 2], [0, 1, -2, 1], [0, 0, 3, -2], [0, 0, -1, 1]], float)
-    polynomials = [np.polynomial.Polynomial(row).deriv(derivative) for row in powers]
-    return np.stack([p(np.asarray(xi)) for p in polynomials], axis=-1)
-
-
-@dataclasses.dataclass(frozen=True)
-class Sail:
-    """What both codes are given, in SI units.
-
-    position, velocity: nodal vectors (tether, node, 2, xyz), r and r_x; hub_*: of the hub's centre,
-    its attitude C_B^I and angular velocity in I; inertia about X_B, Y_B, Z_B; anchors (tether, xyz) in B.
-    load: sigma/u [N s/m^2] per tether, zero without wind; origin R_0 [m] from the Sun.
-    """
-
-    position: np.ndarray
-    velocity: np.ndarray
-    hub_position: np.ndarray
-    hub_rotation: np.ndarray
-    hub_velocity: np.ndarray
-    hub_spin: np.ndarray
-    hub_mass: float
-    inertia: np.ndarray
-    anchors: np.ndarray
-    length: np.ndarray
-    line_density: np.ndarray
-    tip_mass: np.ndarray
-    axial_stiffness: np.ndarray
-    bending_stiffness: np.ndarray
-    axial_time: np.ndarray
-    bending_time: np.ndarray
-    load: np.ndarray
-    wind_speed: float
-    origin: np.ndarray
-
-    @property
-    def tethers(self) -> int:
-        return self.position.shape[0]
-
-    @property
-    def elements(self) -> int:
-        return self.position.shape[1] - 1
-
-    @property
-    def element_length(self) -> np.ndarray:
-        """l [m] per tether."""
-        return self.length / self.elements
-
-    def element_vectors(self, nodal: np.ndarray) -> np.ndarray:
-        """(..., tether, node, 2, xyz) to (..., tether, elem, 4, xyz), slopes times l."""
-        scaled = nodal.copy()
-        scaled[..., 1, :] *= self.element_length[:, None, None]
-        return np.concatenate([scaled[..., :-1, :, :], scaled[..., 1:, :, :]], axis=-2)
-
-    def slopes(self, nodal: np.ndarray, xi: np.ndarray = XI) -> np.ndarray:
-        """r_x at points xi of every element: (..., tether, elem, point, xyz)."""
-        return hermite(xi, 1) @ self.element_vectors(nodal) / self.element_length[:, None, None, None]
-
-
-def sail_of(scene: Scene) -> Sail:
-    """Numbers and initial state of a scene; raises ValueError for what this adapter lacks."""
-    structure, numbers = split(scene)
-    wanted = {"tethers.strain": "engineering", "tethers.element": "cable", "tethers.root": "pinned"}
-    for key, value in wanted.items():
-        if structure[key] != value:
-            raise ValueError(f"`{key}` must be {value!r} here, but is {structure[key]!r}")
-    if not structure.has("hub") or structure.has("gravity"):
-        raise ValueError("the scene must have a hub and no gravity")
-    n = {key: np.asarray(value) for key, value in numbers.items()}
-    start = build_jitted(structure, numbers)
-    p = structure["tethers.count"]
-    height, radius = n["hub.height"], n["hub.radius"]
-    mass = float(n["hub.density"] * np.pi * radius**2 * height)
-    points, rates = np.asarray(start.q.hub), np.asarray(start.v.hub)
-    centre, rate = points[:2].mean(0), rates[:2].mean(0)
-    arms = np.array([height, radius, radius])  # A to B, centre to C, centre to D
-    rotation = np.stack([points[1] - points[0], points[2] - centre, points[3] - centre], 1) / arms
-    spin = np.stack([rates[1] - rates[0], rates[2] - rate, rates[3] - rate], 1) / arms @ rotation.T
-    azimuth = 2.0 * np.pi * np.arange(p) / p
-    nothing = np.zeros(p)
-    plasma = np.sqrt(
-        constants.VACUUM_PERMITTIVITY * constants.PROTON_MASS * n.get("solar_wind.number_density", 0.0)
-    )
-    excess = np.maximum(0.0, n.get("voltage.value", nothing) - n.get("solar_wind.cutoff_voltage", 0.0))
-    bending = float(structure["tethers.bending"])
-    modulus = n["tethers.youngs_modulus"]
-    return Sail(
-        position=np.asarray(start.q.tether).transpose(3, 2, 0, 1),
-        velocity=np.asarray(start.v.tether).transpose(3, 2, 0, 1),
-        hub_position=centre,
-        hub_rotation=rotation,
-        hub_velocity=rate,
-        hub_spin=np.array([spin[2, 1], spin[0, 2], spin[1, 0]]),
-        hub_mass=mass,
-        inertia=mass * np.array([radius**2 / 2, *[(3 * radius**2 + height**2) / 12] * 2]),
-        anchors=radius * np.stack([nothing, np.cos(azimuth), np.sin(azimuth)], 1),
-        length=n["tethers.length"],
-        line_density=n["tethers.density"] * n["tethers.area"],
-        tip_mass=n.get("remote_units.mass", nothing),
-        axial_stiffness=modulus * n["tethers.area"],
-        bending_stiffness=bending * modulus * n.get("tethers.second_moment", nothing),
-        axial_time=n.get("tethers.axial_damping_time", nothing),
-        bending_time=n.get("tethers.bending_damping_time", nothing),
-        load=constants.THRUST_FACTOR * excess * plasma,
-        wind_speed=float(n.get("solar_wind.speed", 1.0)),
-        origin=n["initial.heliocentric_position_au"] * constants.ASTRONOMICAL_UNIT,
-    )
+from exudyn.rigidBodyUtilities import (
+    AngularVelocity2EulerParameters_t,
+    RotationMatrix2EulerParameters,
+    RotationMatrix2RotationVector,
+)
+from inputs import POINTS, WEIGHTS, XI, Sail, hermite
 
 
 class Thrust:
@@ -177,7 +65,7 @@ def assemble(sail: Sail, lie_group: bool = False):
     system = exu.SystemContainer().AddSystem()
     rotation = sail.hub_rotation
     if lie_group:
-        angle = np.asarray(exu.rigidBodyUtilities.RotationMatrix2RotationVector(rotation))
+        angle = np.asarray(RotationMatrix2RotationVector(rotation))
         node = items.NodeRigidBodyRotVecLG(
             referenceCoordinates=[*sail.hub_position, *angle],
             initialVelocities=[*sail.hub_velocity, *(rotation.T @ sail.hub_spin)],
@@ -204,7 +92,7 @@ def assemble(sail: Sail, lie_group: bool = False):
             )
             for q, v in zip(sail.position[i], sail.velocity[i], strict=True)
         ]
-        for pair in zip(mine[:-1], mine[1:], strict=True):
+        for pair in itertools.pairwise(mine):
             system.AddObject(
                 items.ObjectANCFCable(
                     length=sail.element_length[i],

@@ -4,7 +4,8 @@ Nothing here calls `esail_jax.observables`: an error there must show as a differ
 """
 
 import numpy as np
-from sail import WEIGHTS, XI, History, Sail, Thrust, hermite
+from inputs import WEIGHTS, XI, Sail, hermite
+from sail import History, Thrust
 
 STRAIN_XI = np.linspace(0.0, 1.0, 11)
 """Points of an element at which the largest strain is looked for."""
@@ -33,7 +34,7 @@ def coning_and_lagging(body: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def signals(sail: Sail, history: History) -> dict[str, np.ndarray]:
     """Every compared signal, time first."""
-    r, v = history.position, history.velocity
+    r = history.position
     to_body = history.hub_rotation  # vectors as rows: row @ C_B^I gives components in B
     roots, tips = r[:, :, 0, 0], r[:, :, -1, 0]
     coning, lagging = coning_and_lagging((tips - roots) @ to_body)
