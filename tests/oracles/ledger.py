@@ -85,9 +85,7 @@ def fails(
     """Decorator: the printed form is wrong. The function returns `Errors`."""
 
     def enter(check: Callable[[], Errors]) -> Callable[[], Errors]:
-        ENTRIES.append(
-            Entry(paper, equation, title, check, False, printed, right, consequence, tolerance)
-        )
+        ENTRIES.append(Entry(paper, equation, title, check, False, printed, right, consequence, tolerance))
         return check
 
     return enter
