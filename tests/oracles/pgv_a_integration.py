@@ -150,6 +150,17 @@ for row in (("alpha_m", "alpha_m"), ("alpha_f", "alpha_f"), ("mu", "gamma"), ("n
     enter_parameter(*row)
 
 
+def of_one_node(values) -> Coordinates:
+    """Coordinates that are zero but for the node after the root of the first tether."""
+    tether = jnp.zeros((1, 3, 2, sail.sail().tethers.element_length.size))
+    return Coordinates(tether.at[0, :, 1, 0].set(jnp.asarray(values, float)), jnp.zeros((4, 3)))
+
+
+def at_the_node(coordinates: Coordinates) -> np.ndarray:
+    """What stands there."""
+    return np.asarray(coordinates.tether)[0, :, 1, 0]
+
+
 def amplification(step: float, rho: float, frequency: float) -> np.ndarray:
     """One step of the package's stepper for x'' = -frequency^2 x, as a matrix on (x, v, a); for an
     infinite frequency on (v, a, x''), x being zero.
@@ -159,24 +170,21 @@ def amplification(step: float, rho: float, frequency: float) -> np.ndarray:
     """
     method = stepper(step, rho)
 
-    def coordinates(values):
-        return Coordinates(jnp.asarray(values, float).reshape(1, 3, 1, 1), jnp.zeros((4, 3)))
-
     stiff, starts = np.isinf(frequency), np.eye(3)
-    none, zero = coordinates(np.zeros(3)), jnp.zeros(())
+    none, zero = of_one_node(np.zeros(3)), jnp.zeros(())
     if stiff:
         q, v, a, vdot = np.zeros(3), *starts
     else:
         (q, v, a), vdot = starts, -(frequency**2) * starts[0]
     power = Power(zero, zero)
-    motion = [coordinates(x) for x in (q, v, vdot, a)]
+    motion = [of_one_node(x) for x in (q, v, vdot, a)]
     state = State(*motion, Multipliers(None, None), none, none, power, power)
     q0, v0, a0 = method.predict(state)
     share = float(method._q_share)
-    known = np.asarray(q0.tether).reshape(3)
+    known = at_the_node(q0)
     vdot = -known / share if stiff else -(frequency**2) * known / (1 + frequency**2 * share)
-    q, v = method.end_of_step(sail.sail(), zero, q0, v0, coordinates(vdot))
-    q, v, a0 = (np.asarray(x.tether).reshape(3) for x in (q, v, a0))
+    q, v = method.end_of_step(sail.sail(), zero, q0, v0, of_one_node(vdot))
+    q, v, a0 = (at_the_node(x) for x in (q, v, a0))
     a = a0 + float(method._vdot_share) * vdot
     return np.array([v, a, vdot] if stiff else [q, v, a])
 
@@ -210,10 +218,9 @@ def corrections_of_acceleration_and_velocity():
     """Change of the acceleration and of the velocity over that of q, by the package's stepper."""
     errors = []
     for step, rho in ((0.1, 0.25), (0.9, 0.7)):
-        zero = Coordinates(jnp.zeros((1, 3, 1, 1)), jnp.zeros((4, 3)))
-        one = Coordinates(jnp.ones((1, 3, 1, 1)), jnp.zeros((4, 3)))
+        zero, one = of_one_node(np.zeros(3)), of_one_node(np.ones(3))
         dq, dv = stepper(step, rho).end_of_step(sail.sail(), jnp.zeros(()), zero, zero, one)
-        dq, dv = float(dq.tether[0, 0, 0, 0]), float(dv.tether[0, 0, 0, 0])
+        dq, dv = at_the_node(dq)[0], at_the_node(dv)[0]
         errors.append(relative_error(forms.step_correction(step, rho), [1 / dq, dv / dq]))
     return max(errors)
 
