@@ -63,9 +63,9 @@ def run() -> None:
 
 
 def test(options: list) -> None:
-    """The tests, on all cores: most of their time is compiling, which fills one each."""
+    """The tests, on up to four cores: most of their time is compiling, which fills one each."""
     install(".[test]")
-    call(PYTHON, "-m", "pytest", "-n", "auto", "--maxprocesses", "8", *options)
+    call(PYTHON, "-m", "pytest", "-n", "auto", "--maxprocesses", "4", *options)
 
 
 if __name__ == "__main__":
