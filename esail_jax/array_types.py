@@ -12,7 +12,7 @@ Arrays of physical points carry `xyz` first and `tether` last, so that a density
 point acts on all points of all elements of all tethers at once.
 """
 
-from jaxtyping import Array, Complex, Float, Int
+from jaxtyping import Array, Bool, Complex, Float, Int
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
@@ -25,6 +25,7 @@ HubPoints = Float[Array, "4 3"]
 
 __all__ = [
     "Array",
+    "Bool",
     "Complex",
     "Float",
     "HubPoints",

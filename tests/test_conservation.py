@@ -13,7 +13,8 @@ def energy(run):
 
 def test_free_spinning_sail_keeps_energy_and_spin(small, validate):
     """No wind, one spin period: the start is a steady motion of the semi-discrete model, which
-    generalized-alpha keeps up to its start-up offset. 1e-8 is ten times what was measured."""
+    generalized-alpha keeps up to its start-up offset. 1e-8 leaves room for another machine's
+    rounding."""
     run = esail.simulate("voltage-off", {**small, "integrator.t_end": 1570.0, "output.interval": 50.0})
     case, reference = "free spinning sail, one period", "conservation"
     validate("CSV-1", case, reference, "energy", np.abs(energy(run) / energy(run)[0] - 1.0).max(), 1e-8)
@@ -36,7 +37,7 @@ def test_energy_error_of_a_free_sail_falls_with_the_step(small):
     assert changes[0] > 4.0 * changes[1] > 0.0
 
 
-def test_roots_stay_on_the_hub(small, validate):
+def test_roots_stay_on_the_hub(small):
     """Spherical joints hold by construction: 6000 steps leave the roots within rounding of 1 m. Where
     roots and hub are only stepped alike, their difference grows with time to the fourth."""
     settings = {**small, "integrator.t_end": 600.0, "output.interval": 600.0}
@@ -56,9 +57,9 @@ def test_energy_of_the_baseline_without_wind(validate):
         run = esail.simulate("voltage-off", {"integrator.step": step})
         found.append(np.abs(energy(run) / energy(run)[0] - 1.0).max())
     case, reference = "baseline without wind, 3 periods", "conservation"
-    validate("CSV-7", case, reference, "energy, h = 0.1 s", found[-1], 1e-9)
+    validate("CSV-6", case, reference, "energy, h = 0.1 s", found[-1], 1e-9)
     orders = np.log2(np.array(found[:-1]) / found[1:])
-    validate("CSV-8", case, reference, "order in h, distance from 3", np.abs(orders - 3.0).max(), 0.1)
+    validate("CSV-7", case, reference, "order in h, distance from 3", np.abs(orders - 3.0).max(), 0.1)
 
 
 def test_angular_momentum_of_a_free_unequal_sail_is_constant(small, validate):
@@ -86,7 +87,7 @@ def test_energy_theorem_closes_for_a_driven_damped_sail(small, validate):
     """dE = W - D with wind and damping; the residual is the trapezoidal rule's and the method's."""
     run = esail.simulate("baseline", {**small, "integrator.t_end": 400.0})
     error = np.abs(run["energy_balance_error"]).max() / np.abs(run["external_work"]).max()
-    validate("CSV-5", "driven, damped sail", "dE = W - D", "balance / work, 400 s", error, 1e-3)
+    validate("CSV-5", "driven, damped sail", "dE = W - D", "balance / work, 400 s", error, 1e-5)
     assert run["dissipated_energy"][-1] > 0.0
 
 

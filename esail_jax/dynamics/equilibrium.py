@@ -8,7 +8,7 @@ angle about that axis are left as they were. The matrix is dense: sails of some 
 take seconds, and nothing in a run's path needs this.
 
 Loads count as they act at time 0. They are steady in the turning frame if they are symmetric about
-its axis (a spin axis along the wind); elsewhere the result is a snapshot's.
+its axis (a spin axis along the wind); elsewhere there is, in general, no equilibrium to find.
 """
 
 from typing import NamedTuple
@@ -18,7 +18,7 @@ import jax.numpy as jnp
 from jax import lax
 from jax.flatten_util import ravel_pytree
 
-from esail_jax.array_types import Array, Float, Scalar, Vector
+from esail_jax.array_types import Array, Bool, Float, Scalar, Vector
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.dynamics.moving_frame import (
     MovingFrame,
@@ -45,13 +45,14 @@ tangent says where its equilibrium is."""
 
 
 class Equilibrium(NamedTuple):
-    """q, lam at rest in `frame`; unbalanced: largest force [N] left; step: last Newton step [m]."""
+    """q, lam at rest in `frame`; unbalanced: largest force [N] left; converged: did Newton's method end
+    because its steps had become small?"""
 
     q: Coordinates
     lam: Multipliers
     frame: MovingFrame
     unbalanced: Scalar
-    step: Scalar
+    converged: Bool[Array, ""]
 
 
 def equilibrium(system: System, start: Coordinates, spin: Vector) -> Equilibrium:
@@ -59,7 +60,7 @@ def equilibrium(system: System, start: Coordinates, spin: Vector) -> Equilibrium
 
     spin: Omega [rad/s] of the frame through the origin, inertial components (zero: statics, without a
     hub only). Differentiable in the numbers of the system (implicit function theorem). Nothing raises
-    here: look at `unbalanced` and `step`.
+    here: look at `converged`. Where the matrix is singular (a straight cable without tension) it is false.
     """
     first, unravel = ravel_pytree(system.no_multipliers())
     zero = independent(system, start) * 0.0
@@ -79,7 +80,7 @@ def equilibrium(system: System, start: Coordinates, spin: Vector) -> Equilibrium
     n = zero.size
 
     def newton(z):
-        """The step from z = (y, lam), and what is left before it."""
+        """The step from z = (y, lam)."""
 
         def left(z):
             return at_rest(z[:n], z[n:])[0]
@@ -88,29 +89,34 @@ def equilibrium(system: System, start: Coordinates, spin: Vector) -> Equilibrium
         matrix = lax.stop_gradient(jax.jacfwd(left)(fixed))
         if system.hub is not None:
             matrix = matrix + gauge(system, lax.stop_gradient(spin), fixed[:n], matrix)
-        residual = left(z)
-        return -equilibrated_solve(matrix, residual), jnp.abs(residual).max()
+        return -equilibrated_solve(matrix, left(z))
+
+    def small(step, z):
+        return step <= SETTLED * jnp.abs(z[:n]).max()
 
     def unfinished(carry):
-        z, step, _, count = carry
-        moving = ~(step <= SETTLED * jnp.abs(z[:n]).max())
-        return moving & (count < ITERATIONS)
+        z, step, count = carry
+        return ~small(step, z) & (count < ITERATIONS)
 
     def iterate(carry):
-        z, _, _, count = carry
-        step, left = newton(z)
+        z, _, count = carry
+        step = newton(z)
         turn = jnp.abs(system.tethers.interpolate(expanded(system, step[:n], derivative=1).tether).r_x)
         short = step * jnp.minimum(1.0, TURN / turn.max())
-        return z + short, jnp.abs(step[:n]).max(), left, count + 1
+        return z + short, jnp.abs(step[:n]).max(), count + 1
 
     z = jnp.concatenate([independent(system, start), first])
-    begin = (lax.stop_gradient(z), jnp.asarray(jnp.inf), jnp.asarray(jnp.inf), 0)
-    found, step, _, _ = lax.stop_gradient(lax.while_loop(unfinished, iterate, begin))
-    last, left = newton(found)
-    settled = found + last
-    acceleration = at_rest(settled[:n], settled[n:])[1]
-    frame = MovingFrame(spin, acceleration)
-    return Equilibrium(expanded(system, settled[:n]), unravel(settled[n:]), frame, left, step)
+    begin = (lax.stop_gradient(z), jnp.asarray(jnp.inf), 0)
+    found, step, _ = lax.stop_gradient(lax.while_loop(unfinished, iterate, begin))
+    settled = found + newton(found)
+    left, acceleration = at_rest(settled[:n], settled[n:])
+    return Equilibrium(
+        q=expanded(system, settled[:n]),
+        lam=unravel(settled[n:]),
+        frame=MovingFrame(spin, acceleration),
+        unbalanced=lax.stop_gradient(jnp.abs(left[:n]).max()),
+        converged=small(step, found),
+    )
 
 
 def gauge(
@@ -128,5 +134,6 @@ def gauge(
 
 def equilibrated_solve(a: Float[Array, "n n"], b: Float[Array, " n"]) -> Float[Array, " n"]:
     """a^{-1} b after scaling rows and columns: axial, bending and hub rows differ by many orders."""
-    scale = 1.0 / jnp.sqrt(jnp.abs(a).max(1))
+    largest = jnp.abs(a).max(1)
+    scale = 1.0 / jnp.sqrt(jnp.where(largest > 0.0, largest, 1.0))
     return scale * jnp.linalg.solve(scale[:, None] * a * scale, scale * b)

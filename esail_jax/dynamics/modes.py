@@ -69,10 +69,11 @@ def linearised(system: System, at: Equilibrium) -> Matrices:
 def modes(system: System, at: Equilibrium) -> Modes:
     """All modes of a system about a relative equilibrium.
 
-    Raises ValueError where the equilibrium has not been found (its `unbalanced` is not finite).
+    Raises ValueError where the equilibrium has not been found.
     """
-    if not np.isfinite(at.unbalanced):
-        raise ValueError("the equilibrium must be balanced, but its unbalanced force is not finite")
+    if not at.converged:
+        left = float(at.unbalanced)
+        raise ValueError(f"the equilibrium must be balanced, but a force of {left:.1e} N is left")
     mass, rate, stiffness, constraint = (np.asarray(x) for x in linearised(system, at))
     held = constraint.shape[0]
     basis = np.linalg.qr(constraint.T, mode="complete")[0][:, held:]

@@ -89,8 +89,8 @@ def accelerations_and_multipliers():
     "PGV",
     "3, index",
     "which constraint residual belongs to the iteration matrix",
-    printed="Eq. 3 is 'the index-3 DAE'; fulfilling it at each step satisfies the position constraints, "
-    "so r_lambda = C_q q'' - Q_lambda",
+    printed="Eq. 3, whose second row is C_q q'' = Q_lambda, is called 'the index-3 DAE', and its "
+    "fulfilment is said to satisfy the position constraints",
     right="second row of the index-3 system: C(q) = 0, so r_lambda = C(q). Eq. 3 is of index 1",
     consequence="With the second row of Eq. 3 as residual, the lower left block of Eq. 13 is too small by "
     "v', 273 1/s^2 at h = 0.1 s: on the baseline each iteration multiplies the error of the constraints by "

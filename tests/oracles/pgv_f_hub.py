@@ -144,9 +144,9 @@ def radial_axis():
     "printed order makes 1.2e-4 m.",
 )
 def order_of_the_heliocentric_distance():
-    """Exponents of ten."""
-    order = np.floor(np.log10(ASTRONOMICAL_UNIT))
-    return Errors(relative_error(12, order), relative_error(11, order))
+    """Powers of ten."""
+    order = 10.0 ** np.floor(np.log10(ASTRONOMICAL_UNIT))
+    return Errors(relative_error(1e12, order), relative_error(1e11, order))
 
 
 @holds("PGV", "45", "constraints of rigidity")

@@ -56,9 +56,9 @@ def closed_form(s, pull):
     return jnp.stack([x, z])
 
 
-@pytest.mark.parametrize(("kind", "elements", "bound"), [("cable", 16, 1e-6), ("truss", 64, 1e-3)])
+@pytest.mark.parametrize(("kind", "elements", "bound"), [("cable", 16, 1e-6), ("truss", 64, 2.5e-4)])
 def test_elastic_catenary(kind, elements, bound, validate):
-    """Shape and its derivative by the horizontal pull. The truss is of second order."""
+    """Shape and its derivative by the horizontal pull. The truss is of second order, (1/64)^2."""
     made = one_tether(
         kind=kind, elements=elements, length=LENGTH, axial=AXIAL, line_density=DENSITY,
         strain="engineering", gravity=[0.0, 0.0, -GRAVITY],

@@ -13,6 +13,8 @@ from scipy.special import jn_zeros
 
 from esail_jax.dynamics.equilibrium import equilibrium
 from esail_jax.dynamics.modes import modes
+from esail_jax.dynamics.steady_stretch import steady_line, unstretched_line
+from esail_jax.elements.rigid_body import RigidBody
 from systems.drive import QUICKLY, one_tether, straight
 
 quick = functools.partial(jax.jit, compiler_options=QUICKLY)
@@ -20,9 +22,10 @@ quick_equilibrium = quick(equilibrium)
 
 
 def angular_frequencies(made, spin=0.0, direction=(0.0, 1.0, 0.0)):
-    """Of all modes [rad/s], sorted."""
-    found = quick_equilibrium(made, straight(made, direction), jnp.array([spin, 0.0, 0.0]))
-    assert found.unbalanced < 1e-7
+    """Of all modes [rad/s], sorted. The start is stretched a little: a straight cable without tension or
+    bending stiffness has no stiffness across."""
+    start = straight(made, direction, 1.0001 * unstretched_line(made.tethers))
+    found = quick_equilibrium(made, start, jnp.array([spin, 0.0, 0.0]))
     return 2.0 * np.pi * modes(made, found).frequency
 
 
@@ -166,3 +169,52 @@ def test_tether_of_the_baseline(validate):
         "FRE-6", "baseline tether, spinning", "rotating string with tip mass, Chebyshev collocation",
         "ten lowest frequencies", worst(angular_frequencies(made, spin=4e-3), exact), 1e-4,
     )  # fmt: skip
+
+
+def test_damped_rod(validate):
+    """A hanging elastic rod of one truss element: it stretches with omega^2 = (EA / L) / (m + rho L / 3)
+    and damping ratio gamma omega / 2, and swings undamped."""
+    axial, time, mass, density = 900.0, 0.004, 2.0, 0.3
+    made = one_tether(
+        kind="truss", elements=1, axial=axial, tip_mass=mass, line_density=density, damping_time=time,
+        strain="engineering", gravity=[0.0, 1e-3, 0.0],
+    )  # fmt: skip
+    start = straight(made, line=1.0001 * unstretched_line(made.tethers))
+    found = modes(made, quick_equilibrium(made, start, jnp.zeros(3)))
+    exact = np.sqrt(axial / (mass + density / 3.0))
+    case, reference = "damped hanging rod", "one degree of freedom"
+    error = abs(found.frequency[-1] * 2.0 * np.pi / exact - 1.0)
+    validate("FRE-7", case, reference, "frequency", error, 1e-8)
+    error = abs(found.damping_ratio[-1] / (0.5 * time * exact) - 1.0)
+    validate("FRE-8", case, reference, "damping ratio", error, 1e-8)
+    assert np.abs(found.damping_ratio[:2]).max() < 1e-8
+
+
+def test_free_hub_and_cable(validate):
+    """A spinning hub with one cable, free in space, seen in the turning frame: a drift along the axis and
+    a turn about it (s = 0), drifts across the axis and tilts of it (|s| = Omega), whatever the rest
+    does; as many pairs of eigenvalues as degrees of freedom."""
+    hub = RigidBody(jnp.asarray(1.0), jnp.asarray(0.4), jnp.asarray(2.0))
+    made = one_tether(
+        elements=2, length=2.0, axial=300.0, line_density=0.4, tip_mass=0.6, radius=0.4, hub=hub
+    )
+    spin = jnp.asarray(1.0)
+    line, _ = steady_line(made.tethers, made.energies, jnp.asarray(0.4), spin, jnp.zeros(()))
+    at = quick_equilibrium(made, straight(made, line=line), jnp.array([1.0, 0.0, 0.0]))
+    found = modes(made, at)
+    pairs = np.where(found.eigenvalue.imag > 0.0, 1.0, 0.5)
+    pairs[:2] = 1.0
+    assert pairs.sum() == 6 + 3 * 5
+    assert (found.frequency[:2] == 0.0).all() and found.frequency[2] > 0.0
+    nearest = np.sort(np.abs(2.0 * np.pi * found.frequency - 1.0))[:3]
+    case, reference = "free hub and cable", "rigid motions in the turning frame"
+    validate("FRE-9", case, reference, "|s| / Omega of the rigid motions", nearest.max(), 1e-6)
+
+
+def test_modes_need_an_equilibrium():
+    """Where Newton's method has not ended there are no modes: said, not computed."""
+    made = one_tether(elements=1, axial=300.0, line_density=0.4, spin=1.0)
+    found = quick_equilibrium(made, straight(made), jnp.array([1.0, 0.0, 0.0]))
+    assert found.converged
+    with pytest.raises(ValueError, match="must be balanced"):
+        modes(made, found._replace(converged=jnp.asarray(False)))
