@@ -3,8 +3,8 @@
     python experiments/mutations/run.py [NAME ...]      all mutations, or those whose name contains NAME
 
 A mutation replaces one piece of text in a copy of the package; the listed tests then run against the
-copy, until three have failed. Writes mutations.csv: term, mutation, tests that fail. Ends with status 1
-if one goes unnoticed.
+copy, until three have failed; before, all of them must pass on a copy that is whole. Enters the outcome in
+mutations.csv: term, mutation, tests that fail. Ends with status 1 if a mutation goes unnoticed.
 """
 
 import concurrent.futures
@@ -36,8 +36,11 @@ def mutations() -> list[dict]:
 
 
 def mutated_copy(mutation: dict, folder: Path) -> None:
-    """A copy of the package with one text replaced; the text must occur exactly once."""
+    """A copy of the package with one text replaced, which must occur exactly once; a whole copy if no
+    file is named."""
     shutil.copytree(ROOT / "esail_jax", folder / "esail_jax")
+    if mutation["file"] is None:
+        return
     path = folder / "esail_jax" / mutation["file"]
     text = path.read_text(encoding="utf-8")
     if text.count(mutation["old"]) != 1:
@@ -56,22 +59,42 @@ def failing_tests(mutation: dict) -> list[str]:
     if run.returncode not in (0, 1, 2) or "error" in run.stdout.splitlines()[-1]:
         raise SystemExit(f"{mutation['name']}: the tests did not run\n{run.stdout[-2000:]}{run.stderr}")
     caught = re.findall(r"^FAILED (?:tests/)?(.*?)(?: - .*)?$", run.stdout, flags=re.MULTILINE)
-    print(f"{mutation['name']}: {', '.join(caught) or 'UNNOTICED'}", flush=True)
+    print(f"{mutation['name']}: {', '.join(caught) or 'no test fails'}", flush=True)
     return caught
 
 
+def control(chosen: list[dict]) -> None:
+    """Every test that is to notice something passes on a copy that is whole."""
+    tests = sorted({tuple(mutation["tests"]) for mutation in chosen}, key=len)
+    alone = sorted({name for group in tests if "-k" not in group for name in group})
+    groups = ([alone] if alone else []) + [list(group) for group in tests if "-k" in group]
+    for group in groups:
+        if failing_tests({"name": "control", "file": None, "tests": group}):
+            raise SystemExit("a test fails although nothing is changed")
+
+
+def recorded() -> dict[str, str]:
+    """What the table says by now."""
+    if not TABLE.exists():
+        return {}
+    with TABLE.open(encoding="utf-8") as file:
+        return {row["term"]: row["tests that fail"] for row in csv.DictReader(file)}
+
+
 def main(names: list[str]) -> int:
-    """Run the mutations, one per core; 1 if one survives."""
+    """Run the mutations, one per core, and enter them in the table; 1 if one survives."""
     chosen = [m for m in mutations() if not names or any(name in m["name"] for name in names)]
+    control(chosen)
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
         caught = list(pool.map(failing_tests, chosen))
-    if not names:
-        with TABLE.open("w", newline="", encoding="utf-8") as file:
-            table = csv.writer(file, lineterminator="\n")
-            table.writerow(("term", "file", "before", "after", "tests that fail"))
-            for mutation, tests in zip(chosen, caught, strict=True):
+    found = recorded() | {m["name"]: "; ".join(tests) for m, tests in zip(chosen, caught, strict=True)}
+    with TABLE.open("w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(("term", "file", "before", "after", "tests that fail"))
+        for mutation in mutations():
+            if mutation["name"] in found:
                 cells = (mutation[key].strip() for key in ("name", "file", "old", "new"))
-                table.writerow((*cells, "; ".join(tests)))
+                table.writerow((*cells, found[mutation["name"]]))
     survivors = [m["name"] for m, tests in zip(chosen, caught, strict=True) if not tests]
     print(f"{len(chosen)} mutations, {len(survivors)} unnoticed {survivors or ''}")
     return 1 if survivors else 0
