@@ -1,5 +1,5 @@
-"""The list of perturbations (`tests/mutations/`) fits the package and its table. Running them takes an
-hour and is an experiment of its own: `python experiments/mutations/run.py`."""
+"""The list of perturbations (`tests/mutations/`) fits the package and its table. Running them takes
+twenty minutes and is an experiment of its own: `python experiments/mutations/run.py`."""
 
 import csv
 import tomllib

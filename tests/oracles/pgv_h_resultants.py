@@ -46,6 +46,21 @@ def thrust_of_the_sail():
     return worst(error)
 
 
+def against_integral(printed, right, integral, observable: str) -> Errors:
+    """Both forms of a tether's resultant against the integral over its length, and the right one against
+    the package's observable too."""
+
+    def errors(state):
+        truth, form = per_tether(state, integral), per_tether(state, right)
+        seen = state.seen[observable] @ state.turn.T
+        return Errors(
+            relative_error(per_tether(state, printed), truth),
+            max(relative_error(form, truth), relative_error(form, seen)),
+        )
+
+    return worst_of_both(errors)
+
+
 @fails(
     "PGV",
     "73",
@@ -65,15 +80,7 @@ def thrust_of_a_tether():
     def right(state, i):
         return sum((first + second) @ element_thrust(state, i, j) for j in ELEMENTS)
 
-    def errors(state):
-        truth, seen = per_tether(state, thrust_integral), state.seen["thrust_B"] @ state.turn.T
-        form = per_tether(state, right)
-        return Errors(
-            relative_error(per_tether(state, printed), truth),
-            max(relative_error(form, truth), relative_error(form, seen)),
-        )
-
-    return worst_of_both(errors)
+    return against_integral(printed, right, thrust_integral, "thrust_B")
 
 
 @holds(
@@ -146,15 +153,7 @@ def moment_of_a_tether():
                 total += np.cross(place - root, part[0]) + np.cross(slope, part[1])
         return total
 
-    def errors(state):
-        truth, form = per_tether(state, moment_integral), per_tether(state, right)
-        seen = state.seen["thrust_moment_B"] @ state.turn.T
-        return Errors(
-            relative_error(per_tether(state, printed), truth),
-            max(relative_error(form, truth), relative_error(form, seen)),
-        )
-
-    return worst_of_both(errors)
+    return against_integral(printed, right, moment_integral, "thrust_moment_B")
 
 
 @holds(
