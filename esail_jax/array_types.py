@@ -18,6 +18,8 @@ Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
 Rotation = Float[Array, "3 3"]
 PerTether = Float[Array, " tether"]
+PerMember = Float[Array, "*elem tether"]
+"""One number per tether, or one per element of each."""
 PerPoint = Float[Array, "*point"]
 VectorPerPoint = Float[Array, "3 *point"]
 Nodal = Float[Array, "coef 3 node tether"]
@@ -31,6 +33,7 @@ __all__ = [
     "HubPoints",
     "Int",
     "Nodal",
+    "PerMember",
     "PerPoint",
     "PerTether",
     "Rotation",

@@ -17,6 +17,7 @@ from esail_jax.array_types import Array, Float, Nodal, Rotation, Scalar, Vector
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.elements.rigid_body import RigidBody
 from esail_jax.elements.tether import Tethers
+from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.joints.roots import FrameRoots, HubRoots
 from esail_jax.numerics import bordered
 from esail_jax.numerics.vectors import dot
@@ -40,32 +41,42 @@ class Residual(NamedTuple):
 
 
 class System(eqx.Module):
-    """Tethers, what acts on them and what holds them."""
+    """Tethers, what acts on them and what holds them (roots None: nothing does)."""
 
     tethers: Tethers
-    roots: HubRoots | FrameRoots
+    roots: HubRoots | FrameRoots | None
     hub: RigidBody | None
     energies: tuple[Energy, ...]
     dissipations: tuple[Dissipation, ...]
     loads: tuple[Load, ...]
     gravity: Vector | None
+    orbit: CircularOrbit | None = None
 
     # ---- what is there ---------------------------------------------------------------------
 
     @property
     def clamped(self) -> bool:
-        return self.roots.normals is not None
+        return self.roots is not None and self.roots.normals is not None
+
+    @property
+    def weighted(self) -> bool:
+        """Is there an acceleration field, gravity or that of an orbit?"""
+        return self.gravity is not None or self.orbit is not None
 
     @property
     def terms(self) -> tuple[str, ...]:
         """Names of everything that was built, for `/numerics` and for people."""
-        names = ["hub" if self.hub is not None else "turning frame"]
-        names += [
-            f"{self.tethers.kind} elements",
-            "clamped roots" if self.clamped else "pinned roots",
-        ]
+        if self.tethers.kind == "rod":
+            names = ["free chain" if self.roots is None else "fixed anchor", "rods"]
+        else:
+            names = [
+                "hub" if self.hub is not None else "turning frame",
+                f"{self.tethers.kind} elements",
+                "clamped roots" if self.clamped else "pinned roots",
+            ]
         names += [term.name for term in (*self.energies, *self.dissipations, *self.loads)]
-        return tuple(names + (["gravity"] if self.gravity is not None else []))
+        names += ["gravity"] * (self.gravity is not None)
+        return tuple(names + ["circular orbit"] * (self.orbit is not None))
 
     # ---- forces ----------------------------------------------------------------------------
 
@@ -79,12 +90,25 @@ class System(eqx.Module):
         loads = [term.point_forces(time, fields, rates) for term in self.loads]
         return add_fields(elastic + viscous + loads), add_fields(viscous), add_fields(loads)
 
-    def inertial(self, vdot: Coordinates) -> Coordinates:
-        """vdot minus uniform gravity: weight is inertia in a falling frame."""
-        if self.gravity is None:
-            return vdot
-        hub = None if vdot.hub is None else vdot.hub - self.gravity
-        return Coordinates(vdot.tether - self.tethers.uniform(self.gravity), hub)
+    def field(self, q: Coordinates, v: Coordinates) -> Coordinates:
+        """Acceleration [m/s^2] of a free particle at every node and hub point: uniform gravity and
+        the field of an orbit. Being linear in position, it is exact between nodes too."""
+        hub = None if q.hub is None else jnp.zeros_like(q.hub)
+        tether = jnp.zeros_like(q.tether)
+        if self.gravity is not None:
+            tether = tether + self.tethers.uniform(self.gravity)
+            hub = None if hub is None else hub + self.gravity
+        if self.orbit is not None:
+            toward = jnp.moveaxis(
+                self.orbit.acceleration(*(jnp.moveaxis(x.tether, 1, 0) for x in (q, v))), 0, 1
+            )
+            tether = tether + toward
+            hub = None if hub is None else hub + self.orbit.acceleration(q.hub.T, v.hub.T).T
+        return Coordinates(tether, hub)
+
+    def inertial(self, q: Coordinates, v: Coordinates, vdot: Coordinates) -> Coordinates:
+        """vdot minus the acceleration field: weight is inertia in a falling frame."""
+        return vdot.axpy(-1.0, self.field(q, v)) if self.weighted else vdot
 
     def residual(
         self, time: Scalar, q: Coordinates, v: Coordinates, vdot: Coordinates, lam: Multipliers
@@ -93,7 +117,7 @@ class System(eqx.Module):
         tethers = self.tethers
         fields, rates = tethers.interpolate(q.tether), tethers.interpolate(v.tether)
         total, viscous, loads = self.point_forces(time, fields, rates)
-        inertial = self.inertial(vdot)
+        inertial = self.inertial(q, v, vdot)
         tether = tethers.nodal_forces(total, inertial.tether)
         hub = None
         if self.hub is not None:
@@ -105,8 +129,10 @@ class System(eqx.Module):
         external = self.frame_power(time, q, v, forces, lam)
         if self.loads:
             external = external - self.integrate(dot(loads.r, rates.r))
-        if self.gravity is not None:
-            external = external + self.gravity @ self.momentum(v)
+        if self.weighted:
+            momentum = self.momenta(v)
+            parts = jax.tree.map(lambda a, p: (a * p).sum(), self.field(q, v), momentum)
+            external = external + sum(jax.tree.leaves(parts))
         dissipated = jnp.zeros(())
         if self.dissipations:
             parts = [dot(f, rate) for f, rate in zip(viscous, rates, strict=True) if f is not None]
@@ -118,7 +144,7 @@ class System(eqx.Module):
     ) -> Scalar:
         """Power of a turning frame: root reactions times root velocities, and for clamped roots
         mu . (partial Phi / partial t), what a moving constraint does. Zero with a hub."""
-        if self.hub is not None:
+        if self.hub is not None or self.roots is None:
             return jnp.zeros(())
         power = (forces.tether[0, :, 0] * v.tether[0, :, 0]).sum()
         if self.clamped:
@@ -130,12 +156,16 @@ class System(eqx.Module):
         """Integral over all tethers of a quantity per undeformed length."""
         return jnp.sum(self.tethers.weights[:, None, None] * density * self.tethers.element_length)
 
+    def momenta(self, v: Coordinates) -> Coordinates:
+        """M v: momenta [kg m/s] conjugate to the coordinates."""
+        hub = None if self.hub is None else self.hub.mass_matrix @ v.hub
+        return Coordinates(self.tethers.inertia(v.tether), hub)
+
     def momentum(self, v: Coordinates) -> Vector:
         """Linear momentum [kg m/s] of everything."""
-        total = self.tethers.inertia(v.tether)[0].sum((1, 2))
-        if self.hub is not None:
-            total = total + (self.hub.mass_matrix @ v.hub).sum(0)
-        return total
+        momenta = self.momenta(v)
+        total = momenta.tether[0].sum((1, 2))
+        return total if momenta.hub is None else total + momenta.hub.sum(0)
 
     # ---- constraints -----------------------------------------------------------------------
 
@@ -213,33 +243,48 @@ class System(eqx.Module):
         tethers = self.tethers
         fields, rates = tethers.interpolate(q.tether), tethers.interpolate(v.tether)
         jacobian = self.point_jacobian(time, fields, rates, rate_factor)
-        elements = tethers.mass_elements()[:, :, None]
-        elements = elements + stiffness_factor * tethers.tangent_elements(jacobian)
+        axes = np.eye(3)
+        if self.orbit is not None:
+            by_position, by_velocity = self.orbit.gradients
+            axes = axes - stiffness_factor * (by_position + rate_factor * by_velocity)
+        elements = stiffness_factor * tethers.tangent_elements(jacobian)
+        elements = elements + tethers.mass_elements(axes)
         scaled = jax.tree.map(lambda x: stiffness_factor * x, lam)
-        return self._bordered(time, q, elements, scaled)
+        return self._bordered(time, q, elements, tethers.point_masses(axes), scaled)
 
     def mass(self, time: Scalar, q: Coordinates) -> bordered.Bordered:
         """M and the constraint gradients: the matrix of a consistent acceleration."""
-        elements = self.tethers.mass_elements()[:, :, None]
+        elements = self.tethers.mass_elements()
         elements = jnp.broadcast_to(
             elements, (*elements.shape[:2], self.tethers.elements, elements.shape[-1])
         )
-        return self._bordered(time, q, elements, self.no_multipliers())
+        return self._bordered(time, q, elements, self.tethers.point_masses(), self.no_multipliers())
 
     def no_multipliers(self) -> Multipliers:
         """lam = 0 in the layout of this system."""
-        p = self.tethers.element_length.shape[0]
+        p = self.tethers.count
         hub = jnp.zeros(6) if self.hub is not None else None
         return Multipliers(hub, jnp.zeros((2, p)) if self.clamped else None)
 
     def _bordered(
-        self, time: Scalar, q: Coordinates, elements: Array, lam: Multipliers
+        self,
+        time: Scalar,
+        q: Coordinates,
+        elements: Array,
+        masses: tuple[Array, Array | None],
+        lam: Multipliers,
     ) -> bordered.Bordered:
-        tethers = self.tethers
-        diag, upper, lower = tethers.blocks(elements)
-        tip = tethers.tip_mass * np.diag([1.0] * 3 + [0.0] * (3 * tethers.coefs - 3))[:, :, None]
+        diag, upper, lower = self.tethers.blocks(elements)
+        tip, base = masses
+        diag = diag.at[-1].add(tip)
+        if base is not None:
+            diag = diag.at[0].add(base)
         matrix = bordered.Bordered(
-            diag.at[-1].add(tip), upper, lower, self.roots.weights if self.hub is not None else None
+            diag,
+            upper,
+            lower,
+            self.roots.weights if self.hub is not None else None,
+            loose=() if self.roots is None else None,
         )
         if self.hub is not None:
             matrix = matrix._replace(border=self._hub_border(q, lam))
@@ -322,10 +367,14 @@ class System(eqx.Module):
 
     def rotation(self, time: Scalar, q: Coordinates) -> Rotation:
         """C_B^I of the hub or of the turning frame."""
+        if self.roots is None:
+            return jnp.eye(3)
         return self.roots.rotation(time) if self.hub is None else self.hub.rotation(q.hub)
 
     def place_roots(self, time: Scalar, q: Coordinates, derivative: int = 0) -> Coordinates:
         """q (or its rate or acceleration) with the root nodes where hub or frame put them."""
+        if self.roots is None:
+            return q
         if self.hub is not None:
             root = self.roots.positions(q.hub)
         else:

@@ -53,7 +53,7 @@ def expanded(system: System, y: Float[Array, " n"], derivative: int = 0) -> Coor
     """Coordinates of y (derivative = 0) or of a displacement (1), linear in it: roots follow the
     hub, or rest in the turning frame."""
     tethers = system.tethers
-    k, n, p = tethers.coefs, tethers.elements, tethers.element_length.shape[0]
+    k, n, p = tethers.coefs, tethers.elements, tethers.count
     cuts = (3 * k * n * p, 3 * (k * n + k - 1) * p)
     nodes = y[: cuts[0]].reshape(k, 3, n, p)
     root = jnp.concatenate([jnp.zeros((1, 3, p)), y[cuts[0] : cuts[1]].reshape(k - 1, 3, p)])

@@ -49,7 +49,7 @@ def steady_line(
     function theorem), the steps before it none.
     """
     straight = [term for term in energies if term.depends_on == ("r_x",)]
-    p = tethers.element_length.shape[0]
+    p = tethers.count
     x_axis = jnp.tile(jnp.array([[1.0], [0.0], [0.0]]), (1, p))
     cosine = jnp.cos(coning)
 
@@ -69,7 +69,7 @@ def steady_line(
         moved = jax.jvp(lambda r_x: stress(fields._replace(r_x=r_x)).r_x, (fields.r_x,), (unit,))[1]
         jacobian = {("r_x", "r_x"): moved[None, :1]}
         stiffness = tethers.tangent_elements(jacobian)
-        mass = tethers.mass_elements()[::3, ::3, None]
+        mass = tethers.mass_elements()[::3, ::3]
         elements = stiffness - spin_squared * cosine**2 * mass
         diag, upper, lower = tethers.blocks(elements)
         tip = jnp.zeros_like(diag[-1]).at[0, 0].set(spin_squared * cosine**2 * tethers.tip_mass)

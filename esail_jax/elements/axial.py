@@ -5,7 +5,7 @@ from typing import ClassVar, Literal
 import equinox as eqx
 import jax
 
-from esail_jax.array_types import PerPoint, PerTether, VectorPerPoint
+from esail_jax.array_types import PerMember, PerPoint, VectorPerPoint
 from esail_jax.numerics.vectors import dot, norm
 from esail_jax.terms import Dissipation, Energy, PointFields
 
@@ -20,9 +20,9 @@ def axial_strain(r_x: VectorPerPoint, measure: Strain) -> PerPoint:
 
 
 class AxialEnergy(Energy):
-    """W = EA eps^2 / 2 ([PGV] Eq. 23). EA [N] per tether."""
+    """W = EA eps^2 / 2 ([PGV] Eq. 23). EA [N] per tether or element."""
 
-    stiffness: PerTether
+    stiffness: PerMember
     strain: Strain = eqx.field(static=True)
 
     name: ClassVar[str] = "axial"
@@ -33,10 +33,10 @@ class AxialEnergy(Energy):
 
 
 class AxialDissipation(Dissipation):
-    """R = gamma_x EA (deps/dt)^2 / 2 ([PGV] Eq. 36). gamma_x [s], EA [N] per tether."""
+    """R = gamma_x EA (deps/dt)^2 / 2 ([PGV] Eq. 36). gamma_x [s], EA [N] per tether or element."""
 
-    stiffness: PerTether
-    time: PerTether
+    stiffness: PerMember
+    time: PerMember
     strain: Strain = eqx.field(static=True)
 
     name: ClassVar[str] = "axial damping"

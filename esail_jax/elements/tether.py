@@ -10,32 +10,40 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax.array_types import Array, Float, Nodal, PerTether
+from esail_jax.array_types import Array, Float, Nodal, PerMember, PerTether
 from esail_jax.elements import ancf_cable, truss
 from esail_jax.numerics.quadrature import gauss_legendre
 from esail_jax.terms import PointFields
 
-Element = Literal["cable", "truss"]
-KINDS = {"cable": ancf_cable, "truss": truss}
+Element = Literal["cable", "truss", "rod"]
+KINDS = {"cable": ancf_cable, "truss": truss, "rod": truss}
+"""Shape functions. A rod is a truss element with a length, mass and stiffness of its own ([MW])."""
 
-POINTS = {"cable": 5, "truss": 2}
+POINTS = {"cable": 5, "truss": 2, "rod": 2}
 """Gauss points per element. Five integrate the Green-Lagrange energy of a cubic exactly (degree 8),
 two any energy and the mass of a linear element."""
 
 
 class Tethers(eqx.Module):
-    """Chains of `elements` equal elements.
+    """Chains of `elements` elements, equal ones or, for rods, each of its own.
 
-    element_length l [m], line_density rho A [kg/m], tip_mass m_u [kg], each per tether. The remote
-    unit is a point mass at the last node.
+    element_length l [m], line_density rho A [kg/m], tip_mass m_u [kg], each per tether (rods: the
+    first two per element). The remote unit is a point mass at the last node; base_mass [kg] is one
+    at the first, of a chain that nothing holds (None: no such mass).
     """
 
-    element_length: PerTether
-    line_density: PerTether
+    element_length: PerMember
+    line_density: PerMember
     tip_mass: PerTether
     elements: int = eqx.field(static=True)
     kind: Element = eqx.field(static=True)
     fields_used: tuple[str, ...] = eqx.field(static=True)
+    base_mass: PerTether | None = None
+
+    @property
+    def count(self) -> int:
+        """Tethers."""
+        return self.tip_mass.shape[0]
 
     @property
     def coefs(self) -> int:
@@ -118,7 +126,14 @@ class Tethers(eqx.Module):
         product = np.concatenate(tables).T @ stacked.reshape(stacked.shape[0], -1)
         forces = self.assemble(product.reshape(-1, *stacked.shape[1:]))
         if acceleration is not None:
-            forces = forces.at[0, :, -1].add(self.tip_mass * acceleration[0, :, -1])
+            forces = self.add_point_masses(forces, acceleration)
+        return forces
+
+    def add_point_masses(self, forces: Nodal, acceleration: Nodal) -> Nodal:
+        """`forces` and the inertia of the masses at the ends."""
+        forces = forces.at[0, :, -1].add(self.tip_mass * acceleration[0, :, -1])
+        if self.base_mass is not None:
+            forces = forces.at[0, :, 0].add(self.base_mass * acceleration[0, :, 0])
         return forces
 
     def inertia(self, acceleration: Nodal) -> Nodal:
@@ -126,17 +141,27 @@ class Tethers(eqx.Module):
         scale = self.line_density * self.element_length
         vectors = self.element_vectors(acceleration)
         product = jnp.tensordot(self.mass_table, vectors, 1) * scale
-        return self.assemble(product).at[0, :, -1].add(self.tip_mass * acceleration[0, :, -1])
+        return self.add_point_masses(self.assemble(product), acceleration)
 
     def uniform(self, vector: Float[Array, "3"]) -> Nodal:
         """Nodal vectors of a field equal to `vector` everywhere: positions, no slopes."""
-        shape = (self.coefs, 3, self.elements + 1, self.element_length.shape[0])
+        shape = (self.coefs, 3, self.elements + 1, self.count)
         return jnp.zeros(shape).at[0].set(vector[:, None, None])
 
-    def mass_elements(self) -> Float[Array, "row col tether"]:
-        """Element mass matrices (3 coef2, 3 coef2, tether), rows ordered (coef, xyz)."""
-        mass = np.kron(self.mass_table, np.eye(3))
-        return mass[:, :, None] * (self.line_density * self.element_length)
+    def mass_elements(
+        self, axes: Float[Array | np.ndarray, "3 3"] = np.eye(3)
+    ) -> Float[Array, "row col elem tether"]:
+        """Element mass matrices (3 coef2, 3 coef2, elem, tether), rows ordered (coef, xyz); elem has
+        length 1 where all elements of a tether are equal. `axes` multiplies the mass of a point."""
+        mass = jnp.kron(self.mass_table, axes)
+        return mass[:, :, None, None] * jnp.atleast_2d(self.line_density * self.element_length)
+
+    def point_masses(
+        self, axes: Float[Array | np.ndarray, "3 3"] = np.eye(3)
+    ) -> tuple[Float[Array, "row row tether"], Float[Array, "row row tether"] | None]:
+        """Blocks of the masses at the last and the first node (None: no such mass)."""
+        position = jnp.kron(np.diag([1.0, 0.0][: self.coefs]), axes)[:, :, None]
+        return self.tip_mass * position, None if self.base_mass is None else self.base_mass * position
 
     def tangent_elements(
         self, jacobian: dict[tuple[str, str], Array]

@@ -3,7 +3,7 @@
 import equinox as eqx
 import jax.numpy as jnp
 
-from esail_jax.array_types import PerTether, Scalar, Vector, VectorPerPoint
+from esail_jax.array_types import PerMember, Scalar, Vector, VectorPerPoint
 from esail_jax.constants import PROTON_MASS, THRUST_FACTOR, VACUUM_PERMITTIVITY
 from esail_jax.numerics.vectors import norm
 
@@ -25,7 +25,7 @@ class SolarWind(eqx.Module):
         position = self.origin.reshape(3, *(1,) * (r.ndim - 1)) + r
         return position * (self.speed / norm(position))
 
-    def thrust_per_speed(self, voltage: PerTether) -> PerTether:
+    def thrust_per_speed(self, voltage: PerMember) -> PerMember:
         """sigma / u [N s/m^2] = 0.18 max(0, V_0 - V_1) sqrt(eps_0 m_i n_0) ([PGV] Eq. 29)."""
         plasma = jnp.sqrt(VACUUM_PERMITTIVITY * PROTON_MASS * self.number_density)
         return THRUST_FACTOR * jnp.maximum(0.0, voltage - self.cutoff_voltage) * plasma

@@ -2,7 +2,7 @@
 
 from typing import ClassVar
 
-from esail_jax.array_types import PerTether, Scalar, VectorPerPoint
+from esail_jax.array_types import PerMember, Scalar, VectorPerPoint
 from esail_jax.environment.solar_wind import SolarWind
 from esail_jax.numerics.vectors import dot
 from esail_jax.terms import Load, PointFields
@@ -15,7 +15,7 @@ class CoulombThrust(Load):
     """
 
     wind: SolarWind
-    voltage: PerTether
+    voltage: PerMember
 
     name: ClassVar[str] = "coulomb"
     depends_on: ClassVar[tuple[str, ...]] = ("r", "r_x")

@@ -3,7 +3,8 @@
 Unknowns are the blocks of every chain, per chain a few *local* unknowns at its port, and the shared
 *border*. The first three rows of a port block, its position, are held: they move with points of the
 border, position = sum_k weight_k point_k, and their equations act on those points (virtual work).
-Without a border they do not move at all. The other rows, a root slope, are free: local unknowns.
+Without a border they do not move at all, or, if the ports are loose, are free like the other rows, a
+root slope: local unknowns.
 Chains are condensed on their ports in O(blocks), local unknowns are eliminated chain by chain, and one
 small dense system in the border is left. Absent parts are `None` and cost nothing.
 """
@@ -17,7 +18,7 @@ from esail_jax.numerics import block_tridiagonal as chains
 from esail_jax.numerics.small_matrices import inverse, matmul, matvec
 
 HELD = 3
-"""Rows of a port block that the border holds."""
+"""Rows of a port block that the border holds, unless it is loose."""
 
 
 class Bordered(NamedTuple):
@@ -28,6 +29,7 @@ class Bordered(NamedTuple):
     local, local_border, border_local: added to the equations of the free rows, which the local
     unknowns extend at the end (multipliers of a clamped root)
     border: added to the border's equations; its unknowns are the points' coordinates, then others
+    loose: () where nothing holds the ports (only without a border), else None
     """
 
     diag: Float[Array, "block row row tether"]
@@ -38,11 +40,17 @@ class Bordered(NamedTuple):
     local_border: Float[Array, "local border tether"] | None = None
     border_local: Float[Array, "border local tether"] | None = None
     border: Float[Array, "border border"] | None = None
+    loose: tuple[()] | None = None
+
+    @property
+    def held(self) -> int:
+        """Held rows of a port block."""
+        return HELD if self.loose is None else 0
 
     @property
     def free(self) -> int:
         """Free rows of a port block."""
-        return self.diag.shape[1] - HELD
+        return self.diag.shape[1] - self.held
 
 
 class Vector(NamedTuple):
@@ -87,8 +95,8 @@ def project(
     """The ports' Schur complements in the unknowns (local, border): the blocks
     (local, local), (local, border), (border, local), (border, border). Rows beyond the held ones,
     whatever they stand for, are local."""
-    held, free, g = slice(None, HELD), slice(HELD, None), matrix.weights
-    free_rows = schur.shape[0] - HELD
+    held, free, g = slice(None, matrix.held), slice(matrix.held, None), matrix.weights
+    free_rows = schur.shape[0] - matrix.held
     local = local_border = border_local = border = None
     if free_rows:
         local = padded(schur[free, free], matrix.local)
@@ -140,7 +148,7 @@ def port_loads(
     """Right-hand sides (local, border) from the reduced ones of the ports."""
     local = border = None
     if matrix.free:
-        local = port[HELD:]
+        local = port[matrix.held :]
         if rhs.local is not None:
             local = jnp.concatenate([local, rhs.local])
     if matrix.border is not None:
@@ -152,7 +160,7 @@ def port_displacement(
     matrix: Bordered, local: Array | None, border: Array | None
 ) -> tuple[Array, Array | None]:
     """Port displacement and extra local unknowns, once (local, border) are known."""
-    held = jnp.zeros((HELD, matrix.diag.shape[-1]))
+    held = jnp.zeros((matrix.held, matrix.diag.shape[-1]))
     if border is not None:
         points = HELD * matrix.weights.shape[0]
         held = border[:points].reshape(-1, HELD).T @ matrix.weights
