@@ -6,14 +6,14 @@ Inertias give M (`elements/tether.py`, `elements/rigid_body.py`), energies give 
 functions R (`elements/axial.py`, `elements/bending.py`), loads give Q_load (`loads/`), rigidity and
 joints give Phi (`elements/rigid_body.py`, `joints/`). A *system* is the sum of the terms a scene
 lists (`system.py`). A *stepper* advances it (`dynamics/`), *observables* look at it
-(`observables.py`), a *solution* keeps what was seen (`simulate.py`).
+(`observables/`), a *solution* keeps what was seen (`simulate.py`).
 """
 
 import jax
 
 jax.config.update("jax_enable_x64", True)
 
-from esail_jax.march import RESULTS, SimulationError  # noqa: E402
+from esail_jax.pieces import RESULTS, SimulationError  # noqa: E402
 from esail_jax.scenes.keys import SceneError  # noqa: E402
 from esail_jax.scenes.scene import Scene, load_scene  # noqa: E402
 from esail_jax.simulate import Solution, simulate  # noqa: E402

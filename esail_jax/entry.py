@@ -54,7 +54,7 @@ def starting_carry(q: Coordinates, v: Coordinates, system: System) -> Carry:
 
 def problem_of(numbers: Numbers, model: Model) -> tuple[Problem, Carry]:
     """What the compiled programs take, from a built scene."""
-    origin = numbers["initial.heliocentric_position_au"] * ASTRONOMICAL_UNIT
+    origin = numbers.get("initial.heliocentric_position_au", jnp.zeros(3)) * ASTRONOMICAL_UNIT
     problem = Problem(model.system, model.spectral_radius, origin)
     return problem, starting_carry(model.q, model.v, model.system)
 

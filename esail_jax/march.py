@@ -1,16 +1,17 @@
 """The host's loop over the entries of a run: repair, checkpoints, failure."""
 
 import dataclasses
-from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from collections.abc import Iterator
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.dynamics.generalized_alpha import KEEP, StepInfo
 from esail_jax.entry import Carry, entry_data, look_at_entry_jitted, step_entry_jitted
+from esail_jax.explicit import ExplicitMarch
+from esail_jax.observables import chain, is_chain
+from esail_jax.pieces import RESULTS, Checkpoint, Piece, SimulationError, join
 from esail_jax.prepare import Prepared
 from esail_jax.schedule import Entry, rows_per_entry, stretch
 
@@ -27,41 +28,9 @@ NUMERICS = {
 largest last increment, constraint violation and unbalanced force of a node (`StepInfo`)."""
 
 
-class RESULTS(eqx.Enumeration):
-    """How a run ended."""
-
-    successful = "The run reached its end time."
-    newton_diverged = "The equations of a step could not be solved."
-    nonfinite = "The state became infinite or undefined."
-
-
-class SimulationError(RuntimeError):
-    """The solver gave up; the message says when, where and how far it was. result: of `RESULTS`;
-    seen: what the entry that failed saw before."""
-
-    def __init__(self, message: str, result: RESULTS, seen: "Piece"):
-        super().__init__(message)
-        self.result, self.seen = result, seen
-
-
-class Piece(NamedTuple):
-    """What the host gets from an entry. numerics: per saved instant, since the one before."""
-
-    rows: dict[str, np.ndarray]
-    time: np.ndarray
-    numerics: dict[str, np.ndarray]
-    reached: float
-
-
-class Checkpoint(NamedTuple):
-    """Enough to go on, bit for bit: the carry after `position` entries, `rows` saved so far,
-    `steps` taken, and what had been tallied since the last saved instant."""
-
-    carry: Carry
-    position: int
-    rows: int
-    steps: int
-    tally: tuple[float, ...]
+def march_of(prepared: Prepared, checkpoint: Checkpoint | None = None) -> "March | ExplicitMarch":
+    """The loop for a prepared scene's method, from its start or from a checkpoint."""
+    return (ExplicitMarch if prepared.explicit else March)(prepared, checkpoint)
 
 
 class March:
@@ -70,7 +39,7 @@ class March:
     def __init__(self, prepared: Prepared, checkpoint: Checkpoint | None = None):
         self.prepared, self.plan = prepared, prepared.plan
         start = checkpoint or Checkpoint(prepared.carry, 0, 0, 0, Tally().values)
-        self.carry, self.position, self.rows, self.steps, tally = start
+        self.carry, self.position, self.rows, self.steps, tally, self.energy = start
         self.tally = Tally(*tally)
         self.checkpoint = start
         self.repairs = 0
@@ -89,13 +58,13 @@ class March:
             self.rows += len(time)
             if self.common(entry):
                 here = (self.carry, self.position, self.rows, self.steps, self.tally.values)
-                self.checkpoint = Checkpoint(*here)
+                self.checkpoint = Checkpoint(*here, self.energy)
             yield Piece(rows, time, numerics, entry.end)
 
     def common(self, entry: Entry) -> bool:
         """Does this entry stand in a longer run's plan too, rows and all, so that one may go on
         from its end? Not the last one (it saves t_end), nor those of a shorter last step."""
-        whole_steps = entry.step == self.prepared.scene.integrator.step
+        whole_steps = entry.step == self.prepared.resolved.integrator.step
         whole_entry = entry.kind == "begin" or not entry.hand_over
         return whole_steps and whole_entry and self.position < len(self.plan.entries)
 
@@ -125,6 +94,8 @@ class March:
         count = len(entry.rows)
         rows = {name: np.asarray(value)[:count] for name, value in seen.items()}
         time = np.array([row[0] for row in entry.rows])
+        if count and is_chain(self.prepared.problem.system):
+            rows, self.energy = chain.with_energy_error(rows, self.energy, np)
         numerics = self.tally.add(entry, jax.tree.map(np.asarray, info))
         self.steps += entry.take if entry.kind == "march" else 0
         return rows, time, numerics
@@ -144,7 +115,7 @@ class March:
         for attempt in attempts:
             carry, parts, failure = self.carry, [], None
             for part in attempt:
-                rows = rows_per_entry(steps, part.step, self.prepared.scene.output.interval)
+                rows = rows_per_entry(steps, part.step, self.prepared.resolved.output.interval)
                 carry, (found, how) = self._call(part, carry, rows, 1)
                 if int(carry.failed):
                     failure = (part, jax.tree.map(np.asarray, how))
@@ -169,11 +140,6 @@ def stretch_start(start: float, step: float) -> list[Entry]:
 
 def _handing_over(entry: Entry) -> Entry:
     return dataclasses.replace(entry, hand_over=True)
-
-
-def join(parts: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    """Rows of consecutive pieces in one."""
-    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def failure_of(entry: Entry, info: StepInfo, seen: Piece) -> SimulationError:

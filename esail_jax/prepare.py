@@ -1,6 +1,6 @@
 """From a scene to what a run starts with."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -8,9 +8,12 @@ import numpy as np
 
 from esail_jax.dynamics.generalized_alpha import KEEP
 from esail_jax.elements.tether import KINDS
-from esail_jax.entry import Carry, Problem, problem_of
-from esail_jax.programs import Programs, programs
-from esail_jax.scenes.build import Model, split
+from esail_jax.entry import problem_of
+from esail_jax.explicit import problem_of as explicit_problem_of
+from esail_jax.explicit import programs as explicit_programs
+from esail_jax.programs import programs, shapes_of
+from esail_jax.scenes.build import Model, build, split
+from esail_jax.scenes.integration import with_method
 from esail_jax.scenes.keys import SceneError
 from esail_jax.scenes.scene import Scene
 from esail_jax.schedule import Plan, plan
@@ -20,20 +23,37 @@ UNBALANCED = 1e-6
 
 
 class Prepared(NamedTuple):
-    """A scene ready to run."""
+    """A scene ready to run.
+
+    scene: as given; resolved: with its method; problem, carry and programs: those of `entry.py`, or
+    of `explicit.py`, which needs no plan.
+    """
 
     scene: Scene
-    problem: Problem
-    carry: Carry
-    plan: Plan
-    programs: Programs
+    resolved: Scene
+    problem: Any
+    carry: Any
+    plan: Plan | None
+    programs: Any
+
+    @property
+    def explicit(self) -> bool:
+        """Is it run by an explicit method?"""
+        return self.plan is None
 
 
-def plan_of(scene: Scene) -> Plan:
-    """The plan of a scene's run."""
-    tethers, schedule = scene.tethers, scene.integrator
-    unknowns = 3 * KINDS[tethers.element].COEFS_PER_NODE * (tethers.elements + 1) * tethers.count
-    return plan(schedule.t_end, schedule.step, scene.output.interval, unknowns, KEEP)
+def plan_of(resolved: Scene) -> Plan | None:
+    """The plan of a scene's run; None if its method makes its own steps."""
+    schedule = resolved.integrator
+    if schedule.method != "generalized-alpha":
+        return None
+    if resolved.chain is None:
+        tethers = resolved.tethers
+        coefs = KINDS[tethers.element].COEFS_PER_NODE
+        unknowns = 3 * coefs * (tethers.elements + 1) * tethers.count
+    else:
+        unknowns = 3 * (resolved.chain.rods + 1)
+    return plan(schedule.t_end, schedule.step, resolved.output.interval, unknowns, KEEP)
 
 
 def prepare(scene: Scene) -> Prepared:
@@ -42,12 +62,30 @@ def prepare(scene: Scene) -> Prepared:
     Raises SceneError if it has no steady elongation, RuntimeError in 32-bit mode.
     """
     require_64_bit()
-    structure, numbers = split(scene)
-    layout = plan_of(scene)
+    resolved = with_method(scene)
+    structure, numbers = split(resolved)
+    layout = plan_of(resolved)
+    if layout is None:
+        step = resolved.integrator.step
+        step = None if step is None else np.asarray(step)
+        compiled = explicit_programs(structure, shapes_of(numbers), step is not None)
+        return Prepared(scene, resolved, *compiled.start(numbers, step), None, compiled)
     compiled = programs(structure, numbers, layout)
     model = compiled.build(numbers)
-    check_steady(scene, model)
-    return Prepared(scene, *problem_of(numbers, model), layout, compiled)
+    if scene.chain is None:
+        check_steady(scene, model)
+    return Prepared(scene, resolved, *problem_of(numbers, model), layout, compiled)
+
+
+def empty_carry(scene: Scene) -> Any:
+    """Shapes of the carry of a scene's run; nothing is compiled but a choice of method."""
+    resolved = with_method(scene)
+    structure, numbers = split(resolved)
+    if plan_of(resolved) is None:
+        step = resolved.integrator.step
+        step = None if step is None else np.asarray(step)
+        return jax.eval_shape(lambda n: explicit_problem_of(structure, n, step)[1], numbers)
+    return jax.eval_shape(lambda n: problem_of(n, build(structure, n))[1], numbers)
 
 
 def require_64_bit() -> None:

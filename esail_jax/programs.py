@@ -30,8 +30,13 @@ class Programs(NamedTuple):
 
 def programs(structure: Structure, numbers: Numbers, layout: Plan) -> Programs:
     """The programs of a scene's structure, for any numbers and any end time."""
-    shapes = tuple((key, value.shape) for key, value in sorted(numbers.items()))
+    shapes = shapes_of(numbers)
     return _compiled(structure, shapes, layout.steps_per_entry, layout.rows_per_entry, layout.between)
+
+
+def shapes_of(numbers: Numbers) -> tuple[tuple[str, tuple[int, ...]], ...]:
+    """Keys and shapes of a scene's numbers."""
+    return tuple((key, value.shape) for key, value in sorted(numbers.items()))
 
 
 @functools.lru_cache(maxsize=64)

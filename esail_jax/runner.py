@@ -12,9 +12,12 @@ from typing import Any
 import h5py
 import numpy as np
 
-from esail_jax.march import March, SimulationError
+from esail_jax.explicit import ExplicitMarch
+from esail_jax.march import March, march_of
+from esail_jax.pieces import SimulationError
 from esail_jax.prepare import plan_of, prepare
 from esail_jax.progress import Progress
+from esail_jax.scenes.integration import with_method
 from esail_jax.scenes.scene import Scene, parse
 from esail_jax.storage import (
     RunFileError,
@@ -45,7 +48,7 @@ def run_scene(scene: Scene, path: Path, resume: bool, quiet: bool) -> int:
                 checkpoint = load_checkpoint(file, prepared.carry)
         with Interrupts() as interrupts:
             message, code = march_on(
-                March(prepared, checkpoint),
+                march_of(prepared, checkpoint),
                 RunWriter(path, prepared, resume=going_on == "resume"),
                 progress,
                 interrupts,
@@ -61,7 +64,7 @@ def run_scene(scene: Scene, path: Path, resume: bool, quiet: bool) -> int:
 
 
 def march_on(
-    march: March,
+    march: March | ExplicitMarch,
     writer: RunWriter,
     progress: Progress,
     interrupts: "Interrupts",
@@ -144,7 +147,11 @@ def check_output(scene: Scene, path: Path, resume: bool) -> str:
 
 def check_checkpoint(before: Scene, scene: Scene, state: Mapping[str, Any], path: Path) -> None:
     """Raise RunFileError unless the run of `scene` passes through the checkpoint of that of `before`."""
-    old, new, position = plan_of(before), plan_of(scene), int(state["position"])
+    (old, new), position = (plan_of(with_method(s)) for s in (before, scene)), int(state["position"])
+    if old is None and new is None:  # an explicit method's steps do not know the end time
+        return
+    if old is None or new is None:
+        raise RunFileError("`--t-end` must not change the method of integration, but does")
     if state.get("steps_per_entry", new.steps_per_entry) != new.steps_per_entry:
         raise RunFileError(
             f"`--resume` must continue a run of this version of esail_jax, but {path} is of another"
@@ -166,12 +173,11 @@ def describe(path: Path) -> str:
     reached = times[-1] if len(times) else 0.0
     wall = max(attributes["wall_time"], 1e-9)
     steps = attributes["steps"]
-    tethers = scene.tethers
     lines = [
         f"{path}: {attributes['status']}",
         f"  {attributes['message']}" if attributes["message"] else "",
-        f"  model      {tethers.count} tethers x {tethers.elements} elements: {terms}",
-        f"  method     {scene.integrator.method}, step {scene.integrator.step:g} s",
+        f"  model      {size_of(scene)}: {terms}",
+        f"  method     {method_of(scene)}",
         f"  time       {reached:g} of {scene.integrator.t_end:g} s, {len(times)} saved instants",
         f"  speed      {steps} steps in {wall:.2f} s ({1e6 * wall / max(steps, 1):.0f} us a step, "
         f"{reached / wall:.0f} x real time), compiling {attributes['compile_time']:.2f} s",
@@ -182,9 +188,30 @@ def describe(path: Path) -> str:
     return "\n".join(line for line in lines if line)
 
 
+def size_of(scene: Scene) -> str:
+    """How many of what."""
+    if scene.chain is not None:
+        return f"{scene.chain.rods} rods"
+    return f"{scene.tethers.count} tethers x {scene.tethers.elements} elements"
+
+
+def method_of(scene: Scene) -> str:
+    """The method a scene is run with, and who chose it."""
+    table = with_method(scene).integrator
+    size = f"tolerance {table.tolerance:g}" if table.step is None else f"step {table.step:g} s"
+    return f"{table.method}, {size}" + (" (chosen)" if scene.integrator.method is None else "")
+
+
 def balance_text(file: h5py.File) -> str:
-    """Largest energy balance error, beside the energies it is an error of."""
+    """Largest energy error, beside the energies it is an error of."""
     seen = file["observables"]
+    if "energy_error" in seen:
+        error, kinetic = seen["energy_error"][()], seen["kinetic_energy"][()]
+        good = np.isfinite(error)
+        if not good.any():
+            return ""
+        largest, energy = abs(error[good]).max(), kinetic[good].max()
+        return f"  balance    |E - E_0| <= {largest:.2e} of max(|E_0|, T), T up to {energy:.5g} J"
     good = np.isfinite(seen["energy_balance_error"][()])  # rows after a failure are NaN
     if not good.any():
         return ""

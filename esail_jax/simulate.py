@@ -12,12 +12,16 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from esail_jax import explicit
 from esail_jax.array_types import Array, Float
 from esail_jax.dynamics.generalized_alpha import KEEP, State
 from esail_jax.entry import entry_data, problem_of, run_entry
-from esail_jax.march import RESULTS, Checkpoint, March, SimulationError, join
+from esail_jax.march import march_of
+from esail_jax.observables import chain, is_chain
+from esail_jax.pieces import RESULTS, Checkpoint, SimulationError, join
 from esail_jax.prepare import plan_of, prepare, require_64_bit
 from esail_jax.scenes.build import Numbers, Structure, build, split
+from esail_jax.scenes.integration import with_method
 from esail_jax.scenes.scene import Scene, load_scene
 from esail_jax.schedule import Plan, save_times
 
@@ -74,8 +78,16 @@ def simulate(
 def simulate_traced(scene: Scene) -> Solution:
     """The whole run as one program, for `jit`, `grad`, `jvp` and `vmap`."""
     require_64_bit()
+    scene = with_method(scene)
     structure, numbers = split(scene)
     layout = plan_of(scene)
+    if layout is None:
+        step = scene.integrator.step
+        times = tuple(save_times(scene.integrator.t_end, scene.output.interval).tolist())
+        rows, state, result, steps = explicit.traced_run(
+            structure, times, numbers, None if step is None else jnp.asarray(step)
+        )
+        return Solution(jnp.asarray(times), rows, result, state, {"steps": steps})
     rows, state, result, iterations = traced_run(structure, layout, numbers)
     times = jnp.asarray([time for entry in layout.entries for time, *_ in entry.rows])
     return Solution(times, rows, result, state, {"newton_iterations": iterations})
@@ -99,6 +111,8 @@ def traced_run(
     where = [(e, r) for e, entry in enumerate(layout.entries) for r in range(len(entry.rows))]
     entries, rows = (np.array(x) for x in zip(*where, strict=True))
     seen = {name: value[entries, rows] for name, value in seen.items()}
+    if is_chain(problem.system):
+        seen, _ = chain.with_energy_error(seen, (jnp.nan, 0.0), jnp)
     finite = jnp.isfinite(carry.state.q.tether).all()
     cause = RESULTS.where(finite, RESULTS.newton_diverged, RESULTS.nonfinite)
     result = RESULTS.where(carry.failed > 0, cause, RESULTS.successful)
@@ -110,7 +124,7 @@ def simulate_concrete(scene: Scene, throw: bool) -> Solution:
     began = time.perf_counter()
     prepared = prepare(scene)
     ready = time.perf_counter()
-    march, pieces, message, result = March(prepared), [], "", RESULTS.successful
+    march, pieces, message, result = march_of(prepared), [], "", RESULTS.successful
     try:
         for piece in march.pieces():
             pieces.append(piece)
@@ -129,8 +143,14 @@ def simulate_concrete(scene: Scene, throw: bool) -> Solution:
     times = save_times(scene.integrator.t_end, scene.output.interval)
     rows = filled(join([piece.rows for piece in pieces]), len(times))
     numerics = filled(join([piece.numerics for piece in pieces]), len(times))
-    state = march.carry.state
+    state = final_state(march.carry)
     return Solution(times, rows, result, state, stats, numerics, march.checkpoint, scene)
+
+
+def final_state(carry: Any) -> Any:
+    """What a carry says of the state: that of a stepper, or the end of an explicit method's last
+    step, which is at or just beyond the end time."""
+    return carry.progress.now.y if isinstance(carry, explicit.Carry) else carry.state
 
 
 def filled(rows: dict[str, np.ndarray], count: int) -> dict[str, np.ndarray]:

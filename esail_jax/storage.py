@@ -20,14 +20,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax.dynamics.generalized_alpha import State
-from esail_jax.entry import Carry, problem_of
-from esail_jax.march import NUMERICS, RESULTS, Checkpoint, Piece, join
+from esail_jax import explicit, march
 from esail_jax.observables import listed
-from esail_jax.prepare import Prepared, prepare, require_64_bit
-from esail_jax.scenes.build import build, split
+from esail_jax.pieces import RESULTS, Checkpoint, Piece, join
+from esail_jax.prepare import Prepared, empty_carry, prepare, require_64_bit
 from esail_jax.scenes.scene import Scene, parse, to_toml
-from esail_jax.simulate import Solution
+from esail_jax.simulate import Solution, final_state
 
 SCHEMA_VERSION = 1
 
@@ -83,17 +81,18 @@ def create(path: Path, prepared: Prepared) -> None:
         file.attrs.update(attributes)
         growing(file, "time", (), "s", "t", (), "")
         for entry in listed(prepared.problem.system):
-            shape = shape_of(entry.axes, prepared.scene.tethers.count)
+            shape = shape_of(entry.axes, prepared.scene.members.count)
             name = f"observables/{entry.name}"
             growing(file, name, shape, entry.unit, entry.symbol, entry.axes, entry.equation)
-        for name, unit in NUMERICS.items():
+        for name, unit in (explicit.NUMERICS if prepared.explicit else march.NUMERICS).items():
             growing(file, f"numerics/{name}", (), unit, name, (), "")
         file["numerics"].attrs["terms"] = list(prepared.problem.system.terms)
 
 
-def shape_of(axes: tuple[str, ...], tethers: int) -> tuple[int, ...]:
-    """Sizes of an observable's axes after time."""
-    return tuple(tethers if axis == "tether" else 3 for axis in axes)
+def shape_of(axes: tuple[str, ...], members: int) -> tuple[int, ...]:
+    """Sizes of an observable's axes after time; members: tethers or rods."""
+    sizes = {"tether": members, "rod": members, "joint": members + 1}
+    return tuple(sizes.get(axis, 3) for axis in axes)
 
 
 def growing(
@@ -156,7 +155,8 @@ class RunWriter:
             if self._pending:
                 self._append(file)
             save_checkpoint(file, progress.checkpoint)
-            file["state"].attrs["steps_per_entry"] = self.prepared.plan.steps_per_entry
+            if not self.prepared.explicit:
+                file["state"].attrs["steps_per_entry"] = self.prepared.plan.steps_per_entry
             file.attrs.update({"status": status, "message": message, "steps": progress.steps})
             file.attrs["compile_time"] = self._before[1] + times[0]
             file.attrs["wall_time"] = self._before[0] + times[1]
@@ -197,12 +197,13 @@ def save_checkpoint(file: h5py.File, checkpoint: Checkpoint) -> None:
     for path, leaf in jax.tree_util.tree_leaves_with_path(checkpoint.carry):
         group["/".join(str(getattr(key, "name", key)) for key in path)] = np.asarray(leaf)
     group["tally"] = np.array(checkpoint.tally)
+    group["energy"] = np.array(checkpoint.energy)
     group.attrs.update(
         {"position": checkpoint.position, "rows": checkpoint.rows, "steps": checkpoint.steps}
     )
 
 
-def load_checkpoint(file: h5py.File, like: Carry) -> Checkpoint:
+def load_checkpoint(file: h5py.File, like: Any) -> Checkpoint:
     """The checkpoint of a run file, in the layout of the scene's carry (arrays or their shapes)."""
     group = file["state"]
     leaves, structure = jax.tree_util.tree_flatten_with_path(like)
@@ -212,7 +213,8 @@ def load_checkpoint(file: h5py.File, like: Carry) -> Checkpoint:
     ]
     carry = jax.tree_util.tree_unflatten(structure, values)
     counts = (int(group.attrs[name]) for name in ("position", "rows", "steps"))
-    return Checkpoint(carry, *counts, tuple(group["tally"][()]))
+    energy = tuple(group["energy"][()]) if "energy" in group else Checkpoint._field_defaults["energy"]
+    return Checkpoint(carry, *counts, tuple(group["tally"][()]), energy)
 
 
 def open_run(path: str | os.PathLike) -> h5py.File:
@@ -266,17 +268,11 @@ def load(path: str | os.PathLike) -> Solution:
         numerics = {name: data[()] for name, data in file["numerics"].items()}
         stats: dict[str, Any] = {name: plain(value) for name, value in file.attrs.items()}
         stats["terms"] = tuple(file["numerics"].attrs["terms"])
-        checkpoint = load_checkpoint(file, layout_of(scene)) if "state" in file else None
+        checkpoint = load_checkpoint(file, empty_carry(scene)) if "state" in file else None
         times = file["time"][()]
     result = RESULTS.successful if stats["status"] != "failed" else RESULTS.newton_diverged
-    state: State | None = checkpoint.carry.state if checkpoint else None
+    state = final_state(checkpoint.carry) if checkpoint else None
     return Solution(times, rows, result, state, stats, numerics, checkpoint, scene)
-
-
-def layout_of(scene: Scene) -> Carry:
-    """Shapes of a scene's carry; nothing is compiled."""
-    structure, numbers = split(scene)
-    return jax.eval_shape(lambda n: problem_of(n, build(structure, n))[1], numbers)
 
 
 def plain(value: Any) -> Any:

@@ -4,8 +4,9 @@ from typing import ClassVar, Literal
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 
-from esail_jax.array_types import PerMember, PerPoint, VectorPerPoint
+from esail_jax.array_types import PerMember, PerPoint, Scalar, VectorPerPoint
 from esail_jax.numerics.vectors import dot, norm
 from esail_jax.terms import Dissipation, Energy, PointFields
 
@@ -30,6 +31,29 @@ class AxialEnergy(Energy):
 
     def density(self, fields: PointFields) -> PerPoint:
         return 0.5 * self.stiffness * axial_strain(fields.r_x, self.strain) ** 2
+
+
+class TensionOnlyEnergy(Energy):
+    """Axial energy of a member that cannot push: stiffness grows from 0 to EA within a strain w,
+
+    d^2W/deps^2 = EA clip((eps + w/2)/w, 0, 1),
+
+    so that W is twice differentiable (Newton's method needs that), no force is left below
+    eps = -w/2, and above w/2 the force is EA eps exactly. EA [N] per tether or element, width w [-].
+    """
+
+    stiffness: PerMember
+    width: Scalar
+    strain: Strain = eqx.field(static=True)
+
+    name: ClassVar[str] = "tension only"
+    depends_on: ClassVar[tuple[str, ...]] = ("r_x",)
+
+    def density(self, fields: PointFields) -> PerPoint:
+        eps, w = axial_strain(fields.r_x, self.strain), self.width
+        within = jnp.clip(eps + 0.5 * w, 0.0, w)
+        beyond = jnp.maximum(eps - 0.5 * w, 0.0)
+        return self.stiffness * (within**3 / (6.0 * w) + 0.5 * beyond * (w + beyond))
 
 
 class AxialDissipation(Dissipation):

@@ -24,6 +24,10 @@ POINTS = {"cable": 5, "truss": 2, "rod": 2}
 two any energy and the mass of a linear element."""
 
 
+SAME_AXES = np.eye(3)
+"""A point's mass resists acceleration along itself."""
+
+
 class Tethers(eqx.Module):
     """Chains of `elements` elements, equal ones or, for rods, each of its own.
 
@@ -149,7 +153,7 @@ class Tethers(eqx.Module):
         return jnp.zeros(shape).at[0].set(vector[:, None, None])
 
     def mass_elements(
-        self, axes: Float[Array | np.ndarray, "3 3"] = np.eye(3)
+        self, axes: Float[Array | np.ndarray, "3 3"] = SAME_AXES
     ) -> Float[Array, "row col elem tether"]:
         """Element mass matrices (3 coef2, 3 coef2, elem, tether), rows ordered (coef, xyz); elem has
         length 1 where all elements of a tether are equal. `axes` multiplies the mass of a point."""
@@ -157,7 +161,7 @@ class Tethers(eqx.Module):
         return mass[:, :, None, None] * jnp.atleast_2d(self.line_density * self.element_length)
 
     def point_masses(
-        self, axes: Float[Array | np.ndarray, "3 3"] = np.eye(3)
+        self, axes: Float[Array | np.ndarray, "3 3"] = SAME_AXES
     ) -> tuple[Float[Array, "row row tether"], Float[Array, "row row tether"] | None]:
         """Blocks of the masses at the last and the first node (None: no such mass)."""
         position = jnp.kron(np.diag([1.0, 0.0][: self.coefs]), axes)[:, :, None]

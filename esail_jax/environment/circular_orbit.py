@@ -1,7 +1,8 @@
 """Gravity seen from a circular orbit: Hill's equations.
 
 Axes turn with the orbit: x away from the centre of attraction, y along the motion, z normal to the
-orbit. Relative to a satellite at the origin, and to first order in distance over orbital radius (Hill 1878; Clohessy & Wiltshire 1960),
+orbit. Relative to a satellite at the origin, to first order in distance over orbital radius
+(Hill 1878; Clohessy & Wiltshire 1960),
 
     a_x = 2 n v_y + 3 n^2 x,    a_y = -2 n v_x,    a_z = -n^2 z
 """

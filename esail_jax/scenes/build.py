@@ -11,22 +11,25 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from esail_jax.array_types import Array, Float, PerTether, Rotation
+from esail_jax.array_types import Array, Float, PerMember, PerTether, Rotation
 from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.coordinates import Coordinates
+from esail_jax.dynamics.rod_chain import RodChain, RodState
 from esail_jax.dynamics.steady_stretch import Line, along, steady_line, unstretched_line
-from esail_jax.elements.axial import AxialDissipation, AxialEnergy
+from esail_jax.elements.axial import AxialDissipation, AxialEnergy, TensionOnlyEnergy
 from esail_jax.elements.bending import STRAIGHT_TURN, BendingDissipation, BendingEnergy
+from esail_jax.elements.hinges import Hinges
 from esail_jax.elements.rigid_body import RigidBody
 from esail_jax.elements.tether import Tethers
+from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.environment.orbit import orbital_frame
 from esail_jax.environment.solar_wind import SolarWind
 from esail_jax.joints import roots as joints
 from esail_jax.loads.coulomb import CoulombThrust
-from esail_jax.scenes import scene as scenes
 from esail_jax.scenes.keys import rule_of
 from esail_jax.scenes.scene import Scene
-from esail_jax.system import System
+from esail_jax.scenes.tables import TABLES
+from esail_jax.system import Power, System
 
 SCHEDULE = ("integrator.t_end", "integrator.step", "output.interval")
 """Structure of the run, not of the compiled program."""
@@ -60,9 +63,9 @@ class Model(NamedTuple):
 
 
 def split(scene: Scene) -> tuple[Structure, Numbers]:
-    """The scene's structure and its numbers; per-tether numbers as arrays of `tethers.count`."""
+    """The scene's structure and its numbers; those per tether or rod as arrays, one for each."""
     choices, numbers = [], {}
-    for table in scenes.TABLES:
+    for table in TABLES:
         content = getattr(scene, table)
         for field in dataclasses.fields(content) if content is not None else ():
             key, value, rule = f"{table}.{field.name}", getattr(content, field.name), rule_of(field)
@@ -70,14 +73,20 @@ def split(scene: Scene) -> tuple[Structure, Numbers]:
                 choices += [(key, value)] if key not in SCHEDULE else []
             elif value is not None:
                 value = jnp.asarray(value, float)
-                per_tether = rule.shape == "tether"
-                numbers[key] = jnp.broadcast_to(value, scene.tethers.count) if per_tether else value
+                tail = {"member": (), "vectors": (3,)}.get(rule.shape)
+                shape = value.shape if tail is None else (scene.members.count, *tail)
+                numbers[key] = jnp.broadcast_to(value, shape)
     return Structure(tuple(choices), frozenset(numbers)), numbers
 
 
 def build(structure: Structure, numbers: Numbers) -> Model:
-    """System and initial state ([PGV] Sec. 4.1) of a scene's structure and numbers."""
+    """System and initial state of a scene's structure and numbers: of a sail ([PGV] Sec. 4.1), or of
+    a chain in the coordinates of its joints."""
     n = numbers
+    if structure.has("chain"):
+        chain, state = build_chain(structure, n)
+        q, v = chain.coordinates(state)
+        return Model(chain.system, n["integrator.spectral_radius"], q, v, jnp.zeros(1))
     start, origin = starting_attitude(n)
     azimuth = 2.0 * jnp.pi * jnp.arange(structure["tethers.count"]) / structure["tethers.count"]
     hub = None
@@ -86,13 +95,7 @@ def build(structure: Structure, numbers: Numbers) -> Model:
     terms = material_terms(structure, n)
     loads = ()
     if structure.has("solar_wind"):
-        wind = SolarWind(
-            n["solar_wind.speed"],
-            n["solar_wind.number_density"],
-            n["solar_wind.cutoff_voltage"],
-            origin,
-        )
-        loads = (CoulombThrust(wind, n["voltage.value"]),)
+        loads = (coulomb_thrust(n, origin, n["voltage.value"]),)
     system = System(
         tethers=tethers_of(structure, n, bool(loads)),
         roots=roots_of(structure, n, hub, azimuth, start),
@@ -104,6 +107,12 @@ def build(structure: Structure, numbers: Numbers) -> Model:
     )
     q, v, unbalanced = initial_state(structure, n, system, azimuth, start)
     return Model(system, n["integrator.spectral_radius"], q, v, unbalanced)
+
+
+def coulomb_thrust(n: Numbers, origin: Float[Array, "3"], voltage: PerMember) -> CoulombThrust:
+    """The load of [solar_wind] and [voltage]."""
+    keys = ("solar_wind.speed", "solar_wind.number_density", "solar_wind.cutoff_voltage")
+    return CoulombThrust(SolarWind(*(n[key] for key in keys), origin), voltage)
 
 
 def starting_attitude(n: Numbers) -> tuple[Rotation, Float[Array, "3"]]:
@@ -205,6 +214,49 @@ def printed_line(n: Numbers, tethers: Tethers, radius: Array) -> Line:
     position = (1.0 + density * spin_squared / (6.0 * modulus) * (3.0 * length**2 - r**2) + tip) * r
     slope = 1.0 + density * spin_squared / (2.0 * modulus) * (length**2 - r**2) + tip
     return jnp.stack([position - radius, slope][: tethers.coefs])
+
+
+def build_chain(structure: Structure, n: Numbers) -> tuple[RodChain, RodState]:
+    """Rods and initial state ([MW] Sec. 3)."""
+    column = {key: value[:, None] for key, value in n.items() if key.startswith("chain.") and value.ndim}
+    length, free = column["chain.length"], structure["chain.anchor"] == "free"
+    axial = column["chain.youngs_modulus"] * column["chain.area"]
+    strain = structure["chain.strain"]
+    energy = AxialEnergy(axial, strain)
+    if structure.has("chain.slack_strain"):
+        energy = TensionOnlyEnergy(axial, n["chain.slack_strain"], strain)
+    dissipations, loads = (), ()
+    if structure.has("chain.axial_damping_time"):
+        dissipations = (AxialDissipation(axial, column["chain.axial_damping_time"], strain),)
+    if structure.has("solar_wind"):
+        origin = n["initial.heliocentric_position_au"] * ASTRONOMICAL_UNIT
+        loads = (coulomb_thrust(n, origin, n["voltage.value"][:, None]),)
+    tethers = Tethers(
+        element_length=length,
+        line_density=column["chain.mass"] / length,
+        tip_mass=n["chain.tip_mass"][None],
+        elements=structure["chain.rods"],
+        kind="rod",
+        fields_used=("r",) * bool(loads) + ("r_x",),
+        base_mass=n.get("chain.base_mass", jnp.zeros(()))[None] if free else None,
+    )
+    held = joints.FrameRoots(jnp.eye(3), jnp.zeros(()), jnp.zeros((3, 1)), None)
+    orbit = CircularOrbit(n["orbit.mean_motion"]) if structure.has("orbit") else None
+    gravity = n.get("gravity.acceleration")
+    system = System(tethers, None if free else held, None, (energy,), dissipations, loads, gravity, orbit)
+    x, v = n["initial.rod_vector"].T, n["initial.rod_rate"].T
+    hinges = None
+    if structure["chain.bending"]:
+        bending = n["chain.youngs_modulus"] * n["chain.second_moment"]
+        clamped = structure["chain.root"] == "clamped"
+        direction = x[:, 0] / jnp.linalg.norm(x[:, 0]) if clamped else None
+        hinges = Hinges.of(bending, n["chain.length"], direction)
+    if free:
+        first = (n.get(f"initial.{key}", jnp.zeros(3))[:, None] for key in ("position", "velocity"))
+        x, v = (jnp.concatenate(pair, axis=1) for pair in zip(first, (x, v), strict=True))
+    chain = RodChain(system, hinges)
+    zero = jnp.zeros(())
+    return chain, RodState(x, v, Power(zero, zero) if chain.works else None)
 
 
 build_jitted = jax.jit(build, static_argnums=0)

@@ -19,12 +19,22 @@ class SceneError(ValueError):
 
 
 @dataclasses.dataclass(frozen=True)
+class Members:
+    """What there may be one number for each of: how many, their name, and the key that says so."""
+
+    count: int
+    name: str
+    key: str
+
+
+@dataclasses.dataclass(frozen=True)
 class Rule:
     """Check of one key. `accepts(array)` gets finite numbers."""
 
     must: str
     accepts: Callable[[Any], bool] = lambda value: True
-    shape: str = "scalar"  # or "tether": one number or one per tether; "vector": three numbers
+    shape: str = "scalar"  # or "member": one number or one per tether (or rod); "vector": three
+    # numbers; "vectors": three, or three per rod
     structure: bool = False  # recompiles, takes no tracer
     kind: str = "number"  # or "integer", "choice", "switch"
     choices: tuple[str, ...] = ()
@@ -44,6 +54,10 @@ def declare(rule: Rule, default: Any = dataclasses.MISSING) -> Any:
 
 def positive(shape: str = "scalar", structure: bool = False) -> Rule:
     return Rule("be positive", lambda x: bool((x > 0).all()), shape, structure)
+
+
+def nonzero_vectors() -> Rule:
+    return Rule("not be zero", lambda x: bool((np.linalg.norm(x, axis=-1) > 0).all()), "vectors")
 
 
 def non_negative(shape: str = "scalar") -> Rule:
@@ -81,7 +95,7 @@ def describe(value: Any) -> str:
     return f"is {text if len(text) <= 60 else text[:57] + '...'}"
 
 
-def check_value(key: str, value: Any, rule: Rule, tethers: int | None) -> Any:
+def check_value(key: str, value: Any, rule: Rule, members: Members | None) -> Any:
     """`value` in the form the scene keeps (numbers as float, tuple of floats, or JAX array).
 
     Raises SceneError. Tracers of physical numbers pass unchecked: they have no value yet.
@@ -89,7 +103,7 @@ def check_value(key: str, value: Any, rule: Rule, tethers: int | None) -> Any:
     if isinstance(value, jax.core.Tracer):
         if rule.structure:
             raise SceneError(key, "be a plain Python value: it is structure", "is a traced value")
-        return check_shape(key, value, rule, tethers)
+        return check_shape(key, value, rule, members)
     if rule.kind == "switch":
         if not isinstance(value, bool):
             raise SceneError(key, rule.must, describe(value))
@@ -102,10 +116,10 @@ def check_value(key: str, value: Any, rule: Rule, tethers: int | None) -> Any:
         if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
             raise SceneError(key, rule.must, describe(value))
         return int(value)
-    return check_number(key, value, rule, tethers)
+    return check_number(key, value, rule, members)
 
 
-def check_number(key: str, value: Any, rule: Rule, tethers: int | None) -> Any:
+def check_number(key: str, value: Any, rule: Rule, members: Members | None) -> Any:
     """A finite real number, or as many as the rule's shape wants."""
     try:
         array = np.asarray(value)
@@ -114,15 +128,20 @@ def check_number(key: str, value: Any, rule: Rule, tethers: int | None) -> Any:
     except (TypeError, ValueError):
         numeric = False
     if not numeric or array.size == 0 or has_switch(value):
-        raise SceneError(key, "be a number" + plural(rule, tethers), describe(value))
-    check_shape(key, array, rule, tethers)
+        raise SceneError(key, "be a number" + plural(rule, members), describe(value))
+    check_shape(key, array, rule, members)
     if not np.isfinite(array).all():
         raise SceneError(key, "be finite", describe(value))
     if not rule.accepts(array):
         raise SceneError(key, rule.must, describe(value))
     if isinstance(value, jax.Array) and not rule.structure:
         return value
-    return float(array) if array.ndim == 0 else tuple(array.tolist())
+    return float(array) if array.ndim == 0 else to_tuple(array)
+
+
+def to_tuple(array: np.ndarray) -> tuple:
+    """Nested tuples of an array's numbers: hashable and immutable."""
+    return tuple(to_tuple(row) for row in array) if array.ndim > 1 else tuple(array.tolist())
 
 
 def has_switch(value: Any) -> bool:
@@ -137,27 +156,35 @@ def known(value: Any) -> np.ndarray | None:
     return None if isinstance(value, jax.core.Tracer) else np.asarray(value)
 
 
-def plural(rule: Rule, tethers: int | None) -> str:
-    if rule.shape == "vector":
+def plural(rule: Rule, members: Members | None) -> str:
+    if rule.shape in ("vector", "vectors"):
         return " for each of x, y, z"
-    return " or a list with one per tether" if rule.shape == "tether" else ""
+    name = "tether" if members is None else members.name
+    return f" or a list with one per {name}" if rule.shape == "member" else ""
 
 
-def check_shape(key: str, value: Any, rule: Rule, tethers: int | None) -> Any:
-    """Raise unless the shape fits: (), (p,) where allowed, or (3,) for a vector."""
+def check_shape(key: str, value: Any, rule: Rule, members: Members | None) -> Any:
+    """Raise unless the shape fits: (), (p,) where allowed, (3,) for a vector, or (p, 3)."""
     shape = np.shape(value)
     if rule.shape == "vector":
         if shape != (3,):
             raise SceneError(key, "be a list of three numbers", wrong_shape(value))
-    elif rule.shape == "tether" and len(shape) == 1:
-        if tethers is not None and shape[0] != tethers:
+    elif rule.shape == "vectors":
+        if shape != (3,) and (len(shape) != 2 or shape[1] != 3):
+            must = f"be a list of three numbers, or of one such list per {members.name}"
+            raise SceneError(key, must, wrong_shape(value))
+        if len(shape) == 2 and shape[0] != members.count:
+            must = f"be a vector or a list of {members.count} (`{members.key}`)"
+            raise SceneError(key, must, f"has {shape[0]} entries")
+    elif rule.shape == "member" and len(shape) == 1:
+        if members is not None and shape[0] != members.count:
             raise SceneError(
                 key,
-                f"be a number or a list of {tethers} (`tethers.count`)",
+                f"be a number or a list of {members.count} (`{members.key}`)",
                 f"has {shape[0]} entries",
             )
     elif shape != ():
-        must = "be a number" + plural(rule, tethers) if rule.shape == "tether" else "be a single number"
+        must = "be a number" + plural(rule, members) if rule.shape == "member" else "be a single number"
         raise SceneError(key, must, wrong_shape(value))
     return value
 

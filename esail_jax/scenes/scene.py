@@ -1,8 +1,7 @@
-"""A scene: what is there, and its numbers. One frozen dataclass per table of the TOML file.
+"""A scene: what is there, and its numbers, from the tables of a TOML file.
 
 A table that is `None` is an absent part of the model. Physical numbers may be JAX arrays, traced or
-not; everything that decides *which* program is compiled takes plain Python values. Fields say `Any`
-because a table may hold anything until a `Scene` is made of it: that is where values are checked.
+not; everything that decides *which* program is compiled takes plain Python values.
 """
 
 import dataclasses
@@ -15,131 +14,74 @@ from typing import Any
 import numpy as np
 
 from esail_jax.scenes import keys
-from esail_jax.scenes.keys import SceneError, declare
+from esail_jax.scenes.keys import SceneError
+from esail_jax.scenes.tables import (
+    TABLES,
+    Chain,
+    ChainInitial,
+    Gravity,
+    Hub,
+    Initial,
+    Integrator,
+    Orbit,
+    Output,
+    RemoteUnits,
+    SolarWind,
+    Tethers,
+    Voltage,
+    given,
+    names_of,
+    tables_of,
+)
 
 
-@dataclasses.dataclass(frozen=True)
-class Hub:
-    """Rigid cylinder about X_B ([PGV] Table 1)."""
-
-    height: Any = declare(keys.positive())  # m
-    radius: Any = declare(keys.positive())  # m
-    density: Any = declare(keys.positive())  # kg/m^3
-
-
-@dataclasses.dataclass(frozen=True)
-class Tethers:
-    """Main tethers, one number for all or a list with one per tether."""
-
-    count: Any = declare(keys.count())
-    length: Any = declare(keys.positive("tether"))  # m, undeformed
-    area: Any = declare(keys.positive("tether"))  # m^2
-    density: Any = declare(keys.positive("tether"))  # kg/m^3
-    youngs_modulus: Any = declare(keys.positive("tether"))  # Pa
-    second_moment: Any = declare(keys.positive("tether"), None)  # m^4, needed for bending
-    element: Any = declare(keys.choice("cable", "truss"), "cable")
-    elements: Any = declare(keys.count(), 5)
-    strain: Any = declare(keys.choice("green-lagrange", "engineering"), "green-lagrange")
-    bending: Any = declare(keys.switch(), False)
-    axial_damping_time: Any = declare(keys.non_negative("tether"), None)  # s
-    bending_damping_time: Any = declare(keys.non_negative("tether"), None)  # s, with bending
-    root: Any = declare(keys.choice("pinned", "clamped"), "pinned")
-
-
-@dataclasses.dataclass(frozen=True)
-class RemoteUnits:
-    """Point masses at the tips."""
-
-    mass: Any = declare(keys.non_negative("tether"))  # kg
-
-
-@dataclasses.dataclass(frozen=True)
-class SolarWind:
-    """Local values at the sail ([PGV] after Eq. 28)."""
-
-    speed: Any = declare(keys.positive())  # m/s
-    number_density: Any = declare(keys.non_negative())  # 1/m^3
-    cutoff_voltage: Any = declare(keys.any_number())  # V, V_1
-
-
-@dataclasses.dataclass(frozen=True)
-class Voltage:
-    """Tether voltage V_0."""
-
-    value: Any = declare(keys.any_number("tether"))  # V
-
-
-@dataclasses.dataclass(frozen=True)
-class Gravity:
-    """Uniform gravity in the inertial frame."""
-
-    acceleration: Any = declare(keys.any_number("vector"))  # m/s^2
-
-
-@dataclasses.dataclass(frozen=True)
-class Initial:
-    """State at t = 0 ([PGV] Sec. 4.1)."""
-
-    spin_rate: Any = declare(keys.any_number())  # rad/s about X_B
-    sailing_angle_deg: Any = declare(
-        keys.between("lie in (-180, 180]", lambda x: bool(((x > -180.0) & (x <= 180.0)).all())),
-        0.0,
-    )
-    heliocentric_position_au: Any = declare(
-        keys.any_number("vector"), (0.7071067811865476, 0.7071067811865476, 0.0)
-    )
-    elongation: Any = declare(keys.choice("steady", "paper"), "steady")
-    coning_angle_deg: Any = declare(
-        keys.between("lie in (-90, 90)", lambda x: bool((np.abs(x) < 90.0).all())), 0.0
-    )
-
-
-@dataclasses.dataclass(frozen=True)
-class Integrator:
-    """Time integration."""
-
-    t_end: Any = declare(keys.positive(structure=True))  # s
-    method: Any = declare(keys.choice("generalized-alpha"), "generalized-alpha")
-    step: Any = declare(keys.positive(structure=True), 0.1)  # s
-    spectral_radius: Any = declare(
-        keys.between("lie in [0, 1]", lambda x: bool(((x >= 0.0) & (x <= 1.0)).all())), 0.25
-    )
-
-
-@dataclasses.dataclass(frozen=True)
-class Output:
-    """What is kept."""
-
-    interval: Any = declare(keys.positive(structure=True))  # s
-
-
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class Scene:
-    """Everything a run needs; checked on construction.
+    """Everything a run needs, of a sail (`tethers`) or of a chain of rods (`chain`); checked on
+    construction.
 
     Raises SceneError with one line that names the key.
     """
 
-    tethers: Tethers
-    initial: Initial
+    initial: Initial | ChainInitial
     integrator: Integrator
+    tethers: Tethers | None = None
+    chain: Chain | None = None
     hub: Hub | None = None
     remote_units: RemoteUnits | None = None
     solar_wind: SolarWind | None = None
     voltage: Voltage | None = None
     gravity: Gravity | None = None
+    orbit: Orbit | None = None
     output: Output | None = None
 
     def __post_init__(self):
-        object.__setattr__(self, "tethers", checked("tethers", self.tethers, None))
-        for table in TABLES:
-            content = getattr(self, table)
-            if content is not None:
-                object.__setattr__(self, table, checked(table, content, self.tethers.count))
+        if (self.chain is None) == (self.tethers is None):
+            raise SceneError(
+                "tethers", "be given, or `chain`", f"{'neither' if self.chain is None else 'both'} is"
+            )
+        object.__setattr__(self, self.main, checked(self.main, vars(self)[self.main], None))
+        for table in (name for name in vars(self) if vars(self)[name] is not None):
+            if table not in tables_of([self.main]):
+                raise SceneError(table, f"be left out of a scene with [{self.main}]", "is given")
+            object.__setattr__(self, table, checked(table, getattr(self, table), self.members))
+        object.__setattr__(self, "integrator", with_defaults(self))
         if self.output is None:
             interval = self.integrator.t_end / 1000.0
             object.__setattr__(self, "output", Output(interval=interval))
         check_together(self)
+
+    @property
+    def main(self) -> str:
+        """Name of the table that says what moves."""
+        return "tethers" if self.chain is None else "chain"
+
+    @property
+    def members(self) -> keys.Members:
+        """What a list may have one number for each of."""
+        if self.chain is None:
+            return keys.Members(self.tethers.count, "tether", "tethers.count")
+        return keys.Members(self.chain.rods, "rod", "chain.rods")
 
     def replace(self, overrides: Mapping[str, Any]) -> "Scene":
         """The scene with other values, by key; a table that was absent comes into being."""
@@ -147,69 +89,60 @@ class Scene:
         return from_tables(merged(tables, overrides))
 
 
-TABLES = {
-    "hub": Hub,
-    "tethers": Tethers,
-    "remote_units": RemoteUnits,
-    "solar_wind": SolarWind,
-    "voltage": Voltage,
-    "gravity": Gravity,
-    "initial": Initial,
-    "integrator": Integrator,
-    "output": Output,
-}
-
-
-def names_of(table: str) -> list[str]:
-    return [field.name for field in dataclasses.fields(TABLES[table])]
-
-
-def given(content: Any) -> dict[str, Any]:
-    """The keys of a table that have a value."""
-    return {name: value for name, value in vars(content).items() if value is not None}
-
-
-def unknown(key: str) -> SceneError:
-    """Error for a key nobody knows, with the nearest one that exists."""
-    known = [f"{table}.{name}" for table in TABLES for name in names_of(table)]
-    if key in TABLES:
+def unknown(key: str, tables: Mapping[str, type]) -> SceneError:
+    """Error for a key that these tables do not have, with the nearest one they do."""
+    known = [f"{table}.{name}" for table, content in tables.items() for name in names_of(content)]
+    if key in tables:
         return SceneError(key, "be followed by a key of the table", "is the table's name")
-    near = difflib.get_close_matches(key, known + list(TABLES), 1)
+    near = difflib.get_close_matches(key, known + list(tables), 1)
     hint = f" (perhaps `{near[0]}`)" if near else ""
     return SceneError(key, "be a known key" + hint, "is not")
 
 
-def checked(table: str, content: Any, tethers: int | None) -> Any:
+def checked(table: str, content: Any, members: keys.Members | None) -> Any:
     """The table with every value checked."""
     values = {}
     for field in dataclasses.fields(content):
         value = getattr(content, field.name)
         if value is not None:
-            value = keys.check_value(f"{table}.{field.name}", value, keys.rule_of(field), tethers)
+            value = keys.check_value(f"{table}.{field.name}", value, keys.rule_of(field), members)
         elif field.default is dataclasses.MISSING:
             raise SceneError(f"{table}.{field.name}", "be given", "is missing")
         values[field.name] = value
     return type(content)(**values)
 
 
+def with_defaults(scene: Scene) -> Integrator:
+    """The integrator's table with what generalized-alpha, the method of sails, needs. A chain
+    without a method gets one when it is run (`scenes/integration.py`)."""
+    found = scene.integrator
+    method = found.method or ("generalized-alpha" if scene.chain is None else None)
+    if method != "generalized-alpha":
+        return found
+    step = 0.1 if found.step is None else found.step
+    radius = 0.25 if found.spectral_radius is None else found.spectral_radius
+    return dataclasses.replace(found, method=method, step=step, spectral_radius=radius)
+
+
 def check_together(scene: Scene) -> None:
     """What no single key can show."""
-    tethers, clamped = scene.tethers, scene.tethers.root == "clamped"
-    if tethers.element == "truss" and tethers.bending:
-        raise SceneError("tethers.bending", "be false for truss elements", "is true")
-    if tethers.element == "truss" and clamped:
-        raise SceneError("tethers.root", 'be "pinned" for truss elements', 'is "clamped"')
-    if tethers.bending and tethers.second_moment is None:
-        raise SceneError("tethers.second_moment", "be given with `tethers.bending`", "is missing")
+    if scene.chain is None:
+        check_sail(scene)
+    else:
+        check_chain(scene)
     if (scene.voltage is None) != (scene.solar_wind is None):
         have, lack = ("solar_wind", "voltage") if scene.voltage is None else ("voltage", "solar_wind")
-        first = names_of(lack)[0]
+        first = names_of(tables_of([scene.main])[lack])[0]
         raise SceneError(f"{lack}.{first}", f"be given with [{have}]", "is missing")
-    radius = scene.integrator.spectral_radius
-    limited = scene.hub is not None or clamped
-    if limited and keys.known(radius) is not None and keys.known(radius) >= 1.0:
-        raise SceneError("integrator.spectral_radius", "be below 1 with constraints", keys.describe(radius))
-    position = keys.known(scene.initial.heliocentric_position_au)
+    if scene.integrator.method == "generalized-alpha":
+        if scene.integrator.tolerance is not None:
+            raise SceneError("integrator.tolerance", "be left out with generalized-alpha", "is given")
+    elif scene.integrator.spectral_radius is not None:
+        raise SceneError("integrator.spectral_radius", "be left out without generalized-alpha", "is given")
+    elif scene.integrator.tolerance is not None and scene.integrator.step is not None:
+        raise SceneError("integrator.tolerance", "be left out with a fixed `integrator.step`", "is given")
+    position = scene.initial.heliocentric_position_au
+    position = None if position is None else keys.known(position)
     if position is not None and position[0] == position[1] == 0.0:
         raise SceneError(
             "initial.heliocentric_position_au",
@@ -218,24 +151,68 @@ def check_together(scene: Scene) -> None:
         )
 
 
+def check_sail(scene: Scene) -> None:
+    """What belongs together in a sail."""
+    tethers, clamped = scene.tethers, scene.tethers.root == "clamped"
+    if tethers.element == "truss" and tethers.bending:
+        raise SceneError("tethers.bending", "be false for truss elements", "is true")
+    if tethers.element == "truss" and clamped:
+        raise SceneError("tethers.root", 'be "pinned" for truss elements', 'is "clamped"')
+    if tethers.bending and tethers.second_moment is None:
+        raise SceneError("tethers.second_moment", "be given with `tethers.bending`", "is missing")
+    if scene.integrator.method != "generalized-alpha":
+        method = keys.describe(scene.integrator.method)
+        raise SceneError("integrator.method", 'be "generalized-alpha" for a sail', method)
+    radius = scene.integrator.spectral_radius
+    limited = scene.hub is not None or clamped
+    if limited and keys.known(radius) is not None and keys.known(radius) >= 1.0:
+        raise SceneError("integrator.spectral_radius", "be below 1 with constraints", keys.describe(radius))
+
+
+def check_chain(scene: Scene) -> None:
+    """What belongs together in a chain."""
+    chain, start, free = scene.chain, scene.initial, scene.chain.anchor == "free"
+    if chain.bending and chain.second_moment is None:
+        raise SceneError("chain.second_moment", "be given with `chain.bending`", "is missing")
+    if chain.root == "clamped" and (free or not chain.bending):
+        why = "at a free end" if free else "without `chain.bending`"
+        raise SceneError("chain.root", f'be "pinned" {why}', 'is "clamped"')
+    if chain.bending and scene.integrator.method == "generalized-alpha":
+        raise SceneError(
+            "integrator.method", "be an explicit one with `chain.bending`", 'is "generalized-alpha"'
+        )
+    held = {"chain.base_mass": chain.base_mass, "initial.position": start.position}
+    held |= {"initial.velocity": start.velocity}
+    for key, value in held.items():
+        if value is not None and not free:
+            raise SceneError(key, 'be left out unless `chain.anchor` is "free"', "is given")
+    if scene.solar_wind is not None and start.heliocentric_position_au is None:
+        raise SceneError("initial.heliocentric_position_au", "be given with [solar_wind]", "is missing")
+    if scene.solar_wind is None and start.heliocentric_position_au is not None:
+        raise SceneError("initial.heliocentric_position_au", "be left out without [solar_wind]", "is given")
+
+
 def from_tables(tables: Mapping[str, Any]) -> Scene:
     """A scene from nested mappings, as a TOML file gives them. Raises SceneError."""
-    parts = {}
+    parts, kinds = {}, tables_of(tables)
     for table, content in tables.items():
-        if table not in TABLES:
-            raise unknown(table)
+        if table in TABLES and table not in kinds:
+            main = "chain" if "chain" in tables else "tethers"
+            raise SceneError(table, f"be left out of a scene with [{main}]", "is given")
+        if table not in kinds:
+            raise unknown(table, kinds)
         if not isinstance(content, Mapping):
             raise SceneError(table, "be a table", keys.describe(content))
         for name in content:
-            if name not in names_of(table):
-                raise unknown(f"{table}.{name}")
-        for field in dataclasses.fields(TABLES[table]):
+            if name not in names_of(kinds[table]):
+                raise unknown(f"{table}.{name}", kinds)
+        for field in dataclasses.fields(kinds[table]):
             if field.default is dataclasses.MISSING and field.name not in content:
                 raise SceneError(f"{table}.{field.name}", "be given", "is missing")
-        parts[table] = TABLES[table](**content)
-    for table, content in Scene.__dataclass_fields__.items():
-        if content.default is dataclasses.MISSING and table not in parts:
-            raise SceneError(f"{table}.{names_of(table)[0]}", "be given", "is missing")
+        parts[table] = kinds[table](**content)
+    for table in ("tethers", "initial", "integrator"):
+        if table in kinds and table not in parts:
+            raise SceneError(f"{table}.{names_of(kinds[table])[0]}", "be given", "is missing")
     return Scene(**parts)
 
 
@@ -243,10 +220,11 @@ def merged(tables: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str,
     """Tables with other values, by key. An interval that nobody gives stays that of the tables' own
     t_end, so that a run may go on to a later one. Raises SceneError."""
     result = {name: dict(x) if isinstance(x, Mapping) else x for name, x in tables.items()}
+    kinds = tables_of([*tables, *(key.partition(".")[0] for key in overrides)])
     for key, value in overrides.items():
         table, _, name = key.partition(".")
-        if table not in TABLES or name not in names_of(table):
-            raise unknown(key)
+        if table not in kinds or name not in names_of(kinds[table]):
+            raise unknown(key, kinds)
         content = result.setdefault(table, {})
         if not isinstance(content, dict):
             raise SceneError(table, "be a table", keys.describe(content))
@@ -293,7 +271,7 @@ def toml_value(value: Any) -> str:
     array = np.asarray(value, float)
     if array.ndim == 0:
         return repr(float(array))
-    return "[" + ", ".join(toml_value(float(x)) for x in array) + "]"
+    return "[" + ", ".join(toml_value(x) for x in array) + "]"
 
 
 def load_scene(source: "str | os.PathLike | Scene", overrides: Mapping[str, Any] | None = None) -> Scene:

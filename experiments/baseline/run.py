@@ -14,7 +14,7 @@ import numpy as np
 
 import esail_jax as esail
 from esail_jax import plotting
-from esail_jax.observables import OBSERVABLES
+from esail_jax.observables.sail import OBSERVABLES
 
 HERE = Path(__file__).parent
 

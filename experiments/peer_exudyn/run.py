@@ -20,7 +20,7 @@ from inputs import sail_of
 from signals import signals
 
 import esail_jax as esail
-from esail_jax.observables import OBSERVABLES
+from esail_jax.observables.sail import OBSERVABLES
 
 HERE = Path(__file__).parent
 

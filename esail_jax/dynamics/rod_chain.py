@@ -1,0 +1,189 @@
+"""A chain of elastic rods in relative coordinates, solved in O(n) ([MW]).
+
+The coordinates are the rod vectors x_i from joint i-1 to joint i, before them the position of the
+first joint if nothing holds it. With Phi the sum over rods, M = Phi^T G Phi (Eq. 24): G, tridiagonal
+and constant, is the mass matrix in the joints' positions. Eq. 28-30 therefore read
+
+    tension of every rod -> force on every joint -> G eta = force -> x'' = difference of eta,
+
+eta being the joints' accelerations. The sums over all rods beyond a joint that Eq. 29 forms (Q_F F)
+cancel against the differences it takes right after; taking them out by hand leaves `cumsum` only where
+a load depends on position, and no digits are lost to forces summed over 10^5 rods. Accelerations are
+those relative to a freely falling particle, as everywhere (`System.field`), which is linear in x.
+
+Energies, dissipations and loads are the system's own, evaluated on the same truss elements.
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from esail_jax.array_types import Array, Float, Scalar, VectorPerPoint
+from esail_jax.coordinates import Coordinates
+from esail_jax.elements.hinges import Hinges
+from esail_jax.numerics.vectors import dot
+from esail_jax.system import Power, System
+from esail_jax.terms import PointFields
+
+Rods = Float[Array, "3 vector"]
+
+
+class RodState(NamedTuple):
+    """x [m], its rate v [m/s], and the work [J] since the start where there are loads or
+    dissipations (None otherwise). Or the time derivative of all that."""
+
+    x: Rods
+    v: Rods
+    work: Power | None
+
+
+class RodChain(eqx.Module):
+    """The right-hand side of x'' = a(t, x, x') for a system of one tether of rods."""
+
+    system: System
+    hinges: Hinges | None
+
+    @property
+    def free(self) -> bool:
+        """Does nothing hold the first joint?"""
+        return self.system.roots is None
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """Names of everything that was built."""
+        return (*self.system.terms, *["hinges"] * (self.hinges is not None))
+
+    @property
+    def works(self) -> bool:
+        """Is there work to keep account of?"""
+        return bool(self.system.loads or self.system.dissipations)
+
+    def rods(self, x: Rods) -> Float[Array, "3 rod"]:
+        """The rod vectors among the coordinates."""
+        return x[:, 1:] if self.free else x
+
+    def joints(self, x: Rods) -> Float[Array, "3 joint"]:
+        """Positions of the joints from the first one on (of rates: their velocities)."""
+        ends = jnp.cumsum(x, axis=1)
+        return ends if self.free else jnp.pad(ends, ((0, 0), (1, 0)))
+
+    def coordinates(self, state: RodState) -> tuple[Coordinates, Coordinates]:
+        """q and v of the joints, in the layout of the system."""
+        q, v = (self.joints(x)[None, :, :, None] for x in (state.x, state.v))
+        return Coordinates(q, None), Coordinates(v, None)
+
+    def state(self, q: Coordinates, v: Coordinates, work: Power | None) -> RodState:
+        """The state with given positions and velocities of the joints."""
+        x, rate = (jnp.diff(c.tether[0, :, :, 0], axis=1) for c in (q, v))
+        if self.free:
+            first = [c.tether[0, :, :1, 0] for c in (q, v)]
+            x, rate = (jnp.concatenate(pair, axis=1) for pair in zip(first, (x, rate), strict=True))
+        return RodState(x, rate, work if self.works else None)
+
+    def __call__(self, time: Scalar, state: RodState) -> RodState:
+        """d(x, v, work)/dt."""
+        x, v, _ = state
+        stress, conjugate, power = self.point_terms(time, x, v)
+        if self.hinges is not None:
+            stress = stress + jax.grad(self.hinges.energy)(self.rods(x))
+        force = jnp.diff(stress, axis=1, prepend=0.0, append=0.0)
+        if conjugate is not None:
+            force = force + conjugate
+        return RodState(v, self.accelerate(x, v, force), power)
+
+    def accelerate(self, x: Rods, v: Rods, force: Float[Array, "3 joint"]) -> Rods:
+        """x'' from the forces on the joints."""
+        system, gravity = self.system, self.system.gravity
+        lower, diagonal, upper = joint_masses(system)
+        if not self.free:  # the first joint rests, so it rises relative to what falls
+            force, lower, diagonal, upper = force[:, 1:], lower[1:], diagonal[1:], upper[1:]
+            if gravity is not None:
+                force = force.at[:, 0].add(lower[0] * gravity)
+            lower = lower.at[0].set(0.0)
+        eta = lax.linalg.tridiagonal_solve(lower, diagonal, upper, force.T).T
+        acceleration = jnp.diff(eta, axis=1, prepend=0.0)
+        if gravity is not None:
+            acceleration = acceleration.at[:, 0].add(gravity)
+        if system.orbit is not None:
+            acceleration = acceleration + system.orbit.acceleration(x, v)
+        return acceleration
+
+    def point_terms(
+        self, time: Scalar, x: Rods, v: Rods
+    ) -> tuple[Float[Array, "3 rod"], Float[Array, "3 joint"] | None, Power | None]:
+        """Axial force vector of every rod [N], force of the loads on every joint [N] and power [W],
+        the last two None where there are none."""
+        system, tethers = self.system, self.system.tethers
+        length = tethers.element_length[:, 0]
+        nodes = [self.joints(c) for c in (x, v)] if system.loads else [None, None]
+        fields, rates = (
+            PointFields(
+                None if joints is None else between(tethers.table(0), joints),
+                (self.rods(c) / length)[:, None, :, None],
+            )
+            for c, joints in zip((x, v), nodes, strict=True)
+        )
+        total, viscous, loads = system.point_forces(time, fields, rates)
+        stress = total.r_x[:, 0, :, 0]
+        if not self.works:
+            return stress, None, None
+        joint_force, external, dissipated = None, jnp.zeros(()), jnp.zeros(())
+        if system.loads:
+            force = -loads.r[..., 0] * length  # (xyz, point, rod)
+            near, far = (
+                jnp.tensordot(tethers.weights * shape, force, (0, 1)) for shape in tethers.table(0).T
+            )
+            joint_force = jnp.pad(near, ((0, 0), (0, 1))) + jnp.pad(far, ((0, 0), (1, 0)))
+            external = (joint_force * nodes[1]).sum()
+        if system.weighted:
+            q, rate = self.coordinates(RodState(x, v, None))
+            external = external + (system.field(q, rate).tether * system.momenta(rate).tether).sum()
+        if system.dissipations:
+            lost = dot(viscous.r_x, rates.r_x)[0, :, 0]
+            dissipated = (lost * length).sum()
+        return stress, joint_force, Power(external, dissipated)
+
+
+def between(shapes: np.ndarray, joints: Float[Array, "3 joint"]) -> VectorPerPoint:
+    """Values at the Gauss points of every rod: (xyz, point, rod, 1)."""
+    ends = jnp.stack([joints[:, :-1], joints[:, 1:]])
+    return jnp.moveaxis(jnp.tensordot(shapes, ends, 1), 1, 0)[..., None]
+
+
+def joint_masses(system: System) -> tuple[Array, Array, Array]:
+    """G ([MW] Eq. 25) of all joints, end masses included: its diagonal, the one below (first entry
+    of no meaning) and the one above (last entry zero), each (joint)."""
+    tethers = system.tethers
+    mass = tethers.line_density[:, 0] * tethers.element_length[:, 0]
+    table = tethers.mass_table
+    diagonal = table[0, 0] * jnp.pad(mass, (0, 1)) + table[1, 1] * jnp.pad(mass, (1, 0))
+    diagonal = diagonal.at[-1].add(tethers.tip_mass[0])
+    if tethers.base_mass is not None:
+        diagonal = diagonal.at[0].add(tethers.base_mass[0])
+    return jnp.pad(table[1, 0] * mass, (1, 0)), diagonal, jnp.pad(table[0, 1] * mass, (0, 1))
+
+
+def fastest_rate(chain: RodChain) -> Scalar:
+    """An upper bound of the chain's frequencies, and of its rates of damping [1/s].
+
+    No mode of an assembled structure is faster than its fastest free element (Irons & Treharne):
+    omega^2 = 12 EA/(m l) for a rod; a joint's spring adds 12 c (1/l_i + 1/l_{i+1})^2 (1/m_i + 1/m_{i+1})
+    at most. Lumped masses only slow things down. Dissipation acts at gamma omega^2.
+    """
+    tethers = chain.system.tethers
+    length, mass = tethers.element_length[:, 0], tethers.line_density[:, 0] * tethers.element_length[:, 0]
+    squared = 12.0 * chain.system.energies[0].stiffness[:, 0] / (mass * length)
+    rate = jnp.sqrt(squared.max())
+    for term in chain.system.dissipations:
+        rate = jnp.maximum(rate, (term.time[:, 0] * squared).max())
+    if chain.hinges is not None:
+        lever, light = 1.0 / length, 1.0 / mass
+        if chain.hinges.direction is not None:
+            lever, light = (jnp.pad(c, (1, 0)) for c in (lever, light))
+        spring = chain.hinges.stiffness * (lever[:-1] + lever[1:]) ** 2 * (light[:-1] + light[1:])
+        rate = jnp.sqrt(rate**2 + 12.0 * spring.max(initial=0.0))
+    return rate

@@ -1,0 +1,215 @@
+"""A chain's run by an explicit method: the compiled program, and the host's loop around it.
+
+The method's own steps run from one saved instant past the next (`dynamics/runge_kutta.py`); nothing
+depends on where a call of the program ends, so a run may stop and go on anywhere.
+"""
+
+import functools
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from esail_jax import observables
+from esail_jax.array_types import Array, Float, Scalar
+from esail_jax.dynamics.rod_chain import RodChain, RodState
+from esail_jax.dynamics.runge_kutta import Progress, RungeKutta, advance
+from esail_jax.entry import QUICK_COMPILE
+from esail_jax.pieces import RESULTS, Checkpoint, Piece, SimulationError
+from esail_jax.scenes.build import Numbers, Structure, build_chain
+from esail_jax.scenes.scene import Scene
+from esail_jax.schedule import save_times
+
+ROWS_PER_CALL = 32
+"""Saved instants per call of the program, at most."""
+
+ROD_STEPS_PER_CALL = 400_000
+"""Steps times rods per call, about: some tenths of a second, between which the host may stop."""
+
+NUMERICS = {"steps": "-", "rejected_steps": "-", "last_step": "s"}
+"""Names and units of what is kept per saved interval."""
+
+
+class Problem(NamedTuple):
+    """A built chain and the method that runs it."""
+
+    chain: RodChain
+    method: RungeKutta
+
+    @property
+    def system(self):
+        """The chain's system; what `terms` and observables ask."""
+        return self.chain
+
+
+class Carry(NamedTuple):
+    """What one call hands to the next. state: the initial state before the first call's start."""
+
+    progress: Progress
+    start_energy: Scalar
+
+
+def problem_of(structure: Structure, numbers: Numbers, step: Array | None) -> tuple[Problem, Carry]:
+    """A chain, its method and its start."""
+    chain, state = build_chain(structure, numbers)
+    tolerance = numbers.get("integrator.tolerance")
+    scale = chain.system.tethers.element_length.mean() if step is None else None
+    method = RungeKutta(step, tolerance, scale, structure["integrator.method"])
+    q, v = chain.coordinates(state)
+    energy = observables.chain.internal_energy(chain, q, v)
+    return Problem(chain, method), Carry(method.start(chain, jnp.zeros(()), state), energy)
+
+
+def pass_rows(
+    problem: Problem, carry: Carry, times: Float[Array, " row"], steps: Scalar
+) -> tuple[Carry, tuple[dict[str, Array], Float[Array, "row 3"], Array]]:
+    """Past as many of the saved instants as `steps` steps allow: observables there, steps taken and
+    rejected so far and the last step's size, and which instants were passed."""
+    limit = carry.progress.taken + steps
+
+    def next_row(progress, time):
+        progress = problem.method.pass_by(problem.chain, progress, time, limit)
+        y = problem.method.look(problem.chain, progress, time)
+        passed = progress.now.time >= time
+        last = progress.now.time - progress.before.time
+        return progress, (y, jnp.stack([progress.taken, progress.rejected, last]), passed)
+
+    progress, (states, how, passed) = lax.scan(next_row, carry.progress, times)
+    carry = carry._replace(progress=progress)
+    return carry, (see(problem, carry, times, states), how, passed)
+
+
+def see(problem: Problem, carry: Carry, times: Float[Array, " row"], states: RodState) -> dict[str, Array]:
+    """Observables of several instants."""
+
+    def look(time, state):
+        q, v = problem.chain.coordinates(state)
+        return observables.chain.observe(problem.chain, time, q, v, state.work, carry.start_energy)
+
+    return jax.vmap(look)(times, states)
+
+
+# ---- the host's loop --------------------------------------------------------------------------------
+
+
+class Programs(NamedTuple):
+    """Compiled `start(numbers, step)` and `rows(problem, carry, times, steps)`."""
+
+    start: Callable
+    rows: Callable
+
+
+@functools.lru_cache(maxsize=64)
+def programs(
+    structure: Structure, shapes: tuple[tuple[str, tuple[int, ...]], ...], fixed: bool
+) -> Programs:
+    """The programs of a chain's structure, for any numbers, step and end time."""
+    numbers = {key: jax.ShapeDtypeStruct(shape, float) for key, shape in shapes}
+    number = jax.ShapeDtypeStruct((), float)
+    start = jax.jit(problem_of, static_argnums=0).lower(structure, numbers, number if fixed else None)
+    times = jax.ShapeDtypeStruct((ROWS_PER_CALL,), float)
+    rows = jax.jit(pass_rows).lower(*start.out_info, times, number)
+    with ThreadPoolExecutor() as pool:
+        both = [pool.submit(program.compile, compiler_options=QUICK_COMPILE) for program in (start, rows)]
+        return Programs(*(program.result() for program in both))
+
+
+class ExplicitMarch:
+    """Runs a prepared chain from saved instant to saved instant."""
+
+    def __init__(self, prepared, checkpoint: Checkpoint | None = None):
+        self.prepared = prepared
+        start = checkpoint or Checkpoint(prepared.carry, 0, 0, 0, (0.0, 0.0), (np.nan, 0.0))
+        self.carry, self.rows, self.steps = start.carry, start.rows, start.steps
+        self.tally, self.energy = start.tally, start.energy
+        self.checkpoint = start
+        self.repairs = 0
+        scene: Scene = prepared.resolved
+        self.times = save_times(scene.integrator.t_end, scene.output.interval)
+        self.interval = scene.output.interval
+        self.steps_per_call = float(np.clip(ROD_STEPS_PER_CALL // scene.chain.rods, 50, 10_000))
+
+    def pieces(self) -> Iterator[Piece]:
+        """One piece per call. Raises SimulationError when the run is stuck, after a last piece with
+        what was seen before."""
+        while self.rows < len(self.times):
+            times = self.times[self.rows : self.rows + ROWS_PER_CALL]
+            padded = np.append(times, np.full(ROWS_PER_CALL - len(times), times[-1]))
+            problem, program = self.prepared.problem, self.prepared.programs.rows
+            carry, (seen, how, passed) = program(problem, self.carry, padded, self.steps_per_call)
+            count = int(np.asarray(passed)[: len(times)].sum())
+            progress = carry.progress
+            stuck = count < len(times) and bool(problem.method.stuck(progress))
+            finite = np.isfinite(np.asarray(seen["kinetic_energy"])[:count])
+            count = count if finite.all() else int(np.argmin(finite))
+            rows = {name: np.asarray(value)[:count] for name, value in seen.items()}
+            if count:
+                rows, self.energy = observables.chain.with_energy_error(rows, self.energy, np)
+            numerics = self._numerics(np.asarray(how)[:count])
+            piece = Piece(rows, times[:count], numerics, float(progress.now.time))
+            if stuck or not finite.all():
+                yield piece
+                raise self._failure(progress, piece)
+            self.carry, self.rows, self.steps = carry, self.rows + count, int(progress.taken)
+            # The row at t_end stands in no longer run, unless it is one of the others too.
+            whole = self.rows < len(self.times) or self._whole(self.times[-1])
+            if whole:
+                self.checkpoint = Checkpoint(
+                    carry, self.rows, self.rows, self.steps, self.tally, self.energy
+                )
+            yield piece
+
+    def _whole(self, time: float) -> bool:
+        ratio = time / self.interval
+        return abs(ratio - round(ratio)) < 1e-9 * max(1.0, ratio)
+
+    def _numerics(self, how: np.ndarray) -> dict[str, np.ndarray]:
+        before = np.vstack([self.tally, how[:, :2]])
+        self.tally = tuple(float(x) for x in before[-1])
+        steps, rejected = np.diff(before, axis=0).T
+        return dict(zip(NUMERICS, (steps, rejected, how[:, 2]), strict=True))
+
+    def _failure(self, progress: Progress, seen: Piece) -> SimulationError:
+        time, method = float(progress.now.time), self.prepared.problem.method
+        finite = all(np.isfinite(np.asarray(x)).all() for x in jax.tree.leaves(progress.now.y))
+        result = RESULTS.step_vanished if finite else RESULTS.nonfinite
+        hint = "A rod may have shrunk to a point." if finite else ""
+        if method.step_size is not None:
+            hint = (
+                f"Steps of {float(method.step_size):.3g} s may be too long for the fastest vibration of "
+                "the rods: try shorter ones, a tolerance, or generalized-alpha."
+            )
+        return SimulationError(f"{RESULTS[result]} At t = {time:.6g} s. {hint}".strip(), result, seen)
+
+
+# ---- under a trace ----------------------------------------------------------------------------------
+
+
+@functools.partial(jax.jit, static_argnums=(0, 1))
+def traced_run(
+    structure: Structure, times: tuple[float, ...], numbers: Numbers, step: Array | None
+) -> tuple[dict[str, Array], RodState, RESULTS, Array]:
+    """The whole run as one scan over its saved instants."""
+    problem, carry = problem_of(structure, numbers, step)
+
+    @jax.checkpoint
+    def body(progress, time):
+        progress, y = advance(problem.method, problem.chain, progress, time)
+        return progress, (y, progress.now.time >= time)
+
+    instants = jnp.asarray(times)
+    progress, (states, passed) = lax.scan(body, carry.progress, instants)
+    rows = see(problem, carry, instants, states)
+    good = passed & jax.vmap(lambda y: jnp.isfinite(y.x).all())(states)
+    good = jnp.cumprod(good).astype(bool)
+    rows, _ = observables.chain.with_energy_error(rows, (jnp.nan, 0.0), jnp)
+    rows = {name: jnp.where(good.reshape(-1, *(1,) * (x.ndim - 1)), x, jnp.nan) for name, x in rows.items()}
+    finite = jnp.isfinite(progress.now.y.x).all()
+    cause = RESULTS.where(finite, RESULTS.too_many_steps, RESULTS.nonfinite)
+    result = RESULTS.where(good.all(), RESULTS.successful, cause)
+    final = jax.tree.map(lambda x: x[-1], states)
+    return rows, final, result, progress.taken

@@ -1,0 +1,41 @@
+"""What runs report: of a sail (`sail.py`) and of a rod chain (`chain.py`)."""
+
+from esail_jax.array_types import Array
+from esail_jax.dynamics.rod_chain import RodChain
+from esail_jax.observables import chain, sail
+from esail_jax.observables.entry import Observable, elastic_energy, kinetic_energy
+from esail_jax.observables.instant import Instant, make_instant
+from esail_jax.system import System
+
+__all__ = [
+    "Instant",
+    "Observable",
+    "chain",
+    "elastic_energy",
+    "is_chain",
+    "kinetic_energy",
+    "listed",
+    "make_instant",
+    "observe",
+    "sail",
+]
+
+
+def is_chain(system: System | RodChain) -> bool:
+    """Is it a chain of rods?"""
+    return isinstance(system, RodChain) or system.tethers.kind == "rod"
+
+
+def listed(system: System | RodChain) -> list[Observable]:
+    """The observables of a system, in their order."""
+    if isinstance(system, RodChain):
+        return chain.listed(system)
+    return chain.listed(RodChain(system, None)) if is_chain(system) else sail.listed(system)
+
+
+def observe(instant: Instant) -> dict[str, Array]:
+    """Every observable of an instant, by name."""
+    i = instant
+    if is_chain(i.system):
+        return chain.observe(RodChain(i.system, None), i.time, i.q, i.v, i.work, i.start_energy)
+    return {entry.name: entry.function(i) for entry in sail.listed(i.system)}

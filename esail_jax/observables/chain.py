@@ -1,0 +1,120 @@
+"""What a run of a rod chain reports ([MW] Sec. 3)."""
+
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+
+from esail_jax.array_types import Array, Float, Scalar
+from esail_jax.coordinates import Coordinates
+from esail_jax.dynamics.rod_chain import RodChain
+from esail_jax.numerics.vectors import dot, norm
+from esail_jax.observables.entry import Observable, elastic_energy, kinetic_energy
+from esail_jax.system import Power
+
+
+class Instant(NamedTuple):
+    """One saved instant."""
+
+    chain: RodChain
+    time: Scalar
+    q: Coordinates
+    v: Coordinates
+    work: Power | None
+    start_energy: Scalar
+
+
+def tension(i: Instant) -> Float[Array, " rod"]:
+    """Axial force of every rod [N], its dissipative part included; negative under pressure."""
+    tethers = i.chain.system.tethers
+    fields, rates = tethers.interpolate(i.q.tether), tethers.interpolate(i.v.tether)
+    stress = i.chain.system.point_forces(i.time, fields, rates)[0].r_x
+    force = dot(stress, fields.r_x) / norm(fields.r_x)
+    return force[0, :, 0]
+
+
+def stored_energy(chain: RodChain, q: Coordinates) -> Scalar:
+    """U [J] of rods and hinges."""
+    energy = elastic_energy(chain.system, q)
+    if chain.hinges is not None:
+        energy = energy + chain.hinges.energy(jnp.diff(q.tether[0, :, :, 0], axis=1))
+    return energy
+
+
+def internal_energy(chain: RodChain, q: Coordinates, v: Coordinates) -> Scalar:
+    """T + U [J]."""
+    return kinetic_energy(chain.system, v) + stored_energy(chain, q)
+
+
+def potential_energy(i: Instant) -> Scalar:
+    """Energy [J] in gravity and in the field of the orbit, zero at the origin: the anchor, or the
+    reference point of a free chain."""
+    system = i.chain.system
+    momenta = system.tethers.inertia(i.q.tether)  # M q: masses times positions
+    energy = jnp.zeros(())
+    if system.gravity is not None:
+        energy = energy - system.gravity @ momenta[0].sum((1, 2))
+    if system.orbit is not None:
+        # Quadratic in position: -q^T M A q / 2, A the gradient of the field.
+        gradient = system.orbit.gradients[0]
+        energy = energy - 0.5 * (momenta[0] * jnp.tensordot(gradient, i.q.tether[0], 1)).sum()
+    return energy
+
+
+def balance(i: Instant) -> Scalar:
+    """T + U - (T + U)_0 - W + D [J], W the work of loads and fields."""
+    return internal_energy(i.chain, i.q, i.v) - i.start_energy - i.work.external + i.work.dissipated
+
+
+OBSERVABLES = (
+    Observable("joint_position", "m", "r", ("joint", "xyz"), "[MW] 2", lambda i: i.q.tether[0, :, :, 0].T),
+    Observable("tension", "N", "N", ("rod",), "[MW] 5, derived", tension),
+    Observable("kinetic_energy", "J", "T", (), "[MW] 4", lambda i: kinetic_energy(i.chain.system, i.v)),
+    Observable("elastic_energy", "J", "U", (), "[MW] 6", lambda i: stored_energy(i.chain, i.q)),
+    Observable("potential_energy", "J", "V", (), "zero at the anchor", potential_energy),
+    Observable("external_work", "J", "W_ext", (), "integral of the power of loads and fields",
+               lambda i: i.work.external, needs="work"),
+    Observable("dissipated_energy", "J", "E_d", (), "integral of 2 P_d",
+               lambda i: i.work.dissipated, needs="work"),
+    Observable("energy_balance_error", "J", "dE - W + E_d", (), "energy theorem", balance, needs="work"),
+)  # fmt: skip
+
+ENERGY_ERROR = Observable(
+    "energy_error", "-", "e_E", (), "[MW] 31, over max(|E_0|, largest T)", lambda i: jnp.zeros(())
+)
+"""Depends on the rows before; made by `with_energy_error`."""
+
+
+def listed(chain: RodChain) -> list[Observable]:
+    """The observables of a chain; those of work only where loads or dissipations do some."""
+    found = [entry for entry in OBSERVABLES if entry.needs == "" or chain.works]
+    return [*found, ENERGY_ERROR]
+
+
+def observe(
+    chain: RodChain,
+    time: Scalar,
+    q: Coordinates,
+    v: Coordinates,
+    work: Power | None,
+    start_energy: Scalar,
+) -> dict[str, Array]:
+    """Every observable of an instant, by name; `energy_error` not yet computed."""
+    instant = Instant(chain, time, q, v, work, start_energy)
+    return {entry.name: entry.function(instant) for entry in listed(chain)}
+
+
+def with_energy_error(
+    rows: dict[str, Any], memory: tuple[float, float], xp: ModuleType
+) -> tuple[dict[str, Any], tuple[float, float]]:
+    """Consecutive rows with (E - E_0)/max(|E_0|, largest kinetic energy so far) in place.
+
+    memory: E_0 (NaN before the first row) and the largest kinetic energy [J] of the rows before;
+    xp: numpy or jax.numpy. Also returns the memory after these rows.
+    """
+    energy = rows["kinetic_energy"] + rows["elastic_energy"] + rows["potential_energy"]
+    first = xp.where(xp.isnan(memory[0]), energy[0], memory[0])
+    peak = xp.maximum.accumulate(xp.maximum(rows["kinetic_energy"], memory[1]))
+    size = xp.maximum(abs(first), peak)
+    error = xp.where(size > 0.0, (energy - first) / xp.where(size > 0.0, size, 1.0), 0.0)
+    return rows | {"energy_error": error}, (first, peak[-1])

@@ -1,0 +1,144 @@
+"""One saved instant of a sail, with what several observables share."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from esail_jax.array_types import Array, Float, Rotation, Scalar, Vector, VectorPerPoint
+from esail_jax.coordinates import Coordinates, Multipliers
+from esail_jax.dynamics.consistent import consistent_acceleration
+from esail_jax.environment.orbit import orbital_frame
+from esail_jax.joints.roots import radial_directions
+from esail_jax.numerics.angles import smallest_eigenvector
+from esail_jax.numerics.vectors import dot
+from esail_jax.system import Power, System
+from esail_jax.terms import PointFields
+
+
+class Instant(eqx.Module):
+    """One saved instant, with what several observables share."""
+
+    system: System
+    time: Scalar
+    q: Coordinates
+    v: Coordinates
+    vdot: Coordinates
+    lam: Multipliers
+    work: Power
+    start_energy: Scalar
+    origin: Vector
+    forces: Coordinates
+    power: Power
+    load: VectorPerPoint | None
+
+    @property
+    def p(self) -> int:
+        return self.q.tether.shape[-1]
+
+    @property
+    def rotation(self) -> Rotation:
+        """C_B^I."""
+        return self.system.rotation(self.time, self.q)
+
+    @property
+    def centre(self) -> Vector:
+        """Hub centre O_B, or the fixed centre of the turning frame [m]."""
+        return jnp.zeros(3) if self.system.hub is None else self.system.hub.centre(self.q.hub)
+
+    @property
+    def orbital(self) -> Rotation:
+        """C_O^I at the hub's current position."""
+        return orbital_frame(self.origin + self.centre)
+
+    @property
+    def body_to_orbital(self) -> Rotation:
+        return self.orbital.T @ self.rotation
+
+    @property
+    def tips(self) -> Float[Array, "3 tether"]:
+        return self.q.tether[0, :, -1]
+
+    @property
+    def roots(self) -> Float[Array, "3 tether"]:
+        return self.q.tether[0, :, 0]
+
+    @property
+    def root_slopes(self) -> Float[Array, "3 tether"]:
+        """r_x at the roots; a truss has the direction of its first element."""
+        nodal = self.q.tether
+        if self.system.tethers.coefs == 2:
+            return nodal[1, :, 0]
+        return (nodal[0, :, 1] - nodal[0, :, 0]) / self.system.tethers.element_length
+
+    @property
+    def root_reactions(self) -> Float[Array, "3 tether"]:
+        """Force of the hub on each tether [N]: what the root rows of M vdot - Q are short of."""
+        return self.forces.tether[0, :, 0]
+
+    @property
+    def root_couples(self) -> Float[Array, "3 tether"]:
+        """Couple of the hub on each clamped root [N m]: r_x x (conjugate of the clamp)."""
+        if not self.system.clamped:
+            return jnp.zeros((3, self.p))
+        pull = jax.vjp(lambda q: self.system.constraints(self.time, q), self.q)[1]
+        held = pull(jax.tree.map(jnp.negative, self.lam))[0].tether[1, :, 0]
+        return jnp.cross(self.root_slopes, held, axis=0)
+
+    def local_frame(self, vectors: Float[Array, "3 tether"]) -> Float[Array, "3 tether"]:
+        """Components in the frame Z of each tether's root: X_B, outward, azimuthal ([PGV]
+        Eq. 57-58)."""
+        body = self.rotation.T @ vectors
+        azimuth = 2.0 * np.pi * np.arange(self.p) / self.p
+        outward = radial_directions(jnp.asarray(azimuth))
+        sideways = jnp.stack([0 * outward[0], -outward[2], outward[1]])
+        return jnp.stack([body[0], dot(outward, body), dot(sideways, body)])
+
+    def thrust_nodal(self) -> Float[Array, "coef 3 node tether"]:
+        """Generalized Coulomb forces ([PGV] Eq. 34)."""
+        if self.load is None:
+            return jnp.zeros_like(self.q.tether)
+        return self.system.tethers.nodal_forces(PointFields(self.load, None))
+
+    def thrusts(self) -> Float[Array, "3 tether"]:
+        """F_c of each tether [N]."""
+        return self.thrust_nodal()[0].sum(1)
+
+    def thrust_moments(self) -> Float[Array, "3 tether"]:
+        """Moment of the thrust about each root [N m]: nodal forces *and* slope forces."""
+        nodal = self.thrust_nodal()
+        arms = self.q.tether[0] - self.roots[:, None]
+        moment = jnp.cross(arms, nodal[0], axis=0)
+        if self.system.tethers.coefs == 2:
+            moment = moment + jnp.cross(self.q.tether[1], nodal[1], axis=0)
+        return moment.sum(1)
+
+    def sail_axes(self) -> Rotation:
+        """C_E^I: the mean plane of the tips ([PGV] Eq. 67-70); NaN below three tethers."""
+        if self.p < 3:
+            return jnp.full((3, 3), jnp.nan)
+        offsets = self.tips - self.tips.mean(1, keepdims=True)
+        normal = smallest_eigenvector(offsets @ offsets.T)
+        normal = normal * jnp.where(normal @ self.rotation[:, 0] < 0.0, -1.0, 1.0)
+        k = jnp.cross(normal, offsets[:, 0])
+        k = k / jnp.linalg.norm(k)
+        return jnp.stack([normal, jnp.cross(k, normal), k], axis=1)
+
+
+def make_instant(
+    system: System,
+    origin: Vector,
+    time: Scalar,
+    q: Coordinates,
+    v: Coordinates,
+    work: Power,
+    start_energy: Scalar,
+) -> Instant:
+    """An instant from a state, with accelerations and multipliers that fit it."""
+    vdot, lam = consistent_acceleration(system, time, q, v)
+    residual, power = system.residual(time, q, v, vdot, lam)
+    load = None
+    if system.loads:
+        fields, rates = system.tethers.interpolate(q.tether), system.tethers.interpolate(v.tether)
+        load = sum(term.force(time, fields, rates) for term in system.loads)
+    return Instant(system, time, q, v, vdot, lam, work, start_energy, origin, residual.forces, power, load)

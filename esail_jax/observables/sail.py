@@ -1,0 +1,148 @@
+"""What a run of a sail reports: the auxiliary variables of [PGV] Sec. 3 and the energies.
+
+Every observable is a function of one instant, with its name, unit, symbol, axes and equation. Where
+the printed formula is wrong the derived one is used; the entry says so with "derived".
+"""
+
+import jax.numpy as jnp
+import numpy as np
+
+from esail_jax.array_types import Array, Float, Scalar, Vector
+from esail_jax.elements.axial import axial_strain
+from esail_jax.numerics.angles import euler_angles, safe_angle, safe_length
+from esail_jax.numerics.vectors import dot
+from esail_jax.observables.entry import Observable, elastic_energy, kinetic_energy
+from esail_jax.observables.instant import Instant
+from esail_jax.system import System
+
+STRAIN_POINTS = 11
+"""Points per element, ends included, at which the largest strain is looked for."""
+
+
+# ---- angles and lengths ----------------------------------------------------------------------
+
+
+def coning(local: Float[Array, "3 tether"]) -> Float[Array, " tether"]:
+    """Elevation from the spin plane towards X_B; [PGV] Eq. 59 lacks the square root."""
+    return safe_angle(local[0], safe_length(local[1], local[2]))
+
+
+def lagging(local: Float[Array, "3 tether"]) -> Float[Array, " tether"]:
+    """Angle in the spin plane from the root's radial direction, positive with the spin."""
+    return safe_angle(local[2], local[1])
+
+
+def tether_distance(i: Instant) -> Scalar:
+    """Smallest distance [m] from a remote unit to another tether (polyline through its nodes): two
+    nearly straight tethers of one hub meet first, and part last, at the tip of the shorter."""
+    if i.p < 2:
+        return jnp.asarray(jnp.nan)
+    starts, ends = i.q.tether[0, :, :-1], i.q.tether[0, :, 1:]
+    segment = ends - starts
+    offset = i.tips[:, :, None, None] - starts[:, None]
+    share = (offset * segment[:, None]).sum(0) / (segment**2).sum(0)
+    nearest = offset - jnp.clip(share, 0.0, 1.0) * segment[:, None]
+    squared = (nearest**2).sum(0)
+    own = jnp.eye(i.p, dtype=bool)[:, None, :]
+    return jnp.sqrt(jnp.where(own, jnp.inf, squared).min())
+
+
+def largest_strain(i: Instant) -> Float[Array, " tether"]:
+    """Largest axial strain, in the scene's measure, over points that include the nodes."""
+    tethers = i.system.tethers
+    shapes = tethers.shape_table(np.linspace(0.0, 1.0, STRAIN_POINTS), 1)
+    r_x = jnp.tensordot(shapes, tethers.element_vectors(i.q.tether), 1) / tethers.element_length
+    strain = axial_strain(jnp.moveaxis(r_x, 1, 0), i.system.energies[0].strain)
+    return strain.max((0, 1))
+
+
+def arc_length(i: Instant) -> Float[Array, " tether"]:
+    """Integral of |r_x| dx [m]."""
+    tethers = i.system.tethers
+    r_x = tethers.interpolate(i.q.tether).r_x
+    stretch = jnp.sqrt(dot(r_x, r_x))
+    return (tethers.weights[:, None, None] * stretch).sum((0, 1)) * tethers.element_length
+
+
+def reaction_moments(i: Instant) -> Vector:
+    """Moment about the hub centre of the root reactions, couples of clamped roots included."""
+    arms = i.roots - i.centre[:, None]
+    return (jnp.cross(arms, i.root_reactions, axis=0) + i.root_couples).sum(1)
+
+
+def total_energy(i: Instant) -> Scalar:
+    return kinetic_energy(i.system, i.v) + elastic_energy(i.system, i.q)
+
+
+def transverse_angle(force: Vector) -> Scalar:
+    """Angle of a force in O from Z_O: atan2(transverse, axial)."""
+    return safe_angle(safe_length(force[0], force[1]), force[2])
+
+
+# ---- the list ---------------------------------------------------------------------------------
+
+
+XYZ, TETHER = ("xyz",), ("tether",)
+
+OBSERVABLES = (
+    Observable("coning_angle", "rad", "gamma", TETHER, "[PGV] 56-59, derived",
+               lambda i: coning(i.local_frame(i.tips - i.roots))),
+    Observable("lagging_angle", "rad", "beta", TETHER, "[PGV] 56-59",
+               lambda i: lagging(i.local_frame(i.tips - i.roots))),
+    Observable("root_coning_angle", "rad", "gamma'", TETHER, "[PGV] 60-61",
+               lambda i: coning(i.local_frame(i.root_slopes))),
+    Observable("root_lagging_angle", "rad", "beta'", TETHER, "[PGV] 60-61",
+               lambda i: lagging(i.local_frame(i.root_slopes))),
+    Observable("tether_length", "m", "L", TETHER, "integral of |r_x|", arc_length),
+    Observable("max_axial_strain", "-", "eps_max", TETHER, "[PGV] 24", largest_strain),
+    Observable("angular_velocity_B", "rad/s", "omega^B", XYZ, "[PGV] 62-64, derived",
+               lambda i: i.system.hub.angular_velocity(i.q.hub, i.v.hub), needs="hub"),
+    Observable("euler_hub", "rad", "psi, theta, phi", ("angle",), "[PGV] 65-66, derived",
+               lambda i: euler_angles(i.body_to_orbital), needs="hub"),
+    Observable("euler_sail", "rad", "Psi, Theta, Phi", ("angle",), "[PGV] 67-71, derived",
+               lambda i: euler_angles(i.orbital.T @ i.sail_axes())),
+    Observable("sailing_angle", "rad", "alpha", (), "[PGV] Sec. 3.4",
+               lambda i: transverse_angle(i.body_to_orbital[:, 0])),
+    Observable("precession_angle", "rad", "delta", (), "[PGV] Sec. 3.4, derived",
+               lambda i: safe_angle(*(i.orbital.T @ i.sail_axes()[:, 0])[jnp.array([1, 0])])),
+    Observable("tip_position_I", "m", "r_u", ("tether", "xyz"), "[PGV] 69", lambda i: i.tips.T),
+    Observable("hub_position_I", "m", "r_OB", XYZ, "[PGV] 43", lambda i: i.centre, needs="hub"),
+    Observable("rotation_IB", "-", "C_B^I", ("row", "col"), "[PGV] 41", lambda i: i.rotation),
+    Observable("thrust_O", "N", "F_c", XYZ, "[PGV] 72-74, derived",
+               lambda i: i.orbital.T @ i.thrusts().sum(1)),
+    Observable("thrust_moment_O", "N m", "M_c", XYZ, "[PGV] 75-76, derived",
+               lambda i: i.orbital.T @ i.thrust_moments().sum(1)),
+    Observable("reaction_O", "N", "F_lambda", XYZ, "[PGV] 77",
+               lambda i: i.orbital.T @ i.root_reactions.sum(1)),
+    Observable("reaction_moment_O", "N m", "M_lambda", XYZ, "[PGV] 78",
+               lambda i: i.orbital.T @ reaction_moments(i)),
+    Observable("thrust_B", "N", "F_c,i", ("tether", "xyz"), "[PGV] 73",
+               lambda i: (i.rotation.T @ i.thrusts()).T),
+    Observable("thrust_moment_B", "N m", "M_c,i", ("tether", "xyz"), "[PGV] 75, derived",
+               lambda i: (i.rotation.T @ i.thrust_moments()).T),
+    Observable("reaction_B", "N", "lambda_i", ("tether", "xyz"), "[PGV] 53",
+               lambda i: (i.rotation.T @ i.root_reactions).T),
+    Observable("thrust_angle", "rad", "Gamma_c", (), "[PGV] after 74, derived",
+               lambda i: transverse_angle(i.orbital.T @ i.thrusts().sum(1))),
+    Observable("reaction_angle", "rad", "Gamma_lambda", (), "[PGV] after 77, derived",
+               lambda i: transverse_angle(i.orbital.T @ i.root_reactions.sum(1))),
+    Observable("kinetic_energy", "J", "E_k", (), "[PGV] 21, 51",
+               lambda i: kinetic_energy(i.system, i.v)),
+    Observable("elastic_energy", "J", "E_e", (), "[PGV] 23",
+               lambda i: elastic_energy(i.system, i.q)),
+    Observable("dissipated_power", "W", "2 P_d", (), "twice [PGV] 36",
+               lambda i: i.power.dissipated),
+    Observable("external_power", "W", "P_ext", (), "power of loads", lambda i: i.power.external),
+    Observable("dissipated_energy", "J", "E_d", (), "integral of 2 P_d",
+               lambda i: i.work.dissipated),
+    Observable("external_work", "J", "W_ext", (), "integral of P_ext", lambda i: i.work.external),
+    Observable("energy_balance_error", "J", "dE - W + E_d", (), "energy theorem",
+               lambda i: total_energy(i) - i.start_energy - i.work.external + i.work.dissipated),
+    Observable("smallest_tether_distance", "m", "d_min", (), "remote units to other tethers",
+               tether_distance),
+)  # fmt: skip
+
+
+def listed(system: System) -> list[Observable]:
+    """The observables of a sail; those of the hub only if there is one."""
+    return [entry for entry in OBSERVABLES if system.hub is not None or entry.needs != "hub"]
