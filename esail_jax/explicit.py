@@ -71,14 +71,20 @@ def pass_rows(
     rejected so far and the last step's size, and which instants were passed."""
     limit = carry.progress.taken + steps
 
-    def next_row(progress, time):
+    def next_row(progress, row):
+        time, fresh = row
         progress = problem.method.pass_by(problem.chain, progress, time, limit)
-        y = problem.method.look(problem.chain, progress, time)
         passed = progress.now.time >= time
+        y = lax.cond(
+            passed & fresh,
+            lambda: problem.method.look(problem.chain, progress, time),
+            lambda: progress.now.y,
+        )
         last = progress.now.time - progress.before.time
         return progress, (y, jnp.stack([progress.taken, progress.rejected, last]), passed)
 
-    progress, (states, how, passed) = lax.scan(next_row, carry.progress, times)
+    fresh = jnp.append(True, times[1:] > times[:-1])  # the last calls are padded with t_end
+    progress, (states, how, passed) = lax.scan(next_row, carry.progress, (times, fresh))
     carry = carry._replace(progress=progress)
     return carry, (see(problem, carry, times, states), how, passed)
 

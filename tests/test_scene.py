@@ -10,7 +10,8 @@ import small_sail
 
 import esail_jax as esail
 from esail_jax.scenes.presets import builtin_names, builtin_text, description
-from esail_jax.scenes.scene import TABLES, Scene, load_scene, names_of, parse, to_toml
+from esail_jax.scenes.scene import Scene, load_scene, parse, to_toml
+from esail_jax.scenes.tables import SAIL_TABLES
 
 STRUCTURE = (
     "tethers.count", "tethers.elements", "tethers.element", "tethers.strain", "tethers.bending",

@@ -20,11 +20,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import lax
 
 from esail_jax.array_types import Array, Float, Scalar, VectorPerPoint
 from esail_jax.coordinates import Coordinates
 from esail_jax.elements.hinges import Hinges
+from esail_jax.numerics import tridiagonal
 from esail_jax.numerics.vectors import dot
 from esail_jax.system import Power, System
 from esail_jax.terms import PointFields
@@ -42,10 +42,22 @@ class RodState(NamedTuple):
 
 
 class RodChain(eqx.Module):
-    """The right-hand side of x'' = a(t, x, x') for a system of one tether of rods."""
+    """The right-hand side of x'' = a(t, x, x') for a system of one tether of rods.
+
+    mass: factors of G over the joints that move.
+    """
 
     system: System
     hinges: Hinges | None
+    mass: tridiagonal.Factors
+
+    @classmethod
+    def of(cls, system: System, hinges: Hinges | None = None) -> "RodChain":
+        """With the mass matrix factored."""
+        diagonal, beside = joint_masses(system)
+        if system.roots is not None:
+            diagonal, beside = diagonal[1:], beside[1:]
+        return cls(system, hinges, tridiagonal.factor(diagonal, beside))
 
     @property
     def free(self) -> bool:
@@ -98,13 +110,11 @@ class RodChain(eqx.Module):
     def accelerate(self, x: Rods, v: Rods, force: Float[Array, "3 joint"]) -> Rods:
         """x'' from the forces on the joints."""
         system, gravity = self.system, self.system.gravity
-        lower, diagonal, upper = joint_masses(system)
-        if not self.free:  # the first joint rests, so it rises relative to what falls
-            force, lower, diagonal, upper = force[:, 1:], lower[1:], diagonal[1:], upper[1:]
-            if gravity is not None:
-                force = force.at[:, 0].add(lower[0] * gravity)
-            lower = lower.at[0].set(0.0)
-        eta = lax.linalg.tridiagonal_solve(lower, diagonal, upper, force.T).T
+        if not self.free:
+            force = force[:, 1:]
+            if gravity is not None:  # the first joint rests, so it rises relative to what falls
+                force = force.at[:, 0].add(joint_masses(system)[1][0] * gravity)
+        eta = tridiagonal.solve(self.mass, force.T).T
         acceleration = jnp.diff(eta, axis=1, prepend=0.0)
         if gravity is not None:
             acceleration = acceleration.at[:, 0].add(gravity)
@@ -154,9 +164,8 @@ def between(shapes: np.ndarray, joints: Float[Array, "3 joint"]) -> VectorPerPoi
     return jnp.moveaxis(jnp.tensordot(shapes, ends, 1), 1, 0)[..., None]
 
 
-def joint_masses(system: System) -> tuple[Array, Array, Array]:
-    """G ([MW] Eq. 25) of all joints, end masses included: its diagonal, the one below (first entry
-    of no meaning) and the one above (last entry zero), each (joint)."""
+def joint_masses(system: System) -> tuple[Float[Array, " joint"], Float[Array, " rod"]]:
+    """G ([MW] Eq. 25) of all joints, end masses included: its diagonal and what is beside it."""
     tethers = system.tethers
     mass = tethers.line_density[:, 0] * tethers.element_length[:, 0]
     table = tethers.mass_table
@@ -164,7 +173,7 @@ def joint_masses(system: System) -> tuple[Array, Array, Array]:
     diagonal = diagonal.at[-1].add(tethers.tip_mass[0])
     if tethers.base_mass is not None:
         diagonal = diagonal.at[0].add(tethers.base_mass[0])
-    return jnp.pad(table[1, 0] * mass, (1, 0)), diagonal, jnp.pad(table[0, 1] * mass, (0, 1))
+    return diagonal, table[0, 1] * mass
 
 
 def fastest_rate(chain: RodChain) -> Scalar:

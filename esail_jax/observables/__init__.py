@@ -30,12 +30,12 @@ def listed(system: System | RodChain) -> list[Observable]:
     """The observables of a system, in their order."""
     if isinstance(system, RodChain):
         return chain.listed(system)
-    return chain.listed(RodChain(system, None)) if is_chain(system) else sail.listed(system)
+    return chain.listed(RodChain.of(system)) if is_chain(system) else sail.listed(system)
 
 
 def observe(instant: Instant) -> dict[str, Array]:
     """Every observable of an instant, by name."""
     i = instant
     if is_chain(i.system):
-        return chain.observe(RodChain(i.system, None), i.time, i.q, i.v, i.work, i.start_energy)
+        return chain.observe(RodChain.of(i.system), i.time, i.q, i.v, i.work, i.start_energy)
     return {entry.name: entry.function(i) for entry in sail.listed(i.system)}

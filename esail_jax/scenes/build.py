@@ -254,7 +254,7 @@ def build_chain(structure: Structure, n: Numbers) -> tuple[RodChain, RodState]:
     if free:
         first = (n.get(f"initial.{key}", jnp.zeros(3))[:, None] for key in ("position", "velocity"))
         x, v = (jnp.concatenate(pair, axis=1) for pair in zip(first, (x, v), strict=True))
-    chain = RodChain(system, hinges)
+    chain = RodChain.of(system, hinges)
     zero = jnp.zeros(())
     return chain, RodState(x, v, Power(zero, zero) if chain.works else None)
 
