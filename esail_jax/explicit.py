@@ -171,7 +171,7 @@ class ExplicitMarch:
 
     def _whole(self, time: float) -> bool:
         ratio = time / self.interval
-        return abs(ratio - round(ratio)) < 1e-9 * max(1.0, ratio)
+        return bool(abs(ratio - round(ratio)) < 1e-9 * max(1.0, ratio))
 
     def _numerics(self, how: np.ndarray) -> dict[str, np.ndarray]:
         before = np.vstack([self.tally, how[:, :2]])

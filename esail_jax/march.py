@@ -144,7 +144,7 @@ def _handing_over(entry: Entry) -> Entry:
 
 def failure_of(entry: Entry, info: StepInfo, seen: Piece) -> SimulationError:
     """The error that describes an entry's first failed step."""
-    good = np.asarray(jax.vmap(StepInfo.converged)(info))
+    good = np.asarray(jax.vmap(StepInfo.converged)(info))[: max(entry.take, 1)]
     step = int(np.argmin(good))
     increment = float(info.increment[step].max())
     finite = np.isfinite(increment)

@@ -15,6 +15,7 @@ from jax import lax
 from esail_jax import explicit
 from esail_jax.array_types import Array, Float
 from esail_jax.dynamics.generalized_alpha import KEEP, State
+from esail_jax.dynamics.rod_chain import RodState
 from esail_jax.entry import entry_data, problem_of, run_entry
 from esail_jax.march import march_of
 from esail_jax.observables import chain, is_chain
@@ -30,14 +31,15 @@ class Solution(eqx.Module):
     """A finished run.
 
     time [s]; `solution["coning_angle"]`: an observable, time first; result: an entry of `RESULTS`;
-    final_state: State; stats: steps, times, terms; numerics: per saved interval; checkpoint: where
-    a longer run could go on. `scene` and the last two are None under a trace.
+    final_state: State, of an explicit method RodState; stats: steps, times, terms; numerics: per
+    saved interval; checkpoint: where a longer run could go on. `scene` and the last two are None under
+    a trace.
     """
 
     time: Float[Array, " time"] | Float[np.ndarray, " time"]
     rows: dict[str, Array | np.ndarray]
     result: Any
-    final_state: State | None
+    final_state: State | RodState | None
     stats: dict[str, Any]
     numerics: dict[str, np.ndarray] | None = None
     checkpoint: Checkpoint | None = None

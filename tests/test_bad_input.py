@@ -126,7 +126,8 @@ SETTINGS = [
     # unknown keys, with the nearest known one
     ("tethers.lenght=1e4", "known key", "`tethers.length`"),
     ("tether.length=1e4", "known key", "`tethers.length`"),
-    ("integrator.tolerance=1e-9", "known key"),
+    ("integrator.tolerance=1e-9", "left out with generalized-alpha"),
+    ("integrator.method=dopri8", "for a sail"),
     ("tethers.length.x=1", "known key"),
 ]
 
@@ -145,6 +146,7 @@ TOGETHER = [
     (["tethers.element=truss", "tethers.root=clamped"], "tethers.root", "truss"),
     (["tethers.bending=true"], "tethers.second_moment", "missing"),
     (["hub.height=1", "hub.height=-1"], "hub.height", "positive"),
+    (["chain.rods=3"], "chain", "[tethers]"),
 ]
 
 

@@ -108,7 +108,7 @@ def test_a_wrong_import_is_seen(tmp_path):
     # Of every form an import can take, one inside a function too.
     text = """
 import esail_jax.storage
-from esail_jax import observables
+from esail_jax import schedule
 from esail_jax.scenes import keys
 from esail_jax import simulate, Scene
 def later():
@@ -117,5 +117,5 @@ def later():
     file = tmp_path / "wrong.py"
     file.write_text(text)
     assert modules_used(file) == {
-        "storage", "observables", "scenes.keys", "simulate", "__init__", "dynamics.consistent",
+        "storage", "schedule", "scenes.keys", "simulate", "__init__", "dynamics.consistent",
     }  # fmt: skip

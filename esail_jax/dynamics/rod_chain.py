@@ -129,16 +129,19 @@ class RodChain(eqx.Module):
         the last two None where there are none."""
         system, tethers = self.system, self.system.tethers
         length = tethers.element_length[:, 0]
-        nodes = [self.joints(c) for c in (x, v)] if system.loads else [None, None]
-        fields, rates = (
-            PointFields(
-                None if joints is None else between(tethers.table(0), joints),
-                (self.rods(c) / length)[:, None, :, None],
-            )
-            for c, joints in zip((x, v), nodes, strict=True)
-        )
-        total, viscous, loads = system.point_forces(time, fields, rates)
-        stress = total.r_x[:, 0, :, 0]
+        # Without loads everything is constant along a rod: one point is exact.
+        weights = tethers.weights if system.loads else np.ones(1)
+
+        def fields_of(c: Rods) -> PointFields:
+            slope = (self.rods(c) / length)[:, None, :, None]
+            if not system.loads:
+                return PointFields(None, slope)
+            slope = jnp.broadcast_to(slope, (3, weights.size, *slope.shape[2:]))
+            return PointFields(between(tethers.table(0), self.joints(c)), slope)
+
+        rates = fields_of(v)
+        total, viscous, loads = system.point_forces(time, fields_of(x), rates)
+        stress = jnp.tensordot(weights, total.r_x[..., 0], (0, 1))
         if not self.works:
             return stress, None, None
         joint_force, external, dissipated = None, jnp.zeros(()), jnp.zeros(())
@@ -148,12 +151,12 @@ class RodChain(eqx.Module):
                 jnp.tensordot(tethers.weights * shape, force, (0, 1)) for shape in tethers.table(0).T
             )
             joint_force = jnp.pad(near, ((0, 0), (0, 1))) + jnp.pad(far, ((0, 0), (1, 0)))
-            external = (joint_force * nodes[1]).sum()
+            external = (joint_force * self.joints(v)).sum()
         if system.weighted:
             q, rate = self.coordinates(RodState(x, v, None))
             external = external + (system.field(q, rate).tether * system.momenta(rate).tether).sum()
         if system.dissipations:
-            lost = dot(viscous.r_x, rates.r_x)[0, :, 0]
+            lost = weights @ dot(viscous.r_x, rates.r_x)[..., 0]
             dissipated = (lost * length).sum()
         return stress, joint_force, Power(external, dissipated)
 

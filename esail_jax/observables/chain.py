@@ -105,8 +105,8 @@ def observe(
 
 
 def with_energy_error(
-    rows: dict[str, Any], memory: tuple[float, float], xp: ModuleType
-) -> tuple[dict[str, Any], tuple[float, float]]:
+    rows: dict[str, Any], memory: tuple[Any, Any], xp: ModuleType
+) -> tuple[dict[str, Any], tuple[Any, Any]]:
     """Consecutive rows with (E - E_0)/max(|E_0|, largest kinetic energy so far) in place.
 
     memory: E_0 (NaN before the first row) and the largest kinetic energy [J] of the rows before;

@@ -11,6 +11,9 @@ DEGREES = 180.0 / np.pi
 KILOMETRE = 1e3
 """[m]"""
 
+PREFIXES = ((1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, r"$\mu$"))
+"""Of units, by size, the largest first."""
+
 LEAST_SAMPLES = 8
 """Samples below which a spectrum says nothing."""
 
@@ -26,6 +29,11 @@ def observable(run: Any, name: str, factor: float = 1.0) -> np.ndarray | None:
     return factor * values if np.isfinite(values).any() else None
 
 
+def change(values: np.ndarray | None) -> np.ndarray | None:
+    """Values less the first."""
+    return None if values is None else values - values[0]
+
+
 def per_tether(value: Any, count: int) -> np.ndarray:
     """A number for all tethers, or one per tether, as an array (tether)."""
     return np.broadcast_to(np.asarray(value, float), (count,))
@@ -35,6 +43,22 @@ def spin_period(run: Any) -> float | None:
     """T_s [s]; None without spin."""
     rate = abs(float(run.scene.initial.spin_rate))
     return 2.0 * np.pi / rate if rate > 0.0 else None
+
+
+def orbital_period(run: Any) -> float | None:
+    """Of the orbit that the scene is on [s]; None without one."""
+    orbit = run.scene.orbit
+    return None if orbit is None else 2.0 * np.pi / float(orbit.mean_motion)
+
+
+def readable(unit: str, *signals: np.ndarray) -> tuple[float, str]:
+    """A factor and the name of the multiple of an SI unit in which the largest value of the signals is
+    neither long nor a small fraction."""
+    largest = max(np.abs(signal[np.isfinite(signal)]).max(initial=0.0) for signal in signals)
+    for size, prefix in PREFIXES:
+        if largest >= size:
+            return 1.0 / size, prefix + unit
+    return 1.0, unit
 
 
 def leading_finite(*signals: np.ndarray) -> int:

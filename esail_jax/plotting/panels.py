@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import hsv_to_rgb
 from matplotlib.figure import Figure
 
-from esail_jax.plotting.data import leading_finite, power_spectrum, spin_period
+from esail_jax.plotting.data import leading_finite, orbital_period, power_spectrum, spin_period
 
 LEAST_WIDTH = 7.0
 """Of a figure [inch]: room for its title and the legends."""
@@ -42,9 +42,13 @@ class Panel:
 
 
 def time_unit(run: Any) -> tuple[float, str]:
-    """Seconds per unit of the time axis, and its label: spin periods, or seconds without spin."""
-    period = spin_period(run)
-    return (1.0, r"time $t$ [s]") if period is None else (period, r"time $t/T_s$ [-]")
+    """Seconds per unit of the time axis, and its label: spin periods of a sail, orbits of a chain,
+    seconds without either."""
+    if run.scene.chain is None:
+        period, label = spin_period(run), r"time $t/T_s$ [-]"
+    else:
+        period, label = orbital_period(run), r"time $t$ [orbits]"
+    return (1.0, r"time $t$ [s]") if period is None else (period, label)
 
 
 def history(run: Any, ylabel: str, *curves: Curve) -> Panel | None:
@@ -63,6 +67,7 @@ def history(run: Any, ylabel: str, *curves: Curve) -> Panel | None:
                 curve.dashes,
                 color=curve.colour,
                 linewidth=curve.width,
+                marker="." if np.isfinite(curve.values).sum() == 1 else "",
                 label=curve.label,
             )
         ax.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from esail_jax.plotting.data import DEGREES, observable
+from esail_jax.plotting.data import DEGREES, change, observable
 from esail_jax.plotting.panels import (
     Curve,
     Panel,
@@ -38,11 +38,6 @@ def energies(run: Any) -> Figure:
         ],
     ]
     return assemble("Energies", rows)
-
-
-def change(values: np.ndarray | None) -> np.ndarray | None:
-    """Values less the first."""
-    return None if values is None else values - values[0]
 
 
 def sail_forces(run: Any) -> Figure:

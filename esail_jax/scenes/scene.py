@@ -194,6 +194,8 @@ def check_chain(scene: Scene) -> None:
 
 def from_tables(tables: Mapping[str, Any]) -> Scene:
     """A scene from nested mappings, as a TOML file gives them. Raises SceneError."""
+    if "chain" in tables and "tethers" in tables:
+        raise SceneError("chain", "be left out of a scene with [tethers]", "is given")
     parts, kinds = {}, tables_of(tables)
     for table, content in tables.items():
         if table in TABLES and table not in kinds:

@@ -1,0 +1,172 @@
+"""Figures of a rod chain: shapes, tip, libration on an orbit, tension and energies ([MW] Fig. 2-4)."""
+
+from typing import Any
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import ListedColormap, Normalize
+from matplotlib.figure import Figure
+
+from esail_jax.plotting.data import change, leading_finite, observable, orbital_period, readable
+from esail_jax.plotting.panels import Curve, assemble, components, history, time_unit, unwrapped_degrees
+
+TIME_COLOURS = ListedColormap(colormaps["viridis"](np.linspace(0.0, 0.92, 256)))
+"""From the first to the last instant; nowhere close to white."""
+
+FLAT = 1e-9
+"""Extent, relative to the largest one, below which the chain does not leave a plane."""
+
+SLENDER = 10.0
+"""Ratio of extents from which equal scales would show a line."""
+
+JOINTS_MARKED = 40
+"""Most joints that are shown as dots."""
+
+
+# ---- shapes -----------------------------------------------------------------------------------
+
+
+def chain_shapes(run: Any, instants: int = 10) -> Figure:
+    """The chain at equally spaced instants and the path of its tip, in the coordinate planes in which
+    it extends most: two, or one if it does not leave that."""
+    joints = observable(run, "joint_position")
+    known = 0 if joints is None else leading_finite(joints)
+    if known == 0:
+        return Figure()
+    factor, unit = readable("m", joints[:known])
+    frames = np.unique(np.linspace(0, known - 1, instants).round().astype(int))
+    planes = widest_planes(joints[:known])
+    figure = Figure(figsize=(4.6 * len(planes) + 2.4, 5.2), layout="constrained")
+    figure.suptitle("The chain at equally spaced instants; grey: the path of its tip")
+    per_unit, label = time_unit(run)
+    times = np.asarray(run.time) / per_unit
+    scale = ScalarMappable(Normalize(times[0], times[frames[-1]]), TIME_COLOURS)
+    for i, plane in enumerate(planes):
+        ax = figure.add_subplot(1, len(planes), i + 1)
+        draw_plane(ax, factor * joints[:known][..., plane], frames, scale.to_rgba(times[frames]))
+        ax.set(xlabel=f"${'xyz'[plane[0]]}$ [{unit}]", ylabel=f"${'xyz'[plane[1]]}$ [{unit}]")
+    figure.colorbar(scale, ax=figure.axes, label=label, aspect=40)
+    return figure
+
+
+def extents(points: np.ndarray) -> np.ndarray:
+    """Width of points (..., axis) along every axis."""
+    return np.ptp(points.reshape(-1, points.shape[-1]), axis=0)
+
+
+def widest_planes(joints: np.ndarray) -> list[list[int]]:
+    """Pairs of axes: the widest with the second, and with the third unless the chain stays flat."""
+    size = extents(joints)
+    first, second, third = np.argsort(-size, kind="stable")
+    flat = size[third] <= FLAT * size[first]
+    return sorted(sorted([int(first), int(other)]) for other in ([second] if flat else [second, third]))
+
+
+def draw_plane(ax: Axes, joints: np.ndarray, frames: np.ndarray, colours: np.ndarray) -> None:
+    """The chain at the frames from joints (time, joint, 2), to equal scales unless it is slender."""
+    marker = "." if joints.shape[1] <= JOINTS_MARKED else ""
+    ax.plot(*joints[:, -1].T, color="0.7", linewidth=0.7)
+    for frame, colour in zip(frames, colours, strict=True):
+        ax.plot(*joints[frame].T, marker, linestyle="-", color=colour, linewidth=1.0, markersize=3.5)
+        ax.plot(*joints[frame, -1:].T, "o", color=colour, markersize=5)
+    small, large = np.sort(extents(joints))
+    if FLAT * large < small < large / SLENDER:
+        ax.set_title("different scales", fontsize="medium")
+    else:
+        ax.set_aspect("equal", adjustable="datalim")
+    ax.grid(alpha=0.3)
+
+
+# ---- tip and libration ------------------------------------------------------------------------
+
+
+def chain_tip(run: Any) -> Figure:
+    """Coordinates of the tip against time ([MW] Fig. 4), of a free chain from its first joint."""
+    free = run.scene.chain.anchor == "free"
+    title = "Tip of the chain" + (", seen from its first joint" if free else "")
+    joints = observable(run, "joint_position")
+    if joints is None:
+        return assemble(title, [])
+    tip = joints[:, -1] - joints[:, 0] if free else joints[:, -1]
+    factor, unit = readable("m", tip)
+    figure = assemble(title, [[panel] for panel in components(run, factor * tip, "AXIS_{tip}", unit)])
+    for ax in figure.axes:  # a taut chain's length hardly changes: in full rather than from an offset
+        ax.ticklabel_format(axis="y", useOffset=False)
+    return figure
+
+
+def chain_libration(run: Any) -> Figure:
+    """Angles of the line from the first to the last joint, for a chain on an orbit."""
+    title = "Libration: the line from the first joint to the last"
+    joints = observable(run, "joint_position")
+    if joints is None or orbital_period(run) is None:
+        return assemble(title, [])
+    inside, across = (unwrapped_degrees(angle) for angle in libration_angles(joints))
+    rows = [
+        [history(run, r"in-plane $\theta$ [deg]", Curve(inside))],
+        [history(run, r"out-of-plane $\phi$ [deg]", Curve(across))],
+    ]
+    return assemble(title, rows)
+
+
+def libration_angles(joints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Angles [rad] of the line from the first to the last joint of (time, joint, 3): in the plane of
+    the orbit from the vertical x towards the motion y, and out of that plane towards z."""
+    x, y, z = (joints[:, -1] - joints[:, 0]).T
+    return np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))
+
+
+# ---- tension and energies ---------------------------------------------------------------------
+
+
+def chain_tension(run: Any) -> Figure:
+    """Axial force of the first, the middle and the last rod, and the extremes over all rods."""
+    tension, title = observable(run, "tension"), "Tension, negative under pressure"
+    if tension is None:
+        return assemble(title, [])
+    factor, unit = readable("N", tension)
+    tension, ylabel = factor * tension, f"$N$ [{unit}]"
+    rods = tension.shape[1]
+    shown = np.unique([0, (rods - 1) // 2, rods - 1])
+    some = [
+        Curve(tension[:, rod], f"rod {rod + 1}", f"tab:{colour}", width=0.8)
+        for rod, colour in zip(shown, ("blue", "orange", "green"), strict=False)
+    ]
+    extremes = [
+        Curve(tension.max(1), "largest of all rods", "tab:red", width=0.8),
+        Curve(tension.min(1), "least", "tab:purple", width=0.8),
+    ]
+    rows = [[history(run, ylabel, *some)], [history(run, ylabel, *extremes) if rods > 1 else None]]
+    return assemble(title, rows)
+
+
+def chain_energies(run: Any) -> Figure:
+    """Energies ([MW] Fig. 2) and the error of their sum ([MW] Fig. 3); where there are loads or
+    damping, their work and the balance. The potential energy, whose zero means nothing, from its
+    first value."""
+    names = ("kinetic_energy", "elastic_energy", "potential_energy")
+    kinetic, elastic, height = (observable(run, name) for name in names)
+    if kinetic is None or elastic is None or height is None:
+        return assemble("Energies", [])
+    potential = change(height)
+    total = kinetic + elastic + potential
+    factor, unit = readable("J", kinetic, elastic, potential, total)
+    work, lost = observable(run, "external_work"), observable(run, "dissipated_energy")
+    rows = [
+        [
+            history(
+                run,
+                f"energy [{unit}]",
+                Curve(factor * kinetic, "kinetic $T$", "tab:blue"),
+                Curve(factor * elastic, "elastic $U$", "tab:orange"),
+                Curve(factor * potential, "potential $V - V(0)$", "tab:green"),
+                Curve(factor * total, "total $E$", "black", "--"),
+            )
+        ],
+        [history(run, r"energy error $e_E$ [-]", Curve(observable(run, "energy_error")))],
+        [history(run, "work [J]", Curve(work, "loads and fields"), Curve(lost, "lost", "tab:red"))],
+        [history(run, r"$\Delta(T + U) - W + E_d$ [J]", Curve(observable(run, "energy_balance_error")))],
+    ]
+    return assemble("Energies", rows)
