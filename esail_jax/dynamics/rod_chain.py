@@ -6,10 +6,11 @@ and constant, is the mass matrix in the joints' positions. Eq. 28-30 therefore r
 
     tension of every rod -> force on every joint -> G eta = force -> x'' = difference of eta,
 
-eta being the joints' accelerations. The sums over all rods beyond a joint that Eq. 29 forms (Q_F F)
-cancel against the differences it takes right after; taking them out by hand leaves `cumsum` only where
-a load depends on position, and no digits are lost to forces summed over 10^5 rods. Accelerations are
-those relative to a freely falling particle, as everywhere (`System.field`), which is linear in x.
+eta being the joints' accelerations. G is factored once. The sums over all rods beyond a joint that
+Eq. 29 forms (Q_F F) cancel against the differences it takes right after; taking them out by hand leaves
+`cumsum` only where a load depends on position, and no digits are lost to forces summed over 10^5 rods.
+Accelerations are those relative to a freely falling particle, as everywhere (`System.field`): the
+field of an orbit is linear in x.
 
 Energies, dissipations and loads are the system's own, evaluated on the same truss elements.
 """
@@ -20,16 +21,20 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 
 from esail_jax.array_types import Array, Float, Scalar, VectorPerPoint
 from esail_jax.coordinates import Coordinates
 from esail_jax.elements.hinges import Hinges
-from esail_jax.numerics import tridiagonal
 from esail_jax.numerics.vectors import dot
 from esail_jax.system import Power, System
 from esail_jax.terms import PointFields
 
 Rods = Float[Array, "3 vector"]
+
+UNROLL = 4
+"""Joints per iteration of the two loops. Measured: at 16, or with the differences inside, the compiler
+no longer makes one piece of code of an iteration, which costs two to ten times the time."""
 
 
 class RodState(NamedTuple):
@@ -41,6 +46,19 @@ class RodState(NamedTuple):
     work: Power | None
 
 
+class MassFactors(NamedTuple):
+    """G = U D U^T over the joints that move ([MW] Eq. 26-27 without square roots): pivots from the tip
+    to the root, U with ones on its diagonal and `outward` beside it.
+
+    pivot_inverse 1/p_i [1/kg]; outward e_i/p_{i+1}: to the next joint, 0 at the tip; inward
+    e_{i-1}/p_i: from the joint before, which for the first one is the anchor, or none.
+    """
+
+    pivot_inverse: Float[Array, " joint"]
+    outward: Float[Array, " joint"]
+    inward: Float[Array, " joint"]
+
+
 class RodChain(eqx.Module):
     """The right-hand side of x'' = a(t, x, x') for a system of one tether of rods.
 
@@ -49,15 +67,12 @@ class RodChain(eqx.Module):
 
     system: System
     hinges: Hinges | None
-    mass: tridiagonal.Factors
+    mass: MassFactors
 
     @classmethod
     def of(cls, system: System, hinges: Hinges | None = None) -> "RodChain":
         """With the mass matrix factored."""
-        diagonal, beside = joint_masses(system)
-        if system.roots is not None:
-            diagonal, beside = diagonal[1:], beside[1:]
-        return cls(system, hinges, tridiagonal.factor(diagonal, beside))
+        return cls(system, hinges, factor(*joint_masses(system), held=system.roots is not None))
 
     @property
     def free(self) -> bool:
@@ -99,25 +114,42 @@ class RodChain(eqx.Module):
     def __call__(self, time: Scalar, state: RodState) -> RodState:
         """d(x, v, work)/dt."""
         x, v, _ = state
-        stress, conjugate, power = self.point_terms(time, x, v)
+        stress, load, power = self.point_terms(time, x, v)
         if self.hinges is not None:
             stress = stress + jax.grad(self.hinges.energy)(self.rods(x))
-        force = jnp.diff(stress, axis=1, prepend=0.0, append=0.0)
-        if conjugate is not None:
-            force = force + conjugate
-        return RodState(v, self.accelerate(x, v, force), power)
+        return RodState(v, self.accelerate(x, v, stress, load), power)
 
-    def accelerate(self, x: Rods, v: Rods, force: Float[Array, "3 joint"]) -> Rods:
-        """x'' from the forces on the joints."""
-        system, gravity = self.system, self.system.gravity
-        if not self.free:
-            force = force[:, 1:]
-            if gravity is not None:  # the first joint rests, so it rises relative to what falls
-                force = force.at[:, 0].add(joint_masses(system)[1][0] * gravity)
-        eta = tridiagonal.solve(self.mass, force.T).T
-        acceleration = jnp.diff(eta, axis=1, prepend=0.0)
-        if gravity is not None:
-            acceleration = acceleration.at[:, 0].add(gravity)
+    def accelerate(
+        self, x: Rods, v: Rods, stress: Float[Array, "3 rod"], load: Float[Array, "3 joint"] | None
+    ) -> Rods:
+        """x'' from the axial forces of the rods and the loads on the joints: the two loops of Eq. 30.
+
+        The first runs from the tip to the root, eliminating joint by joint, the second back. In axes
+        that fall freely the anchor rises, which is where the second one starts.
+        """
+        system, mass = self.system, self.mass
+        force = jnp.diff(stress, axis=1, append=0.0)
+        if self.free:
+            force = jnp.concatenate([stress[:, :1], force], axis=1)
+        if load is not None:
+            force = force + (load if self.free else load[:, 1:])
+
+        def eliminate(beyond, row):
+            force, outward = row
+            here = force - outward * beyond
+            return here, here
+
+        def substitute(before, row):
+            reduced, pivot_inverse, inward = row
+            here = pivot_inverse * reduced - inward * before
+            return here, here
+
+        rest = jnp.zeros(3)
+        start = rest if system.gravity is None else -system.gravity
+        _, reduced = lax.scan(eliminate, rest, (force.T, mass.outward), reverse=True, unroll=UNROLL)
+        rows = (reduced, mass.pivot_inverse, mass.inward)
+        eta = lax.scan(substitute, start, rows, unroll=UNROLL)[1].T
+        acceleration = jnp.diff(eta, axis=1, prepend=start[:, None])
         if system.orbit is not None:
             acceleration = acceleration + system.orbit.acceleration(x, v)
         return acceleration
@@ -177,6 +209,25 @@ def joint_masses(system: System) -> tuple[Float[Array, " joint"], Float[Array, "
     if tethers.base_mass is not None:
         diagonal = diagonal.at[0].add(tethers.base_mass[0])
     return diagonal, table[0, 1] * mass
+
+
+def factor(diagonal: Float[Array, " joint"], beside: Float[Array, " rod"], held: bool) -> MassFactors:
+    """Factors of G from its elements over all joints; held: does the first one rest?"""
+    if held:
+        diagonal, before = diagonal[1:], beside
+    else:
+        before = jnp.pad(beside, (1, 0))
+
+    def eliminate(beyond, row):
+        own, to_next = row
+        pivot = own - to_next**2 / beyond
+        return pivot, pivot
+
+    tip = diagonal[-1]
+    _, pivots = lax.scan(eliminate, tip, (diagonal[:-1], before[1:]), reverse=True)
+    pivots = jnp.append(pivots, tip)
+    inward = before / pivots
+    return MassFactors(1.0 / pivots, jnp.append(inward[1:], 0.0), inward)
 
 
 def fastest_rate(chain: RodChain) -> Scalar:
