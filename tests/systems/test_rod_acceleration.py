@@ -20,6 +20,7 @@ from esail_jax.elements.hinges import Hinges
 from esail_jax.elements.tether import Tethers
 from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.joints.roots import FrameRoots
+from esail_jax.numerics import bordered
 from esail_jax.system import System
 from esail_jax.terms import Load
 from systems.drive import QUICKLY
@@ -265,3 +266,31 @@ def test_coordinates_keep_the_layout_of_the_system():
     chain, state = package(data, ends, False, ())
     q, _ = chain.coordinates(state)
     assert isinstance(q, Coordinates) and q.tether.shape == (1, 3, 4, 1)
+
+
+@pytest.mark.parametrize("free", [False, True], ids=["fixed", "free"])
+def test_tangent_of_the_implicit_method_is_the_derivative_of_the_residual(free):
+    """M + s (K + c C) with loads, damping and the field of an orbit, which
+    depends on position and velocity; the loose port and the mass at it included."""
+    data, ends = numbers(5)
+    chain, state = package(data, ends, free, ("gravity", "orbit", "load", "damping"))
+    system, time, s, c = chain.system, jnp.asarray(0.3), jnp.asarray(0.05), jnp.asarray(7.0)
+    q, v = chain.coordinates(state)
+    rng = np.random.default_rng(5)
+    change = rng.normal(size=q.tether.shape)
+    change[:, :, 0] *= free
+    change = Coordinates(jnp.asarray(change), None)
+    none = system.no_multipliers()
+
+    def derivative(system, q, v, change):
+        moved = jax.tree.map(lambda d: s * d, change), jax.tree.map(lambda d: s * c * d, change), change
+        start = (q, v, jax.tree.map(jnp.zeros_like, q))
+        return jax.jvp(lambda *x: system.residual(time, *x, none)[0].forces, start, moved)[1]
+
+    def solved(system, q, v, change):
+        matrix = system.tangent(time, q, v, none, s, c)
+        rhs = system.to_vector(derivative(system, q, v, change), none)
+        return system.from_vector(bordered.solve(matrix, bordered.factor(matrix), rhs))[0]
+
+    found = quick(solved)(system, q, v, change)
+    np.testing.assert_allclose(found.tether, change.tether, atol=1e-10)

