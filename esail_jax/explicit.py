@@ -158,16 +158,20 @@ class ExplicitMarch:
             count = int(np.asarray(passed)[: len(times)].sum())
             progress = carry.progress
             stuck = count < len(times) and bool(problem.method.stuck(progress))
-            finite = np.isfinite(np.asarray(seen["kinetic_energy"])[:count])
-            count = count if finite.all() else int(np.argmin(finite))
             rows = {name: np.asarray(value)[:count] for name, value in seen.items()}
+            energy = self.energy
             if count:
-                rows, self.energy = observables.chain.with_energy_error(rows, self.energy, np)
+                rows, energy = observables.chain.with_energy_error(rows, self.energy, np)
+                kept = observables.chain.balanced(rows, np)
+                stuck |= not kept.all()
+                count = count if kept.all() else int(np.argmin(kept))
+                rows = {name: value[:count] for name, value in rows.items()}
             numerics = self._numerics(np.asarray(how)[:count])
             piece = Piece(rows, times[:count], numerics, float(progress.now.time))
-            if stuck or not finite.all():
+            if stuck:
                 yield piece
                 raise self._failure(progress, piece)
+            self.energy = energy
             self.carry, self.rows, self.steps = carry, self.rows + count, int(progress.taken)
             # The row at t_end stands in no longer run, unless it is one of the others too.
             whole = self.rows < len(self.times) or self._whole(self.times[-1])
@@ -190,8 +194,11 @@ class ExplicitMarch:
     def _failure(self, progress: Progress, seen: Piece) -> SimulationError:
         time, method = float(progress.now.time), self.prepared.problem.method
         finite = all(np.isfinite(np.asarray(x)).all() for x in jax.tree.leaves(progress.now.y))
-        result = RESULTS.step_vanished if finite else RESULTS.nonfinite
-        hint = "A rod may have shrunk to a point." if finite else ""
+        result, hint = RESULTS.nonfinite, ""
+        if finite and self.prepared.problem.method.stuck(progress):
+            result, hint = RESULTS.step_vanished, "A rod may have shrunk to a point."
+        elif finite:
+            result, hint = RESULTS.energy_lost, "Ask for a smaller tolerance."
         if method.step_size is not None:
             hint = (
                 f"Steps of {float(method.step_size):.3g} s may be too long for the fastest vibration of "
@@ -218,12 +225,13 @@ def traced_run(
     instants = jnp.asarray(times)
     progress, (states, passed) = lax.scan(body, carry.progress, instants)
     rows = see(problem, carry, instants, states)
-    good = passed & jax.vmap(lambda y: jnp.isfinite(y.x).all())(states)
-    good = jnp.cumprod(good).astype(bool)
     rows, _ = observables.chain.with_energy_error(rows, (jnp.nan, 0.0), jnp)
+    kept = observables.chain.balanced(rows, jnp)
+    good = jnp.cumprod(passed & kept).astype(bool)
     rows = {name: jnp.where(good.reshape(-1, *(1,) * (x.ndim - 1)), x, jnp.nan) for name, x in rows.items()}
     finite = jnp.isfinite(progress.now.y.x).all()
-    cause = RESULTS.where(finite, RESULTS.too_many_steps, RESULTS.nonfinite)
+    cause = RESULTS.where(passed.all(), RESULTS.energy_lost, RESULTS.too_many_steps)
+    cause = RESULTS.where(finite, cause, RESULTS.nonfinite)
     result = RESULTS.where(good.all(), RESULTS.successful, cause)
     final = jax.tree.map(lambda x: x[-1], states)
     return rows, final, result, progress.taken

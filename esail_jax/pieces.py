@@ -13,6 +13,7 @@ class RESULTS(eqx.Enumeration):
     successful = "The run reached its end time."
     newton_diverged = "The equations of a step could not be solved."
     nonfinite = "The state became infinite or undefined."
+    energy_lost = "The energy balance is off by more than a tenth of the energy."
     step_vanished = "The step size fell to nothing."
     too_many_steps = "A saved interval needs more steps than a run under a trace may take."
 

@@ -41,6 +41,11 @@ POSITION_TOLERANCE = 1e-8
 HUB_TOLERANCE = 1e-10
 """[m] the same for the hub's base points: 1e-8 m would be an attitude error of 1e-8 rad."""
 
+ROD_TOLERANCE, ROUNDING = 1e-11, 1e-14
+"""For rods, which may be short: part of the shortest one's length, but not below this part of the
+chain's, which positions are rounded to. 1e-8 m of a steel rod of 0.1 m would be a twentieth of its
+stretch under its own weight."""
+
 
 class Parameters(NamedTuple):
     """Coefficients of the method for one spectral radius rho_inf at infinite frequency."""
@@ -97,20 +102,22 @@ class KeptFactors(NamedTuple):
 class StepInfo(NamedTuple):
     """How a step went.
 
-    iterations; increment [m]: the last one, of tether nodes and of the hub; constraint [m] and
+    iterations; increment [m]: the last one, of tether nodes and of the hub, and the tolerances [m]
+    they are held to; constraint [m] and
     residual [N]: largest constraint violation and unbalanced force of a node beyond the root, before
     the last correction and any scaling; tether: the one with the largest increment.
     """
 
     iterations: Int[jax.Array, ""]
     increment: Float[jax.Array, "2"]
+    tolerance: Float[jax.Array, "2"]
     constraint: Scalar
     residual: Scalar
     tether: Int[jax.Array, ""]
 
     def converged(self) -> jax.Array:
         """False also for NaN."""
-        return (self.increment[0] <= POSITION_TOLERANCE) & (self.increment[1] <= HUB_TOLERANCE)
+        return (self.increment <= self.tolerance).all()
 
 
 class GeneralizedAlpha(eqx.Module):
@@ -276,6 +283,7 @@ def solve_step(
         info = StepInfo(
             iterations=info.iterations + 1,
             increment=norms,
+            tolerance=info.tolerance,
             constraint=largest(residual.constraints),
             residual=jnp.abs(residual.forces.tether[0, :, 1:]).max(),
             tether=worst,
@@ -287,7 +295,7 @@ def solve_step(
         return ~info.converged() & (info.iterations < MAX_ITERATIONS)
 
     zero, none = jnp.zeros(()), jnp.zeros((), int)
-    start = StepInfo(none, jnp.full(2, jnp.inf), zero, zero, none)
+    start = StepInfo(none, jnp.full(2, jnp.inf), tolerances(system), zero, zero, none)
     return lax.while_loop(unfinished, iterate, (guess, Power(zero, zero), start))
 
 
@@ -303,8 +311,18 @@ def _solve_step_jvp(primals, tangents):
     unknowns_dot, _ = correct(stepper, system, residual_dot, fresh, jnp.eye(3))
     _, (_, power_dot) = jax.jvp(step_residual, (*given, unknowns), (*given_dot, unknowns_dot))
     none = np.zeros((), jax.dtypes.float0)
-    info_dot = StepInfo(none, jnp.zeros(2), jnp.zeros(()), jnp.zeros(()), none)
+    info_dot = StepInfo(none, jnp.zeros(2), jnp.zeros(2), jnp.zeros(()), jnp.zeros(()), none)
     return (unknowns, power, info), (unknowns_dot, power_dot, info_dot)
+
+
+def tolerances(system: System) -> Float[jax.Array, "2"]:
+    """Largest last increments [m] of a step that has converged, of tether nodes and of the hub."""
+    position = jnp.asarray(POSITION_TOLERANCE)
+    if system.tethers.kind == "rod":
+        lengths = system.tethers.element_length
+        rods = jnp.maximum(ROD_TOLERANCE * lengths.min(), ROUNDING * lengths.sum())
+        position = jnp.minimum(position, rods)
+    return lax.stop_gradient(jnp.stack([position, jnp.asarray(HUB_TOLERANCE)]))
 
 
 def increment_norms(system: System, dq: Coordinates) -> tuple[Float[jax.Array, "2"], Int[jax.Array, ""]]:

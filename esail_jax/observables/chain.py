@@ -12,6 +12,10 @@ from esail_jax.numerics.vectors import dot, norm
 from esail_jax.observables.entry import Observable, elastic_energy, kinetic_energy
 from esail_jax.system import Power
 
+LOST = 0.1
+"""Part of the energy by which its balance may be off before a run is given up: explicit steps that are
+too long for the fastest vibration need not overflow."""
+
 
 class Instant(NamedTuple):
     """One saved instant."""
@@ -118,3 +122,13 @@ def with_energy_error(
     size = xp.maximum(abs(first), peak)
     error = xp.where(size > 0.0, (energy - first) / xp.where(size > 0.0, size, 1.0), 0.0)
     return rows | {"energy_error": error}, (first, peak[-1])
+
+
+def balanced(rows: dict[str, Any], xp: ModuleType) -> Any:
+    """At which instants is the energy balance kept to `LOST` of the energy, as no run that is worth
+    anything fails to do? False also for NaN."""
+    scale = xp.maximum(abs(rows["kinetic_energy"] + rows["elastic_energy"]), abs(rows["potential_energy"]))
+    if "energy_balance_error" not in rows:
+        return abs(rows["energy_error"]) <= LOST
+    work = xp.maximum(abs(rows["external_work"]), rows["dissipated_energy"])
+    return abs(rows["energy_balance_error"]) <= LOST * xp.maximum(scale, work)
