@@ -170,7 +170,7 @@ class ExplicitMarch:
             piece = Piece(rows, times[:count], numerics, float(progress.now.time))
             if stuck:
                 yield piece
-                raise self._failure(progress, piece)
+                raise self._failure(progress, piece, float(times[count]))
             self.energy = energy
             self.carry, self.rows, self.steps = carry, self.rows + count, int(progress.taken)
             # The row at t_end stands in no longer run, unless it is one of the others too.
@@ -191,14 +191,15 @@ class ExplicitMarch:
         steps, rejected = np.diff(before, axis=0).T
         return dict(zip(NUMERICS, (steps, rejected, how[:, 2]), strict=True))
 
-    def _failure(self, progress: Progress, seen: Piece) -> SimulationError:
+    def _failure(self, progress: Progress, seen: Piece, lost: float) -> SimulationError:
+        """lost: the first saved instant [s] that is not good."""
         time, method = float(progress.now.time), self.prepared.problem.method
         finite = all(np.isfinite(np.asarray(x)).all() for x in jax.tree.leaves(progress.now.y))
         result, hint = RESULTS.nonfinite, ""
         if finite and self.prepared.problem.method.stuck(progress):
             result, hint = RESULTS.step_vanished, "A rod may have shrunk to a point."
         elif finite:
-            result, hint = RESULTS.energy_lost, "Ask for a smaller tolerance."
+            time, result, hint = lost, RESULTS.energy_lost, "Ask for a smaller tolerance."
         if method.step_size is not None:
             hint = (
                 f"Steps of {float(method.step_size):.3g} s may be too long for the fastest vibration of "

@@ -21,6 +21,7 @@ os.environ["XLA_FLAGS"] = "--xla_cpu_multi_thread_eigen=false"  # one core for e
 
 import time
 from collections.abc import Callable
+from functools import partial
 
 import figures
 import jax
@@ -33,6 +34,7 @@ import esail_jax  # noqa: F401, for double precision
 from esail_jax.dynamics.rod_chain import RodChain, RodState
 from esail_jax.elements.axial import AxialEnergy
 from esail_jax.elements.tether import Tethers
+from esail_jax.explicit import COMPILER_OPTIONS
 from esail_jax.joints.roots import FrameRoots
 from esail_jax.system import System
 
@@ -73,6 +75,10 @@ def dense_rate(rods: int) -> Callable[[RodState], RodState]:
     return rate
 
 
+jit = partial(jax.jit, compiler_options=COMPILER_OPTIONS)
+"""As a run compiles it."""
+
+
 def seconds_of(call: Callable) -> float:
     begin = time.perf_counter()
     jax.block_until_ready(call())
@@ -97,7 +103,7 @@ def looped(rate: Callable, count: int) -> Callable:
         slope = rate(state)
         return RodState(state.x + 1e-9 * slope.x, state.v + 1e-9 * slope.v, None)
 
-    return jax.jit(lambda state: lax.fori_loop(0, count, body, state))
+    return jit(lambda state: lax.fori_loop(0, count, body, state))
 
 
 def loop_time(rate: Callable, state: RodState) -> np.ndarray:
@@ -125,7 +131,7 @@ def copy_time(total: float) -> float:
 def line(rods: int) -> dict:
     """A row of the table."""
     chain, state, none = chain_of(rods), state_of(rods), jnp.zeros(())
-    program = jax.jit(lambda chain, state: chain(none, state))
+    program = jit(lambda chain, state: chain(none, state))
     counted = program.lower(chain, state).compile().cost_analysis()
     counted = counted[0] if isinstance(counted, list) else counted
     moved = float(counted["bytes accessed"])
