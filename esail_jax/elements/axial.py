@@ -50,10 +50,14 @@ class TensionOnlyEnergy(Energy):
     depends_on: ClassVar[tuple[str, ...]] = ("r_x",)
 
     def density(self, fields: PointFields) -> PerPoint:
-        eps, w = axial_strain(fields.r_x, self.strain), self.width
-        within = jnp.clip(eps + 0.5 * w, 0.0, w)
-        beyond = jnp.maximum(eps - 0.5 * w, 0.0)
-        return self.stiffness * (within**3 / (6.0 * w) + 0.5 * beyond * (w + beyond))
+        w = self.width
+        above_slack = axial_strain(fields.r_x, self.strain) + 0.5 * w
+        above_blend = above_slack - w
+        blend = above_slack**3 / (6.0 * w)
+        taut = w**2 / 6.0 + 0.5 * above_blend * (w + above_blend)
+        # Each branch as a whole: where they meet, clip's derivative would be neither side's.
+        pulled = jnp.where(above_blend > 0.0, taut, blend)
+        return self.stiffness * jnp.where(above_slack > 0.0, pulled, 0.0)
 
 
 class AxialDissipation(Dissipation):

@@ -5,6 +5,7 @@ import functools
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from scipy.optimize import brentq
 
 from esail_jax.dynamics.rod_chain import RodState, fastest_rate
@@ -82,6 +83,7 @@ def test_cantilever(validate):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_large_deflection_of_a_cantilever(validate):
     """F L^2 / EI = 1: the elastica's tip is at 0.30172 L across ([Bisshopp & Drucker 1945], here by
     shooting), stretch 1e-4. Extrapolated like the small one; fourth order is left, and EA."""
@@ -113,6 +115,7 @@ def elastica_tip_angle(load):
     return lambda s: shoot(kappa).sol(s)[0]
 
 
+@pytest.mark.slow
 def test_vibrating_beam(validate):
     """Clamped-free, cos cosh = -1: the two lowest frequencies across; second order, n = 8, 16
     extrapolated leaves the fourth."""
@@ -136,6 +139,7 @@ def test_vibrating_beam(validate):
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_fastest_rate_is_a_bound():
     """Of every frequency of random stretched and bent chains, and not ten times too large."""
     rng = np.random.default_rng(3)
@@ -170,24 +174,31 @@ def test_tension_only_law():
         stretched = jnp.array([[1.0 + eps], [0.0], [0.0]])
         return law.density(PointFields(None, stretched))[0]
 
-    force, stiffness = jax.vmap(jax.grad(energy)), jax.vmap(jax.grad(jax.grad(energy)))
-    slack = jnp.linspace(-0.9, -0.5001 * width, 7)
-    taut = jnp.linspace(0.5001 * width, 0.2, 7)
-    assert (force(slack) == 0.0).all() and (stiffness(slack) == 0.0).all()
-    np.testing.assert_allclose(force(taut), axial * taut, rtol=1e-12)
-    np.testing.assert_allclose(stiffness(taut), axial, rtol=1e-9)
+    @quick
+    def all_of(eps):
+        functions = (energy, jax.grad(energy), jax.grad(jax.grad(energy)), lambda e: energy(e, plain))
+        return [jax.vmap(f)(eps) for f in functions]
+
+    slack = np.linspace(-0.9, -0.5001 * width, 7)
+    taut = np.linspace(0.5001 * width, 0.2, 7)
+    blend = np.linspace(-0.6 * width, 0.6 * width, 1201)
+    found = np.array(all_of(jnp.asarray(np.concatenate([slack, taut, [0.0], blend]))))
+    _, force, stiffness, _ = found[:, :7]
+    assert (force == 0.0).all() and (stiffness == 0.0).all()
+    stored, force, stiffness, quadratic = found[:, 7:14]
+    np.testing.assert_allclose(force, axial * taut, rtol=1e-12)
+    np.testing.assert_allclose(stiffness, axial, rtol=1e-9)
     # Beyond the blend the energy is the quadratic one, but for a constant.
-    ahead = jax.vmap(energy)(taut) - jax.vmap(lambda e: energy(e, plain))(taut)
-    np.testing.assert_allclose(ahead, axial * width**2 / 24, rtol=1e-6)
-    blend = jnp.linspace(-0.6 * width, 0.6 * width, 1201)
-    step = float(blend[1] - blend[0])
-    assert np.abs(np.diff(stiffness(blend))).max() <= 1.001 * axial * step / width
-    np.testing.assert_allclose(stiffness(jnp.zeros(1)), axial / 2, rtol=1e-9)
+    np.testing.assert_allclose(stored - quadratic, axial * width**2 / 24, rtol=1e-6)
+    np.testing.assert_allclose(found[2, 14], axial / 2, rtol=1e-9)
+    step = blend[1] - blend[0]
+    assert np.abs(np.diff(found[2, 15:])).max() <= 1.001 * axial * step / width
 
 
 # ---- orbit ----------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_tension_of_a_light_vertical_tether(validate):
     """3 n^2 mu l, mu = m1 m2/(m1 + m2), at rest in the turning axes; a tether of 4e-6 of mu adds as much,
     and it is stretched by 1.5e-4, which counts in l."""
