@@ -42,6 +42,11 @@ class Problem(NamedTuple):
     spectral_radius: Scalar
     origin: Vector
 
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """Names of everything that was built."""
+        return self.system.terms
+
 
 def starting_carry(q: Coordinates, v: Coordinates, system: System) -> Carry:
     """The carry an entry of kind "begin" takes."""

@@ -16,13 +16,14 @@ from jax import lax
 
 from esail_jax import observables
 from esail_jax.array_types import Array, Float, Scalar
-from esail_jax.dynamics.rod_chain import RodChain, RodState
+from esail_jax.dynamics.rod_chain import RodChain, RodState, energy_floor, error_scale
 from esail_jax.dynamics.runge_kutta import Progress, RungeKutta, advance
 from esail_jax.entry import QUICK_COMPILE
 from esail_jax.pieces import RESULTS, Checkpoint, Piece, SimulationError
 from esail_jax.scenes.build import Numbers, Structure, build_chain
 from esail_jax.scenes.scene import Scene
 from esail_jax.schedule import save_times
+from esail_jax.system import System
 
 ROWS_PER_CALL = 32
 """Saved instants per call of the program, at most."""
@@ -47,27 +48,33 @@ class Problem(NamedTuple):
     method: RungeKutta
 
     @property
-    def system(self):
-        """The chain's system; what `terms` and observables ask."""
-        return self.chain
+    def terms(self) -> tuple[str, ...]:
+        """Names of everything that was built."""
+        return self.chain.terms
+
+    @property
+    def system(self) -> System:
+        """The sum of terms."""
+        return self.chain.system
 
 
 class Carry(NamedTuple):
-    """What one call hands to the next. state: the initial state before the first call's start."""
+    """What one call hands to the next. seen: the state at the last saved instant."""
 
     progress: Progress
     start_energy: Scalar
+    seen: RodState
 
 
 def problem_of(structure: Structure, numbers: Numbers, step: Array | None) -> tuple[Problem, Carry]:
     """A chain, its method and its start."""
     chain, state = build_chain(structure, numbers)
     tolerance = numbers.get("integrator.tolerance")
-    scale = chain.system.tethers.element_length.mean() if step is None else None
+    scale = error_scale(chain, state) if step is None else None
     method = RungeKutta(step, tolerance, scale, structure["integrator.method"])
     q, v = chain.coordinates(state)
-    energy = observables.chain.internal_energy(chain, q, v)
-    return Problem(chain, method), Carry(method.start(chain, jnp.zeros(()), state), energy)
+    energy = observables.chain.internal_energy(chain.system, chain.hinges, q, v)
+    return Problem(chain, method), Carry(method.start(chain, jnp.zeros(()), state), energy, state)
 
 
 def pass_rows(
@@ -77,21 +84,23 @@ def pass_rows(
     rejected so far and the last step's size, and which instants were passed."""
     limit = carry.progress.taken + steps
 
-    def next_row(progress, row):
-        time, fresh = row
+    def next_row(carry, row):
+        (progress, seen), (time, fresh) = carry, row
         progress = problem.method.pass_by(problem.chain, progress, time, limit)
         passed = progress.now.time >= time
-        y = lax.cond(
+        seen = lax.cond(
             passed & fresh,
             lambda: problem.method.look(problem.chain, progress, time),
-            lambda: progress.now.y,
+            lambda: seen,
         )
         last = progress.now.time - progress.before.time
-        return progress, (y, jnp.stack([progress.taken, progress.rejected, last]), passed)
+        how = jnp.stack([progress.taken, progress.rejected, last])
+        return (progress, seen), (seen, how, passed)
 
     fresh = jnp.append(True, times[1:] > times[:-1])  # the last calls are padded with t_end
-    progress, (states, how, passed) = lax.scan(next_row, carry.progress, (times, fresh))
-    carry = carry._replace(progress=progress)
+    start = (carry.progress, carry.seen)
+    (progress, seen), (states, how, passed) = lax.scan(next_row, start, (times, fresh))
+    carry = carry._replace(progress=progress, seen=seen)
     return carry, (see(problem, carry, times, states), how, passed)
 
 
@@ -99,8 +108,10 @@ def see(problem: Problem, carry: Carry, times: Float[Array, " row"], states: Rod
     """Observables of several instants."""
 
     def look(time, state):
-        q, v = problem.chain.coordinates(state)
-        return observables.chain.observe(problem.chain, time, q, v, state.work, carry.start_energy)
+        chain = problem.chain
+        q, v = chain.coordinates(state)
+        instant = (chain.system, chain.hinges, time, q, v, state.work, carry.start_energy)
+        return observables.chain.observe(observables.chain.Instant(*instant))
 
     return jax.vmap(look)(times, states)
 
@@ -145,6 +156,7 @@ class ExplicitMarch:
         scene: Scene = prepared.resolved
         self.times = save_times(scene.integrator.t_end, scene.output.interval)
         self.interval = scene.output.interval
+        self.floor = float(energy_floor(prepared.problem.chain))
         self.steps_per_call = float(np.clip(ROD_STEPS_PER_CALL // scene.chain.rods, 50, 10_000))
 
     def pieces(self) -> Iterator[Piece]:
@@ -152,6 +164,9 @@ class ExplicitMarch:
         what was seen before."""
         while self.rows < len(self.times):
             times = self.times[self.rows : self.rows + ROWS_PER_CALL]
+            # The row at t_end stands in no longer run, unless it is one of the others too: alone.
+            if not self._whole(times[-1]) and len(times) > 1:
+                times = times[:-1]
             padded = np.append(times, np.full(ROWS_PER_CALL - len(times), times[-1]))
             problem, program = self.prepared.problem, self.prepared.programs.rows
             carry, (seen, how, passed) = program(problem, self.carry, padded, self.steps_per_call)
@@ -162,20 +177,19 @@ class ExplicitMarch:
             energy = self.energy
             if count:
                 rows, energy = observables.chain.with_energy_error(rows, self.energy, np)
-                kept = observables.chain.balanced(rows, np)
+                kept = observables.chain.balanced(rows, self.floor, np)
                 stuck |= not kept.all()
                 count = count if kept.all() else int(np.argmin(kept))
                 rows = {name: value[:count] for name, value in rows.items()}
             numerics = self._numerics(np.asarray(how)[:count])
             piece = Piece(rows, times[:count], numerics, float(progress.now.time))
             if stuck:
+                self.rows, self.steps = self.rows + count, int(progress.taken)
                 yield piece
                 raise self._failure(progress, piece, float(times[count]))
             self.energy = energy
             self.carry, self.rows, self.steps = carry, self.rows + count, int(progress.taken)
-            # The row at t_end stands in no longer run, unless it is one of the others too.
-            whole = self.rows < len(self.times) or self._whole(self.times[-1])
-            if whole:
+            if self._whole(self.times[self.rows - 1]) or not self.rows:
                 self.checkpoint = Checkpoint(
                     carry, self.rows, self.rows, self.steps, self.tally, self.energy
                 )
@@ -197,7 +211,8 @@ class ExplicitMarch:
         finite = all(np.isfinite(np.asarray(x)).all() for x in jax.tree.leaves(progress.now.y))
         result, hint = RESULTS.nonfinite, ""
         if finite and self.prepared.problem.method.stuck(progress):
-            result, hint = RESULTS.step_vanished, "A rod may have shrunk to a point."
+            result, shortest = RESULTS.step_vanished, self._shortest(progress)
+            hint = f"The shortest rod has {shortest:.2g} of its length left."
         elif finite:
             time, result, hint = lost, RESULTS.energy_lost, "Ask for a smaller tolerance."
         if method.step_size is not None:
@@ -206,6 +221,12 @@ class ExplicitMarch:
                 "the rods: try shorter ones, a tolerance, or generalized-alpha."
             )
         return SimulationError(f"{RESULTS[result]} At t = {time:.6g} s. {hint}".strip(), result, seen)
+
+    def _shortest(self, progress: Progress) -> float:
+        """Least length of a rod, of its undeformed one."""
+        chain = self.prepared.problem.chain
+        lengths = np.linalg.norm(np.asarray(chain.rods(progress.now.y.x)), axis=0)
+        return float((lengths / np.asarray(chain.system.tethers.element_length[:, 0])).min())
 
 
 # ---- under a trace ----------------------------------------------------------------------------------
@@ -227,12 +248,14 @@ def traced_run(
     progress, (states, passed) = lax.scan(body, carry.progress, instants)
     rows = see(problem, carry, instants, states)
     rows, _ = observables.chain.with_energy_error(rows, (jnp.nan, 0.0), jnp)
-    kept = observables.chain.balanced(rows, jnp)
+    kept = observables.chain.balanced(rows, energy_floor(problem.chain), jnp)
     good = jnp.cumprod(passed & kept).astype(bool)
     rows = {name: jnp.where(good.reshape(-1, *(1,) * (x.ndim - 1)), x, jnp.nan) for name, x in rows.items()}
     finite = jnp.isfinite(progress.now.y.x).all()
-    cause = RESULTS.where(passed.all(), RESULTS.energy_lost, RESULTS.too_many_steps)
+    stuck = problem.method.stuck(progress)
+    cause = RESULTS.where(stuck, RESULTS.step_vanished, RESULTS.too_many_steps)
+    cause = RESULTS.where(passed.all(), RESULTS.energy_lost, cause)
     cause = RESULTS.where(finite, cause, RESULTS.nonfinite)
     result = RESULTS.where(good.all(), RESULTS.successful, cause)
-    final = jax.tree.map(lambda x: x[-1], states)
+    final = jax.tree.map(lambda x: jnp.where(good[-1], x[-1], jnp.nan), states)
     return rows, final, result, progress.taken

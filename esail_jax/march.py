@@ -116,8 +116,11 @@ class March:
             carry, parts, failure = self.carry, [], None
             for part in attempt:
                 rows = rows_per_entry(steps, part.step, self.prepared.resolved.output.interval)
+                before = carry
                 carry, (found, how) = self._call(part, carry, rows, 1)
-                if int(carry.failed):
+                if int(carry.failed) and part.kind == "trial":
+                    carry = before._replace(failed=jnp.zeros((), int))
+                elif int(carry.failed):
                     failure = (part, jax.tree.map(np.asarray, how))
                     break
                 parts.append((part, found, how))

@@ -18,6 +18,21 @@ class RESULTS(eqx.Enumeration):
     too_many_steps = "A saved interval needs more steps than a run under a trace may take."
 
 
+CAUSES = (
+    RESULTS.nonfinite,
+    RESULTS.energy_lost,
+    RESULTS.step_vanished,
+    RESULTS.too_many_steps,
+)
+"""Of a failure, but for equations that could not be solved."""
+
+
+def result_of(message: str) -> RESULTS:
+    """The cause that a failed run's message begins with."""
+    found = [cause for cause in CAUSES if message.startswith(RESULTS[cause])]
+    return found[0] if found else RESULTS.newton_diverged
+
+
 class SimulationError(RuntimeError):
     """The solver gave up; the message says when, where and how far it was. result: of `RESULTS`;
     seen: what the entry that failed saw before."""

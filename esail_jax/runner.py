@@ -205,7 +205,7 @@ def method_of(scene: Scene) -> str:
 def balance_text(file: h5py.File) -> str:
     """Largest energy error, beside the energies it is an error of."""
     seen = file["observables"]
-    if "energy_error" in seen:
+    if "energy_balance_error" not in seen:
         error, kinetic = seen["energy_error"][()], seen["kinetic_energy"][()]
         good = np.isfinite(error)
         if not good.any():
@@ -217,8 +217,7 @@ def balance_text(file: h5py.File) -> str:
         return ""
     error = abs(seen["energy_balance_error"][()][good]).max()
     energy = (seen["kinetic_energy"][()] + seen["elastic_energy"][()])[good].max()
-    violation = file["numerics/constraint_violation"][()][good].max()
-    return (
-        f"  balance    |dE - W + D| <= {error:.2e} J of {energy:.5g} J; "
-        f"constraints within {violation:.1e} m"
-    )
+    text = f"  balance    |dE - W + D| <= {error:.2e} J of {energy:.5g} J"
+    if "constraint_violation" in file["numerics"]:
+        text += f"; constraints within {file['numerics/constraint_violation'][()][good].max():.1e} m"
+    return text

@@ -139,7 +139,7 @@ def simulate_concrete(scene: Scene, throw: bool) -> Solution:
         "repairs": march.repairs,
         "compile_time": ready - began,
         "wall_time": time.perf_counter() - ready,
-        "terms": prepared.problem.system.terms,
+        "terms": prepared.problem.terms,
         "message": message,
     }
     times = save_times(scene.integrator.t_end, scene.output.interval)
@@ -150,9 +150,8 @@ def simulate_concrete(scene: Scene, throw: bool) -> Solution:
 
 
 def final_state(carry: Any) -> Any:
-    """What a carry says of the state: that of a stepper, or the end of an explicit method's last
-    step, which is at or just beyond the end time."""
-    return carry.progress.now.y if isinstance(carry, explicit.Carry) else carry.state
+    """The state a carry holds: that of a stepper, or of an explicit method at the last saved instant."""
+    return carry.seen if isinstance(carry, explicit.Carry) else carry.state
 
 
 def filled(rows: dict[str, np.ndarray], count: int) -> dict[str, np.ndarray]:

@@ -22,7 +22,7 @@ import numpy as np
 
 from esail_jax import explicit, march
 from esail_jax.observables import listed
-from esail_jax.pieces import RESULTS, Checkpoint, Piece, join
+from esail_jax.pieces import RESULTS, Checkpoint, Piece, join, result_of
 from esail_jax.prepare import Prepared, empty_carry, prepare, require_64_bit
 from esail_jax.scenes.scene import Scene, parse, to_toml
 from esail_jax.simulate import Solution, final_state
@@ -86,7 +86,7 @@ def create(path: Path, prepared: Prepared) -> None:
             growing(file, name, shape, entry.unit, entry.symbol, entry.axes, entry.equation)
         for name, unit in (explicit.NUMERICS if prepared.explicit else march.NUMERICS).items():
             growing(file, f"numerics/{name}", (), unit, name, (), "")
-        file["numerics"].attrs["terms"] = list(prepared.problem.system.terms)
+        file["numerics"].attrs["terms"] = list(prepared.problem.terms)
 
 
 def shape_of(axes: tuple[str, ...], members: int) -> tuple[int, ...]:
@@ -270,7 +270,7 @@ def load(path: str | os.PathLike) -> Solution:
         stats["terms"] = tuple(file["numerics"].attrs["terms"])
         checkpoint = load_checkpoint(file, empty_carry(scene)) if "state" in file else None
         times = file["time"][()]
-    result = RESULTS.successful if stats["status"] != "failed" else RESULTS.newton_diverged
+    result = RESULTS.successful if stats["status"] != "failed" else result_of(stats["message"])
     state = final_state(checkpoint.carry) if checkpoint else None
     return Solution(times, rows, result, state, stats, numerics, checkpoint, scene)
 

@@ -1,5 +1,8 @@
 """Scenes of rod chains, from file to run file: keys, refusals, resuming, and what `info` says."""
 
+import dataclasses
+import importlib
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,7 +15,7 @@ import esail_jax.prepare
 from esail_jax import cli, storage
 from esail_jax.scenes.keys import rule_of
 from esail_jax.scenes.scene import load_scene, parse, to_toml
-from esail_jax.scenes.tables import CHAIN_TABLES
+from esail_jax.scenes.tables import CHAIN_TABLES, Initial
 
 TEXT = """
 [chain]
@@ -85,16 +88,21 @@ def test_every_key_can_be_given_and_written(key, chain):
 
 
 @pytest.mark.parametrize("key", [key for key, rule in FIELDS.items() if not rule.structure])
-def test_every_number_may_be_traced(key, chain):
+def test_every_number_may_be_traced(key, chain, monkeypatch):
+    """As far as the program of the whole run, which takes it as an argument."""
     like = jnp.ones(3) if FIELDS[key].shape in ("vector", "vectors") else jnp.asarray(0.125)
+    seen = []
 
-    def program(x):
-        scene = chain.replace(with_key(key, x))
-        table, _, name = key.partition(".")
-        assert isinstance(getattr(getattr(scene, table), name), jax.core.Tracer)
-        return x
+    def run(structure, times, numbers, step):
+        seen.append(numbers[key])
+        raise StopIteration
 
-    jax.make_jaxpr(program)(like)
+    monkeypatch.setattr(esail_jax.explicit, "traced_run", run)
+    module = importlib.import_module("esail_jax.simulate")  # the package's `simulate` is the function
+    monkeypatch.setattr(module, "traced_run", lambda s, p, numbers: run(s, p, numbers, None))
+    with pytest.raises(StopIteration):
+        jax.make_jaxpr(lambda x: esail.simulate(chain, with_key(key, x)).time)(like)
+    assert isinstance(seen[0], jax.core.Tracer)
 
 
 REFUSED = [
@@ -104,7 +112,8 @@ REFUSED = [
     ({"chain.length": [0.5, -0.5, 0.5]}, "chain.length", "positive"),
     ({"chain.tip_mass": -1.0}, "chain.tip_mass", "negative"),
     ({"chain.anchor": "loose"}, "chain.anchor", '"fixed" or "free"'),
-    ({"chain.slack_strain": 0.0}, "chain.slack_strain", "positive"),
+    ({"chain.slack_strain": 0.0}, "chain.slack_strain", "(0, 1)"),
+    ({"chain.slack_strain": 2.5}, "chain.slack_strain", "(0, 1)"),
     ({"chain.base_mass": 1.0}, "chain.base_mass", '"free"'),
     ({"initial.position": [0.0, 0.0, 1.0]}, "initial.position", '"free"'),
     ({"chain.bending": True}, "chain.second_moment", "missing"),
@@ -142,11 +151,12 @@ REFUSED = [
 
 @pytest.mark.parametrize(("settings", "key", "word"), REFUSED, ids=lambda x: str(x)[:40])
 def test_bad_input_is_refused_by_name(settings, key, word, chain, monkeypatch):
-    """Before anything is compiled."""
-    monkeypatch.setattr(esail_jax.prepare, "explicit_programs", None)
+    """Before anything is compiled: there is nothing to compile with."""
+    for name in ("explicit_programs", "programs", "with_method"):
+        monkeypatch.setattr(esail_jax.prepare, name, None)
     settings = {k: v for k, v in settings.items() if v is not None}
     with pytest.raises(esail.SceneError) as error:
-        chain.replace(settings)
+        esail.simulate(chain, settings)
     line = str(error.value)
     assert line.startswith(f"`{key}") and word in line and " must " in line and ", but " in line
 
@@ -204,6 +214,47 @@ def test_a_run_file_holds_what_simulate_gives(whole, chain, capsys):
     assert cli.main(["info", str(whole)]) == 0
     said = capsys.readouterr().out
     assert "3 rods" in said and "dopri8, tolerance 1e-09 (chosen)" in said and "E_0" in said
+
+
+def test_the_final_state_is_that_of_the_last_row(chain, tmp_path):
+    """Concrete, traced and from a file, at an end that is no multiple of the interval; from the file it is
+    where a longer run would go on, the last whole interval."""
+    ends = {"integrator.t_end": 0.35, "output.interval": 0.1, "integrator.method": "tsit5"}
+    solution = esail.simulate(chain, ends)
+    np.testing.assert_allclose(
+        solution.final_state.x.sum(1), solution["joint_position"][-1, -1], atol=1e-15
+    )
+    run = jax.jit(lambda mass: esail.simulate(chain, ends | {"chain.mass": mass}).final_state.x)
+    np.testing.assert_allclose(run(jnp.array([0.1, 0.2, 0.1])), solution.final_state.x, atol=1e-12)
+    esail.save(solution, tmp_path / "a.h5")
+    loaded = esail.load(tmp_path / "a.h5")
+    np.testing.assert_allclose(loaded.final_state.x.sum(1), solution["joint_position"][3, -1], atol=1e-15)
+
+
+def test_tables_of_the_wrong_kind_are_refused(chain):
+    initial = Initial(spin_rate=1.0)
+    with pytest.raises(esail.SceneError, match="`initial` must be a ChainInitial, but is a Initial"):
+        dataclasses.replace(chain, initial=initial)
+
+
+@pytest.mark.slow
+def test_a_failed_run_keeps_its_cause_and_a_traced_one_its_nan(chain, tmp_path, capsys):
+    """Energy lost: the message, the code, the file and what `info` says of it."""
+    hard = {"integrator.tolerance": 0.9, "integrator.method": "dopri5", "integrator.t_end": 50.0}
+    failed = esail.simulate(chain, hard, throw=False)
+    assert failed.result == esail.RESULTS.energy_lost and "energy balance" in failed.stats["message"]
+    assert failed.steps > 0
+    esail.save(failed, tmp_path / "a.h5")
+    assert esail.load(tmp_path / "a.h5").result == esail.RESULTS.energy_lost
+    traced = jax.jit(lambda g: esail.simulate(chain, hard | {"gravity.acceleration": g}))
+    traced = traced(jnp.array([0.0, -9.81, 0.0]))
+    assert traced.result == esail.RESULTS.energy_lost
+    assert np.isnan(traced.final_state.x).all()
+    damped = esail.simulate(chain, {"chain.axial_damping_time": 0.01, "integrator.method": "tsit5"})
+    esail.save(damped, tmp_path / "b.h5")
+    assert cli.main(["info", str(tmp_path / "b.h5")]) == 0
+    said = capsys.readouterr().out
+    assert "|dE - W + D|" in said and "axial damping" in said
 
 
 def test_energies_and_tension_of_a_state_by_hand(chain):

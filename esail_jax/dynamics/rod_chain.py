@@ -230,6 +230,46 @@ def factor(diagonal: Float[Array, " joint"], beside: Float[Array, " rod"], held:
     return MassFactors(1.0 / pivots, jnp.append(inward[1:], 0.0), inward)
 
 
+def error_scale(chain: RodChain, start: RodState) -> RodState:
+    """What errors are measured by, beside the values themselves: of a rod vector [m] its length, of its
+    rate [m/s] that length times the rate at which rods turn, of work [J] the energy of all mass at such
+    speeds."""
+    tethers = chain.system.tethers
+    length = tethers.element_length[:, 0]
+    rate = jnp.maximum(turning_rate(chain, start), 1e-4 * fastest_rate(chain))
+    if chain.free:
+        length = jnp.concatenate([length.mean()[None], length])
+    x = jnp.broadcast_to(length, start.x.shape)
+    mass = (tethers.line_density * tethers.element_length).sum() + tethers.tip_mass.sum()
+    energy = mass * (rate * length.sum()) ** 2
+    return RodState(x, rate * x, None if start.work is None else Power(energy, energy))
+
+
+def turning_rate(chain: RodChain, start: RodState) -> Scalar:
+    """Estimate [rad/s] of how fast rods turn: from their initial rates, under gravity over their own
+    length, and with the orbit."""
+    system, length = chain.system, chain.system.tethers.element_length[:, 0]
+    speed = jnp.sqrt((chain.rods(start.v) ** 2).sum(0).max())
+    rate = speed / length.min()
+    if system.gravity is not None:
+        fall = jnp.sqrt((system.gravity**2).sum())
+        rate = jnp.maximum(rate, jnp.sqrt(fall / length.min()))
+    if system.orbit is not None:
+        rate = jnp.maximum(rate, 2.0 * system.orbit.mean_motion)
+    return rate
+
+
+def energy_floor(chain: RodChain) -> Scalar:
+    """Energy [J] that is nothing: rounding of a chain at rest, from all its stiffness and weight."""
+    system, tethers = chain.system, chain.system.tethers
+    floor = 1e-20 * (system.energies[0].stiffness * tethers.element_length).sum()
+    if system.gravity is not None:
+        mass = (tethers.line_density * tethers.element_length).sum() + tethers.tip_mass.sum()
+        fall = jnp.abs(system.gravity).sum() * tethers.element_length.sum()
+        floor = floor + 1e-13 * mass * fall
+    return floor
+
+
 def fastest_rate(chain: RodChain) -> Scalar:
     """An upper bound of the chain's frequencies, and of its rates of damping [1/s].
 

@@ -61,11 +61,11 @@ class Progress(NamedTuple):
 
 class RungeKutta(eqx.Module):
     """method: of METHODS. step_size [s]: of every step, or None; then tolerance is the largest local
-    error of any component of a step, relative to it or, if that is larger, to `scale`."""
+    error of any component of a step, relative to the sum of the component and its `scale`."""
 
     step_size: Scalar | None
     tolerance: Scalar | None
-    scale: Scalar | None
+    scale: State | None
     method: str = eqx.field(static=True)
 
     @property
@@ -75,9 +75,11 @@ class RungeKutta(eqx.Module):
     @property
     def controller(self) -> diffrax.PIDController:
         """Step size by the error of the last step, measured in the largest component."""
-        return diffrax.PIDController(
-            rtol=self.tolerance, atol=self.tolerance * self.scale, norm=largest_component
-        )
+        return diffrax.PIDController(rtol=self.tolerance, atol=self.tolerance, norm=largest_component)
+
+    def scaled(self, y: State) -> State:
+        """In units of the scale."""
+        return jax.tree.map(lambda a, unit: a / unit, y, self.scale)
 
     def point(self, f: RightHandSide, time: Scalar, y: State) -> Point:
         return Point(time, y, f(time, y))
@@ -98,8 +100,12 @@ class RungeKutta(eqx.Module):
         here, none = self.point(f, time, y), jnp.zeros(())
         h, control = self.step_size, None
         if h is None:
+
+            def rate(_, t, y, __):
+                return self.scaled(f(t, jax.tree.map(lambda a, unit: a * unit, y, self.scale)))
+
             end, control = self.controller.init(
-                None, time, time + 1.0, y, None, None, lambda _, t, y, __: f(t, y), float(self.order)
+                None, time, time + 1.0, self.scaled(y), None, None, rate, float(self.order)
             )
             h = end - time
         return Progress(here, here, h, control, none, none)
@@ -113,8 +119,9 @@ class RungeKutta(eqx.Module):
             new = new._replace(time=taken * h)  # not a sum of rounded steps
             return state._replace(before=here, now=new, taken=taken)
         keep, _, after, _, control, _ = self.controller.adapt_step_size(
-            here.time, here.time + h, here.y, new.y, None, error, float(self.order), state.control
-        )
+            here.time, here.time + h, self.scaled(here.y), self.scaled(new.y), None,
+            self.scaled(error), float(self.order), state.control,
+        )  # fmt: skip
         h = after - jnp.where(keep, here.time + h, here.time)
 
         def either(a, b):
@@ -166,7 +173,9 @@ def advance(
 
     The derivative is that of the steps as they were taken: their sizes carry none. It is written as
     a replay of a fixed number of steps, in chunks of which reverse mode keeps only the ends, so that
-    forward and reverse mode exist; a run that is not differentiated never executes it.
+    forward and reverse mode exist; a run that is not differentiated never executes it. Chunks beyond the
+    last step are skipped, but not under `vmap` of a derivative, where all MAX_STEPS are computed:
+    map such derivatives with `lax.map`.
     """
     state = method.pass_by(f, state, target, state.taken + MAX_STEPS)
     return state, method.look(f, state, target)

@@ -11,7 +11,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax.array_types import Array, Float, PerPoint, Scalar, VectorPerPoint
+from esail_jax.array_types import Array, Float, Scalar, VectorPerPoint
 
 TIDE = np.diag([3.0, 0.0, -1.0])
 """Gravity gradient and centrifugal force, in n^2."""
@@ -34,7 +34,3 @@ class CircularOrbit(eqx.Module):
         """a [m/s^2] at positions r [m] for velocities v [m/s]."""
         position, velocity = self.gradients
         return jnp.tensordot(position, r, 1) + jnp.tensordot(velocity, v, 1)
-
-    def potential(self, r: VectorPerPoint) -> PerPoint:
-        """Energy per mass [m^2/s^2], zero at the origin: -n^2 (3 x^2 - z^2) / 2."""
-        return -0.5 * self.mean_motion**2 * (3.0 * r[0] ** 2 - r[2] ** 2)

@@ -1,7 +1,6 @@
 """What runs report: of a sail (`sail.py`) and of a rod chain (`chain.py`)."""
 
 from esail_jax.array_types import Array
-from esail_jax.dynamics.rod_chain import RodChain
 from esail_jax.observables import chain, sail
 from esail_jax.observables.entry import Observable, elastic_energy, kinetic_energy
 from esail_jax.observables.instant import Instant, make_instant
@@ -21,21 +20,19 @@ __all__ = [
 ]
 
 
-def is_chain(system: System | RodChain) -> bool:
+def is_chain(system: System) -> bool:
     """Is it a chain of rods?"""
-    return isinstance(system, RodChain) or system.tethers.kind == "rod"
+    return system.tethers.kind == "rod"
 
 
-def listed(system: System | RodChain) -> list[Observable]:
+def listed(system: System) -> list[Observable]:
     """The observables of a system, in their order."""
-    if isinstance(system, RodChain):
-        return chain.listed(system)
-    return chain.listed(RodChain.of(system)) if is_chain(system) else sail.listed(system)
+    return chain.listed(system) if is_chain(system) else sail.listed(system)
 
 
 def observe(instant: Instant) -> dict[str, Array]:
     """Every observable of an instant, by name."""
     i = instant
     if is_chain(i.system):
-        return chain.observe(RodChain.of(i.system), i.time, i.q, i.v, i.work, i.start_energy)
+        return chain.observe(chain.Instant(i.system, None, i.time, i.q, i.v, i.work, i.start_energy))
     return {entry.name: entry.function(i) for entry in sail.listed(i.system)}

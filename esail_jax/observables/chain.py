@@ -7,10 +7,10 @@ import jax.numpy as jnp
 
 from esail_jax.array_types import Array, Float, Scalar
 from esail_jax.coordinates import Coordinates
-from esail_jax.dynamics.rod_chain import RodChain
+from esail_jax.elements.hinges import Hinges
 from esail_jax.numerics.vectors import dot, norm
 from esail_jax.observables.entry import Observable, elastic_energy, kinetic_energy
-from esail_jax.system import Power
+from esail_jax.system import Power, System
 
 LOST = 0.1
 """Part of the energy by which its balance may be off before a run is given up: explicit steps that are
@@ -20,7 +20,8 @@ too long for the fastest vibration need not overflow."""
 class Instant(NamedTuple):
     """One saved instant."""
 
-    chain: RodChain
+    system: System
+    hinges: Hinges | None
     time: Scalar
     q: Coordinates
     v: Coordinates
@@ -30,30 +31,30 @@ class Instant(NamedTuple):
 
 def tension(i: Instant) -> Float[Array, " rod"]:
     """Axial force of every rod [N], its dissipative part included; negative under pressure."""
-    tethers = i.chain.system.tethers
+    tethers = i.system.tethers
     fields, rates = tethers.interpolate(i.q.tether), tethers.interpolate(i.v.tether)
-    stress = i.chain.system.point_forces(i.time, fields, rates)[0].r_x
+    stress = i.system.point_forces(i.time, fields, rates)[0].r_x
     force = dot(stress, fields.r_x) / norm(fields.r_x)
     return force[0, :, 0]
 
 
-def stored_energy(chain: RodChain, q: Coordinates) -> Scalar:
+def stored_energy(system: System, hinges: Hinges | None, q: Coordinates) -> Scalar:
     """U [J] of rods and hinges."""
-    energy = elastic_energy(chain.system, q)
-    if chain.hinges is not None:
-        energy = energy + chain.hinges.energy(jnp.diff(q.tether[0, :, :, 0], axis=1))
+    energy = elastic_energy(system, q)
+    if hinges is not None:
+        energy = energy + hinges.energy(jnp.diff(q.tether[0, :, :, 0], axis=1))
     return energy
 
 
-def internal_energy(chain: RodChain, q: Coordinates, v: Coordinates) -> Scalar:
+def internal_energy(system: System, hinges: Hinges | None, q: Coordinates, v: Coordinates) -> Scalar:
     """T + U [J]."""
-    return kinetic_energy(chain.system, v) + stored_energy(chain, q)
+    return kinetic_energy(system, v) + stored_energy(system, hinges, q)
 
 
 def potential_energy(i: Instant) -> Scalar:
     """Energy [J] in gravity and in the field of the orbit, zero at the origin: the anchor, or the
     reference point of a free chain."""
-    system = i.chain.system
+    system = i.system
     momenta = system.tethers.inertia(i.q.tether)  # M q: masses times positions
     energy = jnp.zeros(())
     if system.gravity is not None:
@@ -67,15 +68,17 @@ def potential_energy(i: Instant) -> Scalar:
 
 def balance(i: Instant) -> Scalar:
     """T + U - (T + U)_0 - W + D [J], W the work of loads and fields."""
-    return internal_energy(i.chain, i.q, i.v) - i.start_energy - i.work.external + i.work.dissipated
+    return (
+        internal_energy(i.system, i.hinges, i.q, i.v) - i.start_energy - i.work.external + i.work.dissipated
+    )
 
 
 OBSERVABLES = (
     Observable("joint_position", "m", "r", ("joint", "xyz"), "[MW] 2", lambda i: i.q.tether[0, :, :, 0].T),
     Observable("tension", "N", "N", ("rod",), "[MW] 5, derived", tension),
-    Observable("kinetic_energy", "J", "T", (), "[MW] 4", lambda i: kinetic_energy(i.chain.system, i.v)),
-    Observable("elastic_energy", "J", "U", (), "[MW] 6", lambda i: stored_energy(i.chain, i.q)),
-    Observable("potential_energy", "J", "V", (), "zero at the anchor", potential_energy),
+    Observable("kinetic_energy", "J", "T", (), "[MW] 4", lambda i: kinetic_energy(i.system, i.v)),
+    Observable("elastic_energy", "J", "U", (), "[MW] 6", lambda i: stored_energy(i.system, i.hinges, i.q)),
+    Observable("potential_energy", "J", "V", (), "zero at the origin", potential_energy),
     Observable("external_work", "J", "W_ext", (), "integral of the power of loads and fields",
                lambda i: i.work.external, needs="work"),
     Observable("dissipated_energy", "J", "E_d", (), "integral of 2 P_d",
@@ -89,23 +92,15 @@ ENERGY_ERROR = Observable(
 """Depends on the rows before; made by `with_energy_error`."""
 
 
-def listed(chain: RodChain) -> list[Observable]:
+def listed(system: System) -> list[Observable]:
     """The observables of a chain; those of work only where loads or dissipations do some."""
-    found = [entry for entry in OBSERVABLES if entry.needs == "" or chain.works]
-    return [*found, ENERGY_ERROR]
+    works = system.loads or system.dissipations
+    return [*(entry for entry in OBSERVABLES if entry.needs == "" or works), ENERGY_ERROR]
 
 
-def observe(
-    chain: RodChain,
-    time: Scalar,
-    q: Coordinates,
-    v: Coordinates,
-    work: Power | None,
-    start_energy: Scalar,
-) -> dict[str, Array]:
+def observe(instant: Instant) -> dict[str, Array]:
     """Every observable of an instant, by name; `energy_error` not yet computed."""
-    instant = Instant(chain, time, q, v, work, start_energy)
-    return {entry.name: entry.function(instant) for entry in listed(chain)}
+    return {entry.name: entry.function(instant) for entry in listed(instant.system)}
 
 
 def with_energy_error(
@@ -124,11 +119,15 @@ def with_energy_error(
     return rows | {"energy_error": error}, (first, peak[-1])
 
 
-def balanced(rows: dict[str, Any], xp: ModuleType) -> Any:
+def balanced(rows: dict[str, Any], floor: Any, xp: ModuleType) -> Any:
     """At which instants is the energy balance kept to `LOST` of the energy, as no run that is worth
-    anything fails to do? False also for NaN."""
-    scale = xp.maximum(abs(rows["kinetic_energy"] + rows["elastic_energy"]), abs(rows["potential_energy"]))
-    if "energy_balance_error" not in rows:
-        return abs(rows["energy_error"]) <= LOST
-    work = xp.maximum(abs(rows["external_work"]), rows["dissipated_energy"])
-    return abs(rows["energy_balance_error"]) <= LOST * xp.maximum(scale, work)
+    anything fails to do? False also for NaN. floor [J]: what is nothing (`energy_floor`)."""
+    if "energy_balance_error" in rows:
+        inner = rows["kinetic_energy"] + rows["elastic_energy"]
+        size = xp.maximum(abs(rows["external_work"]), rows["dissipated_energy"])
+        size, error = xp.maximum(size, inner), rows["energy_balance_error"]
+    else:
+        energy = rows["kinetic_energy"] + rows["elastic_energy"] + rows["potential_energy"]
+        kept = abs(rows["energy_error"]) <= LOST
+        return kept | (xp.isfinite(energy) & (rows["kinetic_energy"] + rows["elastic_energy"] <= floor))
+    return abs(error) <= LOST * size + floor

@@ -64,6 +64,9 @@ class Scene:
         for table in (name for name in vars(self) if vars(self)[name] is not None):
             if table not in tables_of([self.main]):
                 raise SceneError(table, f"be left out of a scene with [{self.main}]", "is given")
+            kind, content = tables_of([self.main])[table], getattr(self, table)
+            if not isinstance(content, kind):
+                raise SceneError(table, f"be a {kind.__name__}", f"is a {type(content).__name__}")
             object.__setattr__(self, table, checked(table, getattr(self, table), self.members))
         object.__setattr__(self, "integrator", with_defaults(self))
         if self.output is None:

@@ -57,7 +57,9 @@ class Chain:
     base_mass: Any = declare(keys.non_negative(), None)  # kg, at the first joint of a free chain
     anchor: Any = declare(keys.choice("fixed", "free"), "fixed")
     strain: Any = declare(keys.choice("green-lagrange", "engineering"), "engineering")
-    slack_strain: Any = declare(keys.positive(), None)  # rods that do not push, see README
+    slack_strain: Any = declare(
+        keys.between("lie in (0, 1)", lambda x: bool(((x > 0.0) & (x < 1.0)).all())), None
+    )  # rods that do not push: `TensionOnlyEnergy`
     axial_damping_time: Any = declare(keys.non_negative("member"), None)  # s
     bending: Any = declare(keys.switch(), False)
     root: Any = declare(keys.choice("pinned", "clamped"), "pinned")  # clamped: needs bending
