@@ -132,7 +132,7 @@ def mass_matrix():
         length = sail.LENGTHS[i - 1]
         scale = np.repeat([1.0, length, 1.0, length], 3)
         printed = forms.cable_mass(sail.LINE_DENSITY[i - 1], length)
-        errors.append(relative_error(printed, kept[:, :, i - 1] * scale[:, None] * scale))
+        errors.append(relative_error(printed, kept[:, :, 0, i - 1] * scale[:, None] * scale))
     structure, numbers = split(load_scene("baseline"))
     tethers = tethers_of(structure, numbers, True)
     errors += [relative_error(10e3 / (6 - 1), tethers.element_length[0])]

@@ -176,3 +176,14 @@ def test_loads_and_damping_of_the_sail_act_on_a_chain():
         work = np.abs(implicit["external_work"] - explicit["external_work"]).max()
     assert errors[0] / errors[1] > 3.3 and errors[1] < 2e-3
     assert work < 1e-3 * np.abs(explicit["external_work"]).max()
+
+
+@pytest.mark.slow
+def test_energy_of_a_bending_chain():
+    """A clamped chain swings from the horizontal: the springs between its rods are in its energy."""
+    stiff = {"chain.bending": True, "chain.root": "clamped", "chain.second_moment": 1e-9}
+    run = esail.simulate("hanging-chain", SHORT | stiff | {"initial.rod_vector": [1.0, 0.0, 0.0]})
+    assert np.abs(run["energy_error"]).max() < 1e-8
+    without = esail.simulate("hanging-chain", SHORT | {"initial.rod_vector": [1.0, 0.0, 0.0]})
+    assert np.linalg.norm(tip(run)[-1] - tip(without)[-1]) > 0.1
+    assert "hinges" in run.stats["terms"]

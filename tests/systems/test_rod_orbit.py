@@ -32,6 +32,7 @@ def test_centre_of_mass_moves_as_a_free_particle(validate):
     }  # fmt: skip
     scene = esail.load_scene(SCENE, settings)
     run = esail.simulate(scene)
+    assert np.abs(run["energy_error"]).max() < 1e-8
     joints, masses = run["joint_position"], np.full(10, 0.92)
     total = 500.0 + 100.0 + masses.sum()
     middles = 0.5 * (joints[:, 1:] + joints[:, :-1])
