@@ -42,10 +42,11 @@ NUMERICS = {"steps": "-", "rejected_steps": "-", "last_step": "s"}
 
 
 class Problem(NamedTuple):
-    """A built chain and the method that runs it."""
+    """A built chain, the method that runs it, and the energy [J] that is nothing (`energy_floor`)."""
 
     chain: RodChain
     method: RungeKutta
+    floor: Scalar
 
     @property
     def terms(self) -> tuple[str, ...]:
@@ -74,7 +75,8 @@ def problem_of(structure: Structure, numbers: Numbers, step: Array | None) -> tu
     method = RungeKutta(step, tolerance, scale, structure["integrator.method"])
     q, v = chain.coordinates(state)
     energy = observables.chain.internal_energy(chain.system, chain.hinges, q, v)
-    return Problem(chain, method), Carry(method.start(chain, jnp.zeros(()), state), energy, state)
+    problem = Problem(chain, method, energy_floor(chain))
+    return problem, Carry(method.start(chain, jnp.zeros(()), state), energy, state)
 
 
 def pass_rows(
@@ -156,7 +158,7 @@ class ExplicitMarch:
         scene: Scene = prepared.resolved
         self.times = save_times(scene.integrator.t_end, scene.output.interval)
         self.interval = scene.output.interval
-        self.floor = float(energy_floor(prepared.problem.chain))
+        self.floor = float(prepared.problem.floor)
         self.steps_per_call = float(np.clip(ROD_STEPS_PER_CALL // scene.chain.rods, 50, 10_000))
 
     def pieces(self) -> Iterator[Piece]:
@@ -248,7 +250,7 @@ def traced_run(
     progress, (states, passed) = lax.scan(body, carry.progress, instants)
     rows = see(problem, carry, instants, states)
     rows, _ = observables.chain.with_energy_error(rows, (jnp.nan, 0.0), jnp)
-    kept = observables.chain.balanced(rows, energy_floor(problem.chain), jnp)
+    kept = observables.chain.balanced(rows, problem.floor, jnp)
     good = jnp.cumprod(passed & kept).astype(bool)
     rows = {name: jnp.where(good.reshape(-1, *(1,) * (x.ndim - 1)), x, jnp.nan) for name, x in rows.items()}
     finite = jnp.isfinite(progress.now.y.x).all()

@@ -21,14 +21,14 @@ EXPLICIT = "dopri8"
 """The explicit method of choice."""
 
 TOLERANCE = 1e-9
-"""Relative local error: tip positions of the built-in chains to ten digits."""
+"""Relative local error: tip positions of the built-in chains to nine digits or more."""
 
 MOST_STEPS = 1e7
 """Explicit steps that are acceptable: some minutes for a chain of twenty rods."""
 
 STEPS_PER_RADIAN = 1000.0
 """Implicit steps in the time a rod takes to turn by one radian, as far as its start, gravity and orbit
-tell. A free end snaps round some ten times faster than that: [MW]'s steel chain needs half as many."""
+tell. A free end snaps round some ten times faster: on [MW]'s steel chain this leaves 2.5e-6 m of 1.1 m."""
 
 
 @functools.partial(jax.jit, static_argnums=0)
