@@ -10,6 +10,7 @@ Linear elastic, T = EA (|r_x| - 1): with H and V(s) = V_L + w (L - s) the compon
 
 import functools
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -27,7 +28,7 @@ LENGTH, AXIAL, DENSITY, GRAVITY = 10.0, 500.0, 1.5, 9.81
 class Pulled(System):
     """With a constant force [N] at the tip. Being constant, it has no tangent."""
 
-    pull: Vector
+    pull: Vector = eqx.field(kw_only=True)
 
     def residual(self, *state):
         residual, power = super().residual(*state)
@@ -38,7 +39,7 @@ class Pulled(System):
 @functools.partial(jax.jit, compiler_options=QUICKLY)
 def hanging(made, pull):
     """Node positions (2, node): horizontal and down."""
-    system = Pulled(*(getattr(made, name) for name in System.__dataclass_fields__), pull)
+    system = Pulled(*(getattr(made, name) for name in System.__dataclass_fields__), pull=pull)
     # Stretched, for a straight cable without tension has no stiffness across.
     start = straight(made, direction=(0.0, 0.8, -0.6), line=1.1 * unstretched_line(made.tethers))
     found = equilibrium(system, start, jnp.zeros(3))
