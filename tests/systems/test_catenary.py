@@ -30,6 +30,10 @@ class Pulled(System):
 
     pull: Vector = eqx.field(kw_only=True)
 
+    @classmethod
+    def of(cls, system: System, pull: Vector):
+        return cls(*(getattr(system, name) for name in System.__dataclass_fields__), pull=pull)
+
     def residual(self, *state):
         residual, power = super().residual(*state)
         tether = residual.forces.tether.at[0, :, -1, 0].add(-self.pull)
@@ -39,7 +43,7 @@ class Pulled(System):
 @functools.partial(jax.jit, compiler_options=QUICKLY)
 def hanging(made, pull):
     """Node positions (2, node): horizontal and down."""
-    system = Pulled(*(getattr(made, name) for name in System.__dataclass_fields__), pull=pull)
+    system = Pulled.of(made, pull)
     # Stretched, for a straight cable without tension has no stiffness across.
     start = straight(made, direction=(0.0, 0.8, -0.6), line=1.1 * unstretched_line(made.tethers))
     found = equilibrium(system, start, jnp.zeros(3))

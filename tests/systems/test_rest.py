@@ -14,7 +14,6 @@ from esail_jax.dynamics.moving_frame import expanded
 from esail_jax.dynamics.steady_stretch import steady_line, unstretched_line
 from esail_jax.environment.solar_wind import SolarWind
 from esail_jax.loads.coulomb import CoulombThrust
-from esail_jax.system import System
 from systems.drive import QUICKLY, STEPPERS, march, one_tether, straight, turning
 from systems.test_catenary import Pulled
 from systems.test_elastica import TIP_ANGLE, elliptic
@@ -35,9 +34,7 @@ def elastica():
 def catenary():
     """A cable without bending that hangs under its weight and a pull at its end."""
     made = one_tether(elements=4, length=10.0, axial=500.0, line_density=1.5, gravity=[0.0, 0.0, -9.81])
-    system = Pulled(
-        *(getattr(made, name) for name in System.__dataclass_fields__), jnp.array([0.0, 60.0, 0.0])
-    )
+    system = Pulled.of(made, jnp.array([0.0, 60.0, 0.0]))
     start = straight(made, direction=(0.0, 0.8, -0.6), line=1.1 * unstretched_line(made.tethers))
     return system, start, 0.0, 0.02
 
