@@ -5,9 +5,10 @@
 Inertias give M (`elements/tether.py`, `elements/rigid_body.py`), energies give U and dissipation
 functions R (`elements/axial.py`, `elements/bending.py`), loads give Q_load (`loads/`), rigidity and
 joints give Phi (`elements/rigid_body.py`, `joints/`). A *system* is the sum of the terms a scene
-lists (`system.py`). A chain of rods is one too, with coordinates of its own (`dynamics/rod_chain.py`). A
-*stepper* advances it (`dynamics/`), *observables* look at it
-(`observables/`), a *solution* keeps what was seen (`simulate.py`).
+lists (`system.py`); `newton_matrix.py` assembles the matrix of its implicit steps. A chain of rods is
+a system too, with coordinates of its own (`dynamics/rod_chain.py`). A *stepper* advances it
+(`dynamics/`), *observables* look at it (`observables/`), a *solution* keeps what was seen
+(`simulate.py`).
 """
 
 import jax

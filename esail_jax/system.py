@@ -1,4 +1,4 @@
-"""The sum of the terms a scene lists: residual, constraints and tangent. Holds no physics.
+"""The sum of the terms a scene lists: residual, constraints and attitude. Holds no physics.
 
     M v' + Phi_q^T lam - Q(t, q, v) = 0,      Phi(t, q) = 0
 
@@ -11,15 +11,13 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 
-from esail_jax.array_types import Array, Float, Nodal, Rotation, Scalar, Vector
+from esail_jax.array_types import Array, Float, Rotation, Scalar, Vector
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.elements.rigid_body import RigidBody
 from esail_jax.elements.tether import Tethers
 from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.joints.roots import FrameRoots, HubRoots
-from esail_jax.numerics import bordered
 from esail_jax.numerics.vectors import dot
 from esail_jax.terms import Dissipation, Energy, Load, PointFields
 
@@ -185,6 +183,12 @@ class System(eqx.Module):
             clamp = (normals * q.tether[1, :, 0]).sum(1) * self.tethers.element_length
         return Multipliers(hub, clamp)
 
+    def no_multipliers(self) -> Multipliers:
+        """lam = 0 in the layout of this system."""
+        p = self.tethers.count
+        hub = jnp.zeros(6) if self.hub is not None else None
+        return Multipliers(hub, jnp.zeros((2, p)) if self.clamped else None)
+
     def constraint_acceleration(self, time: Scalar, q: Coordinates, v: Coordinates) -> Multipliers:
         """d^2/dt^2 Phi(t, q + v t) at zero acceleration: minus the right-hand side of
         Phi_q vdot = Q_lam ([PGV] Eq. 1-2)."""
@@ -198,172 +202,7 @@ class System(eqx.Module):
         zero = jnp.zeros(())
         return jax.jvp(rate, (zero,), (jnp.ones(()),))[1]
 
-    # ---- tangent ---------------------------------------------------------------------------
-
-    def point_jacobian(
-        self, time: Scalar, fields: PointFields, rates: PointFields, rate_factor: Scalar
-    ) -> dict[tuple[str, str], Array]:
-        """d(point forces)/d(fields) along rates that move with the fields: dF/dx + factor dF/dv.
-
-        By (row, column) field names, the pairs that some term couples: (direction, component,
-        point, elem, tether). One forward derivative per component a term depends on.
-        """
-        blocks = {}
-        for term in (*self.energies, *self.dissipations, *self.loads):
-            names = term.depends_on
-
-            def shifted(*steps, term=term, names=names):
-                moves = dict(zip(names, steps, strict=True))
-                moved = fields._replace(**{k: getattr(fields, k) + d for k, d in moves.items()})
-                moving = {k: getattr(rates, k) + rate_factor * d for k, d in moves.items()}
-                parts = term.point_forces(time, moved, rates._replace(**moving))
-                return {k: part for k, part in parts._asdict().items() if part is not None}
-
-            zeros = [jnp.zeros_like(getattr(fields, name)) for name in names]
-            for index, column in enumerate(names):
-                rows = jax.vmap(lambda d, i=index, z=zeros: jax.jvp(shifted, z, one_of(z, i, d))[1])(
-                    unit_directions(zeros[index])
-                )
-                for row in term.acts_on:
-                    add_block(blocks, (row, column), rows[row])
-        return blocks
-
-    def tangent(
-        self,
-        time: Scalar,
-        q: Coordinates,
-        v: Coordinates,
-        lam: Multipliers,
-        stiffness_factor: Scalar,
-        rate_factor: Scalar,
-    ) -> bordered.Bordered:
-        """M + s (K + c C) and the constraint gradients, s = `stiffness_factor`, c = `rate_factor`,
-        K = d(residual)/dq, C = d(residual)/dv. The unknowns beside dq are s dlam: with that scaling
-        the matrix tends to the mass matrix as the step tends to zero (Bottasso; Arnold & Brüls)."""
-        tethers = self.tethers
-        fields, rates = tethers.interpolate(q.tether), tethers.interpolate(v.tether)
-        jacobian = self.point_jacobian(time, fields, rates, rate_factor)
-        axes = np.eye(3)
-        if self.orbit is not None:
-            by_position, by_velocity = self.orbit.gradients
-            axes = axes - stiffness_factor * (by_position + rate_factor * by_velocity)
-        elements = stiffness_factor * tethers.tangent_elements(jacobian)
-        elements = elements + tethers.mass_elements(axes)
-        scaled = jax.tree.map(lambda x: stiffness_factor * x, lam)
-        return self._bordered(time, q, elements, tethers.point_masses(axes), scaled)
-
-    def mass(self, time: Scalar, q: Coordinates) -> bordered.Bordered:
-        """M and the constraint gradients: the matrix of a consistent acceleration."""
-        elements = self.tethers.mass_elements()
-        elements = jnp.broadcast_to(
-            elements, (*elements.shape[:2], self.tethers.elements, elements.shape[-1])
-        )
-        return self._bordered(time, q, elements, self.tethers.point_masses(), self.no_multipliers())
-
-    def no_multipliers(self) -> Multipliers:
-        """lam = 0 in the layout of this system."""
-        p = self.tethers.count
-        hub = jnp.zeros(6) if self.hub is not None else None
-        return Multipliers(hub, jnp.zeros((2, p)) if self.clamped else None)
-
-    def _bordered(
-        self,
-        time: Scalar,
-        q: Coordinates,
-        elements: Array,
-        masses: tuple[Array, Array | None],
-        lam: Multipliers,
-    ) -> bordered.Bordered:
-        diag, upper, lower = self.tethers.blocks(elements)
-        tip, base = masses
-        diag = diag.at[-1].add(tip)
-        if base is not None:
-            diag = diag.at[0].add(base)
-        matrix = bordered.Bordered(
-            diag,
-            upper,
-            lower,
-            self.roots.weights if self.hub is not None else None,
-            loose=() if self.roots is None else None,
-        )
-        if self.hub is not None:
-            matrix = matrix._replace(border=self._hub_border(q, lam))
-        if self.clamped:
-            matrix = self._add_clamps(time, matrix, q, lam)
-        return matrix
-
-    def _hub_border(self, q: Coordinates, lam: Multipliers) -> Float[Array, "18 18"]:
-        """Hub mass, and the Hessian of lam . Phi in (base points, multipliers), which holds the
-        constraint gradients and their geometric stiffness."""
-
-        def potential(unknown):
-            return unknown[12:] @ self.hub.constraints(unknown[:12].reshape(4, 3))
-
-        point = jnp.concatenate([q.hub.reshape(-1), lam.hub])
-        mass = jnp.kron(self.hub.mass_matrix, jnp.eye(3))
-        return jax.hessian(potential)(point).at[:12, :12].add(mass)
-
-    def _add_clamps(
-        self, time: Scalar, matrix: bordered.Bordered, q: Coordinates, lam: Multipliers
-    ) -> bordered.Bordered:
-        """Hessian of mu . psi in (root slope in metres, mu) and the base points, root by root."""
-        length = self.tethers.element_length
-        if self.hub is None:
-            normals = self.roots.turn(time, self.roots.normals)
-        else:
-            normals = self.roots.normals
-
-        def potential(local, points, normals):
-            directions = normals if points is None else (normals @ points)
-            return local[3:] @ (directions @ local[:3])
-
-        local = jnp.concatenate([q.tether[1, :, 0] * length, lam.clamp])
-        if self.hub is None:
-            block = jax.vmap(jax.hessian(lambda z, c: potential(z, None, c)), in_axes=-1, out_axes=-1)
-            return matrix._replace(local=block(local, normals))
-
-        def split(z, c):
-            return jax.hessian(lambda z, y: potential(z, y.reshape(4, 3), c), argnums=(0, 1))(
-                z, q.hub.reshape(-1)
-            )
-
-        (zz, zy), (yz, _) = jax.vmap(split, in_axes=-1, out_axes=-1)(local, normals)
-        pad = ((0, 0), (0, 6), (0, 0))
-        return matrix._replace(
-            local=zz,
-            local_border=jnp.pad(zy, pad),
-            border_local=jnp.pad(yz, (pad[1], pad[0], pad[2])),
-        )
-
-    # ---- solver layout ---------------------------------------------------------------------
-
-    def to_vector(self, forces: Coordinates, constraints: Multipliers) -> bordered.Vector:
-        """Residual or right-hand side in the solver's layout (slopes in metres)."""
-        border = local = None
-        if self.hub is not None:
-            border = jnp.concatenate([forces.hub.reshape(-1), constraints.hub])
-        if self.clamped:
-            local = constraints.clamp
-        return bordered.Vector(self._to_blocks(forces.tether), local, border)
-
-    def from_vector(self, x: bordered.Vector) -> tuple[Coordinates, Multipliers]:
-        """Solution of the solver as coordinates and (scaled) multipliers."""
-        tethers = self.tethers
-        nodal = jnp.moveaxis(x.blocks.reshape(x.blocks.shape[0], tethers.coefs, 3, -1), 0, 2)
-        if tethers.coefs == 2:
-            nodal = jnp.stack([nodal[0], nodal[1] / tethers.element_length])
-        hub = x.border[:12].reshape(4, 3) if self.hub is not None else None
-        lam = Multipliers(
-            x.border[12:] if self.hub is not None else None, x.local if self.clamped else None
-        )
-        return Coordinates(nodal, hub), lam
-
-    def _to_blocks(self, nodal: Nodal) -> Float[Array, "node row tether"]:
-        if self.tethers.coefs == 2:
-            nodal = jnp.stack([nodal[0], nodal[1] / self.tethers.element_length])
-        return jnp.moveaxis(nodal, 2, 0).reshape(nodal.shape[2], -1, nodal.shape[3])
-
-    # ---- attitude and roots -----------------------------------------------------------------------------
+    # ---- attitude and roots ----------------------------------------------------------------
 
     def rotation(self, time: Scalar, q: Coordinates) -> Rotation:
         """C_B^I of the hub or of the turning frame."""
@@ -389,19 +228,3 @@ def add_fields(parts: list[PointFields]) -> PointFields:
         present = [value for value in values if value is not None]
         sums.append(sum(present[1:], present[0]) if present else None)
     return PointFields(*sums)
-
-
-def unit_directions(like: Float[Array, "3 *point"]) -> Float[Array, "3 3 *point"]:
-    """The three unit vectors, at every point."""
-    axes = np.eye(3).reshape(3, 3, *(1,) * (like.ndim - 1))
-    return jnp.broadcast_to(axes, (3, *like.shape))
-
-
-def one_of(zeros: list[Array], index: int, direction: Array) -> list[Array]:
-    """Tangents that are zero but for one field."""
-    return [direction if i == index else zero for i, zero in enumerate(zeros)]
-
-
-def add_block(blocks: dict, key: tuple[str, str], value: Array) -> None:
-    """Accumulate into a dictionary."""
-    blocks[key] = blocks[key] + value if key in blocks else value

@@ -1,7 +1,7 @@
 """A module imports from its own layer or a lower one, and the heavy libraries stay in their rooms.
 
-The table is the architecture: physics at a point below the sum of the terms, that below the stepper,
-that below everything that knows about scenes, files and figures.
+The table is the architecture: physics at a point below the sum of the terms, that below its iteration
+matrix, that below the stepper, that below everything that knows about scenes, files and figures.
 """
 
 import ast
@@ -18,6 +18,7 @@ LAYERS = (
     ("coordinates", "terms"),
     ("elements", "loads", "joints"),
     ("system",),
+    ("newton_matrix",),
     ("dynamics",),
     ("observables", "scenes", "schedule", "pieces"),
     ("entry", "explicit"),

@@ -1,4 +1,4 @@
-"""The tangent that `System` assembles block by block against derivatives of its whole residual.
+"""The tangent that `newton_matrix` assembles block by block against derivatives of the whole residual.
 
 A column of M + s (K + c C) and of the constraint gradients is s times the derivative of the equations
 of motion, and the derivative of the constraints, along dq, dv = c dq, dvdot = dq / s and
@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from oracles.dense import Dense
 
+from esail_jax import newton_matrix
 from esail_jax.coordinates import Coordinates
 from esail_jax.scenes.build import build_jitted, split
 from esail_jax.scenes.scene import load_scene
@@ -56,7 +57,7 @@ QUICKLY = {"xla_backend_optimization_level": 0, "xla_llvm_disable_expensive_pass
 
 @partial(jax.jit, compiler_options=QUICKLY)
 def assembled(system, q, v, lam):
-    return system.tangent(TIME, q, v, lam, S, C)
+    return newton_matrix.tangent(system, TIME, q, v, lam, S, C)
 
 
 @partial(jax.jit, compiler_options=QUICKLY)
@@ -70,11 +71,11 @@ def derivatives(system, state, columns):
         return pull_back(residual.forces)[0], residual.constraints
 
     def along(column):
-        dq, dlam = system.from_vector(column)
+        dq, dlam = newton_matrix.from_vector(system, column)
         tangents = dq, *(jax.tree.map(lambda x, f=f: f * x, dq) for f in (C, 1 / S))
         tangents = *tangents, jax.tree.map(lambda x: x / S, dlam)
         _, (forces, constraints) = jax.jvp(equations, state, tangents)
-        return system.to_vector(jax.tree.map(lambda x: S * x, forces), constraints)
+        return newton_matrix.to_vector(system, jax.tree.map(lambda x: S * x, forces), constraints)
 
     return jax.vmap(along)(columns)
 

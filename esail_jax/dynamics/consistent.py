@@ -9,6 +9,7 @@ Used for the start of a run and for every saved instant, so that output never in
 import jax
 import jax.numpy as jnp
 
+from esail_jax import newton_matrix
 from esail_jax.array_types import Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.numerics import bordered
@@ -24,10 +25,10 @@ def consistent_acceleration(
         rest = system.place_roots(time, rest, derivative=2)
     residual, _ = system.residual(time, q, v, rest, system.no_multipliers())
     bend = system.constraint_acceleration(time, q, v)
-    matrix = system.mass(time, q)
-    rhs = system.to_vector(*jax.tree.map(jnp.negative, (residual.forces, bend)))
+    matrix = newton_matrix.mass(system, time, q)
+    rhs = newton_matrix.to_vector(system, *jax.tree.map(jnp.negative, (residual.forces, bend)))
     solution = bordered.solve(matrix, bordered.factor(matrix), rhs)
-    vdot, lam = system.from_vector(solution)
+    vdot, lam = newton_matrix.from_vector(system, solution)
     return jax.tree.map(jnp.add, rest, vdot), lam
 
 
@@ -39,13 +40,13 @@ def project(
     q, v = system.place_roots(time, q), system.place_roots(time, v, derivative=1)
     if not system.has_constraints:
         return q, v
-    matrix = system.mass(time, q)
+    matrix = newton_matrix.mass(system, time, q)
     factors = bordered.factor(matrix)
     nothing = jax.tree.map(jnp.zeros_like, q)
 
     def corrected(x, defect):
-        rhs = system.to_vector(nothing, jax.tree.map(jnp.negative, defect))
-        step, _ = system.from_vector(bordered.solve(matrix, factors, rhs))
+        rhs = newton_matrix.to_vector(system, nothing, jax.tree.map(jnp.negative, defect))
+        step, _ = newton_matrix.from_vector(system, bordered.solve(matrix, factors, rhs))
         return jax.tree.map(jnp.add, x, step)
 
     q = corrected(q, system.constraints(time, q))

@@ -23,6 +23,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from esail_jax import newton_matrix
 from esail_jax.array_types import Float, Int, Rotation, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.numerics import bordered
@@ -94,8 +95,8 @@ class KeptFactors(NamedTuple):
         self, system: System, turned: Rotation, forces: Coordinates, constraints: Multipliers
     ) -> tuple[Coordinates, Multipliers]:
         """(dq, s dlam) for a right-hand side given at an attitude `turned` from the factors'."""
-        rhs = system.to_vector(forces.rotate(turned.T), constraints)
-        dq, dlam = system.from_vector(bordered.solve(self.matrix, self.factors, rhs))
+        rhs = newton_matrix.to_vector(system, forces.rotate(turned.T), constraints)
+        dq, dlam = newton_matrix.from_vector(system, bordered.solve(self.matrix, self.factors, rhs))
         return dq.rotate(turned), dlam
 
 
@@ -147,7 +148,7 @@ class GeneralizedAlpha(eqx.Module):
         """Iteration matrix ([PGV] Eq. 13, scaled by s) at a state, and its factors."""
         c = self.parameters
         rate_factor = c.gamma / (self.step_size * c.beta)
-        matrix = system.tangent(time, q, v, lam, self._q_share, rate_factor)
+        matrix = newton_matrix.tangent(system, time, q, v, lam, self._q_share, rate_factor)
         return KeptFactors(matrix, bordered.factor(matrix), system.rotation(time, q))
 
     def predict(self, state: State) -> tuple[Coordinates, Coordinates, Coordinates]:

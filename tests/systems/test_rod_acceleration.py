@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from esail_jax import newton_matrix
 from esail_jax.coordinates import Coordinates
 from esail_jax.dynamics.consistent import consistent_acceleration
 from esail_jax.dynamics.rod_chain import RodChain, RodState
@@ -288,9 +289,9 @@ def test_tangent_of_the_implicit_method_is_the_derivative_of_the_residual(free):
         return jax.jvp(lambda *x: system.residual(time, *x, none)[0].forces, start, moved)[1]
 
     def solved(system, q, v, change):
-        matrix = system.tangent(time, q, v, none, s, c)
-        rhs = system.to_vector(derivative(system, q, v, change), none)
-        return system.from_vector(bordered.solve(matrix, bordered.factor(matrix), rhs))[0]
+        matrix = newton_matrix.tangent(system, time, q, v, none, s, c)
+        rhs = newton_matrix.to_vector(system, derivative(system, q, v, change), none)
+        return newton_matrix.from_vector(system, bordered.solve(matrix, bordered.factor(matrix), rhs))[0]
 
     found = quick(solved)(system, q, v, change)
     np.testing.assert_allclose(found.tether, change.tether, atol=1e-10)
