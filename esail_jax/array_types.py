@@ -12,7 +12,7 @@ Arrays of physical points carry `xyz` first and `tether` last, so that a density
 point acts on all points of all elements of all tethers at once.
 """
 
-from jaxtyping import Array, Bool, Complex, Float, Int
+from jaxtyping import Array, Bool, Complex, Float, Inexact, Int
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
@@ -31,6 +31,7 @@ __all__ = [
     "Complex",
     "Float",
     "HubPoints",
+    "Inexact",
     "Int",
     "Nodal",
     "PerMember",

@@ -57,10 +57,14 @@ def starting_carry(q: Coordinates, v: Coordinates, system: System) -> Carry:
     return Carry(state, zero, jnp.zeros((), int))
 
 
+def origin_of(numbers: Numbers) -> Vector:
+    """Heliocentric position [m] of the origin of the coordinates."""
+    return numbers.get("initial.heliocentric_position_au", jnp.zeros(3)) * ASTRONOMICAL_UNIT
+
+
 def problem_of(numbers: Numbers, model: Model) -> tuple[Problem, Carry]:
     """What the compiled programs take, from a built scene."""
-    origin = numbers.get("initial.heliocentric_position_au", jnp.zeros(3)) * ASTRONOMICAL_UNIT
-    problem = Problem(model.system, model.spectral_radius, origin)
+    problem = Problem(model.system, numbers["integrator.spectral_radius"], origin_of(numbers))
     return problem, starting_carry(model.q, model.v, model.system)
 
 

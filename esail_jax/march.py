@@ -7,6 +7,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from esail_jax import blocks, explicit
+from esail_jax.blocks import BlockMarch
 from esail_jax.dynamics.generalized_alpha import KEEP, StepInfo
 from esail_jax.entry import Carry, entry_data, look_at_entry_jitted, step_entry_jitted
 from esail_jax.explicit import ExplicitMarch
@@ -28,9 +30,20 @@ NUMERICS = {
 largest last increment, constraint violation and unbalanced force of a node (`StepInfo`)."""
 
 
-def march_of(prepared: Prepared, checkpoint: Checkpoint | None = None) -> "March | ExplicitMarch":
+def march_of(
+    prepared: Prepared, checkpoint: Checkpoint | None = None
+) -> "March | ExplicitMarch | BlockMarch":
     """The loop for a prepared scene's method, from its start or from a checkpoint."""
-    return (ExplicitMarch if prepared.explicit else March)(prepared, checkpoint)
+    if prepared.plan is not None:
+        return March(prepared, checkpoint)
+    return (BlockMarch if prepared.collocated else ExplicitMarch)(prepared, checkpoint)
+
+
+def numerics_of(prepared: Prepared) -> dict[str, str]:
+    """Names and units of what a method keeps per saved interval."""
+    if prepared.plan is not None:
+        return NUMERICS
+    return (blocks if prepared.collocated else explicit).NUMERICS
 
 
 class March:

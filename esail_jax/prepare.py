@@ -6,11 +6,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from esail_jax import blocks, explicit
 from esail_jax.dynamics.generalized_alpha import KEEP
 from esail_jax.elements.tether import KINDS
 from esail_jax.entry import problem_of
-from esail_jax.explicit import problem_of as explicit_problem_of
-from esail_jax.explicit import programs as explicit_programs
 from esail_jax.programs import programs, shapes_of
 from esail_jax.scenes.build import Model, build, split
 from esail_jax.scenes.integration import with_method
@@ -25,8 +24,8 @@ UNBALANCED = 1e-6
 class Prepared(NamedTuple):
     """A scene ready to run.
 
-    scene: as given; resolved: with its method; problem, carry and programs: those of `entry.py`, or
-    of `explicit.py`, which needs no plan.
+    scene: as given; resolved: with its method; problem, carry and programs: those of `entry.py`, or of
+    `explicit.py` and `blocks.py`, whose methods make their own steps and need no plan.
     """
 
     scene: Scene
@@ -37,9 +36,9 @@ class Prepared(NamedTuple):
     programs: Any
 
     @property
-    def explicit(self) -> bool:
-        """Is it run by an explicit method?"""
-        return self.plan is None
+    def collocated(self) -> bool:
+        """Is it run by collocation?"""
+        return self.resolved.integrator.method == "collocation"
 
 
 def plan_of(resolved: Scene) -> Plan | None:
@@ -65,10 +64,15 @@ def prepare(scene: Scene) -> Prepared:
     resolved = with_method(scene)
     structure, numbers = split(resolved)
     layout = plan_of(resolved)
+    step = resolved.integrator.step
+    step = None if step is None else np.asarray(step)
+    if resolved.integrator.method == "collocation":
+        compiled = blocks.programs(structure, shapes_of(numbers), step is not None)
+        model, *started = compiled.start(numbers, step)
+        check_steady(scene, model)
+        return Prepared(scene, resolved, *started, None, compiled)
     if layout is None:
-        step = resolved.integrator.step
-        step = None if step is None else np.asarray(step)
-        compiled = explicit_programs(structure, shapes_of(numbers), step is not None)
+        compiled = explicit.programs(structure, shapes_of(numbers), step is not None)
         return Prepared(scene, resolved, *compiled.start(numbers, step), None, compiled)
     compiled = programs(structure, numbers, layout)
     model = compiled.build(numbers)
@@ -84,7 +88,8 @@ def empty_carry(scene: Scene) -> Any:
     if plan_of(resolved) is None:
         step = resolved.integrator.step
         step = None if step is None else np.asarray(step)
-        return jax.eval_shape(lambda n: explicit_problem_of(structure, n, step)[1], numbers)
+        way = blocks if resolved.integrator.method == "collocation" else explicit
+        return jax.eval_shape(lambda n: way.problem_of(structure, n, step)[-1], numbers)
     return jax.eval_shape(lambda n: problem_of(n, build(structure, n))[1], numbers)
 
 

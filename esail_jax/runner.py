@@ -12,6 +12,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from esail_jax.blocks import BlockMarch
 from esail_jax.explicit import ExplicitMarch
 from esail_jax.march import March, march_of
 from esail_jax.pieces import SimulationError
@@ -64,7 +65,7 @@ def run_scene(scene: Scene, path: Path, resume: bool, quiet: bool) -> int:
 
 
 def march_on(
-    march: March | ExplicitMarch,
+    march: March | ExplicitMarch | BlockMarch,
     writer: RunWriter,
     progress: Progress,
     interrupts: "Interrupts",
@@ -148,7 +149,7 @@ def check_output(scene: Scene, path: Path, resume: bool) -> str:
 def check_checkpoint(before: Scene, scene: Scene, state: Mapping[str, Any], path: Path) -> None:
     """Raise RunFileError unless the run of `scene` passes through the checkpoint of that of `before`."""
     (old, new), position = (plan_of(with_method(s)) for s in (before, scene)), int(state["position"])
-    if old is None and new is None:  # an explicit method's steps do not know the end time
+    if old is None and new is None:  # steps of the method's own making do not know the end time
         return
     if old is None or new is None:
         raise RunFileError("`--t-end` must not change the method of integration, but does")

@@ -12,8 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from esail_jax import explicit
+from esail_jax import blocks, entry, explicit
 from esail_jax.array_types import Array, Float
+from esail_jax.dynamics.collocation import Point
 from esail_jax.dynamics.generalized_alpha import KEEP, State
 from esail_jax.dynamics.rod_chain import RodState
 from esail_jax.entry import entry_data, problem_of, run_entry
@@ -31,7 +32,7 @@ class Solution(eqx.Module):
     """A finished run.
 
     time [s]; `solution["coning_angle"]`: an observable, time first; result: an entry of `RESULTS`;
-    final_state: State, of an explicit method RodState; stats: steps, times, terms; numerics: per
+    final_state: State, of an explicit method RodState, of collocation Point; stats: steps, times, terms; numerics: per
     saved interval; checkpoint: where a longer run could go on. `scene` and the last two are None under
     a trace.
     """
@@ -39,7 +40,7 @@ class Solution(eqx.Module):
     time: Float[Array, " time"] | Float[np.ndarray, " time"]
     rows: dict[str, Array | np.ndarray]
     result: Any
-    final_state: State | RodState | None
+    final_state: State | RodState | Point | None
     stats: dict[str, Any]
     numerics: dict[str, np.ndarray] | None = None
     checkpoint: Checkpoint | None = None
@@ -86,7 +87,8 @@ def simulate_traced(scene: Scene) -> Solution:
     if layout is None:
         step = scene.integrator.step
         times = tuple(save_times(scene.integrator.t_end, scene.output.interval).tolist())
-        rows, state, result, steps = explicit.traced_run(
+        way = blocks if scene.integrator.method == "collocation" else explicit
+        rows, state, result, steps = way.traced_run(
             structure, times, numbers, None if step is None else jnp.asarray(step)
         )
         return Solution(jnp.asarray(times), rows, result, state, {"steps": steps})
@@ -150,8 +152,9 @@ def simulate_concrete(scene: Scene, throw: bool) -> Solution:
 
 
 def final_state(carry: Any) -> Any:
-    """The state a carry holds: that of a stepper, or of an explicit method at the last saved instant."""
-    return carry.seen if isinstance(carry, explicit.Carry) else carry.state
+    """The state a carry holds: that of a stepper, or of what makes its own steps at the last saved
+    instant."""
+    return carry.state if isinstance(carry, entry.Carry) else carry.seen
 
 
 def filled(rows: dict[str, np.ndarray], count: int) -> dict[str, np.ndarray]:

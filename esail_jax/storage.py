@@ -20,7 +20,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax import explicit, march
+from esail_jax.march import numerics_of
 from esail_jax.observables import listed
 from esail_jax.pieces import RESULTS, Checkpoint, Piece, join, result_of
 from esail_jax.prepare import Prepared, empty_carry, prepare, require_64_bit
@@ -84,7 +84,7 @@ def create(path: Path, prepared: Prepared) -> None:
             shape = shape_of(entry.axes, prepared.scene.members.count)
             name = f"observables/{entry.name}"
             growing(file, name, shape, entry.unit, entry.symbol, entry.axes, entry.equation)
-        for name, unit in (explicit.NUMERICS if prepared.explicit else march.NUMERICS).items():
+        for name, unit in numerics_of(prepared).items():
             growing(file, f"numerics/{name}", (), unit, name, (), "")
         file["numerics"].attrs["terms"] = list(prepared.problem.terms)
 
@@ -155,7 +155,7 @@ class RunWriter:
             if self._pending:
                 self._append(file)
             save_checkpoint(file, progress.checkpoint)
-            if not self.prepared.explicit:
+            if self.prepared.plan is not None:
                 file["state"].attrs["steps_per_entry"] = self.prepared.plan.steps_per_entry
             file.attrs.update({"status": status, "message": message, "steps": progress.steps})
             file.attrs["compile_time"] = self._before[1] + times[0]

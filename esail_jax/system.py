@@ -189,12 +189,14 @@ class System(eqx.Module):
         hub = jnp.zeros(6) if self.hub is not None else None
         return Multipliers(hub, jnp.zeros((2, p)) if self.clamped else None)
 
-    def constraint_acceleration(self, time: Scalar, q: Coordinates, v: Coordinates) -> Multipliers:
-        """d^2/dt^2 Phi(t, q + v t) at zero acceleration: minus the right-hand side of
+    def constraint_acceleration(
+        self, time: Scalar, q: Coordinates, v: Coordinates, vdot: Coordinates
+    ) -> Multipliers:
+        """d^2 Phi / dt^2 [m/s^2]. At zero acceleration it is minus the right-hand side of
         Phi_q vdot = Q_lam ([PGV] Eq. 1-2)."""
 
         def along(tau):
-            return self.constraints(time + tau, q.axpy(tau, v))
+            return self.constraints(time + tau, q.axpy(tau, v).axpy(0.5 * tau**2, vdot))
 
         def rate(tau):
             return jax.jvp(along, (tau,), (jnp.ones_like(tau),))[1]

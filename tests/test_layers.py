@@ -21,7 +21,7 @@ LAYERS = (
     ("newton_matrix",),
     ("dynamics",),
     ("observables", "scenes", "schedule", "pieces"),
-    ("entry", "explicit"),
+    ("entry", "explicit", "blocks"),
     ("programs",),
     ("prepare",),
     ("march",),

@@ -9,6 +9,7 @@ import pytest
 import small_sail
 
 import esail_jax as esail
+from esail_jax.scenes.integration import with_method
 from esail_jax.scenes.presets import builtin_names, builtin_text, description
 from esail_jax.scenes.scene import Scene, load_scene, parse, to_toml
 from esail_jax.scenes.tables import SAIL_TABLES, names_of
@@ -104,7 +105,8 @@ def test_absent_tables_are_absent_parts():
 def test_defaults_are_those_of_the_contract():
     text = small_sail.TEXT.replace("step = 0.1\n", "").replace("axial_damping_time = 1.0\n", "")
     scene = parse(text, "defaults")
-    assert (scene.integrator.step, scene.integrator.spectral_radius) == (0.1, 0.25)
+    table = with_method(scene).integrator
+    assert (table.method, table.step, table.spectral_radius) == ("generalized-alpha", 0.1, 0.25)
     assert scene.tethers.strain == "green-lagrange" and scene.tethers.root == "pinned"
     assert scene.tethers.element == "cable" and scene.tethers.bending is False
     assert scene.tethers.axial_damping_time is None

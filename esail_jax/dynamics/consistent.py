@@ -24,7 +24,7 @@ def consistent_acceleration(
     if system.hub is None:
         rest = system.place_roots(time, rest, derivative=2)
     residual, _ = system.residual(time, q, v, rest, system.no_multipliers())
-    bend = system.constraint_acceleration(time, q, v)
+    bend = system.constraint_acceleration(time, q, v, rest)
     matrix = newton_matrix.mass(system, time, q)
     rhs = newton_matrix.to_vector(system, *jax.tree.map(jnp.negative, (residual.forces, bend)))
     solution = bordered.solve(matrix, bordered.factor(matrix), rhs)

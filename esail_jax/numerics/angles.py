@@ -53,3 +53,13 @@ def euler_angles(rotation: Rotation) -> Vector:
         safe_angle(rotation[2, 1], rotation[2, 2]),
     )
     return jnp.stack([psi, theta, phi])
+
+
+def rotation_by(vector: Vector) -> Rotation:
+    """Active rotation about a vector by an angle of its length (Rodrigues)."""
+    angle = jnp.sqrt(jnp.maximum((vector**2).sum(), 1e-300))
+    x, y, z = vector
+    zero = jnp.zeros_like(x)
+    cross = jnp.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]])
+    once, twice = jnp.sinc(angle / jnp.pi), 0.5 * jnp.sinc(0.5 * angle / jnp.pi) ** 2
+    return jnp.eye(3) + once * cross + twice * (cross @ cross)

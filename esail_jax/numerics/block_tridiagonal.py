@@ -15,7 +15,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jax import lax
 
-from esail_jax.array_types import Array, Float
+from esail_jax.array_types import Array, Inexact
 from esail_jax.numerics.small_matrices import (
     inverse,
     matmul,
@@ -23,10 +23,10 @@ from esail_jax.numerics.small_matrices import (
     transpose,
 )
 
-Blocks = Float[Array, "block row row *batch"]
-Links = Float[Array, "link row row *batch"]
-BlockVectors = Float[Array, "block row *batch"]
-LinkVectors = Float[Array, "link row *batch"]
+Blocks = Inexact[Array, "block row row *batch"]
+Links = Inexact[Array, "link row row *batch"]
+BlockVectors = Inexact[Array, "block row *batch"]
+LinkVectors = Inexact[Array, "link row *batch"]
 
 UNROLL = 8
 """Blocks per iteration of the sweeps' loops: short chains run without a loop, whose overhead is
@@ -73,7 +73,7 @@ def reduce_to_port(factors: ChainFactors, rhs: BlockVectors) -> tuple[LinkVector
 
 
 def substitute_from_port(
-    factors: ChainFactors, reduced: LinkVectors, port: Float[Array, "row *batch"]
+    factors: ChainFactors, reduced: LinkVectors, port: Inexact[Array, "row *batch"]
 ) -> BlockVectors:
     """Solution of the blocks 0 ... N once the port's is known."""
     own = (factors.inverse * reduced[:, :, None]).sum(1)

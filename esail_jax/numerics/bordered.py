@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from esail_jax.array_types import Array, Float
+from esail_jax.array_types import Array, Inexact
 from esail_jax.numerics import block_tridiagonal as chains
 from esail_jax.numerics.small_matrices import inverse, matmul, matvec
 
@@ -32,14 +32,14 @@ class Bordered(NamedTuple):
     loose: () where nothing holds the ports (only without a border), else None
     """
 
-    diag: Float[Array, "block row row tether"]
-    upper: Float[Array, "link row row tether"]
-    lower: Float[Array, "link row row tether"]
-    weights: Float[Array, "point tether"] | None = None
-    local: Float[Array, "local local tether"] | None = None
-    local_border: Float[Array, "local border tether"] | None = None
-    border_local: Float[Array, "border local tether"] | None = None
-    border: Float[Array, "border border"] | None = None
+    diag: Inexact[Array, "block row row tether"]
+    upper: Inexact[Array, "link row row tether"]
+    lower: Inexact[Array, "link row row tether"]
+    weights: Inexact[Array, "point tether"] | None = None
+    local: Inexact[Array, "local local tether"] | None = None
+    local_border: Inexact[Array, "local border tether"] | None = None
+    border_local: Inexact[Array, "border local tether"] | None = None
+    border: Inexact[Array, "border border"] | None = None
     loose: tuple[()] | None = None
 
     @property
@@ -60,18 +60,18 @@ class Vector(NamedTuple):
     local: what the local unknowns have beyond the free rows.
     """
 
-    blocks: Float[Array, "block row tether"]
-    local: Float[Array, "local tether"] | None = None
-    border: Float[Array, " border"] | None = None
+    blocks: Inexact[Array, "block row tether"]
+    local: Inexact[Array, "local tether"] | None = None
+    border: Inexact[Array, " border"] | None = None
 
 
 class PortFactors(NamedTuple):
     """Elimination of the local unknowns and of the border, given the chains' Schur complements."""
 
-    local_inverse: Float[Array, "local local tether"] | None
-    local_from_border: Float[Array, "local border tether"] | None
-    border_from_local: Float[Array, "border local tether"] | None
-    border_inverse: Float[Array, "border border"] | None
+    local_inverse: Inexact[Array, "local local tether"] | None
+    local_from_border: Inexact[Array, "local border tether"] | None
+    border_from_local: Inexact[Array, "border local tether"] | None
+    border_inverse: Inexact[Array, "border border"] | None
 
 
 class Factors(NamedTuple):
@@ -90,7 +90,7 @@ def padded(a: Array, like: Array | None) -> Array:
 
 
 def project(
-    matrix: Bordered, schur: Float[Array, "row row tether"]
+    matrix: Bordered, schur: Inexact[Array, "row row tether"]
 ) -> tuple[Array | None, Array | None, Array | None, Array | None]:
     """The ports' Schur complements in the unknowns (local, border): the blocks
     (local, local), (local, border), (border, local), (border, border). Rows beyond the held ones,
@@ -114,14 +114,14 @@ def project(
     return local, local_border, border_local, border
 
 
-def equilibrated_inverse(a: Float[Array, "n n"]) -> Float[Array, "n n"]:
+def equilibrated_inverse(a: Inexact[Array, "n n"]) -> Inexact[Array, "n n"]:
     """Inverse of a symmetric-pattern matrix after scaling rows and columns by 1/sqrt(max |row|):
     hub masses (1e3 kg) and constraint gradients (1) meet in one matrix."""
     scale = 1.0 / jnp.sqrt(jnp.abs(a).max(1))
     return scale[:, None] * jnp.linalg.inv(scale[:, None] * a * scale) * scale
 
 
-def factor_ports(matrix: Bordered, schur: Float[Array, "row row tether"]) -> PortFactors:
+def factor_ports(matrix: Bordered, schur: Inexact[Array, "row row tether"]) -> PortFactors:
     """Eliminate the local unknowns, then invert the border."""
     local, local_border, border_local, border = project(matrix, schur)
     local_inverse = from_border = from_local = border_inverse = None
@@ -143,7 +143,7 @@ def factor(matrix: Bordered) -> Factors:
 
 
 def port_loads(
-    matrix: Bordered, port: Float[Array, "row tether"], rhs: Vector
+    matrix: Bordered, port: Inexact[Array, "row tether"], rhs: Vector
 ) -> tuple[Array | None, Array | None]:
     """Right-hand sides (local, border) from the reduced ones of the ports."""
     local = border = None
@@ -170,7 +170,7 @@ def port_displacement(
 
 
 def solve_ports(
-    matrix: Bordered, factors: PortFactors, port: Float[Array, "row tether"], rhs: Vector
+    matrix: Bordered, factors: PortFactors, port: Inexact[Array, "row tether"], rhs: Vector
 ) -> tuple[Array, Array | None, Array | None]:
     """Port displacement, extra local unknowns and border, from the reduced right-hand sides."""
     local, border = port_loads(matrix, port, rhs)

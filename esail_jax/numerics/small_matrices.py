@@ -7,34 +7,34 @@ arranged so that leading blocks are regular; their scaled condition numbers are 
 
 import jax.numpy as jnp
 
-from esail_jax.array_types import Array, Float
+from esail_jax.array_types import Array, Inexact
 
-Matrices = Float[Array, "row col *batch"]
-Vectors = Float[Array, "row *batch"]
+Matrices = Inexact[Array, "row col *batch"]
+Vectors = Inexact[Array, "row *batch"]
 
 
-def matmul(a: Float[Array, "row mid *batch"], b: Float[Array, "mid col *batch"]) -> Matrices:
+def matmul(a: Inexact[Array, "row mid *batch"], b: Inexact[Array, "mid col *batch"]) -> Matrices:
     """Product of each pair of matrices."""
     return (a[:, :, None] * b[None]).sum(1)
 
 
-def matvec(a: Float[Array, "row col *batch"], x: Float[Array, "col *batch"]) -> Vectors:
+def matvec(a: Inexact[Array, "row col *batch"], x: Inexact[Array, "col *batch"]) -> Vectors:
     """Each matrix times its vector."""
     return (a * x[None]).sum(1)
 
 
-def matvec_transposed(a: Float[Array, "col row *batch"], x: Float[Array, "col *batch"]) -> Vectors:
+def matvec_transposed(a: Inexact[Array, "col row *batch"], x: Inexact[Array, "col *batch"]) -> Vectors:
     """Each transposed matrix times its vector: the reduction runs over the leading axis, which is
     the fast one; kept factors are stored transposed for it."""
     return (a * x[:, None]).sum(0)
 
 
-def transpose(a: Float[Array, "row col *batch"]) -> Float[Array, "col row *batch"]:
+def transpose(a: Inexact[Array, "row col *batch"]) -> Inexact[Array, "col row *batch"]:
     """Each matrix transposed."""
     return jnp.swapaxes(a, 0, 1)
 
 
-def inverse(a: Float[Array, "row row *batch"]) -> Float[Array, "row row *batch"]:
+def inverse(a: Inexact[Array, "row row *batch"]) -> Inexact[Array, "row row *batch"]:
     """Inverse of each matrix, by closed forms up to 3 x 3 and by Schur complements above.
 
     The leading half of a larger matrix must be regular itself.

@@ -56,7 +56,6 @@ class Model(NamedTuple):
     """A built scene."""
 
     system: System
-    spectral_radius: Array
     q: Coordinates
     v: Coordinates
     unbalanced: PerTether  # [N] left over by the steady elongation
@@ -86,7 +85,7 @@ def build(structure: Structure, numbers: Numbers) -> Model:
     if structure.has("chain"):
         chain, state = build_chain(structure, n)
         q, v = chain.coordinates(state)
-        return Model(chain.system, n["integrator.spectral_radius"], q, v, jnp.zeros(1))
+        return Model(chain.system, q, v, jnp.zeros(1))
     start, origin = starting_attitude(n)
     azimuth = 2.0 * jnp.pi * jnp.arange(structure["tethers.count"]) / structure["tethers.count"]
     hub = None
@@ -106,7 +105,7 @@ def build(structure: Structure, numbers: Numbers) -> Model:
         gravity=n.get("gravity.acceleration"),
     )
     q, v, unbalanced = initial_state(structure, n, system, azimuth, start)
-    return Model(system, n["integrator.spectral_radius"], q, v, unbalanced)
+    return Model(system, q, v, unbalanced)
 
 
 def coulomb_thrust(n: Numbers, origin: Float[Array, "3"], voltage: PerMember) -> CoulombThrust:

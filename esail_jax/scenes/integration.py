@@ -1,4 +1,4 @@
-"""Which method runs a chain that does not name one, with which step or tolerance.
+"""Which step or tolerance a method gets, and which method runs a chain that does not name one.
 
 An explicit method needs about t_end * (fastest rate) / (reach of the method) steps, whatever accuracy
 is asked for: the rods' axial vibrations set them. Below `MOST_STEPS` of them the eighth-order method
@@ -15,13 +15,19 @@ from esail_jax.array_types import Array
 from esail_jax.dynamics.rod_chain import fastest_rate, turning_rate
 from esail_jax.dynamics.runge_kutta import REACH
 from esail_jax.scenes.build import Numbers, Structure, build_chain, split
-from esail_jax.scenes.scene import Scene
+from esail_jax.scenes.scene import Scene, method_of
+
+PAPER = {"step": 0.1, "spectral_radius": 0.25}
+"""Generalized-alpha in [PGV] Sec. 4."""
 
 EXPLICIT = "dopri8"
 """The explicit method of choice."""
 
 TOLERANCE = 1e-9
 """Relative local error: tip positions of the built-in chains to nine digits or more."""
+
+COLLOCATION_TOLERANCE = 1e-9
+"""Local error of a sail's positions relative to its tethers."""
 
 MOST_STEPS = 1e7
 """Explicit steps that are acceptable: some minutes for a chain of twenty rods."""
@@ -42,9 +48,14 @@ def with_method(scene: Scene) -> Scene:
     """The scene with every entry of [integrator] that its run needs."""
     table = scene.integrator
     if table.method is None:
-        table = dataclasses.replace(table, **choice(scene))
+        found = choice(scene) if scene.chain is not None else {"method": method_of(scene)}
+        table = dataclasses.replace(table, **found)
+    if table.method == "generalized-alpha":
+        given = {name: x for name, x in vars(table).items() if x is not None}
+        table = dataclasses.replace(table, **(PAPER | given))
     elif table.method != "generalized-alpha" and table.step is None and table.tolerance is None:
-        table = dataclasses.replace(table, tolerance=TOLERANCE)
+        tolerance = TOLERANCE if table.method in REACH else COLLOCATION_TOLERANCE
+        table = dataclasses.replace(table, tolerance=tolerance)
     return dataclasses.replace(scene, integrator=table)
 
 
@@ -66,4 +77,4 @@ def choice(scene: Scene) -> dict[str, str | float]:
     implicit = {}
     if table.step is None:
         implicit["step"] = 1.0 / (STEPS_PER_RADIAN * max(turning, 1.0 / table.t_end))
-    return {"method": "generalized-alpha", "spectral_radius": 0.25, **implicit}
+    return {"method": "generalized-alpha", **implicit}

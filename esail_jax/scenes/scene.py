@@ -34,6 +34,9 @@ from esail_jax.scenes.tables import (
     tables_of,
 )
 
+SAIL_METHOD = "generalized-alpha"
+"""The method of a sail that does not name one."""
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Scene:
@@ -68,7 +71,6 @@ class Scene:
             if not isinstance(content, kind):
                 raise SceneError(table, f"be a {kind.__name__}", f"is a {type(content).__name__}")
             object.__setattr__(self, table, checked(table, getattr(self, table), self.members))
-        object.__setattr__(self, "integrator", with_defaults(self))
         if self.output is None:
             interval = self.integrator.t_end / 1000.0
             object.__setattr__(self, "output", Output(interval=interval))
@@ -115,20 +117,15 @@ def checked(table: str, content: Any, members: keys.Members | None) -> Any:
     return type(content)(**values)
 
 
-def with_defaults(scene: Scene) -> Integrator:
-    """The integrator's table with what generalized-alpha, the method of sails, needs. A chain
-    without a method gets one when it is run (`scenes/integration.py`)."""
-    found = scene.integrator
-    method = found.method or ("generalized-alpha" if scene.chain is None else None)
-    if method != "generalized-alpha":
-        return found
-    step = 0.1 if found.step is None else found.step
-    radius = 0.25 if found.spectral_radius is None else found.spectral_radius
-    return dataclasses.replace(found, method=method, step=step, spectral_radius=radius)
+def method_of(scene: Scene) -> str | None:
+    """The method a scene names, or that of sails. A chain without one gets it when it is run, as step and
+    tolerance always do (`scenes/integration.py`)."""
+    return scene.integrator.method or (SAIL_METHOD if scene.chain is None else None)
 
 
 def check_together(scene: Scene) -> None:
     """What no single key can show."""
+    method = method_of(scene)
     if scene.chain is None:
         check_sail(scene)
     else:
@@ -137,7 +134,7 @@ def check_together(scene: Scene) -> None:
         have, lack = ("solar_wind", "voltage") if scene.voltage is None else ("voltage", "solar_wind")
         first = names_of(tables_of([scene.main])[lack])[0]
         raise SceneError(f"{lack}.{first}", f"be given with [{have}]", "is missing")
-    if scene.integrator.method == "generalized-alpha":
+    if method == "generalized-alpha":
         if scene.integrator.tolerance is not None:
             raise SceneError("integrator.tolerance", "be left out with generalized-alpha", "is given")
     elif scene.integrator.spectral_radius is not None:
@@ -163,11 +160,11 @@ def check_sail(scene: Scene) -> None:
         raise SceneError("tethers.root", 'be "pinned" for truss elements', 'is "clamped"')
     if tethers.bending and tethers.second_moment is None:
         raise SceneError("tethers.second_moment", "be given with `tethers.bending`", "is missing")
-    if scene.integrator.method != "generalized-alpha":
-        method = keys.describe(scene.integrator.method)
-        raise SceneError("integrator.method", 'be "generalized-alpha" for a sail', method)
+    if method_of(scene) not in ("generalized-alpha", "collocation"):
+        method = keys.describe(method_of(scene))
+        raise SceneError("integrator.method", 'be "generalized-alpha" or "collocation" for a sail', method)
     radius = scene.integrator.spectral_radius
-    limited = scene.hub is not None or clamped
+    limited = radius is not None and (scene.hub is not None or clamped)
     if limited and keys.known(radius) is not None and keys.known(radius) >= 1.0:
         raise SceneError("integrator.spectral_radius", "be below 1 with constraints", keys.describe(radius))
 
@@ -180,6 +177,10 @@ def check_chain(scene: Scene) -> None:
     if chain.root == "clamped" and (free or not chain.bending):
         why = "at a free end" if free else "without `chain.bending`"
         raise SceneError("chain.root", f'be "pinned" {why}', 'is "clamped"')
+    if scene.integrator.method == "collocation":
+        raise SceneError(
+            "integrator.method", 'be "generalized-alpha" or an explicit one for a chain', 'is "collocation"'
+        )
     if chain.bending and scene.integrator.method == "generalized-alpha":
         raise SceneError(
             "integrator.method", "be an explicit one with `chain.bending`", 'is "generalized-alpha"'

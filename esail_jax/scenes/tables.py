@@ -136,7 +136,9 @@ class Integrator:
     """Time integration. What is not given is chosen: `scenes/integration.py`."""
 
     t_end: Any = declare(keys.positive(structure=True))  # s
-    method: Any = declare(keys.choice("generalized-alpha", "tsit5", "dopri5", "dopri8"), None)
+    method: Any = declare(
+        keys.choice("generalized-alpha", "collocation", "tsit5", "dopri5", "dopri8"), None
+    )
     step: Any = declare(keys.positive(structure=True), None)  # s
     spectral_radius: Any = declare(
         keys.between("lie in [0, 1]", lambda x: bool(((x >= 0.0) & (x <= 1.0)).all())), None

@@ -49,7 +49,7 @@ def rheonomic_constraints():
         c_tt = jax.jacfwd(c_t, 1)(q, time)
         along = jax.jacfwd(lambda q: c_q(q, time) @ v)(q) @ v
         mixed = jax.jacfwd(lambda t: c_q(q, t))(time) @ v
-        judge = turning.constraint_acceleration(time, whole(q), whole(v))
+        judge = turning.constraint_acceleration(time, whole(q), whole(v), whole(jnp.zeros_like(v)))
         return -c_tt - along - 2 * mixed, -judge.clamp.reshape(-1)
 
     return relative_error(*both(jnp.asarray(q), jnp.asarray(v)))

@@ -250,7 +250,12 @@ def _solved(q, v, lam):
     time, q, v = jnp.zeros(()), unflat(q), unflat(v)
     matrix = STEPPER.factor(sail(), time, q, v, Multipliers(lam, None)).matrix
     vdot, force = consistent_acceleration(sail(), time, q, v)
-    return matrix, flat(vdot), force.hub, sail().constraint_acceleration(time, q, v).hub
+    return (
+        matrix,
+        flat(vdot),
+        force.hub,
+        sail().constraint_acceleration(time, q, v, jax.tree.map(jnp.zeros_like, v)).hub,
+    )
 
 
 @functools.cache

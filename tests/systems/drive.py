@@ -12,6 +12,8 @@ import numpy as np
 from jax import lax
 
 from esail_jax.coordinates import Coordinates
+from esail_jax.dynamics.collocation import KEEP as BLOCK
+from esail_jax.dynamics.collocation import Collocation
 from esail_jax.dynamics.consistent import consistent_acceleration
 from esail_jax.dynamics.generalized_alpha import KEEP, GeneralizedAlpha, StepInfo
 from esail_jax.dynamics.steady_stretch import along, unstretched_line
@@ -102,7 +104,20 @@ def generalized_alpha(system, q, v, step, steps, spectral_radius):
     return jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), (q, v, lam), flat), good.all()
 
 
-STEPPERS = {"generalized-alpha": generalized_alpha}
+def collocation(system, q, v, step, steps, _):
+    """All (q, v, lam) from the start on."""
+    method = Collocation(step, jnp.asarray(1e-11))
+    begin = method.start(system, jnp.zeros(()), q, v)
+    end, records = lax.scan(lambda state, _: method.block(system, state), begin, length=-(-steps // BLOCK))
+    points, time = records.start, jnp.arange(steps + 1) * step
+    found = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), (points.q, points.v))
+    last = (end.now.q, end.now.v)
+    q, v = jax.tree.map(lambda a, b: jnp.concatenate([a, b[None]])[: steps + 1], found, last)
+    lam = jax.vmap(lambda *at: consistent_acceleration(system, *at)[1])(time, q, v)
+    return (q, v, lam), end.rejected == 0.0
+
+
+STEPPERS = {"generalized-alpha": generalized_alpha, "collocation": collocation}
 """By name: (system, q, v, step, steps, spectral_radius) -> ((q, v, lam) at all steps, converged)."""
 
 

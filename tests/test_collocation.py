@@ -1,0 +1,251 @@
+"""Collocation: order, agreement with independent references, output, derivatives, failure."""
+
+import re
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from test_golden import GOLDEN, SUMS, errors
+
+import esail_jax as esail
+from esail_jax.cli import main
+from esail_jax.numerics.radau import Radau
+from esail_jax.pieces import SimulationError
+from esail_jax.scenes.scene import parse
+
+METHOD = {"integrator.method": "collocation"}
+SMALL = METHOD | {
+    "tethers.count": 3,
+    "tethers.elements": 2,
+    "integrator.t_end": 300.0,
+    "output.interval": 20.0,
+}
+"""Three tethers of two elements: what most tests here share, and compile once."""
+
+
+def collocated(case: str, tolerance: float) -> esail.Solution:
+    """A scene of the golden references, run by collocation."""
+    text = re.sub(r"(?m)^(method|step|spectral_radius) = .*\n", "", (GOLDEN / f"{case}.toml").read_text())
+    return esail.simulate(parse(text, case), METHOD | {"integrator.tolerance": tolerance})
+
+
+# ---- tables -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("stages", [1, 2, 3, 4, 5])
+def test_quadrature_of_radau(stages):
+    """Stages integrate polynomials of degree s - 1 exactly up to any node, the end 2 s - 2; and the kept
+    eigenvectors give the matrix and its square back. To rounding: 1e-13."""
+    table = Radau.of(stages)
+    c = table.nodes
+    for n in range(stages):
+        assert np.allclose(table.matrix @ c**n, c ** (n + 1) / (n + 1), rtol=0, atol=1e-13)
+    for n in range(2 * stages - 1):
+        assert abs(table.matrix[-1] @ c**n - 1 / (n + 1)) < 1e-13
+    assert abs(table.matrix[-1] @ c ** (2 * stages - 1) - 1 / (2 * stages)) > 1e-6
+    for power, matrix in ((1, table.matrix), (2, table.squared)):
+        again = (table.mix @ np.diag(table.rates**power) @ table.split).real
+        assert np.allclose(again, matrix, rtol=0, atol=1e-12)
+
+
+def test_polynomials_of_a_step():
+    """Integrals from the start to anywhere in the step, once and twice, of a cubic through four stages;
+    the divided difference sees x^4 and nothing below. To rounding."""
+    table, x = Radau.of(4), 0.37
+    for n in range(4):
+        values = table.nodes**n
+        for power, exact in ((1, x ** (n + 1) / (n + 1)), (2, x ** (n + 2) / (n + 1) / (n + 2))):
+            found = x**power * (x ** np.arange(4)) @ table.integrals(power) @ values
+            assert abs(found - exact) < 1e-14
+    full = np.append(0.0, table.nodes)
+    assert [abs(table.difference() @ full**n - (n == 4)) < 1e-10 for n in range(5)] == [True] * 5
+
+
+# ---- accuracy -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("case", ["unequal", "stiff_clamped", "stiff_pinned", "turning_frame"])
+def test_sail_follows_the_time_exact_solution(case, validate):
+    """Tolerance 1e-10: every signal of the independent code to 1e-5 of its range; its own output is good to
+    1e-3 where the symmetric sails' sums cancel, at the clamped root, and in the undamped ringing."""
+    found = errors(collocated(case, 1e-10), np.load(GOLDEN / f"{case}.npz"))
+    rough = {*SUMS, "root_coning_angle", "root_lagging_angle"}
+    smooth = max(error for name, error in found.items() if name not in rough)
+    what = f"{case.replace('_', ', ')} sail, collocation"
+    reference = "independent code, quaternion hub, Runge-Kutta of order 8"
+    validate(f"COL-{case}-1", what, reference, "worst smooth signal / range", smooth, 1e-5)
+    validate(f"COL-{case}-2", what, reference, "worst signal / range", max(found.values()), 1e-3)
+
+
+@pytest.mark.slow
+def test_baseline_over_three_periods(validate):
+    """Default tolerance: every signal within 1e-3 of its range of the time-exact reference."""
+    times = {"integrator.t_end": 4712.0, "output.interval": 4.0}
+    reference = np.load(GOLDEN / "baseline.npz")
+    found = errors(esail.simulate("baseline", METHOD | times), reference)
+    validate("COL-baseline", "baseline, collocation, default tolerance", "independent code",
+             "worst of all signals / range", max(found.values()), 1e-3)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def fixed_steps():
+    """Final states with steps of 10, 5 and 2.5 s, beside steps of 1 s."""
+
+    def run(step):
+        return esail.simulate("baseline", SMALL | {"integrator.step": step})
+
+    return {step: run(step) for step in (10.0, 5.0, 2.5, 1.0)}
+
+
+def test_order(fixed_steps):
+    """2 s - 1 = 7: halving the step takes the tips' error down by more than 2^5.5; less than 2^7 is left
+    where the stiff axial motion, whose order is s + 1 = 5, shows."""
+    exact = fixed_steps[1.0]["tip_position_I"][-1]
+    found = [np.abs(fixed_steps[h]["tip_position_I"][-1] - exact).max() for h in (10.0, 5.0, 2.5)]
+    slopes = np.diff(np.log2(found))
+    assert (slopes < -5.5).all(), (found, slopes)
+
+
+def test_constraints_hold(fixed_steps):
+    """The hub keeps its shape at every saved instant, to rounding of its metres."""
+    for solution in fixed_steps.values():
+        assert solution.numerics["constraint_violation"].max() < 1e-13
+
+
+def test_energy_balance(fixed_steps):
+    """|dE - W + D| falls with the step like the error: below 1e-9 of the kinetic energy at 2.5 s."""
+    for step, bound in ((10.0, 1e-5), (2.5, 1e-9)):
+        solution = fixed_steps[step]
+        error = np.abs(solution["energy_balance_error"]).max()
+        assert error < bound * solution["kinetic_energy"].max()
+
+
+def test_error_follows_the_tolerance():
+    """A tolerance a hundred times smaller takes the error down at least ten-fold."""
+    exact = esail.simulate("baseline", SMALL | {"integrator.tolerance": 1e-13})
+    found = []
+    for tolerance in (1e-7, 1e-9, 1e-11):
+        solution = esail.simulate("baseline", SMALL | {"integrator.tolerance": tolerance})
+        found.append(np.abs(solution["tip_position_I"] - exact["tip_position_I"]).max())
+    assert found[1] < found[0] / 10 and found[2] < found[1] / 10, found
+
+
+# ---- output -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("interval", [0.7, 33.0])
+def test_saved_instants_force_no_step(interval):
+    """The steps, and so the state at the end, are the same whatever is saved, to the last bit."""
+    usual = esail.simulate("baseline", SMALL)
+    other = esail.simulate("baseline", SMALL | {"output.interval": interval})
+    assert other.steps == usual.steps
+    assert np.array_equal(other["tip_position_I"][-1], usual["tip_position_I"][-1])
+    assert other.numerics["steps"].sum() <= usual.steps
+
+
+def test_output_between_steps_is_as_good_as_the_steps():
+    """Every instant of a coarse run, most within a step, against a fine one: 1e-6 of the tips' range."""
+    instants = SMALL | {"output.interval": 1.0}
+    coarse, fine = (
+        esail.simulate("baseline", instants | {"integrator.tolerance": t}) for t in (1e-9, 1e-12)
+    )
+    for name in ("tip_position_I", "reaction_O", "thrust_O", "coning_angle"):
+        difference = np.abs(coarse[name] - fine[name]).max() / np.ptp(fine[name])
+        assert difference < 1e-5, (name, difference)
+
+
+def test_a_longer_run_goes_on_bit_for_bit(tmp_path):
+    """A run file carried on to a later end holds what one run to that end holds."""
+    once, twice = tmp_path / "once.h5", tmp_path / "twice.h5"
+    scene = [
+        "baseline",
+        *(x for k, v in SMALL.items() if k != "integrator.t_end" for x in ("--set", f"{k}={v}")),
+    ]
+    assert main(["run", *scene, "-o", str(once), "--t-end", "900", "--quiet"]) == 0
+    assert main(["run", *scene, "-o", str(twice), "--t-end", "410", "--quiet"]) == 0
+    assert main(["run", *scene, "-o", str(twice), "--t-end", "900", "--quiet", "--resume"]) == 0
+    first, second = esail.load(once), esail.load(twice)
+    assert np.array_equal(first.time, second.time)
+    for name in first.observables:
+        assert np.array_equal(first[name], second[name], equal_nan=True), name
+
+
+# ---- derivatives --------------------------------------------------------------------------------
+
+
+def outcome(x):
+    """Five numbers of different kinds that a run ends with."""
+    overrides = {
+        "voltage.value": 20e3 * x[0],
+        "initial.spin_rate": 4e-3 * x[1],
+        "remote_units.mass": 1.5 * x[2],
+        "tethers.youngs_modulus": 70e9 * x[3],
+        "integrator.step": 5.0,
+    }
+    end = esail.simulate("baseline", SMALL | overrides)
+    picked = (
+        end["tip_position_I"][-1, 0, 0],
+        1e4 * end["root_coning_angle"][-1, 1],
+        1e4 * end["sailing_angle"][-1],
+        1e3 * end["dissipated_energy"][-1],
+        1e3 * end["reaction_O"][-1, 2],
+    )
+    return jnp.stack(picked)
+
+
+@pytest.mark.slow
+def test_derivative_of_a_run():
+    """Forward mode is the difference quotient (fourth order, fixed steps: 1e-6), reverse mode is forward
+    mode (1e-10), and the traced run the concrete one (1e-11)."""
+    one, along = jnp.ones(4), jnp.array([1.0, 0.3, -0.2, 0.5])
+    weights = jnp.array([1.0, 0.5, 0.2, 3.0, 0.1])
+    run = jax.jit(outcome)
+    value, forward = jax.jit(lambda x: jax.jvp(outcome, (x,), (along,)))(one)
+    assert np.allclose(value, outcome(np.ones(4)), rtol=1e-11, atol=0)
+    e = 1e-3
+    quotient = 8.0 * (run(one + e * along) - run(one - e * along))
+    quotient = (quotient - (run(one + 2 * e * along) - run(one - 2 * e * along))) / (12.0 * e)
+    assert np.allclose(forward, quotient, rtol=1e-6, atol=0)
+    reverse = jax.jit(jax.grad(lambda x: weights @ outcome(x)))(one)
+    assert abs(reverse @ along / (weights @ forward) - 1.0) < 1e-10
+
+
+@pytest.mark.slow
+def test_vmap_is_a_loop():
+    """Members of a batch make their own steps: 1e-9 of the range, the tolerance being 1e-9 too."""
+
+    def tips(voltage):
+        return esail.simulate("baseline", SMALL | {"voltage.value": voltage})["tip_position_I"]
+
+    voltages = jnp.array([5e3, 2e4, 4e4])
+    together, alone = jax.jit(jax.vmap(tips))(voltages), [tips(v) for v in (5e3, 2e4, 4e4)]
+    assert np.abs(together - np.stack(alone)).max() < 1e-9 * np.ptp(together)
+
+
+# ---- failure ------------------------------------------------------------------------------------
+
+
+def test_a_step_that_is_too_long_says_so():
+    """Half a turn in one step: the stages' equations cannot be solved, and nothing shorter is tried."""
+    with pytest.raises(SimulationError, match=r"could not be solved. At t = 0 s with a step of 800 s. Ask"):
+        esail.simulate("baseline", SMALL | {"integrator.step": 800.0, "integrator.t_end": 4000.0})
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("integrator.spectral_radius", 0.5, "be left out without generalized-alpha"),
+        ("integrator.tolerance", 2.0, "must lie in"),
+    ],
+)
+def test_bad_input(key, value, message):
+    """What belongs to another method is refused."""
+    with pytest.raises(esail.SceneError, match=message):
+        esail.load_scene("baseline", METHOD | {key: value})
+
+
+def test_a_chain_has_other_methods():
+    """Rods turn too fast for factors that are kept."""
+    with pytest.raises(esail.SceneError, match="for a chain"):
+        esail.load_scene("hanging-chain", METHOD)
