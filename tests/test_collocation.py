@@ -90,21 +90,18 @@ def test_baseline_over_three_periods(validate):
 
 @pytest.fixture(scope="module")
 def fixed_steps():
-    """Final states with steps of 10, 5 and 2.5 s, beside steps of 1 s."""
-
-    def run(step):
-        return esail.simulate("baseline", SMALL | {"integrator.step": step})
-
-    return {step: run(step) for step in (10.0, 5.0, 2.5, 1.0)}
+    """Runs with steps of 20, 10 and 5 s, and of 0.5 s, of tethers soft enough for their axial motion to be
+    resolved: stiff parts of a motion have a lower order, s + 1."""
+    soft = SMALL | {"tethers.youngs_modulus": 7e8}
+    return {h: esail.simulate("baseline", soft | {"integrator.step": h}) for h in (20.0, 10.0, 5.0, 0.5)}
 
 
 def test_order(fixed_steps):
-    """2 s - 1 = 7: halving the step takes the tips' error down by more than 2^5.5; less than 2^7 is left
-    where the stiff axial motion, whose order is s + 1 = 5, shows."""
-    exact = fixed_steps[1.0]["tip_position_I"][-1]
-    found = [np.abs(fixed_steps[h]["tip_position_I"][-1] - exact).max() for h in (10.0, 5.0, 2.5)]
-    slopes = np.diff(np.log2(found))
-    assert (slopes < -5.5).all(), (found, slopes)
+    """2 s - 1 = 7, to 0.6 where the steps are not yet small (measured 6.6, 7.0; at 5 s the tips' error is
+    8e-10 m, at 2.5 s it would be the rounding of 1e4 m)."""
+    exact = fixed_steps[0.5]["tip_position_I"][-1]
+    found = [np.abs(fixed_steps[h]["tip_position_I"][-1] - exact).max() for h in (20.0, 10.0, 5.0)]
+    assert (np.abs(np.diff(np.log2(found)) + 7.0) < 0.6).all(), found
 
 
 def test_constraints_hold(fixed_steps):
@@ -114,8 +111,8 @@ def test_constraints_hold(fixed_steps):
 
 
 def test_energy_balance(fixed_steps):
-    """|dE - W + D| falls with the step like the error: below 1e-9 of the kinetic energy at 2.5 s."""
-    for step, bound in ((10.0, 1e-5), (2.5, 1e-9)):
+    """|dE - W + D| falls with the step like the error, thirty-fold at least per halving."""
+    for step, bound in ((20.0, 1e-6), (10.0, 3e-8), (5.0, 1e-9)):
         solution = fixed_steps[step]
         error = np.abs(solution["energy_balance_error"]).max()
         assert error < bound * solution["kinetic_energy"].max()
@@ -145,14 +142,16 @@ def test_saved_instants_force_no_step(interval):
 
 
 def test_output_between_steps_is_as_good_as_the_steps():
-    """Every instant of a coarse run, most within a step, against a fine one: 1e-6 of the tips' range."""
+    """Every instant of a coarse run, most within a step, against a fine one, in parts of the range: what
+    follows from positions to 1e-7, the sum of the reactions, three times the axial force, to 1e-4."""
     instants = SMALL | {"output.interval": 1.0}
     coarse, fine = (
         esail.simulate("baseline", instants | {"integrator.tolerance": t}) for t in (1e-9, 1e-12)
     )
-    for name in ("tip_position_I", "reaction_O", "thrust_O", "coning_angle"):
+    bounds = {"tip_position_I": 1e-7, "thrust_O": 1e-7, "coning_angle": 1e-7, "reaction_O": 1e-4}
+    for name, bound in bounds.items():
         difference = np.abs(coarse[name] - fine[name]).max() / np.ptp(fine[name])
-        assert difference < 1e-5, (name, difference)
+        assert difference < bound, (name, difference)
 
 
 def test_a_longer_run_goes_on_bit_for_bit(tmp_path):

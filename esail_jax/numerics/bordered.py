@@ -157,10 +157,10 @@ def port_loads(
 
 
 def port_displacement(
-    matrix: Bordered, local: Array | None, border: Array | None
+    matrix: Bordered, port: Inexact[Array, "row tether"], local: Array | None, border: Array | None
 ) -> tuple[Array, Array | None]:
     """Port displacement and extra local unknowns, once (local, border) are known."""
-    held = jnp.zeros((matrix.held, matrix.diag.shape[-1]))
+    held = jnp.zeros_like(port[: matrix.held])
     if border is not None:
         points = HELD * matrix.weights.shape[0]
         held = border[:points].reshape(-1, HELD).T @ matrix.weights
@@ -182,7 +182,7 @@ def solve_ports(
         local = matvec(factors.local_inverse, local)
         if border is not None:
             local = local - (factors.local_from_border * border[None, :, None]).sum(1)
-    displacement, extra = port_displacement(matrix, local, border)
+    displacement, extra = port_displacement(matrix, port, local, border)
     return displacement, extra, border
 
 

@@ -163,7 +163,7 @@ def solve(matrix: Bordered, factors: RingFactors, rhs: Vector) -> Vector:
     edges = jnp.concatenate([jnp.broadcast_to(border[:, None], (n, p)), tips])
     local = matvec(factors.local.inverse, local) - matvec(factors.local.from_edges, edges)
     present = local if matrix.free else None, border if n else None
-    displacement, extra = bordered.port_displacement(matrix, *present)
+    displacement, extra = bordered.port_displacement(matrix, port, *present)
     ends = jnp.concatenate([displacement, tips])
     blocks = interior + (factors.interior.response * ends[None, None]).sum(2)
     return Vector(jnp.concatenate([blocks, tips[None]]), extra, present[1])

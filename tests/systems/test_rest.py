@@ -73,16 +73,17 @@ def test_equilibrium_is_a_fixed_point(stepper, case, validate):
 @pytest.mark.slow
 @pytest.mark.parametrize("stepper", STEPPERS)
 def test_first_bending_mode_comes_back(stepper, validate):
-    """A clamped beam let go in its first mode, 1e-3 of its length high: after one period of
-    `modes` it is where it was. Second order: (2 pi / 400)^2, and amplitude squared, 1e-6."""
+    """A clamped beam let go in its first mode, 1e-4 of its length high: after one period of `modes` it is
+    where it was. Second order: (2 pi / 400)^2. The mode is linear, the beam is not: it also rings along
+    itself by the amplitude squared, 1e-4 of it, which a stepper without numerical damping keeps."""
     made = one_tether(elements=6, axial=1e4, bending=1.0, line_density=1.0, clamped=True)
     found = quick_equilibrium(made, straight(made), jnp.zeros(3))
     first = modes(made, found)
     shape = expanded(made, jnp.asarray(first.shape[:, 0].real), derivative=1)
-    q = found.q.axpy(1e-3 / jnp.abs(shape.tether[0]).max(), shape)
+    q = found.q.axpy(1e-4 / jnp.abs(shape.tether[0]).max(), shape)
     period = 1.0 / first.frequency[0]
     _, q, _, _ = march(stepper, made, q, turning(q, np.zeros(3)), period / 400, 400, 0.9)
-    error = np.abs(q.tether[-1, 0] - q.tether[0, 0])[:, -1].max() / 1e-3
+    error = np.abs(q.tether[-1, 0] - q.tether[0, 0])[:, -1].max() / 1e-4
     validate(
         f"RES-mode {stepper}", "clamped beam in its first mode", "period from the modes",
         "return after a period / amplitude", error, (2.0 * np.pi / 400) ** 2,
