@@ -106,6 +106,12 @@ def run_blocks(problem: Problem, carry: Carry, target: Scalar) -> tuple[Carry, R
     return carry._replace(progress=progress), flat
 
 
+def standing(point: Point, like: Record) -> Record:
+    """Records of steps that go nowhere, for a look at a run that could take none."""
+    start = jax.tree.map(lambda x, y: jnp.broadcast_to(x, y.shape), point, like.start)
+    return like._replace(start=start, h=jnp.ones_like(like.h), taken=jnp.ones_like(like.taken))
+
+
 def step_of(records: Record, time: Scalar) -> Int[Array, ""]:
     """Index of the step that an instant lies in."""
     return jnp.argmax(records.taken & (time <= records.end))
@@ -191,8 +197,9 @@ class BlockMarch:
         while self.rows < len(self.times):
             carry, records = compiled.blocks(problem, self.carry, self.times[-1])
             reached = float(carry.progress.now.time)
-            # t = 0 is the start of the first step, if there was one.
-            count = int(np.searchsorted(self.times, reached, side="right")) if reached > 0.0 else 0
+            if not self.rows and not np.asarray(records.taken).any():
+                records = standing(carry.progress.now, records)  # stuck at the start, which is seen still
+            count = int(np.searchsorted(self.times, reached, side="right"))
             times = self.times[self.rows : max(count, self.rows)]
             rows, violation = [], []
             for first in range(0, len(times), ROWS_PER_LOOK):

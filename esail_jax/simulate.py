@@ -20,6 +20,7 @@ from esail_jax.dynamics.rod_chain import RodState
 from esail_jax.entry import entry_data, problem_of, run_entry
 from esail_jax.march import march_of
 from esail_jax.observables import chain, is_chain
+from esail_jax.observables.balance import balance_warning
 from esail_jax.pieces import RESULTS, Checkpoint, SimulationError, join
 from esail_jax.prepare import plan_of, prepare, require_64_bit
 from esail_jax.scenes.build import Numbers, Structure, build, split
@@ -32,9 +33,9 @@ class Solution(eqx.Module):
     """A finished run.
 
     time [s]; `solution["coning_angle"]`: an observable, time first; result: an entry of `RESULTS`;
-    final_state: State, of an explicit method RodState, of collocation Point; stats: steps, times, terms; numerics: per
-    saved interval; checkpoint: where a longer run could go on. `scene` and the last two are None under
-    a trace.
+    final_state: State, of an explicit method RodState, of collocation Point; stats: steps, times, terms,
+    and a message if the run failed or its energy balance is off; numerics: per saved interval;
+    checkpoint: where a longer run could go on. `scene` and the last two are None under a trace.
     """
 
     time: Float[Array, " time"] | Float[np.ndarray, " time"]
@@ -136,17 +137,17 @@ def simulate_concrete(scene: Scene, throw: bool) -> Solution:
         if throw:
             raise
         message, result = str(error), error.result
+    times = save_times(scene.integrator.t_end, scene.output.interval)
+    rows = filled(join([piece.rows for piece in pieces]), len(times))
+    numerics = filled(join([piece.numerics for piece in pieces]), len(times))
     stats = {
         "steps": march.steps,
         "repairs": march.repairs,
         "compile_time": ready - began,
         "wall_time": time.perf_counter() - ready,
         "terms": prepared.problem.terms,
-        "message": message,
+        "message": message or balance_warning(rows),
     }
-    times = save_times(scene.integrator.t_end, scene.output.interval)
-    rows = filled(join([piece.rows for piece in pieces]), len(times))
-    numerics = filled(join([piece.numerics for piece in pieces]), len(times))
     state = final_state(march.carry)
     return Solution(times, rows, result, state, stats, numerics, march.checkpoint, scene)
 

@@ -22,6 +22,7 @@ import numpy as np
 
 from esail_jax.march import numerics_of
 from esail_jax.observables import listed
+from esail_jax.observables.balance import balance_warning
 from esail_jax.pieces import RESULTS, Checkpoint, Piece, join, result_of
 from esail_jax.prepare import Prepared, empty_carry, prepare, require_64_bit
 from esail_jax.scenes.scene import Scene, parse, to_toml
@@ -154,6 +155,8 @@ class RunWriter:
                     data.resize(self._dropped_to, axis=0)
             if self._pending:
                 self._append(file)
+            if status == "complete":
+                message = balance_warning({name: x[()] for name, x in file["observables"].items()})
             save_checkpoint(file, progress.checkpoint)
             if self.prepared.plan is not None:
                 file["state"].attrs["steps_per_entry"] = self.prepared.plan.steps_per_entry
@@ -251,7 +254,7 @@ def save(solution: Solution, path: str | os.PathLike, overwrite: bool = False) -
     writer._pending.append(Piece(solution.rows, solution.time, solution.numerics, reached))
     stats = solution.stats
     times = (stats["compile_time"], stats["wall_time"])
-    status = "failed" if stats["message"] else "complete"
+    status = "complete" if solution.result == RESULTS.successful else "failed"
     writer.write(solution, times, status, stats["message"])
     os.replace(temporary, path)
 
