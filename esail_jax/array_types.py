@@ -21,7 +21,8 @@ PerTether = Float[Array, " tether"]
 PerMember = Float[Array, "*elem tether"]
 """One number per tether, or one per element of each."""
 PerPoint = Float[Array, "*point"]
-VectorPerPoint = Float[Array, "3 *point"]
+VectorPerPoint = Float[Array, "xyz *point"]
+"""Components first: x, y, z; or, for an energy, of two such vectors at once (`energy_momentum.Secant`)."""
 Nodal = Float[Array, "coef 3 node tether"]
 HubPoints = Float[Array, "4 3"]
 

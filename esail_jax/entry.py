@@ -16,7 +16,8 @@ from esail_jax.array_types import Array, Float, Scalar, Vector
 from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.coordinates import Coordinates
 from esail_jax.dynamics.consistent import project
-from esail_jax.dynamics.generalized_alpha import GeneralizedAlpha, State, StepInfo
+from esail_jax.dynamics.energy_momentum import EnergyMomentum
+from esail_jax.dynamics.generalized_alpha import FixedStep, GeneralizedAlpha, State, StepInfo
 from esail_jax.scenes.build import Model, Numbers
 from esail_jax.schedule import Entry
 from esail_jax.system import Power, System
@@ -36,16 +37,22 @@ class Carry(NamedTuple):
 
 
 class Problem(NamedTuple):
-    """A built scene, as the compiled program takes it."""
+    """A built scene, as the compiled program takes it. spectral_radius: None with energy-momentum."""
 
     system: System
-    spectral_radius: Scalar
+    spectral_radius: Scalar | None
     origin: Vector
 
     @property
     def terms(self) -> tuple[str, ...]:
         """Names of everything that was built."""
         return self.system.terms
+
+    def stepper(self, step: Scalar) -> FixedStep:
+        """The scene's method."""
+        if self.spectral_radius is None:
+            return EnergyMomentum(step)
+        return GeneralizedAlpha(step, self.spectral_radius)
 
 
 def starting_carry(q: Coordinates, v: Coordinates, system: System) -> Carry:
@@ -64,7 +71,7 @@ def origin_of(numbers: Numbers) -> Vector:
 
 def problem_of(numbers: Numbers, model: Model) -> tuple[Problem, Carry]:
     """What the compiled programs take, from a built scene."""
-    problem = Problem(model.system, numbers["integrator.spectral_radius"], origin_of(numbers))
+    problem = Problem(model.system, numbers.get("integrator.spectral_radius"), origin_of(numbers))
     return problem, starting_carry(model.q, model.v, model.system)
 
 
@@ -144,7 +151,7 @@ def step_entry(
 ) -> tuple[State, Record, StepInfo]:
     """The steps of an entry, in blocks of `keep`: the state after the last, all of them, and how
     each went."""
-    stepper = GeneralizedAlpha(data.step, problem.spectral_radius)
+    stepper = problem.stepper(data.step)
 
     def block(state, index):
         time = data.start + index * keep * data.step
@@ -172,7 +179,7 @@ def look_at_entry(
     Saved instants `between` steps come from the cubic through positions and velocities, projected
     on the constraints; if there are none, no such code is compiled.
     """
-    system, stepper = problem.system, GeneralizedAlpha(data.step, problem.spectral_radius)
+    system, stepper = problem.system, problem.stepper(data.step)
     start = carry.state
     energy = observables.kinetic_energy(system, start.v) + observables.elastic_energy(system, start.q)
     fresh = (data.kind == 0) & (data.start == 0.0)
@@ -226,12 +233,15 @@ def fresh_state(q, v, vdot, lam, work, power) -> State:
     return State(q, v, vdot, vdot, lam, nothing, nothing, work, power)
 
 
-def with_jerk(stepper: GeneralizedAlpha, state: State, v_next: Coordinates) -> State:
+def with_jerk(stepper: FixedStep, state: State, v_next: Coordinates) -> State:
     """The state with a_0 = vdot_0 + (alpha_m - alpha_f) h jerk, the jerk from a trial step.
 
     vdot at the trial step's end follows from its velocity. Being implicit, the trial step damps
-    what is stiff, where a time derivative of the accelerations would magnify it.
+    what is stiff, where a time derivative of the accelerations would magnify it. Only generalized-alpha
+    has an a_0.
     """
+    if not isinstance(stepper, GeneralizedAlpha):
+        return state
     c, h = stepper.parameters, stepper.step_size
     a_next = jax.tree.map(
         lambda v1, v0, a: ((v1 - v0) / h - (1.0 - c.gamma) * a) / c.gamma, v_next, state.v, state.a

@@ -14,7 +14,7 @@ from esail_jax.programs import programs, shapes_of
 from esail_jax.scenes.build import Model, build, split
 from esail_jax.scenes.integration import with_method
 from esail_jax.scenes.keys import SceneError
-from esail_jax.scenes.scene import Scene
+from esail_jax.scenes.scene import FIXED_STEP, Scene
 from esail_jax.schedule import Plan, plan
 
 UNBALANCED = 1e-6
@@ -44,7 +44,7 @@ class Prepared(NamedTuple):
 def plan_of(resolved: Scene) -> Plan | None:
     """The plan of a scene's run; None if its method makes its own steps."""
     schedule = resolved.integrator
-    if schedule.method != "generalized-alpha":
+    if schedule.method not in FIXED_STEP:
         return None
     if resolved.chain is None:
         tethers = resolved.tethers

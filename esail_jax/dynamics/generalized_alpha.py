@@ -15,7 +15,8 @@ The derivative of a step is that of the equations at their solution (implicit fu
 a fresh tangent, whatever the iterations did; a forward run does not pay for it.
 """
 
-from typing import NamedTuple
+from abc import abstractmethod
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -121,10 +122,48 @@ class StepInfo(NamedTuple):
         return (self.increment <= self.tolerance).all()
 
 
-class GeneralizedAlpha(eqx.Module):
-    """The stepper: numbers are leaves, so that a new step size does not compile again."""
+class Unknowns(NamedTuple):
+    """What a step solves for."""
+
+    vdot: Coordinates
+    lam: Multipliers
+
+
+class FixedStep(eqx.Module):
+    """A method that finds vdot and lam of a step by chord iterations: numbers are leaves, so that a new
+    step size does not compile again. The rest of what `solve_step` asks of one is in its subclasses:
+    `attitude`, `residual`, `correct`, `tangent` and `tolerances`."""
 
     step_size: Scalar
+
+    most_iterations: ClassVar[int] = MAX_ITERATIONS
+
+    @abstractmethod
+    def factor(
+        self, system: System, time: Scalar, q: Coordinates, v: Coordinates, lam: Multipliers
+    ) -> KeptFactors:
+        """Iteration matrix at a state, and its factors."""
+
+    @abstractmethod
+    def step(self, system: System, time: Scalar, state: State, kept: KeptFactors) -> tuple[State, StepInfo]:
+        """From t to t + h, until the last chord increment is within tolerance."""
+
+    def block(
+        self, system: System, time: Scalar, state: State, steps: int
+    ) -> tuple[State, tuple[State, StepInfo]]:
+        """`steps` steps with one factorisation; also every state after a step."""
+        kept = self.factor(system, time, state.q, state.v, state.lam)
+
+        def advance(carry, index):
+            state, info = self.step(system, time + index * self.step_size, carry, kept)
+            return state, (state, info)
+
+        return lax.scan(advance, state, jnp.arange(steps))
+
+
+class GeneralizedAlpha(FixedStep):
+    """The stepper."""
+
     spectral_radius: Scalar
 
     @property
@@ -185,6 +224,46 @@ class GeneralizedAlpha(eqx.Module):
         q, v = q0.axpy(self._q_share, vdot), v0.axpy(v_share, vdot)
         return system.place_roots(end, q), system.place_roots(end, v, derivative=1)
 
+    def attitude(
+        self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, vdot: Coordinates
+    ) -> Rotation:
+        """Where the factors are turned to, near the step's end."""
+        q, _ = self.end_of_step(system, end, q0, v0, vdot)
+        return system.rotation(end, q)
+
+    def residual(
+        self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, unknowns: Unknowns
+    ) -> tuple[Residual, Power]:
+        """Residual of the equations at the end of the step, and the power of its forces."""
+        q, v = self.end_of_step(system, end, q0, v0, unknowns.vdot)
+        return system.residual(end, q, v, unknowns.vdot, unknowns.lam)
+
+    def correct(
+        self, system: System, residual: Residual, kept: KeptFactors, turned: Rotation
+    ) -> tuple[Unknowns, Coordinates]:
+        """Change of the unknowns that a chord step asks for, and the change of q that goes with it."""
+        s = self._q_share
+        forces = jax.tree.map(lambda r: -s * r, residual.forces)
+        constraints = jax.tree.map(jnp.negative, residual.constraints)
+        dq, dlam = kept.solve(system, turned, forces, constraints)
+        return jax.tree.map(lambda x: x / s, Unknowns(dq, dlam)), dq
+
+    def tangent(
+        self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, unknowns: Unknowns
+    ) -> KeptFactors:
+        """Factors of the exact derivative of the residual."""
+        q, v = self.end_of_step(system, end, q0, v0, unknowns.vdot)
+        return self.factor(system, end, q, v, unknowns.lam)
+
+    def tolerances(self, system: System, q: Coordinates) -> Float[jax.Array, "2"]:
+        """Largest last increments [m] of a step that has converged, of tether nodes and of the hub."""
+        position = jnp.asarray(POSITION_TOLERANCE)
+        if system.tethers.kind == "rod":
+            lengths = system.tethers.element_length
+            rods = jnp.maximum(ROD_TOLERANCE * lengths.min(), ROUNDING * lengths.sum())
+            position = jnp.minimum(position, rods)
+        return lax.stop_gradient(jnp.stack([position, jnp.asarray(HUB_TOLERANCE)]))
+
     def step(self, system: System, time: Scalar, state: State, kept: KeptFactors) -> tuple[State, StepInfo]:
         """From t to t + h, until the last chord increment is within tolerance."""
         h = self.step_size
@@ -212,57 +291,10 @@ class GeneralizedAlpha(eqx.Module):
         )
         return state, info
 
-    def block(
-        self, system: System, time: Scalar, state: State, steps: int
-    ) -> tuple[State, tuple[State, StepInfo]]:
-        """`steps` steps with one factorisation; also every state after a step."""
-        kept = self.factor(system, time, state.q, state.v, state.lam)
-
-        def advance(carry, index):
-            state, info = self.step(system, time + index * self.step_size, carry, kept)
-            return state, (state, info)
-
-        return lax.scan(advance, state, jnp.arange(steps))
-
-
-class Unknowns(NamedTuple):
-    """What a step solves for."""
-
-    vdot: Coordinates
-    lam: Multipliers
-
-
-def step_residual(
-    stepper: GeneralizedAlpha,
-    system: System,
-    end: Scalar,
-    q0: Coordinates,
-    v0: Coordinates,
-    unknowns: Unknowns,
-) -> tuple[Residual, Power]:
-    """Residual of the equations at the end of the step, and the power of its forces."""
-    q, v = stepper.end_of_step(system, end, q0, v0, unknowns.vdot)
-    return system.residual(end, q, v, unknowns.vdot, unknowns.lam)
-
-
-def correct(
-    stepper: GeneralizedAlpha,
-    system: System,
-    residual: Residual,
-    kept: KeptFactors,
-    turned: Rotation,
-) -> tuple[Unknowns, Coordinates]:
-    """Change of the unknowns that a chord step asks for, and the change of q that goes with it."""
-    s = stepper._q_share
-    forces = jax.tree.map(lambda r: -s * r, residual.forces)
-    constraints = jax.tree.map(jnp.negative, residual.constraints)
-    dq, dlam = kept.solve(system, turned, forces, constraints)
-    return jax.tree.map(lambda x: x / s, Unknowns(dq, dlam)), dq
-
 
 @jax.custom_jvp
 def solve_step(
-    stepper: GeneralizedAlpha,
+    stepper: FixedStep,
     system: System,
     end: Scalar,
     q0: Coordinates,
@@ -272,13 +304,12 @@ def solve_step(
 ) -> tuple[Unknowns, Power, StepInfo]:
     """Chord iterations. Guess and factors decide how fast they converge, not where to: they carry
     no derivative."""
-    q_guess, _ = stepper.end_of_step(system, end, q0, v0, guess.vdot)
-    turned = system.rotation(end, q_guess) @ kept.rotation.T
+    turned = stepper.attitude(system, end, q0, v0, guess.vdot) @ kept.rotation.T
 
     def iterate(carry):
         unknowns, _, info = carry
-        residual, power = step_residual(stepper, system, end, q0, v0, unknowns)
-        change, dq = correct(stepper, system, residual, kept, turned)
+        residual, power = stepper.residual(system, end, q0, v0, unknowns)
+        change, dq = stepper.correct(system, residual, kept, turned)
         unknowns = jax.tree.map(jnp.add, unknowns, change)
         norms, worst = increment_norms(system, dq)
         info = StepInfo(
@@ -293,10 +324,10 @@ def solve_step(
 
     def unfinished(carry):
         info = carry[-1]
-        return ~info.converged() & (info.iterations < MAX_ITERATIONS)
+        return ~info.converged() & (info.iterations < stepper.most_iterations)
 
     zero, none = jnp.zeros(()), jnp.zeros((), int)
-    start = StepInfo(none, jnp.full(2, jnp.inf), tolerances(system), zero, zero, none)
+    start = StepInfo(none, jnp.full(2, jnp.inf), stepper.tolerances(system, q0), zero, zero, none)
     return lax.while_loop(unfinished, iterate, (guess, Power(zero, zero), start))
 
 
@@ -306,24 +337,14 @@ def _solve_step_jvp(primals, tangents):
     stepper, system, end, q0, v0, *_ = primals
     given, given_dot = primals[:5], tangents[:5]
     unknowns, power, info = solve_step(*primals)
-    _, (residual_dot, _) = jax.jvp(lambda *x: step_residual(*x, unknowns), given, given_dot)
-    q, v = stepper.end_of_step(system, end, q0, v0, unknowns.vdot)
-    fresh = lax.stop_gradient(stepper.factor(system, end, q, v, unknowns.lam))
-    unknowns_dot, _ = correct(stepper, system, residual_dot, fresh, jnp.eye(3))
-    _, (_, power_dot) = jax.jvp(step_residual, (*given, unknowns), (*given_dot, unknowns_dot))
+    equations = type(stepper).residual
+    _, (residual_dot, _) = jax.jvp(lambda *x: equations(*x, unknowns), given, given_dot)
+    fresh = lax.stop_gradient(stepper.tangent(system, end, q0, v0, unknowns))
+    unknowns_dot, _ = stepper.correct(system, residual_dot, fresh, jnp.eye(3))
+    _, (_, power_dot) = jax.jvp(equations, (*given, unknowns), (*given_dot, unknowns_dot))
     none = np.zeros((), jax.dtypes.float0)
     info_dot = StepInfo(none, jnp.zeros(2), jnp.zeros(2), jnp.zeros(()), jnp.zeros(()), none)
     return (unknowns, power, info), (unknowns_dot, power_dot, info_dot)
-
-
-def tolerances(system: System) -> Float[jax.Array, "2"]:
-    """Largest last increments [m] of a step that has converged, of tether nodes and of the hub."""
-    position = jnp.asarray(POSITION_TOLERANCE)
-    if system.tethers.kind == "rod":
-        lengths = system.tethers.element_length
-        rods = jnp.maximum(ROD_TOLERANCE * lengths.min(), ROUNDING * lengths.sum())
-        position = jnp.minimum(position, rods)
-    return lax.stop_gradient(jnp.stack([position, jnp.asarray(HUB_TOLERANCE)]))
 
 
 def increment_norms(system: System, dq: Coordinates) -> tuple[Float[jax.Array, "2"], Int[jax.Array, ""]]:

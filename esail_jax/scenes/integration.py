@@ -15,7 +15,7 @@ from esail_jax.array_types import Array
 from esail_jax.dynamics.rod_chain import fastest_rate, turning_rate
 from esail_jax.dynamics.runge_kutta import REACH
 from esail_jax.scenes.build import Numbers, Structure, build_chain, split
-from esail_jax.scenes.scene import Scene, method_of
+from esail_jax.scenes.scene import FIXED_STEP, Scene, method_of
 
 PAPER = {"step": 0.1, "spectral_radius": 0.25}
 """Generalized-alpha in [PGV] Sec. 4."""
@@ -53,7 +53,10 @@ def with_method(scene: Scene) -> Scene:
     if table.method == "generalized-alpha":
         given = {name: x for name, x in vars(table).items() if x is not None}
         table = dataclasses.replace(table, **(PAPER | given))
-    elif table.method != "generalized-alpha" and table.step is None and table.tolerance is None:
+    elif table.method in FIXED_STEP:
+        step = PAPER["step"] if table.step is None else table.step
+        table = dataclasses.replace(table, step=step)
+    elif table.step is None and table.tolerance is None:
         tolerance = TOLERANCE if table.method in REACH else COLLOCATION_TOLERANCE
         table = dataclasses.replace(table, tolerance=tolerance)
     return dataclasses.replace(scene, integrator=table)

@@ -37,6 +37,11 @@ from esail_jax.scenes.tables import (
 SAIL_METHOD = "generalized-alpha"
 """The method of a sail that does not name one."""
 
+FIXED_STEP = ("generalized-alpha", "energy-momentum")
+"""Methods with one step size and no error control."""
+
+SAIL_METHODS = (*FIXED_STEP, "collocation")
+
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Scene:
@@ -134,12 +139,11 @@ def check_together(scene: Scene) -> None:
         have, lack = ("solar_wind", "voltage") if scene.voltage is None else ("voltage", "solar_wind")
         first = names_of(tables_of([scene.main])[lack])[0]
         raise SceneError(f"{lack}.{first}", f"be given with [{have}]", "is missing")
-    if method == "generalized-alpha":
-        if scene.integrator.tolerance is not None:
-            raise SceneError("integrator.tolerance", "be left out with generalized-alpha", "is given")
-    elif scene.integrator.spectral_radius is not None:
+    if method in FIXED_STEP and scene.integrator.tolerance is not None:
+        raise SceneError("integrator.tolerance", f"be left out with {method}", "is given")
+    if method != "generalized-alpha" and scene.integrator.spectral_radius is not None:
         raise SceneError("integrator.spectral_radius", "be left out without generalized-alpha", "is given")
-    elif scene.integrator.tolerance is not None and scene.integrator.step is not None:
+    if scene.integrator.tolerance is not None and scene.integrator.step is not None:
         raise SceneError("integrator.tolerance", "be left out with a fixed `integrator.step`", "is given")
     position = scene.initial.heliocentric_position_au
     position = None if position is None else keys.known(position)
@@ -160,9 +164,9 @@ def check_sail(scene: Scene) -> None:
         raise SceneError("tethers.root", 'be "pinned" for truss elements', 'is "clamped"')
     if tethers.bending and tethers.second_moment is None:
         raise SceneError("tethers.second_moment", "be given with `tethers.bending`", "is missing")
-    if method_of(scene) not in ("generalized-alpha", "collocation"):
-        method = keys.describe(method_of(scene))
-        raise SceneError("integrator.method", 'be "generalized-alpha" or "collocation" for a sail', method)
+    if method_of(scene) not in SAIL_METHODS:
+        known = "be " + " or ".join(f'"{name}"' for name in SAIL_METHODS) + " for a sail"
+        raise SceneError("integrator.method", known, keys.describe(method_of(scene)))
     radius = scene.integrator.spectral_radius
     limited = radius is not None and (scene.hub is not None or clamped)
     if limited and keys.known(radius) is not None and keys.known(radius) >= 1.0:
@@ -177,9 +181,11 @@ def check_chain(scene: Scene) -> None:
     if chain.root == "clamped" and (free or not chain.bending):
         why = "at a free end" if free else "without `chain.bending`"
         raise SceneError("chain.root", f'be "pinned" {why}', 'is "clamped"')
-    if scene.integrator.method == "collocation":
+    if scene.integrator.method in ("energy-momentum", "collocation"):
         raise SceneError(
-            "integrator.method", 'be "generalized-alpha" or an explicit one for a chain', 'is "collocation"'
+            "integrator.method",
+            'be "generalized-alpha" or an explicit one for a chain',
+            f'is "{scene.integrator.method}"',
         )
     if chain.bending and scene.integrator.method == "generalized-alpha":
         raise SceneError(

@@ -137,7 +137,8 @@ class Integrator:
 
     t_end: Any = declare(keys.positive(structure=True))  # s
     method: Any = declare(
-        keys.choice("generalized-alpha", "collocation", "tsit5", "dopri5", "dopri8"), None
+        keys.choice("generalized-alpha", "energy-momentum", "collocation", "tsit5", "dopri5", "dopri8"),
+        None,
     )
     step: Any = declare(keys.positive(structure=True), None)  # s
     spectral_radius: Any = declare(

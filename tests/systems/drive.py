@@ -15,6 +15,7 @@ from esail_jax.coordinates import Coordinates
 from esail_jax.dynamics.collocation import KEEP as BLOCK
 from esail_jax.dynamics.collocation import Collocation
 from esail_jax.dynamics.consistent import consistent_acceleration
+from esail_jax.dynamics.energy_momentum import EnergyMomentum
 from esail_jax.dynamics.generalized_alpha import KEEP, GeneralizedAlpha, StepInfo
 from esail_jax.dynamics.steady_stretch import along, unstretched_line
 from esail_jax.elements.axial import AxialDissipation, AxialEnergy
@@ -86,7 +87,16 @@ def turning(q, omega):
 
 def generalized_alpha(system, q, v, step, steps, spectral_radius):
     """All (q, v, lam) from the start on; steps must be a multiple of the block length."""
-    stepper = GeneralizedAlpha(step, spectral_radius)
+    return fixed_step(GeneralizedAlpha(step, spectral_radius), system, q, v, steps)
+
+
+def energy_momentum(system, q, v, step, steps, _):
+    """The same."""
+    return fixed_step(EnergyMomentum(step), system, q, v, steps)
+
+
+def fixed_step(stepper, system, q, v, steps):
+    """March of a stepper with kept factors."""
     zero = jnp.zeros(())
     nothing = Power(zero, zero)
     vdot, lam = consistent_acceleration(system, zero, q, v)
@@ -96,7 +106,7 @@ def generalized_alpha(system, q, v, step, steps, spectral_radius):
     state = with_jerk(stepper, begin, trial.v)
 
     def block(state, index):
-        state, (states, info) = stepper.block(system, index * KEEP * step, state, KEEP)
+        state, (states, info) = stepper.block(system, index * KEEP * stepper.step_size, state, KEEP)
         return state, ((states.q, states.v, states.lam), jax.vmap(StepInfo.converged)(info).all())
 
     _, (trajectory, good) = lax.scan(block, state, jnp.arange(steps // KEEP))
@@ -117,7 +127,11 @@ def collocation(system, q, v, step, steps, _):
     return (q, v, lam), end.rejected == 0.0
 
 
-STEPPERS = {"generalized-alpha": generalized_alpha, "collocation": collocation}
+STEPPERS = {
+    "generalized-alpha": generalized_alpha,
+    "collocation": collocation,
+    "energy-momentum": energy_momentum,
+}
 """By name: (system, q, v, step, steps, spectral_radius) -> ((q, v, lam) at all steps, converged)."""
 
 
