@@ -1,4 +1,4 @@
-"""The command `esail`: run, scenes, info, plot.
+"""The command `esail`: run, scenes, info, plot, bench.
 
 Exit status: 0 done; 2 bad input, one line on stderr, nothing written; 3 the solver gave up, the file
 holds everything before; 130 interrupted, resumable.
@@ -44,6 +44,11 @@ def parser() -> Parser:
     plot = commands.add_parser("plot", help="draw figures of a run", allow_abbrev=False)
     plot.add_argument("run", type=Path, metavar="RUN.h5")
     plot.add_argument("-o", "--output", required=True, type=Path, metavar="DIR")
+    bench = commands.add_parser("bench", help="error against run time on this machine", allow_abbrev=False)
+    bench.add_argument("--scene", default="baseline", help="a built-in scene or a TOML file")
+    bench.add_argument("--t-end", metavar="SECONDS", help="end time in place of the scene's")
+    bench.add_argument("--json", type=Path, metavar="FILE", help="write JSON lines")
+    bench.set_defaults(settings=[])
     return top
 
 
@@ -118,7 +123,21 @@ def plot(options: argparse.Namespace) -> int:
     return DONE
 
 
-COMMANDS = {"run": run, "scenes": scenes, "info": info, "plot": plot}
+def bench(options: argparse.Namespace) -> int:
+    """`esail bench`: without the cache, so that compiling is timed."""
+    from esail_jax.bench import NoReference, run_bench
+    from esail_jax.scenes.scene import load_scene
+
+    scene = load_scene(options.scene, settings(options))
+    try:
+        run_bench(scene, options.json)
+    except NoReference as error:
+        complain(error)
+        return GAVE_UP
+    return DONE
+
+
+COMMANDS = {"run": run, "scenes": scenes, "info": info, "plot": plot, "bench": bench}
 
 
 def complain(error: Exception) -> None:

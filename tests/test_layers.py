@@ -27,7 +27,7 @@ LAYERS = (
     ("march",),
     ("simulate",),
     ("storage", "plotting", "progress"),
-    ("runner",),
+    ("runner", "bench"),
     ("__init__",),
     ("cli",),
     ("__main__",),
