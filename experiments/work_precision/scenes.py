@@ -1,0 +1,58 @@
+"""The sails of the study and what runs on each."""
+
+import dataclasses
+
+import esail_jax as esail
+from esail_jax.bench import Curve
+
+STEPS = (0.8, 0.4, 0.2, 0.1, 0.05, 0.025)
+TOLERANCES = tuple(10.0**-k for k in range(6, 13))
+
+UNEQUAL = {
+    "tethers.count": 7,
+    "tethers.length": [8e3, 9e3, 10e3, 8.5e3, 9.5e3, 10e3, 9e3],
+    "remote_units.mass": [1.5, 1.2, 1.0, 1.4, 1.1, 1.3, 1.6],
+    "voltage.value": [20e3, 18e3, 22e3, 15e3, 25e3, 19e3, 21e3],
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """A sail. curves: methods of the package; rk4: step [s] and span [s] of the explicit method; exudyn:
+    steps [s]."""
+
+    overrides: dict
+    curves: tuple[Curve, ...]
+    rk4: tuple[float, float]
+    exudyn: tuple[float, ...] = ()
+
+    @property
+    def scene(self) -> esail.Scene:
+        return esail.load_scene("baseline", self.overrides)
+
+
+def curves(steps: tuple[float, ...], tolerances: tuple[float, ...] = TOLERANCES) -> tuple[Curve, ...]:
+    """Methods of the package; another one is another line."""
+    return (
+        ("generalized-alpha", "step", steps),
+        ("collocation", "tolerance", tolerances),
+    )
+
+
+CASES = {
+    # Exudyn's cable has the engineering strain; 4710 s are a whole number of all steps.
+    "peer": Case(
+        {"tethers.strain": "engineering", "integrator.t_end": 4710.0},
+        curves(STEPS[1:5], TOLERANCES[:4]),
+        rk4=(0.025, 100.0),
+        exudyn=(0.2, 0.1, 0.05),
+    ),
+    "baseline": Case({}, curves(STEPS), rk4=(0.025, 1570.0)),
+    "unequal": Case(UNEQUAL, curves(STEPS[1:5]), rk4=(0.0125, 50.0)),
+    "fine": Case(
+        {"tethers.elements": 20, "integrator.t_end": 785.0},
+        curves(STEPS[1:4], TOLERANCES[:5]),
+        rk4=(0.00125, 5.0),
+    ),
+}
+"""Explicit steps are half to all of the longest stable one."""
