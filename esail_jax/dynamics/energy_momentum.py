@@ -38,8 +38,8 @@ from esail_jax.system import Power, Residual, System
 from esail_jax.terms import Energy, PointFields
 
 ROUNDING = 1e-13
-"""Largest last increment of a step that has converged, in the size of the coordinates. A chord step takes an
-error down ten-fold or more, so that what is left is rounding."""
+"""Largest last increment of a step that has converged, in the size of the coordinates. A chord step takes
+an error down ten-fold or more, so that what is left is rounding."""
 
 PATH_POINTS = 4
 """Gauss points between two states: exact for Green-Lagrange strain, and to rounding for any smooth energy

@@ -1,0 +1,272 @@
+"""Energy-momentum: what it conserves, that its balance closes, order, derivatives, failure."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from systems.drive import march
+from test_convergence import SOFT, STEPS, orders
+
+import esail_jax as esail
+from esail_jax.cli import main
+from esail_jax.dynamics.energy_momentum import Secant
+from esail_jax.elements.axial import AxialEnergy
+from esail_jax.elements.bending import BendingEnergy
+from esail_jax.scenes.build import build, split
+from esail_jax.terms import PointFields
+
+METHOD = {"integrator.method": "energy-momentum"}
+ZERO = jnp.zeros(())
+PERIOD = 2.0 * np.pi / 4e-3
+SMALL = METHOD | {"tethers.count": 3, "tethers.elements": 2, "integrator.step": PERIOD / 300}
+FREE = {"tethers.axial_damping_time": None, "tethers.bending_damping_time": None}
+"""Nothing damps; the built-in scene `voltage-off` has no load either."""
+
+CONED = SMALL | FREE | {"initial.coning_angle_deg": 5.0}
+"""Tethers let go from a cone flap through the spin plane, three tenths of a radian in all."""
+
+
+# ---- discrete gradient --------------------------------------------------------------------------
+
+
+def random_fields(straight):
+    """Start and end of a step with a large turn, a stretch of some percent, and any curvature: start
+    without curvature on request."""
+    random = np.random.default_rng(1)
+    turn = np.linalg.qr(random.normal(size=(3, 3)))[0]
+    r_x = np.array([1.02, 0.0, 0.0])[:, None] + 0.02 * random.normal(size=(3, 7))
+    r_xx = random.normal(size=(3, 7))
+    end = PointFields(None, jnp.asarray(turn @ (1.01 * r_x)), jnp.asarray(random.normal(size=(3, 7))))
+    return PointFields(None, jnp.asarray(r_x), jnp.asarray(0.0 * r_xx if straight else r_xx)), end
+
+
+def middle_of(start, end):
+    return jax.tree.map(lambda a, b: 0.5 * (a + b), start, end)
+
+
+ENERGIES = {
+    "axial": AxialEnergy(jnp.full(1, 3.0), "green-lagrange"),
+    "engineering": AxialEnergy(jnp.full(1, 3.0), "engineering"),
+    "bending": BendingEnergy(jnp.full(1, 2.0)),
+}
+
+
+@pytest.mark.parametrize("straight", [False, True])
+@pytest.mark.parametrize("name", ENERGIES)
+def test_discrete_gradient(name, straight):
+    """Its work between two states is the change of energy and it has no moment on the mean fields, to
+    rounding; between equal states it is the gradient; its own derivative is finite."""
+    term, (start, end) = ENERGIES[name], random_fields(straight)
+    mean = middle_of(start, end)
+    force = Secant(term, start).point_forces(ZERO, mean, mean)
+    pairs = [(f, *x) for f, *x in zip(force, start, end, mean, strict=True) if f is not None]
+    work = sum((f * (b - a)).sum(0) for f, a, b, _ in pairs)
+    assert np.allclose(work, term.density(end) - term.density(start), rtol=0, atol=1e-13)
+    assert np.abs(sum(np.cross(x, f, axis=0) for f, _, _, x in pairs)).max() < 1e-13
+    still = Secant(term, start).point_forces(ZERO, start, start)
+    for a, b in zip(still, term.point_forces(ZERO, start, start), strict=True):
+        assert (a is None and b is None) or np.allclose(a, b, rtol=0, atol=1e-14)
+    slope = jax.jacfwd(lambda x: Secant(term, start).point_forces(ZERO, x, x))(start)
+    assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(slope))
+
+
+# ---- conservation -------------------------------------------------------------------------------
+
+
+def kicked(overrides):
+    """System, q and v of a free sail whose nodes beyond the roots got velocities of their own [0.5 m/s]."""
+    model = build(*split(esail.load_scene("voltage-off", SMALL | FREE | overrides)))
+    kick = 0.5 * np.random.default_rng(0).normal(size=model.v.tether[0, :, 1:].shape)
+    tether = model.v.tether.at[0, :, 1:].add(kick)
+    return model.system, model.q, model.v._replace(tether=tether)
+
+
+def kept(system, q, v):
+    """Energy [J], momentum [kg m/s] and angular momentum about the origin [kg m^2/s]."""
+    momenta = system.momenta(v)
+    kinetic = 0.5 * sum(jnp.vdot(x, p) for x, p in zip(v, momenta, strict=True))
+    fields = system.tethers.interpolate(q.tether)
+    energy = kinetic + system.integrate(sum(term.density(fields) for term in system.energies))
+    moment = jnp.cross(q.tether, momenta.tether, axis=1).sum((0, 2, 3))
+    return energy, system.momentum(v), moment + jnp.cross(q.hub, momenta.hub).sum(0)
+
+
+KINDS = {
+    "pinned": {},
+    "engineering": {"tethers.strain": "engineering"},
+    "clamped": {"tethers.root": "clamped", "tethers.second_moment": 1e-8},
+    "truss": {"tethers.element": "truss", "tethers.bending": False},
+}
+
+
+def first_quickly(cases):
+    """All but the first of some cases are slow."""
+    return [pytest.param(name, marks=[pytest.mark.slow] * (i > 0)) for i, name in enumerate(cases)]
+
+
+@pytest.mark.parametrize("kind", first_quickly(KINDS))
+def test_free_sail_keeps_energy_and_momenta(kind, validate):
+    """Half a turn of a sail that flaps, 160 steps: energy and both momenta to 1e-12, constraints to
+    1e-10 m."""
+    system, q, v = kicked(KINDS[kind])
+    _, q, v, _ = march("energy-momentum", system, q, v, PERIOD / 300, 160)
+    found = jax.jit(jax.vmap(lambda q, v: kept(system, q, v)))(q, v)
+    case, reference = f"free sail that flaps, {kind}, energy-momentum", "conservation"
+    for number, (name, x) in enumerate(zip(("energy", "momentum", "moment"), found, strict=True)):
+        error = np.abs(x - x[0]).max() / np.linalg.norm(x[0])
+        validate(f"EMM-{kind}-{number + 1}", case, reference, name, error, 1e-12)
+    time = PERIOD / 300 * jnp.arange(161)
+    constraints = jax.jit(jax.vmap(system.constraints))(time, q)
+    violation = max(float(jnp.abs(x).max()) for x in jax.tree.leaves(constraints))
+    validate(f"EMM-{kind}-4", case, "constraint equations", "largest violation", violation, 1e-10, "m")
+    assert np.ptp(system.tethers.element_length * q.tether[:, 0, 0, -1]) > 1.0  # it moved
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("periods", "bound"), [(30, 1e-11), (300, 1e-10)])
+def test_energy_over_many_turns(periods, bound, validate):
+    """300 steps a turn. The mean over the last third is that over the first: no drift."""
+    times = {"integrator.t_end": periods * PERIOD, "output.interval": PERIOD / 3}
+    run = esail.simulate("voltage-off", CONED | times)
+    energy = run["kinetic_energy"] + run["elastic_energy"]
+    change = np.abs(energy / energy[0] - 1.0)
+    case = f"free sail that flaps, {periods} turns, energy-momentum"
+    validate(f"EMM-{periods}", case, "conservation", "energy", change.max(), bound)
+    third = len(energy) // 3
+    drift = abs(np.mean(energy[-third:]) - np.mean(energy[:third])) / energy[0]
+    validate(f"EMM-{periods}-drift", case, "conservation", "drift between thirds", drift, bound / 10)
+    assert run.numerics["constraint_violation"].max() < 1e-10
+    assert np.ptp(run["coning_angle"]) > 0.1
+
+
+# ---- balance, order -----------------------------------------------------------------------------
+
+
+def driven(hub, settings):
+    """A run of 80 s with wind and damping, with a hub or on a turning frame."""
+    times = {"integrator.t_end": 80.0, "integrator.step": 2.0, "output.interval": 10.0}
+    scene = esail.load_scene("baseline", SMALL | {"tethers.axial_damping_time": 50.0} | times | settings)
+    return esail.simulate(scene if hub else dataclasses.replace(scene, hub=None))
+
+
+WEIGHT = {"gravity.acceleration": [1e-3, -2e-3, 5e-4]}
+CLAMPED = {"tethers.root": "clamped", "tethers.second_moment": 1e-8}
+CASES = {
+    "hub": (True, {}),
+    "clamped to a hub, gravity": (True, CLAMPED | WEIGHT),
+    "turning frame, gravity": (False, WEIGHT),
+    "clamped to a turning frame": (False, CLAMPED),
+}
+
+
+@pytest.mark.parametrize("case", first_quickly(CASES))
+def test_energy_balance_closes(case, validate):
+    """dE = W - D at every step's end to rounding: 1e-12 of the kinetic energy, which is 1e-7 of
+    what is dissipated at most."""
+    run = driven(*CASES[case])
+    error = np.abs(run["energy_balance_error"]).max() / run["kinetic_energy"].max()
+    validate(f"EMM-{case}", f"driven, damped: {case}, energy-momentum", "dE = W - D",
+             "balance / kinetic energy", error, 1e-12)  # fmt: skip
+    assert run["dissipated_energy"][-1] > 1e6 * np.abs(run["energy_balance_error"]).max()
+    assert run.numerics["constraint_violation"].max() < 1e-10
+
+
+def test_second_order(validate):
+    """As `test_convergence.py`: errors fall by 2^(2.0 +- 0.1) at every halving. The stepper's own
+    multipliers alternate and are left out; reactions are those of the saved states."""
+    settings = SOFT | METHOD
+    runs = {h: esail.simulate("baseline", settings | {"integrator.step": h}) for h in (*STEPS, 0.2 / 64)}
+    exact = runs.pop(0.2 / 64)
+    for name in ("tip_position_I", "coning_angle", "angular_velocity_B", "reaction_B"):
+        found = orders([np.abs(runs[h][name][-1] - exact[name][-1]).max() for h in STEPS])
+        distance = np.abs(found - 2.0).max()
+        case = "order of energy-momentum, soft sail"
+        validate(f"EMM-order-{name}", case, "its own at h/64", f"{name}, distance from 2", distance, 0.1)
+
+
+# ---- derivatives, batches, resuming -------------------------------------------------------------
+
+
+SHORT = SMALL | {"integrator.step": 2.0, "integrator.t_end": 80.0, "output.interval": 40.0}
+
+
+def outcome(x):
+    """Numbers of different kinds that a run ends with."""
+    overrides = {
+        "voltage.value": 20e3 * x[0],
+        "initial.spin_rate": 4e-3 * x[1],
+        "remote_units.mass": 1.5 * x[2],
+        "tethers.youngs_modulus": 70e9 * x[3],
+    }
+    end = esail.simulate("baseline", SHORT | overrides)
+    picked = (
+        end["tip_position_I"][-1, 0, 0],
+        1e4 * end["root_coning_angle"][-1, 1],
+        1e5 * end["external_work"][-1],
+        1e3 * end["reaction_O"][-1, 2],
+    )
+    return jnp.stack(picked)
+
+
+@pytest.mark.slow
+def test_derivative_of_a_run():
+    """Forward mode is the difference quotient (fourth order: 1e-6), reverse mode is forward mode (1e-10),
+    and the traced run the concrete one (1e-11)."""
+    one, along = jnp.ones(4), jnp.array([1.0, 0.3, -0.2, 0.5])
+    weights = jnp.array([1.0, 0.5, 0.2, 0.1])
+    run = jax.jit(outcome)
+    value, forward = jax.jit(lambda x: jax.jvp(outcome, (x,), (along,)))(one)
+    assert np.allclose(value, outcome(np.ones(4)), rtol=1e-11, atol=0)
+    e = 1e-3
+    quotient = 8.0 * (run(one + e * along) - run(one - e * along))
+    quotient = (quotient - (run(one + 2 * e * along) - run(one - 2 * e * along))) / (12.0 * e)
+    assert np.allclose(forward, quotient, rtol=1e-6, atol=0)
+    reverse = jax.jit(jax.grad(lambda x: weights @ outcome(x)))(one)
+    assert abs(reverse @ along / (weights @ forward) - 1.0) < 1e-10
+
+
+@pytest.mark.slow
+def test_vmap_is_a_loop():
+    """To the tolerance of the iterations, 1e-13 of the coordinates, over 40 steps."""
+
+    def tips(voltage):
+        return esail.simulate("baseline", SHORT | {"voltage.value": voltage})["tip_position_I"]
+
+    together = jax.jit(jax.vmap(tips))(jnp.array([5e3, 4e4]))
+    alone = np.stack([tips(v) for v in (5e3, 4e4)])
+    assert np.abs(together - alone).max() < 1e-11 * np.abs(alone).max()
+
+
+def test_a_longer_run_goes_on_bit_for_bit(tmp_path):
+    """A run file carried on to a later end holds what one run to that end holds."""
+    once, twice = tmp_path / "once.h5", tmp_path / "twice.h5"
+    chosen = SHORT | {"output.interval": 4.0}
+    settings = [x for k, v in chosen.items() if k != "integrator.t_end" for x in ("--set", f"{k}={v}")]
+    run = ["run", "baseline", *settings, "--quiet", "-o"]
+    assert main([*run, str(once), "--t-end", "2600"]) == 0
+    assert main([*run, str(twice), "--t-end", "1700"]) == 0
+    assert main([*run, str(twice), "--t-end", "2600", "--resume"]) == 0
+    first, second = esail.load(once), esail.load(twice)
+    assert np.array_equal(first.time, second.time)
+    for name in first.observables:
+        assert np.array_equal(first[name], second[name], equal_nan=True), name
+
+
+# ---- input --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("scene", "key", "value", "message"),
+    [
+        ("baseline", "integrator.spectral_radius", 0.5, "be left out without generalized-alpha"),
+        ("baseline", "integrator.tolerance", 1e-9, "be left out with energy-momentum"),
+        ("baseline", "integrator.step", -0.1, "be positive"),
+        ("hanging-chain", "integrator.step", 0.1, "for a chain"),
+    ],
+)
+def test_bad_input(scene, key, value, message):
+    """What belongs to another method is refused, and so are chains."""
+    with pytest.raises(esail.SceneError, match=message):
+        esail.load_scene(scene, METHOD | {key: value})
