@@ -116,7 +116,7 @@ def machine() -> dict[str, Any]:
 
 class Run(NamedTuple):
     """A method at one setting. seconds: of every repetition, compiling apart; processor: of this process
-    in those after the first, which on a shared core say more; message: of a run that failed."""
+    in those after the first, which on a shared core say more; message: what `Solution.stats` says."""
 
     method: str
     key: str
@@ -173,8 +173,10 @@ def reference_of(best: Run, second: Run) -> Reference:
 
 
 def line(run: Run, found: Mapping[str, float], **more: Any) -> dict[str, Any]:
-    """A run as it is written down, with the speed of the machine just after it."""
+    """A run as it is written down, with the speed of the machine just after it. Errors of what failed are
+    None."""
     name = worst(found)
+    known = {signal: error if np.isfinite(error) else None for signal, error in found.items()}
     typical = statistics.median(run.seconds)
     return more | {
         "method": run.method,
@@ -185,9 +187,9 @@ def line(run: Run, found: Mapping[str, float], **more: Any) -> dict[str, Any]:
         "runs_s": run.seconds,
         "processor_s": statistics.median(run.processor) if run.processor else None,
         "us_per_step": 1e6 * typical / max(run.steps, 1),
-        "worst_error": found[name],
+        "worst_error": known[name],
         "worst_observable": name,
-        "errors": dict(found),
+        "errors": known,
         "message": run.message,
         "yardstick_gflops": yardstick(),
     }
@@ -199,9 +201,10 @@ def reference_line(scene: Scene) -> tuple[Reference, dict[str, Any]]:
     Raises NoReference if it failed."""
     method, tolerance = REFERENCE[scene.main]
     best, second = (measure(scene, method, "tolerance", t, 1) for t in (tolerance, 10.0 * tolerance))
-    if best.message or second.message:
-        raise NoReference(f"no reference: {best.message or second.message}")
     reference = reference_of(best, second)
+    if not reference.names:
+        reason = best.message or second.message or "two runs agree on nothing"
+        raise NoReference(f"no reference by {method} at {tolerance:g}: {reason}")
     kept = {name: reference.doubt[name] for name in reference.names}
     left_out = [name for name in reference.doubt if name not in kept]
     return reference, line(best, kept, role="reference", left_out=left_out)
@@ -226,10 +229,13 @@ def table_row(entry: Mapping[str, Any]) -> tuple[str, ...]:
     """A line in the table's columns."""
     key = "step" if "step" in entry else "tolerance"
     times = f"{entry['compile_s']:.2f}", f"{entry['run_s']:.3f}", f"{entry['us_per_step']:.1f}"
-    worst = entry["message"] or f"{entry['worst_error']:.1e} {entry['worst_observable']}"
-    median = f"{statistics.median(entry['errors'].values()):.1e}"
+    if entry["worst_error"] is None:
+        median, worst = "-", entry["message"]
+    else:
+        median = f"{statistics.median(entry['errors'].values()):.1e}"
+        worst = f"{entry['worst_error']:.1e} {entry['worst_observable']}"
     if entry["role"] == "reference":
-        worst = f"{worst} (reference, in itself)"
+        worst += " (reference, in itself)"
     return entry["method"], f"{key} {entry[key]:g}", str(entry["steps"]), *times, median, worst
 
 

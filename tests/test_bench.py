@@ -54,6 +54,25 @@ def test_reference_vouches_only_for_what_two_runs_agree_on():
     assert bench.reference_of(best, second).names == ("x",)
 
 
+def test_failed_run_is_a_row_with_its_message():
+    """Its JSON line has null for what is not a number."""
+    run = bench.Run("m", "step", 0.1, {}, 7, 0.0, (1.0,), message="It broke.")
+    entry = bench.line(run, {"a": 1.0, "b": np.nan}, role="run")
+    assert json.loads(json.dumps(entry, allow_nan=False))["errors"] == {"a": 1.0, "b": None}
+    assert bench.table_row(entry)[-1] == "It broke."
+
+
+def test_runs_that_agree_on_nothing_are_no_reference(monkeypatch):
+    """And the command gives up with one line."""
+    run = bench.Run(
+        "m", "tolerance", 1e-13, {"x": np.array([0.0, np.nan])}, 7, 0.0, (1.0,), message="It broke."
+    )
+    monkeypatch.setattr(bench, "measure", lambda *_: run)
+    with pytest.raises(bench.NoReference, match="It broke"):
+        bench.reference_line(parse(small_sail.TEXT, "tiny"))
+    assert main(["bench"]) == 3
+
+
 @pytest.fixture(scope="module")
 def tiny(tmp_path_factory):
     path = tmp_path_factory.mktemp("scene") / "tiny.toml"
