@@ -86,8 +86,9 @@ def row(entry: dict) -> dict[str, str]:
 
 
 def curve(entries: list[dict], method: str) -> tuple[np.ndarray, np.ndarray]:
-    """Seconds and errors of a method's runs over the whole span, coarsest first."""
+    """Seconds and errors of a method's runs, coarsest first; errors of short spans do not compare."""
     runs = [x for x in entries if x["method"] == method and x["role"] != "reference"]
+    runs = [x for x in runs if x["span"] > 0.3 * x["t_end"]]
     return np.array([x["seconds"] for x in runs]), np.array([x["error"] for x in runs])
 
 
@@ -122,6 +123,8 @@ def draw(found: dict[str, list[dict]]) -> None:
     for axis, (scene, entries) in zip(axes[0], found.items(), strict=True):
         for method in dict.fromkeys(x["method"] for x in entries):
             seconds, error = curve(entries, method)
+            if not len(error):
+                continue
             label, style, colour = STYLES[method]
             axis.loglog(seconds, error, style, ms=3.5, lw=1.0, color=colour, label=label)
         axis.set_title(f"{TITLES[scene]}, {entries[0]['t_end']:g} s", fontsize=9)
