@@ -119,7 +119,9 @@ def at_equal_error(entries: list[dict]) -> list[str]:
 
 def draw(found: dict[str, list[dict]]) -> None:
     """Worst error against time, one line per method."""
-    figure, axes = plt.subplots(1, len(found), figsize=(3.4 * len(found), 3.4), sharey=True, squeeze=False)
+    figure, axes = plt.subplots(
+        1, len(found), figsize=(3.4 * len(found), 3.4), sharex=True, sharey=True, squeeze=False
+    )
     for axis, (scene, entries) in zip(axes[0], found.items(), strict=True):
         for method in dict.fromkeys(x["method"] for x in entries):
             seconds, error = curve(entries, method)
