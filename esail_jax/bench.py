@@ -34,7 +34,7 @@ CHAIN: tuple[Curve, ...] = (
     ("tsit5", "tolerance", (1e-6, 1e-8, 1e-10)),
     ("dopri8", "tolerance", (1e-6, 1e-8, 1e-10)),
 )
-"""What `esail bench` runs: about a minute for the baseline."""
+"""What `esail bench` runs: one to two minutes for the baseline, half of it compiling."""
 
 REFERENCE = {"tethers": ("collocation", 1e-13), "chain": ("dopri8", 1e-13)}
 """Method and tolerance, by the table that says what moves."""
