@@ -202,6 +202,7 @@ class BlockMarch:
         while self.rows < len(self.times):
             carry, records = compiled.blocks(problem, self.carry, self.times[-1])
             reached = float(carry.progress.now.time)
+            tried = np.asarray(records.h)
             if not self.rows and not np.asarray(records.taken).any():
                 records = standing(carry.progress.now, records)  # stuck at the start, which is seen still
             count = int(np.searchsorted(self.times, reached, side="right"))
@@ -223,7 +224,7 @@ class BlockMarch:
             if rows:
                 yield Piece(join(rows), times, numerics, reached)
             if self.rows < len(self.times) and bool(problem.method.stuck(carry.progress)):
-                raise self._failure(carry.progress, records)
+                raise self._failure(carry.progress, tried)
 
     def _numerics(
         self, records: Record, progress: Progress, times: np.ndarray, violation: list[np.ndarray]
@@ -249,10 +250,10 @@ class BlockMarch:
         )
         return dict(zip(NUMERICS, values, strict=True))
 
-    def _failure(self, progress: Progress, records: Record) -> SimulationError:
+    def _failure(self, progress: Progress, tried: np.ndarray) -> SimulationError:
+        """tried: sizes [s] of the last call's steps."""
         finite = all(np.isfinite(np.asarray(x)).all() for x in jax.tree.leaves(progress.now))
         result = RESULTS.newton_diverged if finite else RESULTS.nonfinite
-        tried = np.asarray(records.h)
         size = tried[tried > 0.0][-1] if (tried > 0.0).any() else float("nan")
         hint = "Ask for a shorter one." if self.prepared.problem.method.step_size is not None else ""
         time = float(progress.now.time)

@@ -152,7 +152,7 @@ REFUSED = [
 @pytest.mark.parametrize(("settings", "key", "word"), REFUSED, ids=lambda x: str(x)[:40])
 def test_bad_input_is_refused_by_name(settings, key, word, chain, monkeypatch):
     """Before anything is compiled: there is nothing to compile with."""
-    for name in ("explicit_programs", "programs", "with_method"):
+    for name in ("explicit", "blocks", "programs", "with_method"):
         monkeypatch.setattr(esail_jax.prepare, name, None)
     settings = {k: v for k, v in settings.items() if v is not None}
     with pytest.raises(esail.SceneError) as error:
