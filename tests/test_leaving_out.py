@@ -9,6 +9,7 @@ import pytest
 import esail_jax as esail
 from esail_jax.entry import problem_of
 from esail_jax.scenes.build import build_jitted, split
+from esail_jax.scenes.integration import with_method
 
 SCRIPT = Path(__file__).parents[1] / "experiments" / "performance" / "run.py"
 
@@ -38,7 +39,7 @@ def test_an_absent_part_leaves_no_equations(performance):
     zero, in contrast, is a term like any other."""
 
     def measured(scene):
-        structure, numbers = split(scene)
+        structure, numbers = split(with_method(scene))
         problem, carry = problem_of(numbers, build_jitted(structure, numbers))
         return performance.equations_of_a_step(problem, carry.state), problem.system.terms
 

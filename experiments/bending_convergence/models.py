@@ -19,6 +19,7 @@ from esail_jax.dynamics.generalized_alpha import KEEP, GeneralizedAlpha
 from esail_jax.entry import QUICK_COMPILE, fresh_state, with_jerk
 from esail_jax.numerics.vectors import dot
 from esail_jax.scenes.build import build, split
+from esail_jax.scenes.integration import with_method
 from esail_jax.system import Power
 from esail_jax.terms import Energy, PointFields
 
@@ -159,7 +160,7 @@ def run(
     variant: str, elements: int, lanes: tuple[Lane, ...], refine: int = 1, scene: str = "single-tether"
 ) -> list[Run]:
     """Compile a variant once and run it with every lane's numbers; step `STEP` / refine."""
-    structure, numbers = split(scene_of(variant, elements, scene))
+    structure, numbers = split(with_method(scene_of(variant, elements, scene)))
 
     def one_lane(lane):
         return history(variant, structure, numbers, lane, refine, SAVED)

@@ -7,6 +7,7 @@ import numpy as np
 
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.dynamics.generalized_alpha import GeneralizedAlpha, State
+from esail_jax.scenes.integration import with_method
 from esail_jax.scenes.scene import load_scene
 from esail_jax.system import Power
 
@@ -227,5 +228,5 @@ def corrections_of_acceleration_and_velocity():
 
 @holds("PGV", "after 15, settings", "step 0.1 s and spectral radius 0.25 for all simulations")
 def settings():
-    integrator = load_scene("baseline").integrator
+    integrator = with_method(load_scene("baseline")).integrator
     return relative_error([0.1, 0.25], [integrator.step, integrator.spectral_radius])
