@@ -196,7 +196,7 @@ def outcome(x):
 @pytest.mark.slow
 def test_derivative_of_a_run():
     """Forward mode is the difference quotient (1e-5: iterations end at 5e-7 m, which the quotient magnifies
-    a thousandfold; measured 5e-6 in an angle that hardly changes), reverse mode is forward mode (1e-10), and
+    a thousandfold; measured 5e-6 in an angle that hardly changes), reverse is forward mode (1e-10), and
     the traced run the concrete one (1e-9: rounding, which the square of a strain's small rate shows first;
     measured 3e-11)."""
     one, along = jnp.ones(4), jnp.array([1.0, 0.3, -0.2, 0.5])
