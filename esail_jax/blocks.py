@@ -42,8 +42,9 @@ NUMERICS = {
     "iterations_per_step": "-",
     "constraint_violation": "m",
 }
-"""Names and units of what is kept per saved interval: steps that ended in it, those repeated, the size of
-the last one, mean iterations; and the constraint violation of the step's end."""
+"""Names and units of what is kept per saved instant, of the call it was seen in: steps that ended since the
+instant before, those repeated in the call (with its first instant), the size of the step it lies in, mean
+iterations; and its constraint violation. Steps between a call's last instant and its end are in none."""
 
 
 class Problem(NamedTuple):

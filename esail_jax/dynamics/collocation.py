@@ -103,8 +103,8 @@ class Progress(NamedTuple):
 
 
 class StepInfo(NamedTuple):
-    """How a step went. iterations; increment [m], the last one, of anything; error: its estimate over the
-    tolerance."""
+    """How a step went. iterations; increment: what the last one left undone, over what is allowed; error:
+    its estimate over the tolerance."""
 
     iterations: Int[Array, ""]
     increment: Scalar
