@@ -5,6 +5,7 @@ The axis names are the same words in signatures, run files and plots:
 `member`  ensemble member          `tether`  index of the tether, 0 ... p-1
 `time`    saved instant            `node`    node of a tether, root first
 `elem`    finite element           `point`   quadrature point of an element
+`state`   one of several states of motion that are evaluated at once
 `coef`    nodal vector of a node (position, slope) or of an element (four of them for a cable)
 `xyz`     Cartesian component
 
@@ -15,6 +16,8 @@ point acts on all points of all elements of all tethers at once.
 from jaxtyping import Array, Bool, Complex, Float, Inexact, Int
 
 Scalar = Float[Array, ""]
+Instants = Float[Array, "..."]
+"""A time, or one per state of motion, in a shape that broadcasts to the points."""
 Vector = Float[Array, "3"]
 Rotation = Float[Array, "3 3"]
 PerTether = Float[Array, " tether"]
@@ -23,7 +26,8 @@ PerMember = Float[Array, "*elem tether"]
 PerPoint = Float[Array, "*point"]
 VectorPerPoint = Float[Array, "xyz *point"]
 """Components first: x, y, z; or, for an energy, of two such vectors at once (`energy_momentum.Secant`)."""
-Nodal = Float[Array, "coef 3 node tether"]
+Nodal = Float[Array, "coef 3 *state node tether"]
+"""Of one state of motion, or of several at once."""
 HubPoints = Float[Array, "4 3"]
 
 __all__ = [
@@ -33,6 +37,7 @@ __all__ = [
     "Float",
     "HubPoints",
     "Inexact",
+    "Instants",
     "Int",
     "Nodal",
     "PerMember",

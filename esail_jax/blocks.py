@@ -17,9 +17,12 @@ from jax import lax
 
 from esail_jax import observables
 from esail_jax.array_types import Array, Float, Int, Scalar, Vector
-from esail_jax.dynamics.collocation import Collocation, Point, Progress, Record
+from esail_jax.dynamics.collocation import KEEP, Collocation, Progress, Record, no_record
 from esail_jax.dynamics.consistent import project
+from esail_jax.dynamics.stages import Point
 from esail_jax.entry import QUICK_COMPILE, along_rows, origin_of
+from esail_jax.newton_matrix import inertia
+from esail_jax.numerics.block_tridiagonal import ChainFactors
 from esail_jax.pieces import RESULTS, Checkpoint, Piece, SimulationError, join
 from esail_jax.scenes.build import Model, Numbers, Structure, build
 from esail_jax.scenes.integration import COLLOCATION_TOLERANCE
@@ -29,11 +32,11 @@ from esail_jax.system import System
 ROWS_PER_LOOK = 32
 """Saved instants looked at together."""
 
-BLOCKS_PER_CALL = 16
+BLOCKS_PER_CALL = 4
 """Between two of which the host may stop: some tenths of a second."""
 
-MOST_BLOCKS = 640
-"""Of a run that is differentiated: some four thousand steps."""
+MOST_BLOCKS = 200
+"""Of a run that is differentiated: some five thousand steps."""
 
 NUMERICS = {
     "steps": "-",
@@ -48,11 +51,12 @@ iterations; and its constraint violation. Steps between a call's last instant an
 
 
 class Problem(NamedTuple):
-    """A built sail, and the method that runs it."""
+    """A built sail, the method that runs it, and its inertia, factored (`newton_matrix.inertia`)."""
 
     system: System
     method: Collocation
     origin: Vector
+    inertia: tuple[ChainFactors, Array]
 
     @property
     def terms(self) -> tuple[str, ...]:
@@ -76,14 +80,8 @@ def problem_of(structure: Structure, numbers: Numbers, step: Array | None) -> tu
     method = Collocation(step, tolerance)
     progress = method.start(system, jnp.zeros(()), model.q, model.v)
     energy = observables.kinetic_energy(system, model.v) + observables.elastic_energy(system, model.q)
-    problem = Problem(system, method, origin_of(numbers))
+    problem = Problem(system, method, origin_of(numbers), inertia(system))
     return model, problem, Carry(progress, energy, progress.now)
-
-
-def no_record(problem: Problem, progress: Progress) -> Record:
-    """The records of a block that took no step."""
-    shapes = jax.eval_shape(lambda: problem.method.block(problem.system, progress)[1])
-    return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
 
 
 def run_blocks(problem: Problem, carry: Carry, target: Scalar) -> tuple[Carry, Record]:
@@ -100,7 +98,7 @@ def run_blocks(problem: Problem, carry: Carry, target: Scalar) -> tuple[Carry, R
         return count + 1, progress, jax.tree.map(lambda all, new: all.at[count].set(new), kept, records)
 
     empty = jax.tree.map(
-        lambda x: jnp.zeros((BLOCKS_PER_CALL, *x.shape), x.dtype), no_record(problem, carry.progress)
+        lambda x: jnp.zeros((BLOCKS_PER_CALL, KEEP, *x.shape), x.dtype), no_record(carry.progress)
     )
     _, progress, records = lax.while_loop(going, block, (jnp.zeros((), int), carry.progress, empty))
     flat = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), records)
@@ -122,13 +120,14 @@ def point_at(problem: Problem, records: Record, time: Scalar) -> Point:
     """State at an instant within the recorded steps, on the constraints."""
     step = jax.tree.map(lambda x: x[step_of(records, time)], records)
     q, v, work = step.at(time)
-    return Point(time, *project(problem.system, time, q, v), work)
+    return Point(time, *project(problem.system, time, q, v, problem.inertia), work)
 
 
 def observed(problem: Problem, start_energy: Scalar, point: Point) -> dict[str, Array]:
     """Observables of an instant."""
     state = (point.time, point.q, point.v, point.work, start_energy)
-    return observables.observe(observables.make_instant(problem.system, problem.origin, *state))
+    instant = observables.make_instant(problem.system, problem.origin, *state, problem.inertia)
+    return observables.observe(instant)
 
 
 def look(
@@ -326,11 +325,11 @@ def _states_at_jvp(primals, tangents):
 
 def replay(problem: Problem, progress: Progress, times: Float[Array, " row"]) -> Point:
     """States at the saved instants from blocks in a loop of fixed length; NaN beyond it."""
-    nothing = no_record(problem, progress)
+    nothing = jax.tree.map(lambda x: jnp.broadcast_to(x, (KEEP, *x.shape)), no_record(progress))
 
     @jax.checkpoint
     def block(progress):
-        return problem.method.block(problem.system, progress)
+        return problem.method.block(problem.system, progress, reversible=True)
 
     def one(progress, _):
         going = (progress.now.time < times[-1]) & ~problem.method.stuck(progress)

@@ -13,7 +13,8 @@ import numpy as np
 
 from esail_jax.array_types import Array, Float, Nodal, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
-from esail_jax.numerics import bordered
+from esail_jax.numerics import block_tridiagonal, bordered
+from esail_jax.numerics.block_tridiagonal import ChainFactors
 from esail_jax.system import System
 from esail_jax.terms import PointFields
 
@@ -74,11 +75,32 @@ def tangent(
 
 def mass(system: System, time: Scalar, q: Coordinates) -> bordered.Bordered:
     """M and the constraint gradients: the matrix of a consistent acceleration."""
-    elements = system.tethers.mass_elements()
-    elements = jnp.broadcast_to(
-        elements, (*elements.shape[:2], system.tethers.elements, elements.shape[-1])
+    tethers = system.tethers
+    return assembled(
+        system, time, q, mass_elements(system), tethers.point_masses(), system.no_multipliers()
     )
-    return assembled(system, time, q, elements, system.tethers.point_masses(), system.no_multipliers())
+
+
+def mass_elements(system: System) -> Float[Array, "row col elem tether"]:
+    """Of every element, equal ones too."""
+    elements = system.tethers.mass_elements()
+    return jnp.broadcast_to(elements, (*elements.shape[:2], system.tethers.elements, elements.shape[-1]))
+
+
+def inertia(system: System) -> tuple[ChainFactors, Array]:
+    """Factors of the tethers' mass matrices, and their Schur complements on the roots: the part of a
+    factorisation of `mass` that no state of motion changes."""
+    blocks = chain_blocks(system, mass_elements(system), system.tethers.point_masses())
+    return block_tridiagonal.factor(*blocks)
+
+
+def factor_mass(
+    system: System, time: Scalar, q: Coordinates, inertia: tuple[ChainFactors, Array]
+) -> tuple[bordered.Bordered, bordered.Factors]:
+    """`mass` and its factors."""
+    matrix = mass(system, time, q)
+    chains, schur = inertia
+    return matrix, bordered.Factors(chains, bordered.factor_ports(matrix, schur))
 
 
 def assembled(
@@ -90,15 +112,8 @@ def assembled(
     lam: Multipliers,
 ) -> bordered.Bordered:
     """Element blocks and point masses (tip, base) in one matrix with what hub and clamps add."""
-    diag, upper, lower = system.tethers.blocks(elements)
-    tip, base = masses
-    diag = diag.at[-1].add(tip)
-    if base is not None:
-        diag = diag.at[0].add(base)
     matrix = bordered.Bordered(
-        diag,
-        upper,
-        lower,
+        *chain_blocks(system, elements, masses),
         system.roots.weights if system.hub is not None else None,
         loose=() if system.roots is None else None,
     )
@@ -107,6 +122,18 @@ def assembled(
     if system.clamped:
         matrix = add_clamps(system, time, matrix, q, lam)
     return matrix
+
+
+def chain_blocks(
+    system: System, elements: Array, masses: tuple[Array, Array | None]
+) -> tuple[Array, Array, Array]:
+    """Diagonal, upper and lower blocks of the tethers."""
+    diag, upper, lower = system.tethers.blocks(elements)
+    tip, base = masses
+    diag = diag.at[-1].add(tip)
+    if base is not None:
+        diag = diag.at[0].add(base)
+    return diag, upper, lower
 
 
 def hub_border(system: System, q: Coordinates, lam: Multipliers) -> Float[Array, "18 18"]:

@@ -14,9 +14,9 @@ from jax import lax
 
 from esail_jax import blocks, entry, explicit
 from esail_jax.array_types import Array, Float
-from esail_jax.dynamics.collocation import Point
 from esail_jax.dynamics.generalized_alpha import KEEP, State
 from esail_jax.dynamics.rod_chain import RodState
+from esail_jax.dynamics.stages import Point
 from esail_jax.entry import entry_data, problem_of, run_entry
 from esail_jax.march import march_of
 from esail_jax.observables import chain, is_chain

@@ -12,7 +12,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from esail_jax.array_types import Array, Float, Rotation, Scalar, Vector
+from esail_jax.array_types import Array, Float, Instants, Nodal, Rotation, Scalar, Vector
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.elements.rigid_body import RigidBody
 from esail_jax.elements.tether import Tethers
@@ -79,7 +79,7 @@ class System(eqx.Module):
     # ---- forces ----------------------------------------------------------------------------
 
     def point_forces(
-        self, time: Scalar, fields: PointFields, rates: PointFields
+        self, time: Instants, fields: PointFields, rates: PointFields
     ) -> tuple[PointFields, PointFields, PointFields]:
         """At every quadrature point: what is conjugate to the fields (dW + dR - f), and of it the
         viscous part and the loads' (with their sign), for the power."""
@@ -112,30 +112,63 @@ class System(eqx.Module):
         self, time: Scalar, q: Coordinates, v: Coordinates, vdot: Coordinates, lam: Multipliers
     ) -> tuple[Residual, Power]:
         """Equations of motion and constraints at one state, with the power of its forces."""
-        tethers = self.tethers
-        fields, rates = tethers.interpolate(q.tether), tethers.interpolate(v.tether)
-        total, viscous, loads = self.point_forces(time, fields, rates)
         inertial = self.inertial(q, v, vdot)
-        tether = tethers.nodal_forces(total, inertial.tether)
-        hub = None
+        tether, power = self.tether_forces(time, q.tether, v.tether, inertial.tether)
+        return self.joined(time, q, v, Coordinates(tether, inertial.hub), lam, power)
+
+    def residuals(
+        self,
+        times: Float[Array, " state"],
+        q: Coordinates,
+        v: Coordinates,
+        vdot: Coordinates,
+        lam: Multipliers,
+    ) -> tuple[Residual, Power]:
+        """`residual` of several states, along the first axis of everything: one evaluation of the
+        tethers' forces, as if the tethers were as many times more."""
+        inertial = jax.vmap(self.inertial)(q, v, vdot)
+        nodal = (jnp.moveaxis(x.tether, 0, 2) for x in (q, v, inertial))
+        tether, power = self.tether_forces(times[:, None, None], *nodal)
+        forces = Coordinates(jnp.moveaxis(tether, 2, 0), inertial.hub)
+        return jax.vmap(self.joined)(times, q, v, forces, lam, power)
+
+    def tether_forces(self, time: Instants, q: Nodal, v: Nodal, inertial: Nodal) -> tuple[Nodal, Power]:
+        """M vdot - Q of the tethers, and the power of loads and dissipation, of one state or several."""
+        tethers = self.tethers
+        fields, rates = tethers.interpolate(q), tethers.interpolate(v)
+        total, viscous, loads = self.point_forces(time, fields, rates)
+        forces = tethers.nodal_forces(total, inertial)
+        external = dissipated = jnp.zeros(q.shape[2:-2])
+        if self.loads:
+            external = -self.integrate(dot(loads.r, rates.r))
+        if self.dissipations:
+            parts = [dot(f, rate) for f, rate in zip(viscous, rates, strict=True) if f is not None]
+            dissipated = self.integrate(sum(parts))
+        return forces, Power(external, dissipated)
+
+    def joined(
+        self,
+        time: Scalar,
+        q: Coordinates,
+        v: Coordinates,
+        forces: Coordinates,
+        lam: Multipliers,
+        power: Power,
+    ) -> tuple[Residual, Power]:
+        """The residual from the tethers' forces and the hub's accelerations: inertia of the hub,
+        constraints, power of the frame and of the acceleration field."""
         if self.hub is not None:
-            hub = self.hub.mass_matrix @ inertial.hub
-        forces, constraints = Coordinates(tether, hub), Multipliers(None, None)
+            forces = forces._replace(hub=self.hub.mass_matrix @ forces.hub)
+        constraints = Multipliers(None, None)
         if self.has_constraints:
             constraints, pull_back = jax.vjp(lambda q: self.constraints(time, q), q)
             forces = jax.tree.map(jnp.add, forces, pull_back(lam)[0])
-        external = self.frame_power(time, q, v, forces, lam)
-        if self.loads:
-            external = external - self.integrate(dot(loads.r, rates.r))
+        external = power.external + self.frame_power(time, q, v, forces, lam)
         if self.weighted:
             momentum = self.momenta(v)
             parts = jax.tree.map(lambda a, p: (a * p).sum(), self.field(q, v), momentum)
             external = external + sum(jax.tree.leaves(parts))
-        dissipated = jnp.zeros(())
-        if self.dissipations:
-            parts = [dot(f, rate) for f, rate in zip(viscous, rates, strict=True) if f is not None]
-            dissipated = self.integrate(sum(parts))
-        return Residual(forces, constraints), Power(external, dissipated)
+        return Residual(forces, constraints), power._replace(external=external)
 
     def frame_power(
         self, time: Scalar, q: Coordinates, v: Coordinates, forces: Coordinates, lam: Multipliers
@@ -150,9 +183,10 @@ class System(eqx.Module):
             power = power + (lam.clamp * moving.clamp).sum()
         return power
 
-    def integrate(self, density: Float[Array, "point elem tether"]) -> Scalar:
+    def integrate(self, density: Float[Array, "point *state elem tether"]) -> Float[Array, "*state"]:
         """Integral over all tethers of a quantity per undeformed length."""
-        return jnp.sum(self.tethers.weights[:, None, None] * density * self.tethers.element_length)
+        per_element = jnp.tensordot(self.tethers.weights, density, 1) * self.tethers.element_length
+        return per_element.sum((-2, -1))
 
     def momenta(self, v: Coordinates) -> Coordinates:
         """M v: momenta [kg m/s] conjugate to the coordinates."""

@@ -2,8 +2,9 @@
 
     M q'' + Phi_q(q)^T lam = Q(t, q, q'),      Q = -dU/dq - dR/dq' + Q_load
 
-An energy is a density W [J/m] with U = integral of W dx, a dissipation a Rayleigh density [W/m], a
-load a force per undeformed length [N/m]. Each is written once, for one point; arrays are component
+An energy is a density W(e) [J/m] with U = integral of W dx, a dissipation a Rayleigh density R(e, e')
+[W/m], where e is a measure of deformation such as a strain; a load is a force per undeformed length
+[N/m]. Each is written once, for one point; arrays are component
 first with any batch behind, so the same text acts on all quadrature points at once. Forces and
 tangents are derivatives of that text (`jax.grad`, `jax.jvp`): nothing else is ever written down.
 """
@@ -14,8 +15,10 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 
-from esail_jax.array_types import PerPoint, Scalar, VectorPerPoint
+from esail_jax.array_types import Instants, PerPoint, VectorPerPoint
+from esail_jax.numerics.vectors import dot
 
 
 class PointFields(NamedTuple):
@@ -46,33 +49,55 @@ class Term(eqx.Module):
         return self.depends_on
 
     @abstractmethod
-    def point_forces(self, time: Scalar, fields: PointFields, rates: PointFields) -> PointFields:
+    def point_forces(self, time: Instants, fields: PointFields, rates: PointFields) -> PointFields:
         """Contribution to the left-hand side of the equations of motion, conjugate to the fields;
         None where there is none."""
 
 
 class Energy(Term):
-    """Elastic energy per undeformed length."""
+    """Elastic energy per undeformed length, a function of one scalar measure of deformation."""
 
     @abstractmethod
+    def deformation(self, fields: PointFields) -> PerPoint:
+        """e: a strain, a curvature."""
+
+    @abstractmethod
+    def stored(self, e: PerPoint) -> PerPoint:
+        """W(e) [J/m]."""
+
     def density(self, fields: PointFields) -> PerPoint:
         """W [J/m]."""
+        return self.stored(self.deformation(fields))
 
-    def point_forces(self, time: Scalar, fields: PointFields, rates: PointFields) -> PointFields:
-        """dW/d(fields): the stress resultants, by reverse mode on the density."""
-        return only(self.depends_on, fields, lambda f: self.density(f).sum())
+    def point_forces(self, time: Instants, fields: PointFields, rates: PointFields) -> PointFields:
+        """dW/d(fields) = W'(e) grad e: the stress resultants."""
+        e, gradient = with_gradient(self.deformation, self.depends_on, fields)
+        stress = jax.grad(lambda e: self.stored(e).sum())(e)
+        return jax.tree.map(lambda g: stress * g, gradient)
 
 
 class Dissipation(Term):
     """Rayleigh dissipation function per undeformed length; the power lost is 2 R."""
 
     @abstractmethod
-    def density(self, fields: PointFields, rates: PointFields) -> PerPoint:
-        """R [W/m], quadratic in the rates."""
+    def deformation(self, fields: PointFields) -> PerPoint:
+        """e: what it costs power to change."""
 
-    def point_forces(self, time: Scalar, fields: PointFields, rates: PointFields) -> PointFields:
-        """dR/d(rates): the viscous stress resultants."""
-        return only(self.depends_on, rates, lambda v: self.density(fields, v).sum())
+    @abstractmethod
+    def lost(self, e: PerPoint, rate: PerPoint) -> PerPoint:
+        """R(e, e') [W/m], quadratic in the rate."""
+
+    def density(self, fields: PointFields, rates: PointFields) -> PerPoint:
+        """R [W/m]."""
+        return self.lost(*jax.jvp(self.deformation, (fields,), (rates,)))
+
+    def point_forces(self, time: Instants, fields: PointFields, rates: PointFields) -> PointFields:
+        """dR/d(rates) = (dR/de') grad e: the viscous stress resultants. The gradient is that of the
+        energy in the same measure, and computed once for both."""
+        e, gradient = with_gradient(self.deformation, self.depends_on, fields)
+        rate = sum(dot(getattr(gradient, name), getattr(rates, name)) for name in self.depends_on)
+        stress = jax.grad(lambda rate: self.lost(e, rate).sum())(rate)
+        return jax.tree.map(lambda g: stress * g, gradient)
 
 
 class Load(Term):
@@ -83,16 +108,23 @@ class Load(Term):
         return ("r",)
 
     @abstractmethod
-    def force(self, time: Scalar, fields: PointFields, rates: PointFields) -> VectorPerPoint:
+    def force(self, time: Instants, fields: PointFields, rates: PointFields) -> VectorPerPoint:
         """f [N/m]."""
 
-    def point_forces(self, time: Scalar, fields: PointFields, rates: PointFields) -> PointFields:
+    def point_forces(self, time: Instants, fields: PointFields, rates: PointFields) -> PointFields:
         """-f, conjugate to the position."""
         return PointFields(-self.force(time, fields, rates), None)
 
 
-def only(names: tuple[str, ...], at: PointFields, function: Callable) -> PointFields:
-    """Gradient of a function of fields with respect to the named ones; None for the others."""
-    values = tuple(getattr(at, name) for name in names)
-    gradient = jax.grad(lambda x: function(at._replace(**dict(zip(names, x, strict=True)))))(values)
-    return PointFields(None, None)._replace(**dict(zip(names, gradient, strict=True)))
+def with_gradient(
+    function: Callable[[PointFields], PerPoint], names: tuple[str, ...], at: PointFields
+) -> tuple[PerPoint, PointFields]:
+    """A function of the fields at every point, and its gradient with respect to the named ones; None
+    for the others."""
+
+    def of_named(*values):
+        return function(at._replace(**dict(zip(names, values, strict=True))))
+
+    value, pull_back = jax.vjp(of_named, *(getattr(at, name) for name in names))
+    gradient = pull_back(jnp.ones_like(value))
+    return value, PointFields(None, None)._replace(**dict(zip(names, gradient, strict=True)))

@@ -1,58 +1,50 @@
 """Collocation at Radau points in acceleration form (Hairer & Wanner II, IV.5-IV.8 and VII.4).
 
-On a step of length h the accelerations are a polynomial through s stages i = 1 ... s at t + c_i h:
+The accelerations of a step are a polynomial through the Radau points, the last of which is the end of the
+step (`stages.py`). Order 2 s - 1 = 7 where generalized-alpha has 2. The constraints enter by their second
+derivative, which makes the equations of index 1 and keeps that order; position and velocity are put back
+on the constraints at the end of every step.
 
-    q_i = q + c_i h v + h^2 sum_j (A^2)_ij vdot_j,      v_i = v + h sum_j A_ij vdot_j
-    M vdot_i + Phi_q^T lam_i = Q(t_i, q_i, v_i),        d^2 Phi / dt^2 = 0 at every stage
-
-The last stage is the end of the step (c_s = 1). Order 2 s - 1 = 7 where generalized-alpha has 2. The
-constraints enter by their second derivative, which makes the equations of index 1 and keeps that order;
-position and velocity are put back on the constraints at the end of every step.
-
-All stages are solved together by simplified Newton iterations. With A = T diag(mu) T^-1 the linear system
-of all stages falls apart into one of the size of a single stage for each mu,
-
-    M + (h mu)^2 K + h mu C    and the constraint gradients,
-
-complex, with half of them the conjugates of the others. A block of up to `KEEP` steps of one length uses
-one factorisation. Residuals are turned into the axes of the hub before a solve, the solution back after
-it: inertia, elasticity and rigidity look the same from every direction. Accelerations of the last step,
-seen from those axes, vary slowly and are extrapolated for the first guess.
+A block of up to `KEEP` steps of one length uses one factorisation. Accelerations of the last step, seen
+from the axes of the hub, vary slowly and are extrapolated for the first guess. Of every step the error is
+estimated, and the length of the next ones chosen.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax import lax
 
-from esail_jax import newton_matrix
-from esail_jax.array_types import Array, Bool, Float, Int, Rotation, Scalar, Vector
-from esail_jax.coordinates import Coordinates, Multipliers
+from esail_jax.array_types import Array, Bool, Float, Int, Scalar, Vector
+from esail_jax.coordinates import Coordinates
 from esail_jax.dynamics.consistent import consistent_acceleration
-from esail_jax.numerics import bordered
+from esail_jax.dynamics.stages import (
+    MAX_ITERATIONS,
+    STAGES,
+    TABLE,
+    KeptFactors,
+    Point,
+    Unknowns,
+    factor,
+    largest,
+    lengths,
+    on_constraints,
+    solve_stages,
+    stage_powers,
+    stage_states,
+)
 from esail_jax.numerics.angles import rotation_by
-from esail_jax.numerics.radau import Radau
-from esail_jax.system import Power, Residual, System
+from esail_jax.numerics.loops import repeat
+from esail_jax.system import Power, System
 
-STAGES = 4
-"""Order 7. With three (order 5) the steps of a sail are half as long, with five half as long again, at
-the same cost per second of motion within a tenth."""
+KEEP = 24
+"""Steps per factorisation, at most. In axes that move with the sail the factors stay good much longer; this
+is how often a step may become longer."""
 
-TABLE = Radau.of(STAGES)
-
-KEEP = 6
-"""Steps per factorisation, at most: refreshing it costs about two iterations and saves one per step when
-a tether has turned by some degrees against the hub."""
-
-MAX_ITERATIONS = 10
-"""After which a step has failed: what converges so slowly is cheaper with half the step."""
-
-LINEAR_ITERATIONS = 14
-"""Of the linear equations of a derivative: each gains a factor of ten or more."""
+WORSE = 2
+"""Iterations more than in the first step of a block, at which factors are made afresh."""
 
 DEGREE = 3
 """Of the polynomial extrapolated for the first guess."""
@@ -60,28 +52,15 @@ DEGREE = 3
 SOLVED = 0.05
 """Part of the tolerance to which the stages are solved."""
 
+EXACT = 5e-15
+"""Part of the lengths to which they are where the step is given: its error is to be seen, not theirs."""
+
 SAFETY, SHRINK, GROW, AS_IT_IS = 0.85, 0.2, 3.0, 1.15
 """Of the step control: part of the step that would just do, limits of a change, and the gain below which a
-longer step is not worth a new factorisation."""
+longer step is not worth a change."""
 
-
-Attitudes = Float[Array, "stage 3 3"]
-
-
-class Unknowns(NamedTuple):
-    """What is solved for, one entry per stage (in a `History` one more, for the start of the step)."""
-
-    vdot: Coordinates
-    lam: Multipliers
-
-
-class Point(NamedTuple):
-    """An instant: what a step starts from and ends on. work [J] since the start of the run."""
-
-    time: Scalar
-    q: Coordinates
-    v: Coordinates
-    work: Power
+TOO_SHORT = 1.5
+"""Possible gain of two steps in a row that ends a block before its time."""
 
 
 class History(NamedTuple):
@@ -140,20 +119,19 @@ class Record(NamedTuple):
         return q, v, work
 
 
-class KeptFactors(NamedTuple):
-    """Factors for every mu (leading axis), of the mass matrix for the projection, and the attitude they
-    were made at. shape: a matrix of theirs, read for its layout."""
-
-    stages: bordered.Factors
-    mass: bordered.Factors
-    shape: bordered.Bordered
-    rotation: Rotation
+def no_record(state: Progress) -> Record:
+    """Of a step that was not taken: zeros."""
+    zero, powers = jnp.zeros(()), jnp.zeros(STAGES)
+    vdot = jax.tree.map(lambda x: jnp.zeros_like(x[1:]), state.history.values.vdot)
+    start = jax.tree.map(jnp.zeros_like, state.now)
+    info = StepInfo(jnp.zeros((), int), zero, zero)
+    return Record(start, zero, vdot, Power(powers, powers), info, jnp.asarray(False))
 
 
 class Collocation(eqx.Module):
     """step_size [s]: of every step, or None; then tolerance is the largest local error of a position,
     relative to the length of the tethers (of the hub: to its size). Iterations go on to a small part of
-    the tolerance in either case."""
+    it, to rounding where the step is given."""
 
     step_size: Scalar | None
     tolerance: Scalar
@@ -172,77 +150,68 @@ class Collocation(eqx.Module):
         history = History(constant, jnp.asarray(jnp.inf))
         return Progress(Point(time, q, v, Power(zero, zero)), history, h, zero, zero)
 
-    def block(self, system: System, state: Progress) -> tuple[Progress, Record]:
-        """Up to KEEP steps with one factorisation, fewer where the step size changes; of each its record.
+    def block(self, system: System, state: Progress, reversible: bool = False) -> tuple[Progress, Record]:
+        """Up to KEEP steps with one factorisation, fewer where a step fails, is too short, or the factors
+        are no longer good; of each its record.
 
-        It depends on nothing but `state`: a run that stops after a block and goes on later is the same."""
-        kept = lax.stop_gradient(factor(*lax.stop_gradient((system, state))))
+        It depends on nothing but `state`: a run that stops after a block and goes on later is the same.
+        reversible: has a derivative in reverse mode."""
+        lam = jax.tree.map(lambda x: x[-1], state.history.values.lam)
+        kept = lax.stop_gradient(factor(*lax.stop_gradient((system, state.now, state.h, lam))))
         h = state.h
 
-        def go(carry):
-            state, _ = carry
-            return self.attempt(system, state, kept)
+        def step(carry):
+            state, fewest, error_before = carry
+            state, good, record = self.attempt(system, state, kept)
+            error, count = record.info.error, record.info.iterations
+            fewest = jnp.minimum(fewest, count)
+            going = good & (count < fewest + WORSE)
+            if self.step_size is None:
+                going &= change_of_step(jnp.maximum(error, error_before)) < TOO_SHORT
+            return (state, fewest, error), going, record
 
-        def attempt(carry, _):
-            state, going = carry
-            none = jax.eval_shape(go, carry)[2]
-            stay = (state, going, jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), none))
-            state, going, record = lax.cond(going, go, lambda carry: stay, carry)
-            return (state, going & (state.h == h)), record
-
-        (state, _), records = lax.scan(attempt, (state, jnp.asarray(True)), length=KEEP)
+        carry = (state, jnp.asarray(MAX_ITERATIONS), jnp.asarray(jnp.inf))
+        (state, _, _), records = repeat(step, carry, KEEP, no_record(state), reversible)
         if self.step_size is None:
-            state = state._replace(h=self.longer(state, records, h))
+            state = state._replace(h=next_step(state, records, h))
         return state, records
 
     def attempt(self, system: System, state: Progress, kept: KeptFactors) -> tuple[Progress, Array, Record]:
-        """One step, kept or not; whether the block goes on."""
+        """One step, taken or to be tried again with a shorter length; whether it was taken."""
         now, h = state.now, lax.stop_gradient(state.h)
         guess = lax.stop_gradient(first_guess(*lax.stop_gradient((system, state))))
-        enough = SOLVED * lax.stop_gradient(self.tolerance) * lengths(system)
-        unknowns, power, iterations, increment = solve_stages(system, now, h, guess, kept, enough)
-        solved = increment <= 1.0
+        part = EXACT if self.step_size is not None else SOLVED * lax.stop_gradient(self.tolerance)
+        unknowns, iterations, left = solve_stages(system, now, h, guess, kept, part * lengths(system))
+        solved = left <= 1.0
         times, q, v = stage_states(now, h, unknowns.vdot)
-        axes = jax.vmap(system.rotation)(times, q)
-        body = jax.vmap(lambda a, r: a.rotate(r.T))(unknowns.vdot, axes)
-        values = jax.tree.map(
-            lambda old, new: jnp.concatenate([old[-1:], new]),
-            state.history.values, Unknowns(body, unknowns.lam),
-        )  # fmt: skip
-        values = lax.stop_gradient(values)
+        values = seen_from_hub(system, state.history, times, q, unknowns)
         error = self.error(system, h, values.vdot)
         good = solved & jnp.isfinite(error)
-        error = lax.stop_gradient(error)
         if self.step_size is None:
             good &= error <= 1.0
+
+        power = stage_powers(system, now, h, unknowns)
         weights = jnp.asarray(TABLE.matrix[-1])
         work = jax.tree.map(lambda w, p: w + h * weights @ p, now.work, power)
         end = on_constraints(system, kept, times[-1], *(jax.tree.map(lambda x: x[-1], c) for c in (q, v)))
         taken = state.taken + 1.0
         later = now.time + h if self.step_size is None else taken * h  # not a sum of rounded steps
         done = Progress(Point(later, *end, work), History(values, h), h, taken, state.rejected)
-        shorter = jnp.where(solved, jnp.maximum(SAFETY * error ** (-1 / (STAGES + 2)), SHRINK), 0.5)
-        shorter = h * jnp.where(jnp.isfinite(error), jnp.minimum(shorter, 0.9), 0.5)
-        if self.step_size is not None:
-            shorter = jnp.zeros(())  # nothing to try: the run is stuck
+
+        shorter = jnp.zeros(())  # nothing to try: the run is stuck
+        if self.step_size is None:
+            by_error = jnp.where(solved & jnp.isfinite(error), change_of_step(error), 0.5)
+            shorter = h * jnp.minimum(by_error, 0.9)
         again = state._replace(h=shorter, rejected=state.rejected + 1.0)
         after = jax.tree.map(lambda a, b: jnp.where(good, a, b), done, again)
-        info = StepInfo(iterations, increment, error)
-        return after, good, Record(now, h, unknowns.vdot, power, info, good)
-
-    def longer(self, state: Progress, records: Record, h: Scalar) -> Scalar:
-        """The next block's step."""
-        worst = jnp.where(records.taken, records.info.error, 0.0).max()
-        factor = jnp.clip(SAFETY * jnp.maximum(worst, 1e-30) ** (-1 / (STAGES + 2)), SHRINK, GROW)
-        factor = jnp.where((factor > 1.0 / AS_IT_IS) & (factor < AS_IT_IS), 1.0, factor)
-        return jnp.where(state.h == h, h * factor, state.h)
+        return after, good, Record(now, h, unknowns.vdot, power, StepInfo(iterations, left, error), good)
 
     def error(self, system: System, h: Scalar, body: Coordinates) -> Scalar:
         """Estimate of a step's error over the tolerance: by how much positions within the step change
         when the polynomial of the accelerations passes through the start of the step too."""
         scale = TABLE.between() * h**2
         beyond = jax.tree.map(lambda x: scale * jnp.tensordot(TABLE.difference(), x, 1), body)
-        return largest(system, beyond, self.tolerance * lengths(system))
+        return lax.stop_gradient(largest(system, beyond, self.tolerance * lengths(system)))
 
     def stuck(self, state: Progress) -> Array:
         """Has the state become infinite, or the step too small to change the time?"""
@@ -250,216 +219,28 @@ class Collocation(eqx.Module):
         return ~finite | ~(state.now.time + 0.25 * state.h > state.now.time)
 
 
-# ---- one step -----------------------------------------------------------------------------------
+# ---- length of the steps ------------------------------------------------------------------------
 
 
-def stage_states(
-    start: Point, h: Scalar, vdot: Coordinates
-) -> tuple[Float[Array, " stage"], Coordinates, Coordinates]:
-    """Times, q and v of the stages."""
-
-    def along(x):
-        return TABLE.nodes.reshape(-1, *(1,) * x.ndim) * (h * x)
-
-    q = jax.tree.map(
-        lambda q, v, a: q + along(v) + h**2 * jnp.tensordot(TABLE.squared, a, 1), start.q, start.v, vdot
-    )
-    v = jax.tree.map(lambda v, a: v + h * jnp.tensordot(TABLE.matrix, a, 1), start.v, vdot)
-    return start.time + h * TABLE.nodes, q, v
+def change_of_step(error: Scalar) -> Scalar:
+    """Factor to a length whose error would be the tolerance, with a margin."""
+    return jnp.clip(SAFETY * jnp.maximum(error, 1e-30) ** (-1 / (STAGES + 2)), SHRINK, GROW)
 
 
-def stage_residuals(
-    system: System, start: Point, h: Scalar, unknowns: Unknowns
-) -> tuple[Residual, Power, Attitudes]:
-    """Of every stage: what the equations of motion and the constraints' second derivatives [m/s^2] are
-    short of, the power, and the attitude."""
-
-    def residual(stage):
-        time, q, v, vdot, lam = stage
-        found, power = system.residual(time, q, v, vdot, lam)
-        bend = system.constraint_acceleration(time, q, v, vdot)
-        return Residual(found.forces, bend), power, system.rotation(time, q)
-
-    # Stage by stage: one stage fits into the first cache, which makes the four a third faster.
-    return lax.map(residual, (*stage_states(start, h, unknowns.vdot), *unknowns))
+def next_step(state: Progress, records: Record, h: Scalar) -> Scalar:
+    """Length of the next block's steps, from the largest error of a block of length h; a step that failed
+    has chosen already."""
+    factor = change_of_step(jnp.where(records.taken, records.info.error, 0.0).max())
+    factor = jnp.where((factor > 1.0 / AS_IT_IS) & (factor < AS_IT_IS), 1.0, factor)
+    return jnp.where(state.h == h, h * factor, state.h)
 
 
-def correction(system: System, residual: Residual, axes: Attitudes, kept: KeptFactors) -> Unknowns:
-    """Change of the unknowns that a simplified Newton step asks for."""
-    turned = axes @ kept.rotation.T
-
-    def to_rhs(residual, turned):
-        forces = residual.forces.rotate(-turned.T)
-        constraints = jax.tree.map(jnp.negative, residual.constraints)
-        return newton_matrix.to_vector(system, forces, constraints)
-
-    rhs = jax.tree.map(lambda x: jnp.tensordot(TABLE.split, x, 1), jax.vmap(to_rhs)(residual, turned))
-    solution = jax.vmap(lambda factors, rhs: bordered.solve(kept.shape, factors, rhs))(kept.stages, rhs)
-    solution = jax.tree.map(lambda x: jnp.tensordot(TABLE.mix, x, 1).real, solution)
-
-    def from_solution(solution, turned):
-        vdot, lam = newton_matrix.from_vector(system, solution)
-        return Unknowns(vdot.rotate(turned), lam)
-
-    return jax.vmap(from_solution)(solution, turned)
-
-
-@jax.custom_jvp
-def solve_stages(
-    system: System,
-    start: Point,
-    h: Scalar,
-    guess: Unknowns,
-    kept: KeptFactors,
-    enough: Float[Array, "2"],
-) -> tuple[Unknowns, Power, Int[Array, ""], Scalar]:
-    """Simplified Newton iterations, until what is left, judged by the last two increments of the
-    positions, is `enough` [m] (of tethers and hub): unknowns, power, iterations, and what is left over
-    that. Guess and factors decide how fast, not where to: they carry no derivative."""
-
-    def iterate(carry):
-        unknowns, _, count, before, _ = carry
-        residual, power, axes = stage_residuals(system, start, h, unknowns)
-        change = correction(system, residual, axes, kept)
-        unknowns = jax.tree.map(jnp.add, unknowns, change)
-        moved = jax.tree.map(lambda x: h**2 * jnp.tensordot(TABLE.squared, x, 1), change.vdot)
-        increment = jax.vmap(lambda x: largest(system, x, enough))(moved).max()
-        rate = jnp.where(count > 0, increment / before, 0.5)
-        left = increment * jnp.where(rate < 1.0, rate / (1.0 - rate), jnp.inf)
-        return unknowns, power, count + 1, increment, left
-
-    def unfinished(carry):
-        *_, count, _, left = carry
-        return ~(left <= 1.0) & (count < MAX_ITERATIONS) & (jnp.isfinite(left) | (count < 2))
-
-    none = jnp.zeros(STAGES)
-    infinite = jnp.asarray(jnp.inf)
-    carry = (guess, Power(none, none), jnp.zeros((), int), infinite, infinite)
-    unknowns, power, count, _, left = lax.while_loop(unfinished, iterate, carry)
-    return unknowns, power, count, left
-
-
-@solve_stages.defjvp
-def _solve_stages_jvp(primals, tangents):
-    """d(unknowns) = -J^-1 d(residual): implicit function theorem, J being that of all stages together."""
-    system, start, h, _, kept, _ = primals
-    unknowns, power, count, left = solve_stages(*primals)
-    axes = jax.vmap(system.rotation)(*stage_states(start, h, unknowns.vdot)[:2])
-
-    def residuals(system, start, h, unknowns):
-        return stage_residuals(system, start, h, unknowns)[:2]
-
-    def along(change):
-        return jax.jvp(lambda x: residuals(*primals[:3], x)[0], (unknowns,), (change,))[1]
-
-    _, (given, _) = jax.jvp(lambda *x: residuals(*x, unknowns), primals[:3], tangents[:3])
-    moved = linear_solution(system, along, given, axes, kept)
-    _, (_, power_dot) = jax.jvp(residuals, (*primals[:3], unknowns), (*tangents[:3], moved))
-    none = np.zeros((), jax.dtypes.float0)
-    return (unknowns, power, count, left), (moved, power_dot, none, jnp.zeros(()))
-
-
-def linear_solution(
-    system: System,
-    along: Callable[[Unknowns], Residual],
-    given: Residual,
-    axes: Attitudes,
-    kept: KeptFactors,
-) -> Unknowns:
-    """x with along(x) + given = 0, by the same iterations, and their transpose for reverse mode.
-
-    Roots move with the hub: in the square system that is solved, their rows are added to the hub's and
-    their columns are taken out."""
-    axes, kept = lax.stop_gradient((axes, kept))
-
-    def with_roots(x):
-        return x._replace(vdot=jax.vmap(lambda a: on_roots(system, a))(x.vdot))
-
-    def without_roots(x):
-        if system.roots is None:
-            return x
-        return x._replace(vdot=x.vdot._replace(tether=x.vdot.tether.at[:, 0, :, 0].set(0.0)))
-
-    nothing = jax.tree.map(jnp.zeros_like, Unknowns(given.forces, given.constraints))
-    fold = jax.linear_transpose(with_roots, nothing)
-
-    def equations(residual):
-        return fold(Unknowns(residual.forces, residual.constraints))[0]
-
-    def matrix(x):
-        apart = jax.tree.map(jnp.subtract, x, without_roots(x))
-        return jax.tree.map(jnp.add, equations(along(with_roots(x))), apart)
-
-    def precondition(residual):
-        residual = without_roots(residual)
-        return without_roots(correction(system, Residual(residual.vdot, residual.lam), axes, kept))
-
-    def solve(matrix, rhs, precondition=precondition):
-        def improve(_, x):
-            short = jax.tree.map(jnp.subtract, matrix(x), rhs)
-            return jax.tree.map(jnp.add, x, precondition(short))
-
-        return lax.fori_loop(0, LINEAR_ITERATIONS, improve, jax.tree.map(jnp.zeros_like, rhs))
-
-    def solve_transposed(transposed, rhs):
-        backwards = jax.linear_transpose(precondition, rhs)
-        return solve(transposed, rhs, lambda x: backwards(x)[0])
-
-    rhs = jax.tree.map(jnp.negative, equations(given))
-    return with_roots(lax.custom_linear_solve(matrix, rhs, solve, solve_transposed))
-
-
-def on_roots(system: System, vdot: Coordinates) -> Coordinates:
-    """A change of the accelerations with the roots where the hub's takes them; a frame's do not change."""
-    if system.roots is None:
-        return vdot
-    root = jnp.zeros_like(vdot.tether[0, :, 0])
-    if system.hub is not None:
-        root = system.roots.positions(vdot.hub)
-    return vdot._replace(tether=vdot.tether.at[0, :, 0].set(root))
-
-
-def factor(system: System, state: Progress) -> KeptFactors:
-    """Iteration matrices of a block at its start, and their factors."""
-    zero, one, now, h = jnp.zeros(()), jnp.ones(()), state.now, state.h
-    lam = jax.tree.map(lambda x: x[-1], state.history.values.lam)
-
-    def tangent(stiffness, rate):
-        return newton_matrix.tangent(system, now.time, now.q, now.v, lam, stiffness, rate)
-
-    inert = newton_matrix.mass(system, now.time, now.q)
-    stiff, moving = tangent(one, zero), tangent(one, one)
-
-    def of_rate(mu):
-        s = h * mu
-
-        def combined(m, mk, mkc):
-            return m + s**2 * (mk - m) + s * (mkc - mk)
-
-        return bordered.factor(jax.tree.map(combined, inert, stiff, moving)._replace(weights=inert.weights))
-
-    stages = jax.vmap(of_rate)(jnp.asarray(TABLE.rates))
-    return KeptFactors(stages, bordered.factor(inert), inert, system.rotation(now.time, now.q))
-
-
-def on_constraints(
-    system: System, kept: KeptFactors, time: Scalar, q: Coordinates, v: Coordinates
-) -> tuple[Coordinates, Coordinates]:
-    """The nearest state on the constraints and their rates, by one Newton correction in the mass metric
-    each: the stages miss them by the local error."""
-    if system.has_constraints:
-        turned = lax.stop_gradient(system.rotation(time, q)) @ kept.rotation.T
-        nothing = jax.tree.map(jnp.zeros_like, q)
-
-        def corrected(x, defect):
-            rhs = newton_matrix.to_vector(system, nothing, jax.tree.map(jnp.negative, defect))
-            change, _ = newton_matrix.from_vector(system, bordered.solve(kept.shape, kept.mass, rhs))
-            return jax.tree.map(jnp.add, x, change.rotate(turned))
-
-        q = corrected(q, system.constraints(time, q))
-        _, rate = jax.jvp(lambda t, q: system.constraints(t, q), (time, q), (jnp.ones(()), v))
-        v = corrected(v, rate)
-    return system.place_roots(time, q), system.place_roots(time, v, derivative=1)
+def first_step(system: System, vdot: Coordinates, tolerance: Scalar) -> Scalar:
+    """A guess [s]: the time to fall a tether's length at the largest acceleration, times what a step may
+    be of the time scale of the motion at that tolerance."""
+    fastest = jnp.abs(vdot.tether[0]).max()
+    scale = jnp.sqrt(lengths(system)[0] / jnp.maximum(fastest, 1e-30))
+    return tolerance ** (1.0 / (STAGES + 2)) * scale
 
 
 # ---- first guess --------------------------------------------------------------------------------
@@ -482,6 +263,22 @@ def first_guess(system: System, state: Progress) -> Unknowns:
     return Unknowns(jax.vmap(outward)(times, values.vdot), values.lam)
 
 
+def seen_from_hub(
+    system: System,
+    history: History,
+    times: Float[Array, " stage"],
+    q: Coordinates,
+    unknowns: Unknowns,
+) -> Unknowns:
+    """The stages in the axes of the hub, after the step's start, which is the last one's end."""
+    axes = jax.vmap(system.rotation)(times, q)
+    body = jax.vmap(lambda a, r: a.rotate(r.T))(unknowns.vdot, axes)
+    values = jax.tree.map(
+        lambda old, new: jnp.concatenate([old[-1:], new]), history.values, Unknowns(body, unknowns.lam)
+    )
+    return lax.stop_gradient(values)
+
+
 def angular_velocity(system: System, now: Point) -> Vector:
     """omega [rad/s] of the hub or of the turning frame, in I."""
 
@@ -492,32 +289,3 @@ def angular_velocity(system: System, now: Point) -> Vector:
     axes, rate = jax.jvp(attitude, (jnp.zeros(()),), (jnp.ones(()),))
     skew = rate @ axes.T
     return 0.5 * jnp.stack([skew[2, 1] - skew[1, 2], skew[0, 2] - skew[2, 0], skew[1, 0] - skew[0, 1]])
-
-
-# ---- sizes --------------------------------------------------------------------------------------
-
-
-def lengths(system: System) -> Float[Array, "2"]:
-    """What errors are measured by [m]: the shortest tether's length, and the hub's size."""
-    tethers = system.tethers
-    total = jnp.broadcast_to(tethers.element_length, (tethers.elements, tethers.count)).sum(0).min()
-    hub = total if system.hub is None else HUB_SHARE * system.hub.radius
-    return lax.stop_gradient(jnp.stack([total, hub]))
-
-
-HUB_SHARE = 0.1
-"""Errors of the hub's points count ten times: they turn everything."""
-
-
-def largest(system: System, change: Coordinates, unit: Float[Array, "2"]) -> Scalar:
-    """Largest change of a position (slopes times l) in units of tether's and hub's."""
-    size = jnp.abs(system.tethers.scale_slopes(change.tether)).max() / unit[0]
-    return size if change.hub is None else jnp.maximum(size, jnp.abs(change.hub).max() / unit[1])
-
-
-def first_step(system: System, vdot: Coordinates, tolerance: Scalar) -> Scalar:
-    """A guess [s]: the time to fall a tether's length at the largest acceleration, times what a step may
-    be of the time scale of the motion at that tolerance."""
-    fastest = jnp.abs(vdot.tether[0]).max()
-    scale = jnp.sqrt(lengths(system)[0] / jnp.maximum(fastest, 1e-30))
-    return tolerance ** (1.0 / (STAGES + 2)) * scale

@@ -6,42 +6,80 @@
 Used for the start of a run and for every saved instant, so that output never interpolates them.
 """
 
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
 
 from esail_jax import newton_matrix
-from esail_jax.array_types import Scalar
+from esail_jax.array_types import Array, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.numerics import bordered
-from esail_jax.system import System
+from esail_jax.numerics.block_tridiagonal import ChainFactors
+from esail_jax.system import Power, System
+
+
+class Motion(NamedTuple):
+    """Accelerations and multipliers of a state, and what acts: forces with the reactions of the root
+    joints left out (`system.Residual`), and power."""
+
+    vdot: Coordinates
+    lam: Multipliers
+    forces: Coordinates
+    power: Power
+
+
+def consistent_motion(
+    system: System,
+    time: Scalar,
+    q: Coordinates,
+    v: Coordinates,
+    inertia: tuple[ChainFactors, Array] | None = None,
+) -> Motion:
+    """Of the state (q, v), which must satisfy the constraints and their rates. inertia: that of the
+    system (`newton_matrix.inertia`), where many states share it."""
+    rest = jax.tree.map(jnp.zeros_like, q)
+    if system.hub is None:
+        rest = system.place_roots(time, rest, derivative=2)
+    at_rest = system.inertial(q, v, rest)
+    tether, power = system.tether_forces(time, q.tether, v.tether, at_rest.tether)
+    loads = Coordinates(tether, at_rest.hub)
+    residual, _ = system.joined(time, q, v, loads, system.no_multipliers(), power)
+    bend = system.constraint_acceleration(time, q, v, rest)
+    matrix, factors = newton_matrix.factor_mass(
+        system, time, q, newton_matrix.inertia(system) if inertia is None else inertia
+    )
+    rhs = newton_matrix.to_vector(system, *jax.tree.map(jnp.negative, (residual.forces, bend)))
+    vdot, lam = newton_matrix.from_vector(system, bordered.solve(matrix, factors, rhs))
+    moving = loads.axpy(1.0, Coordinates(system.tethers.inertia(vdot.tether), vdot.hub))
+    residual, power = system.joined(time, q, v, moving, lam, power)
+    return Motion(jax.tree.map(jnp.add, rest, vdot), lam, residual.forces, power)
 
 
 def consistent_acceleration(
     system: System, time: Scalar, q: Coordinates, v: Coordinates
 ) -> tuple[Coordinates, Multipliers]:
     """vdot and lam of the state (q, v), which must satisfy the constraints and their rates."""
-    rest = jax.tree.map(jnp.zeros_like, q)
-    if system.hub is None:
-        rest = system.place_roots(time, rest, derivative=2)
-    residual, _ = system.residual(time, q, v, rest, system.no_multipliers())
-    bend = system.constraint_acceleration(time, q, v, rest)
-    matrix = newton_matrix.mass(system, time, q)
-    rhs = newton_matrix.to_vector(system, *jax.tree.map(jnp.negative, (residual.forces, bend)))
-    solution = bordered.solve(matrix, bordered.factor(matrix), rhs)
-    vdot, lam = newton_matrix.from_vector(system, solution)
-    return jax.tree.map(jnp.add, rest, vdot), lam
+    motion = consistent_motion(system, time, q, v)
+    return motion.vdot, motion.lam
 
 
 def project(
-    system: System, time: Scalar, q: Coordinates, v: Coordinates
+    system: System,
+    time: Scalar,
+    q: Coordinates,
+    v: Coordinates,
+    inertia: tuple[ChainFactors, Array] | None = None,
 ) -> tuple[Coordinates, Coordinates]:
     """The nearest state (in the mass metric, one Newton correction) on the constraints and their
-    rates. Interpolation errors are of fourth order, so one correction reaches rounding."""
+    rates. Interpolation errors are of fourth order, so one correction reaches rounding. inertia: as in
+    `consistent_motion`."""
     q, v = system.place_roots(time, q), system.place_roots(time, v, derivative=1)
     if not system.has_constraints:
         return q, v
-    matrix = newton_matrix.mass(system, time, q)
-    factors = bordered.factor(matrix)
+    matrix, factors = newton_matrix.factor_mass(
+        system, time, q, newton_matrix.inertia(system) if inertia is None else inertia
+    )
     nothing = jax.tree.map(jnp.zeros_like, q)
 
     def corrected(x, defect):

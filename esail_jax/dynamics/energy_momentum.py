@@ -22,7 +22,7 @@ import numpy as np
 from jax import lax
 
 from esail_jax import newton_matrix
-from esail_jax.array_types import Float, PerPoint, Rotation, Scalar
+from esail_jax.array_types import Float, Instants, PerPoint, Rotation, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.dynamics.generalized_alpha import (
     FixedStep,
@@ -68,10 +68,13 @@ class Secant(Energy):
     def depends_on(self) -> tuple[str, ...]:
         return self.term.depends_on
 
-    def density(self, fields: PointFields) -> PerPoint:
-        return self.term.density(fields)
+    def deformation(self, fields: PointFields) -> PerPoint:
+        return self.term.deformation(fields)
 
-    def point_forces(self, time: Scalar, fields: PointFields, rates: PointFields) -> PointFields:
+    def stored(self, e: PerPoint) -> PerPoint:
+        return self.term.stored(e)
+
+    def point_forces(self, time: Instants, fields: PointFields, rates: PointFields) -> PointFields:
         """Conjugate to the fields half way, from which those at the end follow."""
         tau, weights = gauss_legendre(PATH_POINTS)
         roots = np.sqrt(np.stack([1.0 - tau, tau]))

@@ -3,7 +3,6 @@
 from typing import ClassVar, Literal
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 
 from esail_jax.array_types import PerMember, PerPoint, Scalar, VectorPerPoint
@@ -29,8 +28,11 @@ class AxialEnergy(Energy):
     name: ClassVar[str] = "axial"
     depends_on: ClassVar[tuple[str, ...]] = ("r_x",)
 
-    def density(self, fields: PointFields) -> PerPoint:
-        return 0.5 * self.stiffness * axial_strain(fields.r_x, self.strain) ** 2
+    def deformation(self, fields: PointFields) -> PerPoint:
+        return axial_strain(fields.r_x, self.strain)
+
+    def stored(self, e: PerPoint) -> PerPoint:
+        return 0.5 * self.stiffness * e**2
 
 
 class TensionOnlyEnergy(Energy):
@@ -49,9 +51,12 @@ class TensionOnlyEnergy(Energy):
     name: ClassVar[str] = "tension only"
     depends_on: ClassVar[tuple[str, ...]] = ("r_x",)
 
-    def density(self, fields: PointFields) -> PerPoint:
+    def deformation(self, fields: PointFields) -> PerPoint:
+        return axial_strain(fields.r_x, self.strain)
+
+    def stored(self, e: PerPoint) -> PerPoint:
         w = self.width
-        above_slack = axial_strain(fields.r_x, self.strain) + 0.5 * w
+        above_slack = e + 0.5 * w
         above_blend = above_slack - w
         blend = above_slack**3 / (6.0 * w)
         taut = w**2 / 6.0 + 0.5 * above_blend * (w + above_blend)
@@ -70,6 +75,8 @@ class AxialDissipation(Dissipation):
     name: ClassVar[str] = "axial damping"
     depends_on: ClassVar[tuple[str, ...]] = ("r_x",)
 
-    def density(self, fields: PointFields, rates: PointFields) -> PerPoint:
-        _, strain_rate = jax.jvp(lambda r_x: axial_strain(r_x, self.strain), (fields.r_x,), (rates.r_x,))
-        return 0.5 * self.time * self.stiffness * strain_rate**2
+    def deformation(self, fields: PointFields) -> PerPoint:
+        return axial_strain(fields.r_x, self.strain)
+
+    def lost(self, e: PerPoint, rate: PerPoint) -> PerPoint:
+        return 0.5 * self.time * self.stiffness * rate**2

@@ -13,8 +13,6 @@ less than 1e-4 rad is not damped in bending.
 
 from typing import ClassVar
 
-import jax
-
 from esail_jax.array_types import PerPoint, PerTether, VectorPerPoint
 from esail_jax.numerics.vectors import dot
 from esail_jax.terms import Dissipation, Energy, PointFields
@@ -42,8 +40,11 @@ class BendingEnergy(Energy):
     name: ClassVar[str] = "bending"
     depends_on: ClassVar[tuple[str, ...]] = ("r_x", "r_xx")
 
-    def density(self, fields: PointFields) -> PerPoint:
-        return 0.5 * self.stiffness * curvature_squared(fields.r_x, fields.r_xx)
+    def deformation(self, fields: PointFields) -> PerPoint:
+        return curvature_squared(fields.r_x, fields.r_xx)
+
+    def stored(self, e: PerPoint) -> PerPoint:
+        return 0.5 * self.stiffness * e
 
 
 class BendingDissipation(Dissipation):
@@ -56,9 +57,9 @@ class BendingDissipation(Dissipation):
     name: ClassVar[str] = "bending damping"
     depends_on: ClassVar[tuple[str, ...]] = ("r_x", "r_xx")
 
-    def density(self, fields: PointFields, rates: PointFields) -> PerPoint:
-        squared, squared_rate = jax.jvp(
-            curvature_squared, (fields.r_x, fields.r_xx), (rates.r_x, rates.r_xx)
-        )
-        rate_squared = 0.25 * squared_rate**2 / (squared + self.straight_curvature**2)
+    def deformation(self, fields: PointFields) -> PerPoint:
+        return curvature_squared(fields.r_x, fields.r_xx)
+
+    def lost(self, e: PerPoint, rate: PerPoint) -> PerPoint:
+        rate_squared = 0.25 * rate**2 / (e + self.straight_curvature**2)
         return 0.5 * self.time * self.stiffness * rate_squared

@@ -1,7 +1,8 @@
 """All tethers of a sail as one batch of chains of elements: interpolation, mass, assembly.
 
 Nodal vectors are kept as (coef, xyz, node, tether): coef 0 the position, coef 1 the slope r_x of a
-cable. Every operation is one small matrix product over all elements of all tethers.
+cable. Several states of motion may stand between xyz and node. Every operation is one small matrix
+product over all elements of all tethers and states.
 """
 
 from typing import Literal
@@ -9,6 +10,7 @@ from typing import Literal
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 
 from esail_jax.array_types import Array, Float, Nodal, PerMember, PerTether
 from esail_jax.elements import ancf_cable, truss
@@ -85,21 +87,21 @@ class Tethers(eqx.Module):
         slope = nodal[1] * self.element_length
         return jnp.stack([nodal[0], slope])
 
-    def element_vectors(self, nodal: Nodal) -> Float[Array, "coef2 3 elem tether"]:
+    def element_vectors(self, nodal: Nodal) -> Float[Array, "coef2 3 *state elem tether"]:
         """(r_i, l r_x,i, r_j, l r_x,j) of every element."""
         scaled = self.scale_slopes(nodal)
-        return jnp.concatenate([scaled[:, :, :-1], scaled[:, :, 1:]])
+        return jnp.concatenate([scaled[..., :-1, :], scaled[..., 1:, :]])
 
-    def assemble(self, elementwise: Float[Array, "coef2 3 elem tether"]) -> Nodal:
+    def assemble(self, elementwise: Float[Array, "coef2 3 *state elem tether"]) -> Nodal:
         """Transpose of `element_vectors`: sum element forces into nodal ones ([PGV] Eq. 9)."""
         k = self.coefs
-        none = jnp.zeros_like(elementwise[:k, :, :1])
-        left = jnp.concatenate([elementwise[:k], none], axis=2)
-        right = jnp.concatenate([none, elementwise[k:]], axis=2)
+        none = jnp.zeros_like(elementwise[:k, ..., :1, :])
+        left = jnp.concatenate([elementwise[:k], none], axis=-2)
+        right = jnp.concatenate([none, elementwise[k:]], axis=-2)
         return self.scale_slopes(left + right)
 
     def interpolate(self, nodal: Nodal) -> PointFields:
-        """The fields in use at every Gauss point: (xyz, point, elem, tether) each."""
+        """The fields in use at every Gauss point: (xyz, point, *state, elem, tether) each."""
         vectors = self.element_vectors(nodal)
         tables = np.concatenate([self.table(d) for d in self.derivatives])
         values = (tables @ vectors.reshape(vectors.shape[0], -1)).reshape(
@@ -126,18 +128,16 @@ class Tethers(eqx.Module):
             tables.append(self.mass_table)
             scale = self.line_density * self.element_length
             values.append(self.element_vectors(acceleration) * scale)
-        stacked = jnp.concatenate(values)
-        product = np.concatenate(tables).T @ stacked.reshape(stacked.shape[0], -1)
-        forces = self.assemble(product.reshape(-1, *stacked.shape[1:]))
+        forces = self.assemble(along_first(np.concatenate(tables).T, stacked(values)))
         if acceleration is not None:
             forces = self.add_point_masses(forces, acceleration)
         return forces
 
     def add_point_masses(self, forces: Nodal, acceleration: Nodal) -> Nodal:
         """`forces` and the inertia of the masses at the ends."""
-        forces = forces.at[0, :, -1].add(self.tip_mass * acceleration[0, :, -1])
+        forces = forces.at[0, ..., -1, :].add(self.tip_mass * acceleration[0, ..., -1, :])
         if self.base_mass is not None:
-            forces = forces.at[0, :, 0].add(self.base_mass * acceleration[0, :, 0])
+            forces = forces.at[0, ..., 0, :].add(self.base_mass * acceleration[0, ..., 0, :])
         return forces
 
     def inertia(self, acceleration: Nodal) -> Nodal:
@@ -177,18 +177,17 @@ class Tethers(eqx.Module):
         are ordered (coef, xyz), slopes in metres.
         """
         order = PointFields._fields.index
-        values, tables = [], []
+        tables, values = [], []
         for (row, column), block in jacobian.items():
             scale = self.element_length ** (1 - order(row) - order(column))
-            values.append(jnp.moveaxis(block * scale, 2, 0))
             pair = (self.table(order(row)), self.table(order(column)))
-            tables.append(np.einsum("q,qa,qb->qab", self.weights, *pair))
-        stacked, table = jnp.concatenate(values), np.concatenate(tables)
-        points, coefs = table.shape[:2]
-        flat = table.reshape(points, -1).T @ stacked.reshape(points, -1)
-        matrices = flat.reshape(coefs, coefs, *stacked.shape[1:])  # a, b, direction, component, ...
+            tables.append(np.einsum("q,qa,qb->abq", self.weights, *pair))
+            values.append(jnp.moveaxis(block * scale, 2, 0))
+        # a, b, direction, component, ...
+        matrices = along_first(np.concatenate(tables, axis=2), stacked(values))
+        coefs, axes = matrices.shape[0], matrices.shape[2]
         rows_first = matrices.transpose(0, 3, 1, 2, 4, 5)
-        return rows_first.reshape(coefs * stacked.shape[2], coefs * stacked.shape[1], *stacked.shape[3:])
+        return rows_first.reshape(coefs * axes, coefs * axes, *matrices.shape[4:])
 
     def blocks(self, elementwise: Float[Array, "row col elem tether"]) -> tuple[Array, Array, Array]:
         """Node blocks of a block-tridiagonal matrix from element matrices: diagonal (node, row,
@@ -200,3 +199,20 @@ class Tethers(eqx.Module):
             [none, matrices[:, m:, m:]]
         )
         return diagonal, matrices[:, :m, m:], matrices[:, m:, :m]
+
+
+def stacked(parts: list[Array]) -> Array:
+    """Concatenated along the first axis, part by part into one buffer: a concatenation would be compiled
+    as one loop over all rows, with the formulas of every part in it again and again."""
+    buffer = jnp.zeros((sum(len(part) for part in parts), *parts[0].shape[1:]), parts[0].dtype)
+    row = 0
+    for part in parts:
+        buffer = lax.dynamic_update_slice_in_dim(buffer, part, row, 0)
+        row += len(part)
+    return buffer
+
+
+def along_first(table: np.ndarray, values: Float[Array, "first *batch"]) -> Array:
+    """Product over the last axis of the table and the first of the values, as one of two matrices."""
+    flat = table.reshape(-1, table.shape[-1]) @ values.reshape(values.shape[0], -1)
+    return flat.reshape(*table.shape[:-1], *values.shape[1:])

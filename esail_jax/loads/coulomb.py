@@ -2,7 +2,7 @@
 
 from typing import ClassVar
 
-from esail_jax.array_types import PerMember, Scalar, VectorPerPoint
+from esail_jax.array_types import Instants, PerMember, VectorPerPoint
 from esail_jax.environment.solar_wind import SolarWind
 from esail_jax.numerics.vectors import dot
 from esail_jax.terms import Load, PointFields
@@ -20,7 +20,7 @@ class CoulombThrust(Load):
     name: ClassVar[str] = "coulomb"
     depends_on: ClassVar[tuple[str, ...]] = ("r", "r_x")
 
-    def force(self, time: Scalar, fields: PointFields, rates: PointFields) -> VectorPerPoint:
+    def force(self, time: Instants, fields: PointFields, rates: PointFields) -> VectorPerPoint:
         u = self.wind.velocity(fields.r)
         along = dot(fields.r_x, u) / dot(fields.r_x, fields.r_x)
         return self.wind.thrust_per_speed(self.voltage) * (u - along * fields.r_x)

@@ -7,10 +7,11 @@ import numpy as np
 
 from esail_jax.array_types import Array, Float, Rotation, Scalar, Vector, VectorPerPoint
 from esail_jax.coordinates import Coordinates, Multipliers
-from esail_jax.dynamics.consistent import consistent_acceleration
+from esail_jax.dynamics.consistent import consistent_motion
 from esail_jax.environment.orbit import orbital_frame
 from esail_jax.joints.roots import radial_directions
 from esail_jax.numerics.angles import smallest_eigenvector
+from esail_jax.numerics.block_tridiagonal import ChainFactors
 from esail_jax.numerics.vectors import dot
 from esail_jax.system import Power, System
 from esail_jax.terms import PointFields
@@ -133,12 +134,13 @@ def make_instant(
     v: Coordinates,
     work: Power,
     start_energy: Scalar,
+    inertia: tuple[ChainFactors, Array] | None = None,
 ) -> Instant:
-    """An instant from a state, with accelerations and multipliers that fit it."""
-    vdot, lam = consistent_acceleration(system, time, q, v)
-    residual, power = system.residual(time, q, v, vdot, lam)
+    """An instant from a state, with accelerations and multipliers that fit it. inertia: that of the
+    system, where many instants share it."""
+    vdot, lam, forces, power = consistent_motion(system, time, q, v, inertia)
     load = None
     if system.loads:
         fields, rates = system.tethers.interpolate(q.tether), system.tethers.interpolate(v.tether)
         load = sum(term.force(time, fields, rates) for term in system.loads)
-    return Instant(system, time, q, v, vdot, lam, work, start_energy, origin, residual.forces, power, load)
+    return Instant(system, time, q, v, vdot, lam, work, start_energy, origin, forces, power, load)

@@ -49,8 +49,11 @@ class LinearBending(Energy):
     name: ClassVar[str] = "linear bending"
     depends_on: ClassVar[tuple[str, ...]] = ("r_xx",)
 
-    def density(self, fields: PointFields) -> PerPoint:
-        return 0.5 * self.stiffness * dot(fields.r_xx, fields.r_xx)
+    def deformation(self, fields: PointFields) -> PerPoint:
+        return dot(fields.r_xx, fields.r_xx)
+
+    def stored(self, e: PerPoint) -> PerPoint:
+        return 0.5 * self.stiffness * e
 
 
 class Lane(NamedTuple):

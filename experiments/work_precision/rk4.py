@@ -14,8 +14,8 @@ import numpy as np
 import esail_jax as esail
 from esail_jax import blocks
 from esail_jax.bench import Run, with_method
-from esail_jax.dynamics.collocation import Point
 from esail_jax.dynamics.consistent import consistent_acceleration
+from esail_jax.dynamics.stages import Point
 from esail_jax.scenes.build import split
 
 WORKS = ("external_work", "dissipated_energy", "energy_balance_error")

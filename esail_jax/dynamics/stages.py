@@ -1,0 +1,322 @@
+"""The equations of all stages of a collocation step, and their solution.
+
+On a step of length h the accelerations are a polynomial through s stages i = 1 ... s at t + c_i h:
+
+    q_i = q + c_i h v + h^2 sum_j (A^2)_ij vdot_j,      v_i = v + h sum_j A_ij vdot_j
+    M vdot_i + Phi_q^T lam_i = Q(t_i, q_i, v_i),        d^2 Phi / dt^2 = 0 at every stage
+
+All stages are solved together by simplified Newton iterations. With A = T diag(mu) T^-1 the linear system
+of all stages falls apart into one of the size of a single stage for each mu,
+
+    M + (h mu)^2 K + h mu C    and the constraint gradients,
+
+complex, with half of them the conjugates of the others. Factors are kept for many steps: residuals are
+turned back into the axes, attached to hub and nodes, in which the factors were made, solutions forth
+(`attached_axes.py`). An iteration gains a factor of a hundred, as long as tethers are taut.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from esail_jax import newton_matrix
+from esail_jax.array_types import Array, Complex, Float, Int, Scalar
+from esail_jax.coordinates import Coordinates, Multipliers
+from esail_jax.dynamics.attached_axes import Axes, Turn, axes_of, turn
+from esail_jax.numerics import bordered
+from esail_jax.numerics.radau import Radau
+from esail_jax.system import Power, Residual, System
+
+STAGES = 4
+"""Order 7. With three (order 5) the steps of a sail are half as long, with five half as long again, at
+the same cost per second of motion within a tenth."""
+
+TABLE = Radau.of(STAGES)
+
+MAX_ITERATIONS = 10
+"""After which a step has failed: what converges so slowly is cheaper with half the step."""
+
+LINEAR_ITERATIONS = 14
+"""Of the linear equations of a derivative: each gains a factor of ten or more."""
+
+
+HUB_SHARE = 0.1
+"""Errors of the hub's points count ten times: they turn everything."""
+
+
+class Unknowns(NamedTuple):
+    """What is solved for, one entry per stage (in a `History` one more, for the start of the step)."""
+
+    vdot: Coordinates
+    lam: Multipliers
+
+
+class Point(NamedTuple):
+    """An instant: what a step starts from and ends on. work [J] since the start of the run."""
+
+    time: Scalar
+    q: Coordinates
+    v: Coordinates
+    work: Power
+
+
+class KeptFactors(NamedTuple):
+    """Factors for every mu (leading axis), of the mass matrix for the projection, and the axes they were
+    made in. shape: a matrix of theirs, read for its layout."""
+
+    stages: bordered.Factors
+    mass: bordered.Factors
+    shape: bordered.Bordered
+    axes: Axes
+
+
+# ---- equations ----------------------------------------------------------------------------------
+
+
+def stage_states(
+    start: Point, h: Scalar, vdot: Coordinates
+) -> tuple[Float[Array, " stage"], Coordinates, Coordinates]:
+    """Times, q and v of the stages."""
+
+    def along(x):
+        return TABLE.nodes.reshape(-1, *(1,) * x.ndim) * (h * x)
+
+    q = jax.tree.map(
+        lambda q, v, a: q + along(v) + h**2 * jnp.tensordot(TABLE.squared, a, 1), start.q, start.v, vdot
+    )
+    v = jax.tree.map(lambda v, a: v + h * jnp.tensordot(TABLE.matrix, a, 1), start.v, vdot)
+    return start.time + h * TABLE.nodes, q, v
+
+
+def stage_residuals(system: System, start: Point, h: Scalar, unknowns: Unknowns) -> tuple[Residual, Axes]:
+    """Of every stage: what the equations of motion and the constraints' second derivatives [m/s^2] are
+    short of, and the axes."""
+    times, q, v = stage_states(start, h, unknowns.vdot)
+    found, _ = system.residuals(times, q, v, *unknowns)
+    bend = jax.vmap(system.constraint_acceleration)(times, q, v, unknowns.vdot)
+    axes = jax.vmap(lambda time, q: axes_of(system, time, q))(times, q)
+    return Residual(found.forces, bend), axes
+
+
+def stage_powers(system: System, start: Point, h: Scalar, unknowns: Unknowns) -> Power:
+    """Powers at every stage."""
+    return system.residuals(*stage_states(start, h, unknowns.vdot), *unknowns)[1]
+
+
+def factor(system: System, start: Point, h: Scalar, lam: Multipliers) -> KeptFactors:
+    """Iteration matrices of a step of length h at its start, and their factors."""
+    now = (start.time, start.q)
+    inert = newton_matrix.mass(system, *now)
+
+    def tangent(rate):
+        return newton_matrix.tangent(system, *now, start.v, lam, jnp.ones(()), rate)
+
+    both = jax.vmap(tangent)(jnp.array([0.0, 1.0]))
+    stiff, moving = (jax.tree.map(lambda x, i=i: x[i], both) for i in (0, 1))
+
+    def of_rate(mu):
+        s = h * mu
+
+        def combined(m, mk, mkc):
+            return m + s**2 * (mk - m) + s * (mkc - mk)
+
+        return bordered.factor(jax.tree.map(combined, inert, stiff, moving)._replace(weights=inert.weights))
+
+    # The mass matrix is that of mu = 0.
+    factors = jax.vmap(of_rate)(jnp.asarray(np.append(TABLE.rates, 0.0)))
+    stages = jax.tree.map(lambda x: x[:-1], factors)
+    mass = jax.tree.map(lambda x: x[-1].real, factors)
+    return KeptFactors(stages, mass, inert, axes_of(system, *now))
+
+
+# ---- solution -----------------------------------------------------------------------------------
+
+
+def correction(system: System, residual: Residual, turns: Turn, kept: KeptFactors) -> Unknowns:
+    """Change of the unknowns that a simplified Newton step asks for. turns: of every stage, from the
+    axes of the factors."""
+
+    def to_rhs(residual, turn):
+        forces, constraints = jax.tree.map(jnp.negative, (residual.forces, residual.constraints))
+        return newton_matrix.to_vector(system, turn.back(forces), constraints)
+
+    rhs = jax.tree.map(split, jax.vmap(to_rhs)(residual, turns))
+    solution = jax.vmap(lambda factors, rhs: bordered.solve(kept.shape, factors, rhs))(kept.stages, rhs)
+    solution = jax.tree.map(mix, solution)
+
+    def from_solution(solution, turn):
+        vdot, lam = newton_matrix.from_vector(system, solution)
+        return Unknowns(turn.forth(vdot), lam)
+
+    return jax.vmap(from_solution)(solution, turns)
+
+
+def split(stages: Float[Array, "stage *x"]) -> Complex[Array, "rate *x"]:
+    """T^-1 times the stages, for the kept one of every pair; in real products, which are fast."""
+    return lax.complex(
+        jnp.tensordot(TABLE.split.real, stages, 1), jnp.tensordot(TABLE.split.imag, stages, 1)
+    )
+
+
+def mix(z: Complex[Array, "rate *x"]) -> Float[Array, "stage *x"]:
+    """T z, both of every pair together."""
+    return jnp.tensordot(TABLE.mix.real, z.real, 1) - jnp.tensordot(TABLE.mix.imag, z.imag, 1)
+
+
+def turns_to(axes: Axes, kept: KeptFactors) -> Turn:
+    """From the axes of the factors to those of every stage."""
+    return jax.vmap(lambda axes: turn(kept.axes, axes))(axes)
+
+
+@jax.custom_jvp
+def solve_stages(
+    system: System,
+    start: Point,
+    h: Scalar,
+    guess: Unknowns,
+    kept: KeptFactors,
+    enough: Float[Array, "2"],
+) -> tuple[Unknowns, Int[Array, ""], Scalar]:
+    """Simplified Newton iterations, until what is left, judged by the last two increments of the
+    positions, is `enough` [m] (of tethers and hub): unknowns, iterations, and what is left over that.
+    Guess and factors decide how fast, not where to: they carry no derivative."""
+
+    def iterate(carry):
+        unknowns, count, before, _ = carry
+        residual, axes = stage_residuals(system, start, h, unknowns)
+        change = correction(system, residual, turns_to(axes, kept), kept)
+        unknowns = jax.tree.map(jnp.add, unknowns, change)
+        moved = jax.tree.map(lambda x: h**2 * jnp.tensordot(TABLE.squared, x, 1), change.vdot)
+        increment = jax.vmap(lambda x: largest(system, x, enough))(moved).max()
+        rate = jnp.where(count > 0, increment / before, 0.5)
+        left = increment * jnp.where(rate < 1.0, rate / (1.0 - rate), jnp.inf)
+        return unknowns, count + 1, increment, left
+
+    def unfinished(carry):
+        *_, count, _, left = carry
+        return ~(left <= 1.0) & (count < MAX_ITERATIONS) & (jnp.isfinite(left) | (count < 2))
+
+    infinite = jnp.asarray(jnp.inf)
+    carry = (guess, jnp.zeros((), int), infinite, infinite)
+    unknowns, count, _, left = lax.while_loop(unfinished, iterate, carry)
+    return unknowns, count, left
+
+
+@solve_stages.defjvp
+def _solve_stages_jvp(primals, tangents):
+    """d(unknowns) = -J^-1 d(residual): implicit function theorem, J being that of all stages together."""
+    system, start, h, _, kept, _ = primals
+    unknowns, count, left = solve_stages(*primals)
+    axes = stage_residuals(system, start, h, unknowns)[1]
+
+    def residuals(system, start, h, unknowns):
+        return stage_residuals(system, start, h, unknowns)[0]
+
+    def along(change):
+        return jax.jvp(lambda x: residuals(*primals[:3], x), (unknowns,), (change,))[1]
+
+    _, given = jax.jvp(lambda *x: residuals(*x, unknowns), primals[:3], tangents[:3])
+    moved = linear_solution(system, along, given, turns_to(axes, kept), kept)
+    none = np.zeros((), jax.dtypes.float0)
+    return (unknowns, count, left), (moved, none, jnp.zeros(()))
+
+
+def linear_solution(
+    system: System,
+    along: Callable[[Unknowns], Residual],
+    given: Residual,
+    turns: Turn,
+    kept: KeptFactors,
+) -> Unknowns:
+    """x with along(x) + given = 0, by the same iterations, and their transpose for reverse mode.
+
+    Roots move with the hub: in the square system that is solved, their rows are added to the hub's and
+    their columns are taken out."""
+    turns, kept = lax.stop_gradient((turns, kept))
+
+    def with_roots(x):
+        return x._replace(vdot=jax.vmap(lambda a: on_roots(system, a))(x.vdot))
+
+    def without_roots(x):
+        if system.roots is None:
+            return x
+        return x._replace(vdot=x.vdot._replace(tether=x.vdot.tether.at[:, 0, :, 0].set(0.0)))
+
+    nothing = jax.tree.map(jnp.zeros_like, Unknowns(given.forces, given.constraints))
+    fold = jax.linear_transpose(with_roots, nothing)
+
+    def equations(residual):
+        return fold(Unknowns(residual.forces, residual.constraints))[0]
+
+    def matrix(x):
+        apart = jax.tree.map(jnp.subtract, x, without_roots(x))
+        return jax.tree.map(jnp.add, equations(along(with_roots(x))), apart)
+
+    def precondition(residual):
+        residual = without_roots(residual)
+        return without_roots(correction(system, Residual(residual.vdot, residual.lam), turns, kept))
+
+    def solve(matrix, rhs, precondition=precondition):
+        def improve(_, x):
+            short = jax.tree.map(jnp.subtract, matrix(x), rhs)
+            return jax.tree.map(jnp.add, x, precondition(short))
+
+        return lax.fori_loop(0, LINEAR_ITERATIONS, improve, jax.tree.map(jnp.zeros_like, rhs))
+
+    def solve_transposed(transposed, rhs):
+        backwards = jax.linear_transpose(precondition, rhs)
+        return solve(transposed, rhs, lambda x: backwards(x)[0])
+
+    rhs = jax.tree.map(jnp.negative, equations(given))
+    return with_roots(lax.custom_linear_solve(matrix, rhs, solve, solve_transposed))
+
+
+def on_roots(system: System, vdot: Coordinates) -> Coordinates:
+    """A change of the accelerations with the roots where the hub's takes them; a frame's do not change."""
+    if system.roots is None:
+        return vdot
+    root = jnp.zeros_like(vdot.tether[0, :, 0])
+    if system.hub is not None:
+        root = system.roots.positions(vdot.hub)
+    return vdot._replace(tether=vdot.tether.at[0, :, 0].set(root))
+
+
+def on_constraints(
+    system: System, kept: KeptFactors, time: Scalar, q: Coordinates, v: Coordinates
+) -> tuple[Coordinates, Coordinates]:
+    """The nearest state on the constraints and their rates, by one Newton correction in the mass metric
+    each: the stages miss them by the local error."""
+    if system.has_constraints:
+        turned = lax.stop_gradient(system.rotation(time, q)) @ kept.axes.hub.T
+        nothing = jax.tree.map(jnp.zeros_like, q)
+
+        def corrected(x, defect):
+            rhs = newton_matrix.to_vector(system, nothing, jax.tree.map(jnp.negative, defect))
+            change, _ = newton_matrix.from_vector(system, bordered.solve(kept.shape, kept.mass, rhs))
+            return jax.tree.map(jnp.add, x, change.rotate(turned))
+
+        q = corrected(q, system.constraints(time, q))
+        _, rate = jax.jvp(lambda t, q: system.constraints(t, q), (time, q), (jnp.ones(()), v))
+        v = corrected(v, rate)
+    return system.place_roots(time, q), system.place_roots(time, v, derivative=1)
+
+
+# ---- sizes --------------------------------------------------------------------------------------
+
+
+def lengths(system: System) -> Float[Array, "2"]:
+    """What errors are measured by [m]: the shortest tether's length, and the hub's size."""
+    tethers = system.tethers
+    total = jnp.broadcast_to(tethers.element_length, (tethers.elements, tethers.count)).sum(0).min()
+    hub = total if system.hub is None else HUB_SHARE * system.hub.radius
+    return lax.stop_gradient(jnp.stack([total, hub]))
+
+
+def largest(system: System, change: Coordinates, unit: Float[Array, "2"]) -> Scalar:
+    """Largest change of a position (slopes times l) in units of tether's and hub's."""
+    size = jnp.abs(system.tethers.scale_slopes(change.tether)).max() / unit[0]
+    return size if change.hub is None else jnp.maximum(size, jnp.abs(change.hub).max() / unit[1])

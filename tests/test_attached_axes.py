@@ -1,0 +1,56 @@
+"""Axes attached to hub and nodes: what the factors of an iteration are turned with."""
+
+import jax.numpy as jnp
+import numpy as np
+
+from esail_jax.coordinates import Coordinates
+from esail_jax.dynamics.attached_axes import Axes, turn
+from esail_jax.numerics.angles import rotation_by
+
+
+def unit_vectors(seed: int) -> np.ndarray:
+    """(3, node, tether)"""
+    vectors = np.random.default_rng(seed).normal(size=(3, 4, 2))
+    return vectors / np.linalg.norm(vectors, axis=0)
+
+
+def random_coordinates(seed: int) -> Coordinates:
+    random = np.random.default_rng(seed)
+    return Coordinates(jnp.asarray(random.normal(size=(2, 3, 4, 2))), jnp.asarray(random.normal(size=(4, 3))))
+
+
+HUB = rotation_by(jnp.array([0.3, -0.8, 0.5]))
+BEFORE = Axes(jnp.eye(3), jnp.asarray(unit_vectors(0)))
+AFTER = Axes(HUB, jnp.asarray(unit_vectors(1)))
+
+
+def test_directions_are_taken_along():
+    """What points along a tether before points along it after, at every node but the root, whose position
+    belongs to the hub. To rounding."""
+    along = Coordinates(jnp.stack([BEFORE.along, BEFORE.along]), jnp.eye(4, 3))
+    turned = turn(BEFORE, AFTER).forth(along)
+    assert np.allclose(turned.tether[:, :, 1:], np.stack([AFTER.along] * 2)[:, :, 1:], rtol=0, atol=1e-14)
+    assert np.allclose(turned.tether[1, :, 0], AFTER.along[:, 0], rtol=0, atol=1e-14)
+    assert np.allclose(turned.tether[0, :, 0], HUB @ BEFORE.along[:, 0], rtol=0, atol=1e-14)
+    assert np.allclose(turned.hub, jnp.eye(4, 3) @ HUB.T, rtol=0, atol=1e-14)
+
+
+def test_back_is_the_inverse_and_the_transpose_of_forth():
+    """A turn changes no length and no angle: x . forth(y) = back(x) . y, and back(forth(y)) = y."""
+    there, x, y = turn(BEFORE, AFTER), random_coordinates(2), random_coordinates(3)
+    again = there.back(there.forth(y))
+    assert np.allclose(again.tether, y.tether, rtol=0, atol=1e-13)
+    assert np.allclose(again.hub, y.hub, rtol=0, atol=1e-13)
+
+    def product(a, b):
+        return (a.tether * b.tether).sum() + (a.hub * b.hub).sum()
+
+    assert abs(product(x, there.forth(y)) - product(there.back(x), y)) < 1e-13
+
+
+def test_no_shortest_turn_leaves_the_hub():
+    """Where a direction is reversed, or is none, vectors turn with the hub only: still a rotation."""
+    for other in (-jnp.tensordot(HUB, BEFORE.along, 1), jnp.zeros_like(BEFORE.along)):
+        y = random_coordinates(4)
+        turned = turn(BEFORE, Axes(HUB, other)).forth(y)
+        assert np.allclose(turned.tether, y.rotate(HUB).tether, rtol=0, atol=1e-14)
