@@ -16,7 +16,8 @@ def unit_vectors(seed: int) -> np.ndarray:
 
 def random_coordinates(seed: int) -> Coordinates:
     random = np.random.default_rng(seed)
-    return Coordinates(jnp.asarray(random.normal(size=(2, 3, 4, 2))), jnp.asarray(random.normal(size=(4, 3))))
+    tether, hub = random.normal(size=(2, 3, 4, 2)), random.normal(size=(4, 3))
+    return Coordinates(jnp.asarray(tether), jnp.asarray(hub))
 
 
 HUB = rotation_by(jnp.array([0.3, -0.8, 0.5]))

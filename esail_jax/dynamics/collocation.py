@@ -43,8 +43,9 @@ KEEP = 24
 """Steps per factorisation, at most. In axes that move with the sail the factors stay good much longer; this
 is how often a step may become longer."""
 
-WORSE = 2
-"""Iterations more than in the first step of a block, at which factors are made afresh."""
+REFRESH = 5
+"""Iterations that fresh factors cost: when a block's steps together have taken as many more than its best
+one would have, it ends."""
 
 DEGREE = 3
 """Of the polynomial extrapolated for the first guess."""
@@ -161,17 +162,18 @@ class Collocation(eqx.Module):
         h = state.h
 
         def step(carry):
-            state, fewest, error_before = carry
+            state, fewest, steps, spent, error_before = carry
             state, good, record = self.attempt(system, state, kept)
             error, count = record.info.error, record.info.iterations
-            fewest = jnp.minimum(fewest, count)
-            going = good & (count < fewest + WORSE)
+            fewest, steps, spent = jnp.minimum(fewest, count), steps + 1, spent + count
+            going = good & (spent - steps * fewest < REFRESH)
             if self.step_size is None:
                 going &= change_of_step(jnp.maximum(error, error_before)) < TOO_SHORT
-            return (state, fewest, error), going, record
+            return (state, fewest, steps, spent, error), going, record
 
-        carry = (state, jnp.asarray(MAX_ITERATIONS), jnp.asarray(jnp.inf))
-        (state, _, _), records = repeat(step, carry, KEEP, no_record(state), reversible)
+        none = jnp.zeros((), int)
+        carry = (state, jnp.asarray(MAX_ITERATIONS), none, none, jnp.asarray(jnp.inf))
+        (state, *_), records = repeat(step, carry, KEEP, no_record(state), reversible)
         if self.step_size is None:
             state = state._replace(h=next_step(state, records, h))
         return state, records

@@ -34,8 +34,11 @@ from esail_jax.scenes.tables import (
     tables_of,
 )
 
-SAIL_METHOD = "generalized-alpha"
-"""The method of a sail that does not name one."""
+SAIL_METHOD = "collocation"
+"""The method of a sail that names none: its error is controlled."""
+
+STEP_METHOD = "generalized-alpha"
+"""The method of a sail that gives a step or a spectral radius but names none."""
 
 FIXED_STEP = ("generalized-alpha", "energy-momentum")
 """Methods with one step size and no error control."""
@@ -125,7 +128,11 @@ def checked(table: str, content: Any, members: keys.Members | None) -> Any:
 def method_of(scene: Scene) -> str | None:
     """The method a scene names, or that of sails. A chain without one gets it when it is run, as step and
     tolerance always do (`scenes/integration.py`)."""
-    return scene.integrator.method or (SAIL_METHOD if scene.chain is None else None)
+    table = scene.integrator
+    if table.method is not None or scene.chain is not None:
+        return table.method
+    stepped = table.step is not None or table.spectral_radius is not None
+    return STEP_METHOD if stepped else SAIL_METHOD
 
 
 def check_together(scene: Scene) -> None:

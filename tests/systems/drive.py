@@ -118,11 +118,22 @@ def collocation(system, q, v, step, steps, _):
     """All (q, v, lam) from the start on."""
     method = Collocation(step, jnp.asarray(1e-11))
     begin = method.start(system, jnp.zeros(()), q, v)
-    end, records = lax.scan(lambda state, _: method.block(system, state), begin, length=-(-steps // BLOCK))
-    points, time = records.start, jnp.arange(steps + 1) * step
-    found = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), (points.q, points.v))
-    last = (end.now.q, end.now.v)
-    q, v = jax.tree.map(lambda a, b: jnp.concatenate([a, b[None]])[: steps + 1], found, last)
+    room = jax.tree.map(lambda x: jnp.zeros((steps + 1 + BLOCK, *x.shape)), (q, v))
+
+    def going(state):
+        now, count, _ = state
+        return (count <= steps) & (now.rejected == 0.0)
+
+    def block(state):
+        now, count, kept = state
+        now, records = method.block(system, now)
+        found = (records.start.q, records.start.v)  # those taken first: blocks end early now and then
+        kept = jax.tree.map(lambda all, x: lax.dynamic_update_slice_in_dim(all, x, count, 0), kept, found)
+        return now, count + records.taken.sum(), kept
+
+    end, _, kept = lax.while_loop(going, block, (begin, jnp.zeros((), int), room))
+    q, v = jax.tree.map(lambda x: x[: steps + 1], kept)
+    time = jnp.arange(steps + 1) * step
     lam = jax.vmap(lambda *at: consistent_acceleration(system, *at)[1])(time, q, v)
     return (q, v, lam), end.rejected == 0.0
 
