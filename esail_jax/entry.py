@@ -17,7 +17,8 @@ from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.coordinates import Coordinates
 from esail_jax.dynamics.consistent import project
 from esail_jax.dynamics.energy_momentum import EnergyMomentum
-from esail_jax.dynamics.generalized_alpha import FixedStep, GeneralizedAlpha, State, StepInfo
+from esail_jax.dynamics.fixed_step import FixedStep, State, StepInfo
+from esail_jax.dynamics.generalized_alpha import GeneralizedAlpha
 from esail_jax.scenes.build import Model, Numbers
 from esail_jax.schedule import Entry
 from esail_jax.system import Power, System

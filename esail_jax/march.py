@@ -9,7 +9,7 @@ import numpy as np
 
 from esail_jax import blocks, explicit
 from esail_jax.blocks import BlockMarch
-from esail_jax.dynamics.generalized_alpha import KEEP, StepInfo
+from esail_jax.dynamics.fixed_step import KEEP, StepInfo
 from esail_jax.entry import Carry, entry_data, look_at_entry_jitted, step_entry_jitted
 from esail_jax.explicit import ExplicitMarch
 from esail_jax.observables import chain, is_chain

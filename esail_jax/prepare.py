@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from esail_jax import blocks, explicit
-from esail_jax.dynamics.generalized_alpha import KEEP
+from esail_jax.dynamics.fixed_step import KEEP
 from esail_jax.elements.tether import KINDS
 from esail_jax.entry import problem_of
 from esail_jax.programs import programs, shapes_of

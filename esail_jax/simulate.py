@@ -14,7 +14,7 @@ from jax import lax
 
 from esail_jax import blocks, entry, explicit
 from esail_jax.array_types import Array, Float
-from esail_jax.dynamics.generalized_alpha import KEEP, State
+from esail_jax.dynamics.fixed_step import KEEP, State
 from esail_jax.dynamics.rod_chain import RodState
 from esail_jax.dynamics.stages import Point
 from esail_jax.entry import entry_data, problem_of, run_entry

@@ -10,7 +10,7 @@ Phi(q1) - Phi(q0), so that they do no work. Second order, and no numerical dampi
 ringing, the multipliers of the hub included. Only in the mean of two steps are they of second order.
 
 The unknowns are w and lam. The balance closes as well as the iterations converge, so these go on down to
-rounding, with factors kept and turned as in `generalized_alpha.py`.
+rounding, with factors kept and turned as in `fixed_step.py`.
 """
 
 import dataclasses
@@ -24,14 +24,7 @@ from jax import lax
 from esail_jax import newton_matrix
 from esail_jax.array_types import Float, Instants, PerPoint, Rotation, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
-from esail_jax.dynamics.generalized_alpha import (
-    FixedStep,
-    KeptFactors,
-    State,
-    StepInfo,
-    Unknowns,
-    solve_step,
-)
+from esail_jax.dynamics.fixed_step import FixedStep, KeptFactors, State, StepInfo, Unknowns, solve_step
 from esail_jax.numerics import bordered
 from esail_jax.numerics.quadrature import gauss_legendre
 from esail_jax.system import Power, Residual, System

@@ -13,9 +13,9 @@ import esail_jax as esail
 from esail_jax import observables
 from esail_jax.array_types import PerPoint, PerTether
 from esail_jax.constants import ASTRONOMICAL_UNIT
-from esail_jax.dynamics import generalized_alpha
 from esail_jax.dynamics.consistent import consistent_acceleration
-from esail_jax.dynamics.generalized_alpha import KEEP, GeneralizedAlpha
+from esail_jax.dynamics.fixed_step import KEEP, StepInfo
+from esail_jax.dynamics.generalized_alpha import GeneralizedAlpha
 from esail_jax.entry import QUICK_COMPILE, fresh_state, with_jerk
 from esail_jax.numerics.vectors import dot
 from esail_jax.scenes.build import build, split
@@ -109,7 +109,7 @@ def march(stepper: GeneralizedAlpha, system, model, refine: int, saved: int):
         time = jnp.maximum(index, 0) * KEEP * stepper.step_size
         after, (states, info) = stepper.block(system, time, state, KEEP)
         tried = with_jerk(stepper, state, jax.tree.map(lambda v: v[0], states.v))
-        failed = ~jax.vmap(generalized_alpha.StepInfo.converged)(info)
+        failed = ~jax.vmap(StepInfo.converged)(info)
         state = jax.tree.map(lambda x, y: jnp.where(trial, x, y), tried, after)
         return state, jnp.where(trial, 0, jnp.stack([info.iterations.sum(), failed.sum()]))
 

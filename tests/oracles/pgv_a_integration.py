@@ -6,7 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.coordinates import Coordinates, Multipliers
-from esail_jax.dynamics.generalized_alpha import GeneralizedAlpha, State
+from esail_jax.dynamics.fixed_step import State
+from esail_jax.dynamics.generalized_alpha import GeneralizedAlpha
 from esail_jax.scenes.integration import with_method
 from esail_jax.scenes.scene import load_scene
 from esail_jax.system import Power

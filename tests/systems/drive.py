@@ -16,7 +16,8 @@ from esail_jax.dynamics.collocation import KEEP as BLOCK
 from esail_jax.dynamics.collocation import Collocation
 from esail_jax.dynamics.consistent import consistent_acceleration
 from esail_jax.dynamics.energy_momentum import EnergyMomentum
-from esail_jax.dynamics.generalized_alpha import KEEP, GeneralizedAlpha, StepInfo
+from esail_jax.dynamics.fixed_step import KEEP, StepInfo
+from esail_jax.dynamics.generalized_alpha import GeneralizedAlpha
 from esail_jax.dynamics.steady_stretch import along, unstretched_line
 from esail_jax.elements.axial import AxialDissipation, AxialEnergy
 from esail_jax.elements.bending import BendingEnergy
