@@ -2,14 +2,13 @@
 
 import re
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from test_golden import GOLDEN, SUMS, errors
+from whole_runs import check_derivative, check_going_on, numbers, tips_of_batch_and_loop
 
 import esail_jax as esail
-from esail_jax.cli import main
 from esail_jax.numerics.radau import Radau
 from esail_jax.pieces import SimulationError
 from esail_jax.scenes.scene import parse
@@ -156,18 +155,7 @@ def test_output_between_steps_is_as_good_as_the_steps():
 
 def test_a_longer_run_goes_on_bit_for_bit(tmp_path):
     """A run file carried on to a later end holds what one run to that end holds."""
-    once, twice = tmp_path / "once.h5", tmp_path / "twice.h5"
-    scene = [
-        "baseline",
-        *(x for k, v in SMALL.items() if k != "integrator.t_end" for x in ("--set", f"{k}={v}")),
-    ]
-    assert main(["run", *scene, "-o", str(once), "--t-end", "900", "--quiet"]) == 0
-    assert main(["run", *scene, "-o", str(twice), "--t-end", "410", "--quiet"]) == 0
-    assert main(["run", *scene, "-o", str(twice), "--t-end", "900", "--quiet", "--resume"]) == 0
-    first, second = esail.load(once), esail.load(twice)
-    assert np.array_equal(first.time, second.time)
-    for name in first.observables:
-        assert np.array_equal(first[name], second[name], equal_nan=True), name
+    check_going_on(SMALL, 410, 900, tmp_path)
 
 
 # ---- derivatives --------------------------------------------------------------------------------
@@ -175,14 +163,7 @@ def test_a_longer_run_goes_on_bit_for_bit(tmp_path):
 
 def outcome(x):
     """Five numbers of different kinds that a run ends with."""
-    overrides = {
-        "voltage.value": 20e3 * x[0],
-        "initial.spin_rate": 4e-3 * x[1],
-        "remote_units.mass": 1.5 * x[2],
-        "tethers.youngs_modulus": 70e9 * x[3],
-        "integrator.step": 5.0,
-    }
-    end = esail.simulate("baseline", SMALL | overrides)
+    end = esail.simulate("baseline", SMALL | {"integrator.step": 5.0} | numbers(x))
     picked = (
         end["tip_position_I"][-1, 0, 0],
         1e4 * end["root_coning_angle"][-1, 1],
@@ -195,33 +176,17 @@ def outcome(x):
 
 @pytest.mark.slow
 def test_derivative_of_a_run():
-    """Forward mode is the difference quotient (1e-5: iterations end at 5e-7 m, which the quotient magnifies
-    a thousandfold; measured 5e-6 in an angle that hardly changes), reverse is forward mode (1e-10), and
-    the traced run the concrete one (1e-9: rounding, which the square of a strain's small rate shows first;
-    measured 3e-11)."""
-    one, along = jnp.ones(4), jnp.array([1.0, 0.3, -0.2, 0.5])
-    weights = jnp.array([1.0, 0.5, 0.2, 3.0, 0.1])
-    run = jax.jit(outcome)
-    value, forward = jax.jit(lambda x: jax.jvp(outcome, (x,), (along,)))(one)
-    assert np.allclose(value, outcome(np.ones(4)), rtol=1e-9, atol=0)
-    e = 1e-3
-    quotient = 8.0 * (run(one + e * along) - run(one - e * along))
-    quotient = (quotient - (run(one + 2 * e * along) - run(one - 2 * e * along))) / (12.0 * e)
-    assert np.allclose(forward, quotient, rtol=1e-5, atol=0)
-    reverse = jax.jit(jax.grad(lambda x: weights @ outcome(x)))(one)
-    assert abs(reverse @ along / (weights @ forward) - 1.0) < 1e-10
+    """Difference quotient to 1e-5: iterations end at 5e-7 m, which the quotient magnifies a thousandfold
+    (measured 5e-6 in an angle that hardly changes). Concrete run to 1e-9: rounding, which the square of a
+    strain's small rate shows first (measured 3e-11)."""
+    check_derivative(outcome, [1.0, 0.5, 0.2, 3.0, 0.1], quotient_to=1e-5, concrete_to=1e-9)
 
 
 @pytest.mark.slow
 def test_vmap_is_a_loop():
     """Members of a batch make their own steps: 1e-9 of the range, the tolerance being 1e-9 too."""
-
-    def tips(voltage):
-        return esail.simulate("baseline", SMALL | {"voltage.value": voltage})["tip_position_I"]
-
-    voltages = jnp.array([5e3, 2e4, 4e4])
-    together, alone = jax.jit(jax.vmap(tips))(voltages), [tips(v) for v in (5e3, 2e4, 4e4)]
-    assert np.abs(together - np.stack(alone)).max() < 1e-9 * np.ptp(together)
+    together, alone = tips_of_batch_and_loop(SMALL, [5e3, 2e4, 4e4])
+    assert np.abs(together - alone).max() < 1e-9 * np.ptp(together)
 
 
 # ---- failure ------------------------------------------------------------------------------------

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from systems.drive import march
 from test_convergence import SOFT, STEPS, orders
+from whole_runs import check_derivative, check_going_on, numbers, tips_of_batch_and_loop
 
 import esail_jax as esail
-from esail_jax.cli import main
 from esail_jax.dynamics.energy_momentum import Secant
 from esail_jax.elements.axial import AxialEnergy
 from esail_jax.elements.bending import BendingEnergy
@@ -194,13 +194,7 @@ SHORT = SMALL | {"integrator.step": 2.0, "integrator.t_end": 80.0, "output.inter
 
 def outcome(x):
     """Numbers of different kinds that a run ends with."""
-    overrides = {
-        "voltage.value": 20e3 * x[0],
-        "initial.spin_rate": 4e-3 * x[1],
-        "remote_units.mass": 1.5 * x[2],
-        "tethers.youngs_modulus": 70e9 * x[3],
-    }
-    end = esail.simulate("baseline", SHORT | overrides)
+    end = esail.simulate("baseline", SHORT | numbers(x))
     picked = (
         end["tip_position_I"][-1, 0, 0],
         1e4 * end["root_coning_angle"][-1, 1],
@@ -212,46 +206,20 @@ def outcome(x):
 
 @pytest.mark.slow
 def test_derivative_of_a_run():
-    """Forward mode is the difference quotient (fourth order: 1e-6), reverse mode is forward mode (1e-10),
-    and the traced run the concrete one (1e-11)."""
-    one, along = jnp.ones(4), jnp.array([1.0, 0.3, -0.2, 0.5])
-    weights = jnp.array([1.0, 0.5, 0.2, 0.1])
-    run = jax.jit(outcome)
-    value, forward = jax.jit(lambda x: jax.jvp(outcome, (x,), (along,)))(one)
-    assert np.allclose(value, outcome(np.ones(4)), rtol=1e-11, atol=0)
-    e = 1e-3
-    quotient = 8.0 * (run(one + e * along) - run(one - e * along))
-    quotient = (quotient - (run(one + 2 * e * along) - run(one - 2 * e * along))) / (12.0 * e)
-    assert np.allclose(forward, quotient, rtol=1e-6, atol=0)
-    reverse = jax.jit(jax.grad(lambda x: weights @ outcome(x)))(one)
-    assert abs(reverse @ along / (weights @ forward) - 1.0) < 1e-10
+    """Difference quotient to 1e-6, its own error of fourth order; concrete run to 1e-11, rounding."""
+    check_derivative(outcome, [1.0, 0.5, 0.2, 0.1], quotient_to=1e-6, concrete_to=1e-11)
 
 
 @pytest.mark.slow
 def test_vmap_is_a_loop():
     """To the tolerance of the iterations, 1e-13 of the coordinates, over 40 steps."""
-
-    def tips(voltage):
-        return esail.simulate("baseline", SHORT | {"voltage.value": voltage})["tip_position_I"]
-
-    together = jax.jit(jax.vmap(tips))(jnp.array([5e3, 4e4]))
-    alone = np.stack([tips(v) for v in (5e3, 4e4)])
+    together, alone = tips_of_batch_and_loop(SHORT, [5e3, 4e4])
     assert np.abs(together - alone).max() < 1e-11 * np.abs(alone).max()
 
 
 def test_a_longer_run_goes_on_bit_for_bit(tmp_path):
     """A run file carried on to a later end holds what one run to that end holds."""
-    once, twice = tmp_path / "once.h5", tmp_path / "twice.h5"
-    chosen = SHORT | {"output.interval": 4.0}
-    settings = [x for k, v in chosen.items() if k != "integrator.t_end" for x in ("--set", f"{k}={v}")]
-    run = ["run", "baseline", *settings, "--quiet", "-o"]
-    assert main([*run, str(once), "--t-end", "2600"]) == 0
-    assert main([*run, str(twice), "--t-end", "1700"]) == 0
-    assert main([*run, str(twice), "--t-end", "2600", "--resume"]) == 0
-    first, second = esail.load(once), esail.load(twice)
-    assert np.array_equal(first.time, second.time)
-    for name in first.observables:
-        assert np.array_equal(first[name], second[name], equal_nan=True), name
+    check_going_on(SHORT | {"output.interval": 4.0}, 1700, 2600, tmp_path)
 
 
 # ---- input --------------------------------------------------------------------------------------

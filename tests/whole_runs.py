@@ -1,0 +1,58 @@
+"""What the tests of every method of sails ask of a whole run: derivatives, batches, going on."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import esail_jax as esail
+from esail_jax.cli import main
+
+
+def numbers(x):
+    """Overrides of four numbers of the baseline, each `x` times its value."""
+    return {
+        "voltage.value": 20e3 * x[0],
+        "initial.spin_rate": 4e-3 * x[1],
+        "remote_units.mass": 1.5 * x[2],
+        "tethers.youngs_modulus": 70e9 * x[3],
+    }
+
+
+def check_derivative(outcome, weights, quotient_to, concrete_to):
+    """Of `outcome`, some numbers that a run ends with as a function of the four factors of `numbers`, along
+    one direction: forward mode is the difference quotient of fourth order (relative, to `quotient_to`),
+    reverse mode of their weighted sum is forward mode (1e-10: rounding), and the traced run is the concrete
+    one (to `concrete_to`)."""
+    one, along, weights = jnp.ones(4), jnp.array([1.0, 0.3, -0.2, 0.5]), jnp.array(weights)
+    run = jax.jit(outcome)
+    value, forward = jax.jit(lambda x: jax.jvp(outcome, (x,), (along,)))(one)
+    assert np.allclose(value, outcome(np.ones(4)), rtol=concrete_to, atol=0)
+    e = 1e-3
+    quotient = 8.0 * (run(one + e * along) - run(one - e * along))
+    quotient = (quotient - (run(one + 2 * e * along) - run(one - 2 * e * along))) / (12.0 * e)
+    assert np.allclose(forward, quotient, rtol=quotient_to, atol=0)
+    reverse = jax.jit(jax.grad(lambda x: weights @ outcome(x)))(one)
+    assert abs(reverse @ along / (weights @ forward) - 1.0) < 1e-10
+
+
+def tips_of_batch_and_loop(overrides, voltages):
+    """Tip positions of baseline sails of several voltages: as one batch, and one run after the other."""
+
+    def tips(voltage):
+        return esail.simulate("baseline", overrides | {"voltage.value": voltage})["tip_position_I"]
+
+    return jax.jit(jax.vmap(tips))(jnp.array(voltages)), np.stack([tips(v) for v in voltages])
+
+
+def check_going_on(overrides, first, end, folder):
+    """A run file carried on from `first` [s] to `end` [s] holds the very bits of one run to that end."""
+    once, twice = folder / "once.h5", folder / "twice.h5"
+    settings = [x for k, v in overrides.items() if k != "integrator.t_end" for x in ("--set", f"{k}={v}")]
+    run = ["run", "baseline", *settings, "--quiet", "-o"]
+    assert main([*run, str(once), "--t-end", str(end)]) == 0
+    assert main([*run, str(twice), "--t-end", str(first)]) == 0
+    assert main([*run, str(twice), "--t-end", str(end), "--resume"]) == 0
+    one, other = esail.load(once), esail.load(twice)
+    assert np.array_equal(one.time, other.time)
+    for name in one.observables:
+        assert np.array_equal(one[name], other[name], equal_nan=True), name
