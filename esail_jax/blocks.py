@@ -45,9 +45,9 @@ NUMERICS = {
     "iterations_per_step": "-",
     "constraint_violation": "m",
 }
-"""Names and units of what is kept per saved instant, of the call it was seen in: steps that ended since the
-instant before, those repeated in the call (with its first instant), the size of the step it lies in, mean
-iterations; and its constraint violation. Steps between a call's last instant and its end are in none."""
+"""Names and units of what is kept per saved instant: steps that ended since the instant before, those
+repeated (in the call the instant was seen in, with its first instant), the size of the step it lies in, mean
+iterations (of the steps of that call), and its constraint violation."""
 
 
 class Problem(NamedTuple):
@@ -65,11 +65,13 @@ class Problem(NamedTuple):
 
 
 class Carry(NamedTuple):
-    """What one call hands to the next. seen: the state at the last saved instant."""
+    """What one call hands to the next. seen: the state at the last saved instant; counted: steps that had
+    ended by then."""
 
     progress: Progress
     start_energy: Scalar
     seen: Point
+    counted: Scalar
 
 
 def problem_of(structure: Structure, numbers: Numbers, step: Array | None) -> tuple[Model, Problem, Carry]:
@@ -81,7 +83,7 @@ def problem_of(structure: Structure, numbers: Numbers, step: Array | None) -> tu
     progress = method.start(system, jnp.zeros(()), model.q, model.v)
     energy = observables.kinetic_energy(system, model.v) + observables.elastic_energy(system, model.q)
     problem = Problem(system, method, origin_of(numbers), inertia(system))
-    return model, problem, Carry(progress, energy, progress.now)
+    return model, problem, Carry(progress, energy, progress.now, progress.taken)
 
 
 def run_blocks(problem: Problem, carry: Carry, target: Scalar) -> tuple[Carry, Record]:
@@ -171,9 +173,10 @@ def programs(
     step = number if fixed else None
     _, problem, carry = jax.eval_shape(lambda n, s: problem_of(structure, n, s), numbers, step)
     with ThreadPoolExecutor() as pool:
-        # The longest first, so that the others are traced while it compiles.
+        # The longest first, so that the others are traced while it compiles. It is worth a slower
+        # compilation (entry.QUICK_COMPILE): its steps take a third less time.
         stepping = jax.jit(run_blocks).lower(problem, carry, number)
-        blocks = pool.submit(stepping.compile, compiler_options=QUICK_COMPILE)
+        blocks = pool.submit(stepping.compile)
         times = jax.ShapeDtypeStruct((ROWS_PER_LOOK,), float)
         looking = jax.jit(look).lower(problem, carry, stepping.out_info[1], times)
         seeing = pool.submit(looking.compile, compiler_options=QUICK_COMPILE)
@@ -203,19 +206,23 @@ class BlockMarch:
             carry, records = compiled.blocks(problem, self.carry, self.times[-1])
             reached = float(carry.progress.now.time)
             tried = np.asarray(records.h)
+            shown = records
             if not self.rows and not np.asarray(records.taken).any():
-                records = standing(carry.progress.now, records)  # stuck at the start, which is seen still
+                shown = standing(carry.progress.now, records)  # stuck at the start, which is seen still
             count = int(np.searchsorted(self.times, reached, side="right"))
             times = self.times[self.rows : max(count, self.rows)]
             rows, violation = [], []
             for first in range(0, len(times), ROWS_PER_LOOK):
                 part = times[first : first + ROWS_PER_LOOK]
                 padded = np.append(part, np.full(ROWS_PER_LOOK - len(part), part[-1]))
-                seen, last, gap = compiled.look(problem, carry, records, padded)
+                seen, last, gap = compiled.look(problem, carry, shown, padded)
                 rows.append({name: np.asarray(value)[: len(part)] for name, value in seen.items()})
                 violation.append(np.asarray(gap)[: len(part)])
                 carry = carry._replace(seen=last)
-            numerics = self._numerics(records, carry.progress, times, violation)
+            numerics = self._numerics(records, carry, times, violation)
+            if len(times):
+                counted = carry.counted + numerics["steps"].sum()
+                carry = carry._replace(counted=counted)
             self.carry, self.rows = carry, self.rows + len(times)
             self.steps = int(carry.progress.taken)
             if self.rows < len(self.times):
@@ -227,15 +234,17 @@ class BlockMarch:
                 raise self._failure(carry.progress, tried)
 
     def _numerics(
-        self, records: Record, progress: Progress, times: np.ndarray, violation: list[np.ndarray]
+        self, records: Record, carry: Carry, times: np.ndarray, violation: list[np.ndarray]
     ) -> dict[str, np.ndarray]:
         """Of the steps that ended since the saved instant before; rejections with the first instant of
         their call."""
-        taken = np.asarray(records.taken)
+        progress, taken = carry.progress, np.asarray(records.taken)
         ends, sizes = np.asarray(records.end)[taken], np.asarray(records.h)[taken]
         cuts = np.searchsorted(ends, times, side="right")
         iterations = np.append(0, np.cumsum(np.asarray(records.info.iterations)[taken]))
-        steps, work = np.diff(cuts, prepend=0), np.diff(iterations[cuts], prepend=0)
+        before = float(progress.taken) - len(ends)
+        steps = np.diff(before + cuts, prepend=float(carry.counted))
+        of_call, work = np.diff(cuts, prepend=0), np.diff(iterations[cuts], prepend=0)
         rejected = np.zeros(len(times))
         if len(times):
             rejected[0] = float(progress.rejected) - self.rejected
@@ -244,8 +253,8 @@ class BlockMarch:
         values = (
             steps,
             rejected,
-            sizes[inside],
-            work / np.maximum(steps, 1),
+            np.append(sizes, float(progress.h))[inside],
+            work / np.maximum(of_call, 1),
             np.concatenate([*violation, []]),
         )
         return dict(zip(NUMERICS, values, strict=True))
