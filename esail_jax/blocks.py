@@ -46,8 +46,8 @@ NUMERICS = {
     "constraint_violation": "m",
 }
 """Names and units of what is kept per saved instant: steps that ended since the instant before, those
-repeated (in the call the instant was seen in, with its first instant), the size of the step it lies in, mean
-iterations (of the steps of that call), and its constraint violation."""
+repeated (in the call the instant was seen in, with its first instant), the size of the step it lies in,
+mean iterations (of the steps of that call), and its constraint violation."""
 
 
 class Problem(NamedTuple):
