@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from quick import jit
 from test_run_file import check_same, esail_run, status_of
 
 import esail_jax as esail
@@ -224,7 +225,7 @@ def test_the_final_state_is_that_of_the_last_row(chain, tmp_path):
     np.testing.assert_allclose(
         solution.final_state.x.sum(1), solution["joint_position"][-1, -1], atol=1e-15
     )
-    run = jax.jit(lambda mass: esail.simulate(chain, ends | {"chain.mass": mass}).final_state.x)
+    run = jit(lambda mass: esail.simulate(chain, ends | {"chain.mass": mass}).final_state.x)
     np.testing.assert_allclose(run(jnp.array([0.1, 0.2, 0.1])), solution.final_state.x, atol=1e-12)
     esail.save(solution, tmp_path / "a.h5")
     loaded = esail.load(tmp_path / "a.h5")
@@ -246,7 +247,7 @@ def test_a_failed_run_keeps_its_cause_and_a_traced_one_its_nan(chain, tmp_path, 
     assert failed.steps > 0
     esail.save(failed, tmp_path / "a.h5")
     assert esail.load(tmp_path / "a.h5").result == esail.RESULTS.energy_lost
-    traced = jax.jit(lambda g: esail.simulate(chain, hard | {"gravity.acceleration": g}))
+    traced = jit(lambda g: esail.simulate(chain, hard | {"gravity.acceleration": g}))
     traced = traced(jnp.array([0.0, -9.81, 0.0]))
     assert traced.result == esail.RESULTS.energy_lost
     assert np.isnan(traced.final_state.x).all()

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from quick import jit
 from systems.drive import march
 from test_convergence import SOFT, STEPS, orders
 from whole_runs import check_derivative, check_going_on, numbers, tips_of_batch_and_loop
@@ -112,13 +113,13 @@ def test_free_sail_keeps_energy_and_momenta(kind, validate):
     1e-10 m."""
     system, q, v = kicked(KINDS[kind])
     _, q, v, _ = march("energy-momentum", system, q, v, PERIOD / 300, 160)
-    found = jax.jit(jax.vmap(lambda q, v: kept(system, q, v)))(q, v)
+    found = jit(jax.vmap(lambda q, v: kept(system, q, v)))(q, v)
     case, reference = f"free sail that flaps, {kind}, energy-momentum", "conservation"
     for number, (name, x) in enumerate(zip(("energy", "momentum", "moment"), found, strict=True)):
         error = np.abs(x - x[0]).max() / np.linalg.norm(x[0])
         validate(f"EMM-{kind}-{number + 1}", case, reference, name, error, 1e-12)
     time = PERIOD / 300 * jnp.arange(161)
-    constraints = jax.jit(jax.vmap(system.constraints))(time, q)
+    constraints = jit(jax.vmap(system.constraints))(time, q)
     violation = max(float(jnp.abs(x).max()) for x in jax.tree.leaves(constraints))
     validate(f"EMM-{kind}-4", case, "constraint equations", "largest violation", violation, 1e-10, "m")
     assert np.ptp(system.tethers.element_length * q.tether[:, 0, 0, -1]) > 1.0  # it moved

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from quick import jit
 
 import esail_jax as esail
 
@@ -38,11 +39,16 @@ def numbers(scale=0.0):
     return {key: jnp.asarray(value + scale * size) for key, (value, size) in KEYS.items()}
 
 
-def test_jvp_through_a_run_is_the_difference_quotient(run):
-    """One direction that moves nine numbers of every table at once, exactly straight start
-    included; the quotient at +-1 % of the change is good to 1e-5."""
+@pytest.fixture(scope="module")
+def differentiated(run):
+    """A traced run and its derivative along a direction that moves nine numbers of every table at once."""
     direction = {key: jnp.asarray(size) for key, (_, size) in KEYS.items()}
-    _, tangent = jax.jvp(jax.jit(run), (numbers(),), (direction,))
+    return jit(lambda x: jax.jvp(run, (x,), (direction,)))(numbers())
+
+
+def test_jvp_through_a_run_is_the_difference_quotient(run, differentiated):
+    """Exactly straight start included; the quotient at +-1 % of the change is good to 1e-5."""
+    _, tangent = differentiated
     step = 1e-2
     ahead, behind = run(to_floats(numbers(step))), run(to_floats(numbers(-step)))
     for name in SIGNALS:
@@ -55,10 +61,10 @@ def to_floats(tree):
     return {key: float(value) for key, value in tree.items()}
 
 
-def test_traced_run_equals_the_host_run(run):
+def test_traced_run_equals_the_host_run(run, differentiated):
     """Under jit the whole run is one program, on the host one call per entry. The compiler arranges
     the two differently, so they agree to rounding (positions of 1e4 m: 2e-12), not bit for bit."""
-    host, traced = run(to_floats(numbers())), jax.jit(run)(numbers())
+    host, (traced, _) = run(to_floats(numbers())), differentiated
     for name in SIGNALS:
         scale = np.abs(host[name]).max()
         assert np.abs(np.asarray(host[name]) - traced[name]).max() < 1e-11 * scale + 1e-14, name
@@ -71,7 +77,7 @@ def test_vmap_over_voltages_equals_a_loop(small):
     def tip(volt):
         return esail.simulate("baseline", {**small, "voltage.value": volt})["tip_position_I"]
 
-    batch = jax.jit(jax.vmap(tip))(volts)
+    batch = jit(jax.vmap(tip))(volts)
     for member, volt in zip(batch, volts, strict=True):
         np.testing.assert_allclose(member, tip(float(volt)), rtol=0, atol=1e-8)
 
@@ -85,9 +91,9 @@ def test_reverse_mode_agrees_with_forward_mode(small):
         return found["coning_angle"][-1, 0]
 
     at = (jnp.array([20e3, 18e3, 22e3]), jnp.asarray(4e-3))
-    by_volts, by_spin = jax.jit(jax.grad(coning, argnums=(0, 1)))(*at)
+    by_volts, by_spin = jit(jax.grad(coning, argnums=(0, 1)))(*at)
     direction = (jnp.array([1.0, 2.0, -1.0]), jnp.asarray(1e-6))
-    _, forward = jax.jvp(jax.jit(coning), at, direction)
+    _, forward = jax.jvp(jit(coning), at, direction)
     reverse = by_volts @ direction[0] + by_spin * direction[1]
     np.testing.assert_allclose(reverse, forward, rtol=1e-9)
 
@@ -107,6 +113,6 @@ def test_failed_run_under_a_trace_is_nan_from_the_failure_on(small):
         found = esail.simulate("baseline", {**hopeless, "voltage.value": volt})
         return found["coning_angle"], found.result
 
-    angle, result = jax.jit(run)(jnp.asarray(1e5))
+    angle, result = jit(run)(jnp.asarray(1e5))
     assert np.isfinite(angle[0]).all() and np.isnan(angle[1:]).all()
     assert result != esail.RESULTS.successful

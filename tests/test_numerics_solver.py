@@ -1,13 +1,13 @@
 """The structured solvers against dense matrices of all unknowns (`oracles/dense.py`)."""
 
 import itertools
-from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from oracles.dense import Dense
+from quick import jit
 
 from esail_jax.numerics import block_tridiagonal, bordered, ring, small_matrices
 
@@ -59,11 +59,6 @@ def random_system(p, elements, size, hub=False, extra=0, ringed=False, seed=0):
             )
     tips = ring.Ring(*(x[0] for x in pair(1))) if ringed else None
     return matrix, tips, rhs
-
-
-# Every system is a program of its own, run once: compiled quickly, not well.
-QUICKLY = {"xla_backend_optimization_level": 0, "xla_llvm_disable_expensive_passes": True}
-jit = partial(jax.jit, compiler_options=QUICKLY)
 
 
 def solve(matrix, tips, rhs):

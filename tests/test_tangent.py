@@ -6,13 +6,13 @@ dlam = x / s. Roots follow the hub in the state; their equations act on it by th
 """
 
 import dataclasses
-from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from oracles.dense import Dense
+from quick import jit
 
 from esail_jax import newton_matrix
 from esail_jax.coordinates import Coordinates
@@ -51,16 +51,13 @@ def random_state(system, q, v):
     return moved(q, 20.0, 0.02), moved(v, 1.0, 1e-3), moved(rest, 0.1, 1e-4), lam
 
 
-# Every scene is a program of its own, run once: compiled quickly, not well.
-QUICKLY = {"xla_backend_optimization_level": 0, "xla_llvm_disable_expensive_passes": True}
-
-
-@partial(jax.jit, compiler_options=QUICKLY)
+# Every scene is a program of its own, run once.
+@jit
 def assembled(system, q, v, lam):
     return newton_matrix.tangent(system, TIME, q, v, lam, S, C)
 
 
-@partial(jax.jit, compiler_options=QUICKLY)
+@jit
 def derivatives(system, state, columns):
     """Of all equations along the columns: unknowns and equations in the solver's layout."""
 

@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+from quick import jit
 
 import esail_jax as esail
 from esail_jax.cli import main
@@ -20,18 +21,17 @@ def numbers(x):
 
 def check_derivative(outcome, weights, quotient_to, concrete_to):
     """Of `outcome`, some numbers that a run ends with as a function of the four factors of `numbers`, along
-    one direction: forward mode is the difference quotient of fourth order (relative, to `quotient_to`),
-    reverse mode of their weighted sum is forward mode (1e-10: rounding), and the traced run is the concrete
-    one (to `concrete_to`)."""
-    one, along, weights = jnp.ones(4), jnp.array([1.0, 0.3, -0.2, 0.5]), jnp.array(weights)
-    run = jax.jit(outcome)
-    value, forward = jax.jit(lambda x: jax.jvp(outcome, (x,), (along,)))(one)
-    assert np.allclose(value, outcome(np.ones(4)), rtol=concrete_to, atol=0)
+    one direction: forward mode is the fourth-order difference quotient of concrete runs (relative, to
+    `quotient_to`), reverse mode of their weighted sum is forward mode (1e-10: rounding), and the traced run
+    is the concrete one (to `concrete_to`)."""
+    one, along, weights = np.ones(4), np.array([1.0, 0.3, -0.2, 0.5]), np.array(weights)
+    value, forward = jit(lambda x: jax.jvp(outcome, (x,), (along,)))(one)
+    assert np.allclose(value, outcome(one), rtol=concrete_to, atol=0)
     e = 1e-3
-    quotient = 8.0 * (run(one + e * along) - run(one - e * along))
-    quotient = (quotient - (run(one + 2 * e * along) - run(one - 2 * e * along))) / (12.0 * e)
+    quotient = 8.0 * (outcome(one + e * along) - outcome(one - e * along))
+    quotient = (quotient - (outcome(one + 2 * e * along) - outcome(one - 2 * e * along))) / (12.0 * e)
     assert np.allclose(forward, quotient, rtol=quotient_to, atol=0)
-    reverse = jax.jit(jax.grad(lambda x: weights @ outcome(x)))(one)
+    reverse = jit(jax.grad(lambda x: weights @ outcome(x)))(one)
     assert abs(reverse @ along / (weights @ forward) - 1.0) < 1e-10
 
 
@@ -41,7 +41,7 @@ def tips_of_batch_and_loop(overrides, voltages):
     def tips(voltage):
         return esail.simulate("baseline", overrides | {"voltage.value": voltage})["tip_position_I"]
 
-    return jax.jit(jax.vmap(tips))(jnp.array(voltages)), np.stack([tips(v) for v in voltages])
+    return jit(jax.vmap(tips))(jnp.array(voltages)), np.stack([tips(v) for v in voltages])
 
 
 def check_going_on(overrides, first, end, folder):

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
+from quick import jit
 
 from esail_jax.coordinates import Coordinates
 from esail_jax.dynamics.collocation import KEEP as BLOCK
@@ -25,9 +26,6 @@ from esail_jax.elements.tether import Tethers
 from esail_jax.entry import fresh_state, with_jerk
 from esail_jax.joints.roots import FrameRoots, HubRoots, clamp_normals
 from esail_jax.system import Power, System
-
-QUICKLY = {"xla_backend_optimization_level": 0, "xla_llvm_disable_expensive_passes": True}
-"""Every case is a program of its own, run once: compiled quickly, not well."""
 
 AZIMUTH = jnp.zeros(1)
 """The one tether points along Y_B; the spin axis is X_B."""
@@ -147,7 +145,8 @@ STEPPERS = {
 """By name: (system, q, v, step, steps, spectral_radius) -> ((q, v, lam) at all steps, converged)."""
 
 
-@functools.partial(jax.jit, static_argnums=(0, 5), compiler_options=QUICKLY)
+# Every case is a program of its own, run once.
+@functools.partial(jit, static_argnums=(0, 5))
 def _march(name, system, q, v, step, steps, spectral_radius):
     return STEPPERS[name](system, q, v, step, steps, spectral_radius)
 

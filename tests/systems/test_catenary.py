@@ -8,19 +8,18 @@ Linear elastic, T = EA (|r_x| - 1): with H and V(s) = V_L + w (L - s) the compon
 (Irvine, Cable Structures, 1981), z downwards from the support.
 """
 
-import functools
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from quick import jit
 
 from esail_jax.array_types import Vector
 from esail_jax.dynamics.equilibrium import equilibrium
 from esail_jax.dynamics.steady_stretch import unstretched_line
 from esail_jax.system import System
-from systems.drive import QUICKLY, one_tether, straight
+from systems.drive import one_tether, straight
 
 LENGTH, AXIAL, DENSITY, GRAVITY = 10.0, 500.0, 1.5, 9.81
 
@@ -40,7 +39,7 @@ class Pulled(System):
         return residual._replace(forces=residual.forces._replace(tether=tether)), power
 
 
-@functools.partial(jax.jit, compiler_options=QUICKLY)
+@jit
 def hanging(made, pull):
     """Node positions (2, node): horizontal and down."""
     system = Pulled.of(made, pull)

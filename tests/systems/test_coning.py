@@ -6,12 +6,11 @@ acceleration a along the axis, the balance of what lies beyond x gives
 sigma thrust and rho mass per length, m the tip's; for a free sail of p tethers a = p sigma L / M.
 """
 
-import functools
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from quick import jit
 from scipy.integrate import quad
 
 from esail_jax.dynamics.equilibrium import equilibrium
@@ -20,11 +19,11 @@ from esail_jax.environment.solar_wind import SolarWind
 from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.scenes.build import build_jitted, split
 from esail_jax.scenes.scene import load_scene
-from systems.drive import QUICKLY, one_tether, straight
+from systems.drive import one_tether, straight
 
 LENGTH, DENSITY, TIP, SPIN = 1e4, 7653.0 * 4.28e-9, 1.5, 4e-3
 
-quick_equilibrium = functools.partial(jax.jit, compiler_options=QUICKLY)(equilibrium)
+quick_equilibrium = jit(equilibrium)
 
 
 def tip_height(sigma, acceleration=0.0):
@@ -48,7 +47,7 @@ def test_small_coning_of_a_held_tether(validate):
     1e-6: height of the tip, and its derivative by the voltage, which is the height per volt."""
     wind = SolarWind(*(jnp.asarray(x) for x in (4e5, 7.3e6, 1e3)), jnp.array([1.5e11, 0.0, 0.0]))
 
-    @functools.partial(jax.jit, compiler_options=QUICKLY)
+    @jit
     def height(volts):
         made = one_tether(
             elements=20, length=LENGTH, axial=3e5, line_density=DENSITY, tip_mass=TIP, spin=SPIN,

@@ -12,18 +12,17 @@ theta and the moment EI theta'/lambda^2, solved here by shooting. The load is th
 on a cable without mass.
 """
 
-import functools
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from quick import jit
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
 from esail_jax.dynamics.equilibrium import equilibrium
-from systems.drive import QUICKLY, one_tether, straight
+from systems.drive import one_tether, straight
 
 TIP_ANGLE = np.deg2rad(50.0)
 
@@ -63,7 +62,7 @@ def shooting(load, axial):
     return end(root)[2:]
 
 
-@functools.partial(jax.jit, compiler_options=QUICKLY)
+@jit
 def tip_under(made, load):
     """Tip (along, down) under a load P [N]."""
     made = eqx.tree_at(lambda s: s.gravity, made, jnp.array([0.0, 0.0, -1.0]) * load)

@@ -1,13 +1,12 @@
 """Natural frequencies of one tether, `dynamics/modes.py`, against beam, string and chain theory."""
 
-import functools
 import itertools
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from numpy.polynomial import chebyshev
+from quick import jit
 from scipy.optimize import brentq
 from scipy.special import jn_zeros
 
@@ -15,10 +14,9 @@ from esail_jax.dynamics.equilibrium import equilibrium
 from esail_jax.dynamics.modes import modes
 from esail_jax.dynamics.steady_stretch import steady_line, unstretched_line
 from esail_jax.elements.rigid_body import RigidBody
-from systems.drive import QUICKLY, one_tether, straight
+from systems.drive import one_tether, straight
 
-quick = functools.partial(jax.jit, compiler_options=QUICKLY)
-quick_equilibrium = quick(equilibrium)
+quick_equilibrium = jit(equilibrium)
 
 
 def angular_frequencies(made, spin=0.0, direction=(0.0, 1.0, 0.0)):

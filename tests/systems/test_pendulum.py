@@ -1,9 +1,9 @@
 """One stiff truss element with a tip mass is a rigid rod: J = (m_u + m_t/3) L^2 about its root."""
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from quick import jit
 from scipy.special import ellipj, ellipk
 
 from esail_jax.dynamics.equilibrium import equilibrium
@@ -28,7 +28,7 @@ def test_spinning_pendulum_frequencies(validate):
     coupling through it change that by 4e-8, rounding in the stiffness as much: 1e-6 accepted."""
     spin, radius = 1.3, 0.3
     made = rod(1e8 * TIP * spin**2 * LENGTH, radius=radius, spin=spin)
-    found = jax.jit(equilibrium)(made, straight(made), jnp.array([spin, 0.0, 0.0]))
+    found = jit(equilibrium)(made, straight(made), jnp.array([spin, 0.0, 0.0]))
     measured = np.sort(2.0 * np.pi * modes(made, found).frequency)[:2] / spin
     eps = 1.5 * radius / LENGTH * (2.0 * TIP + ROD) / (3.0 * TIP + ROD)
     case, reference = "spinning rigid rod", "closed form"

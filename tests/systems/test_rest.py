@@ -1,12 +1,10 @@
 """Equilibria and modes as motions: every stepper must leave an equilibrium where it is, and bring a
 mode back after its period."""
 
-import functools
-
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from quick import jit
 
 from esail_jax.dynamics.equilibrium import equilibrium
 from esail_jax.dynamics.modes import modes
@@ -14,11 +12,11 @@ from esail_jax.dynamics.moving_frame import expanded
 from esail_jax.dynamics.steady_stretch import steady_line, unstretched_line
 from esail_jax.environment.solar_wind import SolarWind
 from esail_jax.loads.coulomb import CoulombThrust
-from systems.drive import QUICKLY, STEPPERS, march, one_tether, straight, turning
+from systems.drive import STEPPERS, march, one_tether, straight, turning
 from systems.test_catenary import Pulled
 from systems.test_elastica import TIP_ANGLE, elliptic
 
-quick_equilibrium = functools.partial(jax.jit, compiler_options=QUICKLY)(equilibrium)
+quick_equilibrium = jit(equilibrium)
 
 
 def elastica():

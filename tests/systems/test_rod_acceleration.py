@@ -5,12 +5,11 @@ rod vectors, differentiated, and solved with a full mass matrix. Random chains o
 seven, strained by up to a half; every number of order one.
 """
 
-import functools
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from quick import jit
 
 from esail_jax import newton_matrix
 from esail_jax.coordinates import Coordinates
@@ -24,9 +23,6 @@ from esail_jax.joints.roots import FrameRoots
 from esail_jax.numerics import bordered
 from esail_jax.system import Power, System
 from esail_jax.terms import Load
-from systems.drive import QUICKLY
-
-quick = functools.partial(jax.jit, compiler_options=QUICKLY)
 
 GRAVITY, MOTION, DAMPING = np.array([0.3, -0.7, 0.2]), 0.6, 0.4
 
@@ -97,7 +93,7 @@ def package(data, ends, free, parts):
     x, v = data["x"], data["v"]
     if free:
         x, v = np.hstack([data["first"], x]), np.hstack([data["first_v"], v])
-    chain = quick(RodChain.of)(system, hinges)
+    chain = jit(RodChain.of)(system, hinges)
     work = Power(jnp.zeros(()), jnp.zeros(())) if chain.works else None
     return chain, RodState(jnp.asarray(x), jnp.asarray(v), work)
 
@@ -191,8 +187,8 @@ def test_acceleration_is_that_of_lagranges_equations(n, parts, free):
     """Rounding: the dense mass matrix has a condition number of some hundred."""
     data, ends = numbers(n)
     chain, state = package(data, ends, free, PARTS[parts])
-    found = quick(lambda c, y: c(jnp.asarray(0.7), y).v)(chain, state)
-    exact = quick(judge(data, ends, free, PARTS[parts], 0.7))(state.x, state.v)
+    found = jit(lambda c, y: c(jnp.asarray(0.7), y).v)(chain, state)
+    exact = jit(judge(data, ends, free, PARTS[parts], 0.7))(state.x, state.v)
     np.testing.assert_allclose(found, exact, rtol=0, atol=1e-12 * np.abs(exact).max())
 
 
@@ -202,13 +198,13 @@ def test_acceleration_is_that_of_truss_elements_in_absolute_coordinates(free):
     data, ends = numbers(7)
     chain, state = package(data, ends, free, ("gravity", "orbit", "load", "damping"))
     time = jnp.asarray(0.7)
-    found = quick(lambda c, y: c(time, y).v)(chain, state)
+    found = jit(lambda c, y: c(time, y).v)(chain, state)
 
     def absolute(chain, state):
         vdot, _ = consistent_acceleration(chain.system, time, *chain.coordinates(state))
         return chain.state(vdot, vdot, None).x
 
-    exact = quick(absolute)(chain, state)
+    exact = jit(absolute)(chain, state)
     np.testing.assert_allclose(found, exact, rtol=0, atol=1e-12 * np.abs(exact).max())
 
 
@@ -228,7 +224,7 @@ def test_power_is_the_rate_of_the_energy(free):
         return 0.5 * (v.tether * tethers.inertia(v.tether)).sum() + stored
 
     rate = chain(zero, state)
-    change = quick(lambda y, d: jax.jvp(energy, (y,), (d,))[1])(state, rate._replace(work=state.work))
+    change = jit(lambda y, d: jax.jvp(energy, (y,), (d,))[1])(state, rate._replace(work=state.work))
     np.testing.assert_allclose(change, rate.work.external - rate.work.dissipated, rtol=1e-12)
     q, v = chain.coordinates(state)
     rest = jax.tree.map(jnp.zeros_like, q)
@@ -293,5 +289,5 @@ def test_tangent_of_the_implicit_method_is_the_derivative_of_the_residual(free):
         rhs = newton_matrix.to_vector(system, derivative(system, q, v, change), none)
         return newton_matrix.from_vector(system, bordered.solve(matrix, bordered.factor(matrix), rhs))[0]
 
-    found = quick(solved)(system, q, v, change)
+    found = jit(solved)(system, q, v, change)
     np.testing.assert_allclose(found.tether, change.tether, atol=1e-10)

@@ -1,9 +1,9 @@
 """Rod chains that are slack, snap taut, are stiff, at rest, or run with steps that are too long."""
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from quick import jit
 
 import esail_jax as esail
 from systems.test_rod_motion import STEEL_TIP, tip
@@ -45,7 +45,7 @@ def test_an_explicit_step_that_is_too_long_says_so(step, words):
     settings = {"integrator.step": step, "integrator.method": "dopri5", "integrator.t_end": 0.5}
     with pytest.raises(esail.SimulationError, match=f"{words}.*too long for the fastest"):
         esail.simulate("steel-chain", settings)
-    lost = jax.jit(
+    lost = jit(
         lambda g: esail.simulate("steel-chain", settings | {"gravity.acceleration": g})
     )(jnp.array([9.81, 0.0, 0.0]))  # fmt: skip
     assert lost.result != esail.RESULTS.successful

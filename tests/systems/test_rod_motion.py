@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from quick import jit
 
 import esail_jax as esail
 
@@ -130,11 +131,11 @@ def test_gradients():
         return joints[-1, -1] @ jnp.array([1.0, 2.0, 3.0]) + joints[1, 2, 1]
 
     at = jnp.array([1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0])
-    value, reverse = jax.jit(jax.value_and_grad(place))(at)
-    forward = jax.jit(jax.jacfwd(place))(at)
+    value, reverse = jit(jax.value_and_grad(place))(at)
+    forward = jit(jax.jacfwd(place))(at)
     assert np.isfinite(value)
     np.testing.assert_allclose(reverse, forward, rtol=1e-9, atol=1e-12)
-    step, run = 1e-4, jax.jit(place)
+    step, run = 1e-4, place  # concrete: the host's loop
     for i, unit in enumerate(np.eye(7)):
         wide, near = ((run(at + h * unit) - run(at - h * unit)) / (2.0 * h) for h in (2.0 * step, step))
         np.testing.assert_allclose(reverse[i], (4.0 * near - wide) / 3.0, rtol=1e-6, atol=1e-6)
@@ -143,8 +144,8 @@ def test_gradients():
 @pytest.mark.slow
 def test_a_traced_run_is_the_concrete_one_and_vmap_a_loop():
     values = jnp.array([[1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0], [1.3, 0.8, 1.0, 2.0, 0.1, 0.5, 2.0]])
-    many = jax.jit(jax.vmap(lambda v: traced(v)["joint_position"]))(values)
-    one = jax.jit(lambda v: traced(v)["joint_position"])
+    many = jit(jax.vmap(lambda v: traced(v)["joint_position"]))(values)
+    one = jit(lambda v: traced(v)["joint_position"])
     for found, value in zip(many, values, strict=True):
         alone = traced(value)  # concrete: the host's loop
         np.testing.assert_allclose(found, alone["joint_position"], rtol=0, atol=1e-12)

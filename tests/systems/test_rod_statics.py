@@ -1,11 +1,10 @@
 """Bending, tension-only rods and orbital equilibrium of rod chains: states of rest and small vibrations."""
 
-import functools
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from quick import jit
 from scipy.optimize import brentq
 
 from esail_jax.dynamics.rod_chain import RodState, fastest_rate
@@ -13,9 +12,6 @@ from esail_jax.elements.axial import AxialEnergy, TensionOnlyEnergy
 from esail_jax.scenes.build import build_chain, split
 from esail_jax.scenes.scene import parse
 from esail_jax.terms import PointFields
-from systems.drive import QUICKLY
-
-quick = functools.partial(jax.jit, compiler_options=QUICKLY)
 
 BEAM = """
 [chain]
@@ -50,7 +46,7 @@ def beam(n, mass=1.0, tip=0.0, weight=0.0):
     return built(BEAM.format(n=n, mass=mass / n, length=1.0 / n, tip=tip, weight=weight))
 
 
-@quick
+@jit
 def newton(chain, x):
     """One dense Newton step towards rest."""
 
@@ -125,7 +121,7 @@ def test_vibrating_beam(validate):
     found = []
     for n in (8, 16):
         chain, state = beam(n)
-        stiffness = quick(jax.jacfwd(lambda x, c=chain, y=state: c(jnp.zeros(()), y._replace(x=x)).v))(
+        stiffness = jit(jax.jacfwd(lambda x, c=chain, y=state: c(jnp.zeros(()), y._replace(x=x)).v))(
             state.x
         )
         across = -np.asarray(stiffness)[1, :, 1, :]
@@ -175,7 +171,7 @@ def test_tension_only_law():
         stretched = jnp.array([[1.0 + eps], [0.0], [0.0]])
         return law.density(PointFields(None, stretched))[0]
 
-    @quick
+    @jit
     def all_of(eps):
         functions = (energy, jax.grad(energy), jax.grad(jax.grad(energy)), lambda e: energy(e, plain))
         return [jax.vmap(f)(eps) for f in functions]
@@ -230,7 +226,7 @@ t_end = 1.0
         y = RodState(jnp.zeros_like(x).at[0].set(first), 0 * x, None)
         return c(jnp.zeros(()), y).v[0]
 
-    step = quick(lambda c, y: y - jnp.linalg.solve(jax.jacfwd(lambda z: along(c, z))(y), along(c, y)))
+    step = jit(lambda c, y: y - jnp.linalg.solve(jax.jacfwd(lambda z: along(c, z))(y), along(c, y)))
     first = x[0]
     for _ in range(6):
         first = step(chain, first)
