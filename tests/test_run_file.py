@@ -44,13 +44,14 @@ OBSERVABLES = {
 
 
 @pytest.fixture(scope="module", autouse=True)
-def compilation_cache(tmp_path_factory):
-    """The command keeps its programs away from the user's; the processes started here share them."""
-    before = jax.config.jax_compilation_cache_dir
+def compilation_cache():
+    """The processes started here choose their cache as for a user who has told JAX of none, and come to
+    that of the tests."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        patch.setenv("XDG_CACHE_HOME", os.path.dirname(jax.config.jax_compilation_cache_dir))
+        for name in [name for name in os.environ if name.startswith(("JAX_COMPILATION", "JAX_PERSISTENT"))]:
+            patch.delenv(name)
         yield
-    jax.config.update("jax_compilation_cache_dir", before)
 
 
 @pytest.fixture(scope="module")
