@@ -50,7 +50,7 @@ def test_a_run_with_too_long_a_step_says_so(tmp_path):
     }  # fmt: skip
     solution = esail.simulate("baseline", overrides)
     assert "energy balance is off" in solution.stats["message"]
-    assert solution.stats["repairs"] > 0  # no other run of the tests needs one
+    assert solution.stats["repairs"] > 0  # which reaches the file like any step
     esail.save(solution, tmp_path / "run.h5")
     again = esail.load(tmp_path / "run.h5")
     assert again.stats["status"] == "complete" and "energy balance is off" in again.stats["message"]
