@@ -39,8 +39,10 @@ def pytest_configure(config):
 
 @pytest.fixture(scope="session")
 def small():
-    """Overrides of the baseline that most tests share: three tethers of two elements, 20 s."""
-    return {"tethers.count": 3, "tethers.elements": 2, "integrator.t_end": 20.0}
+    """Overrides of the baseline that most tests share: three tethers of two elements, 20 s, the method of
+    [PGV]."""
+    size = {"tethers.count": 3, "tethers.elements": 2, "integrator.t_end": 20.0}
+    return size | {"integrator.method": "generalized-alpha"}
 
 
 @pytest.fixture(autouse=True)

@@ -24,7 +24,8 @@ def performance():
 
 
 def scenes():
-    full = esail.load_scene("baseline").replace({"tethers.count": 3, "tethers.elements": 2})
+    size = {"tethers.count": 3, "tethers.elements": 2}
+    full = esail.load_scene("baseline", size | {"integrator.method": "generalized-alpha"})
     undamped = dataclasses.replace(full.tethers, axial_damping_time=None, bending_damping_time=None)
     return full, {
         "bending": full.replace({"tethers.bending": False}),

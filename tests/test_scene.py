@@ -105,8 +105,13 @@ def test_absent_tables_are_absent_parts():
 def test_defaults_are_those_of_the_contract():
     text = small_sail.TEXT.replace("step = 0.1\n", "").replace("axial_damping_time = 1.0\n", "")
     scene = parse(text, "defaults")
+    paper = with_method(scene.replace({"integrator.method": "generalized-alpha"})).integrator
+    assert (paper.step, paper.spectral_radius) == (0.1, 0.25)
     table = with_method(scene).integrator
-    assert (table.method, table.step, table.spectral_radius) == ("generalized-alpha", 0.1, 0.25)
+    assert (table.method, table.tolerance, table.step) == ("collocation", 1e-9, None)
+    for key, value in (("step", 0.2), ("spectral_radius", 0.5)):
+        found = with_method(scene.replace({f"integrator.{key}": value})).integrator
+        assert (found.method, getattr(found, key)) == ("generalized-alpha", value)
     assert scene.tethers.strain == "green-lagrange" and scene.tethers.root == "pinned"
     assert scene.tethers.element == "cable" and scene.tethers.bending is False
     assert scene.tethers.axial_damping_time is None

@@ -31,6 +31,7 @@ from esail_jax.dynamics.stages import (
     largest,
     lengths,
     on_constraints,
+    rounding,
     solve_stages,
     stage_powers,
     stage_states,
@@ -183,7 +184,8 @@ class Collocation(eqx.Module):
         now, h = state.now, lax.stop_gradient(state.h)
         guess = lax.stop_gradient(first_guess(*lax.stop_gradient((system, state))))
         part = EXACT if self.step_size is not None else SOLVED * lax.stop_gradient(self.tolerance)
-        unknowns, iterations, left = solve_stages(system, now, h, guess, kept, part * lengths(system))
+        enough = jnp.maximum(part * lengths(system), rounding(now.q))
+        unknowns, iterations, left = solve_stages(system, now, h, guess, kept, enough)
         solved = left <= 1.0
         times, q, v = stage_states(now, h, unknowns.vdot)
         values = seen_from_hub(system, state.history, times, q, unknowns)

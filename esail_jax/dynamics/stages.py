@@ -40,6 +40,9 @@ TABLE = Radau.of(STAGES)
 MAX_ITERATIONS = 10
 """After which a step has failed: what converges so slowly is cheaper with half the step."""
 
+LAST_PLACES = 2e-15
+"""Ten units in the last place, of the largest coordinate."""
+
 LINEAR_ITERATIONS = 14
 """Of the linear equations of a derivative: each gains a factor of ten or more."""
 
@@ -314,6 +317,12 @@ def lengths(system: System) -> Float[Array, "2"]:
     total = jnp.broadcast_to(tethers.element_length, (tethers.elements, tethers.count)).sum(0).min()
     hub = total if system.hub is None else HUB_SHARE * system.hub.radius
     return lax.stop_gradient(jnp.stack([total, hub]))
+
+
+def rounding(q: Coordinates) -> Float[Array, "2"]:
+    """What iterations cannot improve on [m], for tethers and hub: some units in the last place."""
+    parts = [q.tether[0], q.tether[0] if q.hub is None else q.hub]
+    return lax.stop_gradient(LAST_PLACES * jnp.stack([jnp.abs(x).max() for x in parts]))
 
 
 def largest(system: System, change: Coordinates, unit: Float[Array, "2"]) -> Scalar:

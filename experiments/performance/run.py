@@ -18,6 +18,9 @@ from esail_jax.entry import QUICK_COMPILE, entry_data, step_entry
 from esail_jax.march import March
 from esail_jax.prepare import prepare
 
+METHOD = {"integrator.method": "generalized-alpha"}
+"""What is timed here; `experiments/work_precision` compares the methods."""
+
 
 def without(scene: esail.Scene, table: str, *keys: str) -> esail.Scene:
     """The scene without some keys of a table, or without the table."""
@@ -49,7 +52,7 @@ def median_of(program, *arguments) -> float:
 
 def per_step() -> None:
     """A step of the baseline beside a 400 x 400 matrix product."""
-    prepared, carry, data = started(esail.load_scene("baseline"), 200.0)
+    prepared, carry, data = started(esail.load_scene("baseline", METHOD), 200.0)
     matrix = jnp.asarray(np.random.default_rng(0).normal(size=(400, 400)))
     product = jax.jit(lambda a: a @ a)
     steps = prepared.plan.steps_per_entry
@@ -93,7 +96,7 @@ def equations_of_a_step(problem, state) -> int:
 
 def leaving_out() -> None:
     """The baseline with a part left out."""
-    full = esail.load_scene("baseline")
+    full = esail.load_scene("baseline", METHOD)
     scenes = {
         "everything": full,
         "no bending": full.replace({"tethers.bending": False}),
@@ -133,7 +136,7 @@ def growth() -> None:
     """Time per element and step, observables included."""
     for tethers, elements in ((12, 5), (12, 10), (12, 20), (12, 50), (12, 100), (50, 5), (100, 5)):
         size = {"tethers.count": tethers, "tethers.elements": elements}
-        prepared, carry, data = started(esail.load_scene("baseline").replace(size), 6.0)
+        prepared, carry, data = started(esail.load_scene("baseline", METHOD).replace(size), 6.0)
         steps, state = prepared.plan.steps_per_entry, carry.state
         stepped = prepared.programs.step(prepared.problem, state, data)
         step = median_of(prepared.programs.step, prepared.problem, state, data)

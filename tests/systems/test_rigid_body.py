@@ -80,11 +80,10 @@ def test_angular_velocity(runs, validate):
     for time, q, v, _ in found:
         omega = jax.vmap(BODY.angular_velocity)(q.hub, v.hub)
         errors.append(np.abs(omega - closed_form(time)).max() / START.max())
+    ratio = errors[1] / max(errors[0], 1e-12)  # at these steps order 7 leaves rounding
     case, reference = "torque-free rigid body", "Jacobi elliptic functions"
     validate(f"RIG-1 {stepper}", case, reference, "angular velocity, h = 12.5 ms", errors[1], 1.3e-4)
-    validate(
-        f"RIG-2 {stepper}", case, reference, "error ratio over a halved step", errors[1] / errors[0], 0.26
-    )
+    validate(f"RIG-2 {stepper}", case, reference, "error ratio over a halved step", ratio, 0.26)
 
 
 def test_angular_momentum_and_energy(runs, validate):
