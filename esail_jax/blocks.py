@@ -29,8 +29,11 @@ from esail_jax.scenes.integration import COLLOCATION_TOLERANCE
 from esail_jax.schedule import save_times
 from esail_jax.system import System
 
-ROWS_PER_LOOK = 32
-"""Saved instants looked at together."""
+ROWS_PER_LOOK = 128
+"""Saved instants looked at together, at most."""
+
+ROWS_TOGETHER = 32
+"""Saved instants of a traced run in one batch."""
 
 BLOCKS_PER_CALL = 4
 """Between two of which the host may stop: some tenths of a second."""
@@ -132,23 +135,35 @@ def observed(problem: Problem, start_energy: Scalar, point: Point) -> dict[str, 
     return observables.observe(instant)
 
 
+def violation(system: System, point: Point) -> Scalar:
+    """Largest constraint violation [m]."""
+    if not system.has_constraints:
+        return jnp.zeros(())
+    found = jax.tree.leaves(system.constraints(point.time, point.q))
+    return jnp.stack([jnp.abs(x).max() for x in found]).max()
+
+
 def look(
-    problem: Problem, carry: Carry, records: Record, times: Float[Array, " row"]
+    problem: Problem, carry: Carry, records: Record, times: Float[Array, " row"], count: Int[Array, ""]
 ) -> tuple[dict[str, Array], Point, Float[Array, " row"]]:
-    """Observables at several instants, the state at the last, and the constraint violation [m]."""
+    """Observables at the first `count` of several instants, the state at the last of them, and the
+    constraint violations [m]."""
 
     def one(time):
         point = point_at(problem, records, time)
-        return observed(problem, carry.start_energy, point), point
+        return observed(problem, carry.start_energy, point), violation(problem.system, point), point
+
+    def keep(row, kept):
+        rows, gaps, _ = kept
+        seen, gap, point = one(times[row])
+        rows = jax.tree.map(lambda all, x: all.at[row].set(x), rows, seen)
+        return rows, gaps.at[row].set(gap), point
 
     # Row by row: one instant fits into the first cache, which makes them a third faster.
-    rows, points = lax.map(one, times)
-    violation = jnp.zeros(times.shape)
-    if problem.system.has_constraints:
-        found = jax.vmap(problem.system.constraints)(times, points.q)
-        violation = jnp.stack([jnp.abs(x).reshape(len(times), -1).max(1) for x in jax.tree.leaves(found)])
-        violation = violation.max(0)
-    return rows, jax.tree.map(lambda x: x[-1], points), violation
+    seen = jax.eval_shape(lambda: one(times[0])[0])
+    room = jax.tree.map(lambda x: jnp.zeros((ROWS_PER_LOOK, *x.shape), x.dtype), seen)
+    rows, gaps, point = lax.fori_loop(0, count, keep, (room, jnp.zeros(ROWS_PER_LOOK), carry.seen))
+    return rows, point, gaps
 
 
 # ---- the host's loop ----------------------------------------------------------------------------
@@ -156,7 +171,7 @@ def look(
 
 class Programs(NamedTuple):
     """Compiled `start(numbers, step)`, `blocks(problem, carry, target)` and
-    `look(problem, carry, records, times)`."""
+    `look(problem, carry, records, times, count)`."""
 
     start: Callable
     blocks: Callable
@@ -178,7 +193,8 @@ def programs(
         stepping = jax.jit(run_blocks).lower(problem, carry, number)
         blocks = pool.submit(stepping.compile)
         times = jax.ShapeDtypeStruct((ROWS_PER_LOOK,), float)
-        looking = jax.jit(look).lower(problem, carry, stepping.out_info[1], times)
+        count = jax.ShapeDtypeStruct((), int)
+        looking = jax.jit(look).lower(problem, carry, stepping.out_info[1], times, count)
         seeing = pool.submit(looking.compile, compiler_options=QUICK_COMPILE)
         starting = jax.jit(problem_of, static_argnums=0).lower(structure, numbers, step)
         start = pool.submit(starting.compile, compiler_options=QUICK_COMPILE)
@@ -214,8 +230,8 @@ class BlockMarch:
             rows, violation = [], []
             for first in range(0, len(times), ROWS_PER_LOOK):
                 part = times[first : first + ROWS_PER_LOOK]
-                padded = np.append(part, np.full(ROWS_PER_LOOK - len(part), part[-1]))
-                seen, last, gap = compiled.look(problem, carry, shown, padded)
+                padded = np.append(part, np.zeros(ROWS_PER_LOOK - len(part)))
+                seen, last, gap = compiled.look(problem, carry, shown, padded, len(part))
                 rows.append({name: np.asarray(value)[: len(part)] for name, value in seen.items()})
                 violation.append(np.asarray(gap)[: len(part)])
                 carry = carry._replace(seen=last)
@@ -282,7 +298,7 @@ def traced_run(
     instants = jnp.asarray(times)
     points, reached, taken = states_at(problem, carry.progress, instants)
     rows = lax.map(
-        lambda point: observed(problem, carry.start_energy, point), points, batch_size=ROWS_PER_LOOK
+        lambda point: observed(problem, carry.start_energy, point), points, batch_size=ROWS_TOGETHER
     )
     good = instants <= reached
     rows = {name: jnp.where(along_rows(good, x), x, jnp.nan) for name, x in rows.items()}
@@ -346,6 +362,6 @@ def replay(problem: Problem, progress: Progress, times: Float[Array, " row"]) ->
 
     progress, records = lax.scan(one, progress, length=MOST_BLOCKS)
     flat = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), records)
-    points = lax.map(lambda time: point_at(problem, flat, time), times, batch_size=ROWS_PER_LOOK)
+    points = lax.map(lambda time: point_at(problem, flat, time), times, batch_size=ROWS_TOGETHER)
     good = times <= progress.now.time
     return jax.tree.map(lambda x: jnp.where(along_rows(good, x), x, jnp.nan), points)
