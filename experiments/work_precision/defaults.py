@@ -1,0 +1,46 @@
+"""Errors of runs that name no method, on every built-in scene, over the range of each observable.
+
+    python experiments/work_precision/defaults.py [scene ...]      # a line per scene, and defaults.csv
+
+The reference is the most accurate method at a tolerance near rounding, believed as far as a run at ten
+times that tolerance agrees with it (`esail_jax/bench.py`).
+"""
+
+import csv
+import sys
+from pathlib import Path
+
+import esail_jax as esail
+from esail_jax import bench
+from esail_jax.scenes.integration import with_method
+from esail_jax.scenes.presets import builtin_names
+
+TABLE = Path(__file__).with_name("defaults.csv")
+COLUMNS = ("scene", "method", "steps", "compared", "worst", "error", "doubt")
+
+
+def row_of(name: str) -> tuple:
+    """Which method ran, how many observables the reference knows, the worst of them, and by how much the
+    reference itself is unsure of it."""
+    scene = esail.load_scene(name)
+    reference, _ = bench.reference_line(scene)
+    run = esail.simulate(scene)
+    found = bench.errors(bench.rows_of(run), reference.rows, reference.names)
+    worst, method = bench.worst(found), with_method(scene).integrator.method
+    error, doubt = (f"{x[worst]:.1e}" for x in (found, reference.doubt))
+    return name, method, run.steps, len(found), worst, error, doubt
+
+
+def main(names: list[str]) -> None:
+    """Print and write."""
+    with open(TABLE, "w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(COLUMNS)
+        for name in names:
+            row = row_of(name)
+            table.writerow(row)
+            print(*row, flush=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:] or builtin_names())
