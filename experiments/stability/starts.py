@@ -35,7 +35,7 @@ def carry_of(prepared: Prepared, q: Coordinates, v: Coordinates):
         return entry.starting_carry(q, v, system)
     progress = prepared.problem.method.start(system, jnp.zeros(()), q, v)
     energy = blocks.observables.kinetic_energy(system, v) + blocks.observables.elastic_energy(system, q)
-    return blocks.Carry(progress, energy, progress.now)
+    return blocks.Carry(progress, energy, progress.now, progress.taken)
 
 
 def omega_of(prepared: Prepared) -> jnp.ndarray:
