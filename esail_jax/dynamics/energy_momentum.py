@@ -22,9 +22,8 @@ import numpy as np
 from jax import lax
 
 from esail_jax import newton_matrix
-from esail_jax.array_types import Float, Instants, PerPoint, Scalar
+from esail_jax.array_types import Float, Instants, PerPoint, Rotation, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
-from esail_jax.dynamics.attached_axes import Axes, Turn, axes_of
 from esail_jax.dynamics.fixed_step import FixedStep, KeptFactors, State, StepInfo, Unknowns, solve_step
 from esail_jax.numerics import bordered
 from esail_jax.numerics.quadrature import gauss_legendre
@@ -119,7 +118,7 @@ class EnergyMomentum(FixedStep):
         h = self.step_size
         middle, end = q.axpy(0.5 * h, v), q.axpy(h, v)
         matrix = self.matrix(system, time + 0.5 * h, middle, v, lam, time + h, end)
-        return KeptFactors(matrix, bordered.factor(matrix), axes_of(system, time, q))
+        return KeptFactors(matrix, bordered.factor(matrix), system.rotation(time, q))
 
     def matrix(
         self,
@@ -143,9 +142,11 @@ class EnergyMomentum(FixedStep):
             matrix = matrix._replace(local_border=moved)
         return matrix
 
-    def axes(self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, w: Coordinates) -> Axes:
+    def attitude(
+        self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, w: Coordinates
+    ) -> Rotation:
         """Where the factors are turned to: the step's start, as they were made for one."""
-        return axes_of(system, end - self.step_size, q0)
+        return system.rotation(end - self.step_size, q0)
 
     def end_of_step(
         self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, w: Coordinates
@@ -194,7 +195,7 @@ class EnergyMomentum(FixedStep):
         return Residual(forces, constraints), power
 
     def correct(
-        self, system: System, residual: Residual, kept: KeptFactors, turned: Turn
+        self, system: System, residual: Residual, kept: KeptFactors, turned: Rotation
     ) -> tuple[Unknowns, Coordinates]:
         """Change of the unknowns that a chord step asks for, and the change of q1 that goes with it: twice
         that of q_m, for which the matrix is."""
@@ -213,7 +214,7 @@ class EnergyMomentum(FixedStep):
         made, time, q, u, _ = self.middle(system, end, q0, v0, unknowns.vdot)
         q1, _ = self.end_of_step(system, end, q0, v0, unknowns.vdot)
         matrix = self.matrix(made, time, q, u, unknowns.lam, end, q1)
-        return KeptFactors(matrix, bordered.factor(matrix), axes_of(system, end, q1))
+        return KeptFactors(matrix, bordered.factor(matrix), jnp.eye(3))
 
     def tolerances(self, system: System, q: Coordinates) -> Float[jax.Array, "2"]:
         """Largest last increments [m] of a step that has converged, of tether nodes and of the hub."""

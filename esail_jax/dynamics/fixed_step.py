@@ -1,8 +1,9 @@
 """What the implicit methods of fixed steps share: a step's state, and the chord iterations that find it.
 
 The unknowns of a step are vdot (of energy-momentum, w) and the multipliers. The factors of the iteration
-matrix, kept over `KEEP` steps, are turned with hub and tethers (`attached_axes.py`): what they lose is only
-the change of shape, not the rotation.
+matrix, kept over `KEEP` steps, are turned with the hub. Inertia, elasticity, damping and rigidity look the
+same from every direction, so factors made at one attitude serve at any other: what they lose is only the
+change of shape, not the rotation.
 
 The derivative of a step is that of the equations at their solution (implicit function theorem) with a fresh
 tangent, whatever the iterations did; a forward run does not pay for it.
@@ -18,9 +19,8 @@ import numpy as np
 from jax import lax
 
 from esail_jax import newton_matrix
-from esail_jax.array_types import Float, Int, Scalar
+from esail_jax.array_types import Float, Int, Rotation, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
-from esail_jax.dynamics.attached_axes import Axes, Turn, turn
 from esail_jax.numerics import bordered
 from esail_jax.system import Power, System
 
@@ -52,19 +52,19 @@ class State(NamedTuple):
 
 
 class KeptFactors(NamedTuple):
-    """Factors of an iteration matrix, and the axes they were made in."""
+    """Factors of an iteration matrix, and the attitude they were made at."""
 
     matrix: bordered.Bordered
     factors: bordered.Factors
-    axes: Axes
+    rotation: Rotation
 
     def solve(
-        self, system: System, turned: Turn, forces: Coordinates, constraints: Multipliers
+        self, system: System, turned: Rotation, forces: Coordinates, constraints: Multipliers
     ) -> tuple[Coordinates, Multipliers]:
-        """(dq, s dlam) for a right-hand side given in axes `turned` from the factors'."""
-        rhs = newton_matrix.to_vector(system, turned.back(forces), constraints)
+        """(dq, s dlam) for a right-hand side given at an attitude `turned` from the factors'."""
+        rhs = newton_matrix.to_vector(system, forces.rotate(turned.T), constraints)
         dq, dlam = newton_matrix.from_vector(system, bordered.solve(self.matrix, self.factors, rhs))
-        return turned.forth(dq), dlam
+        return dq.rotate(turned), dlam
 
 
 class StepInfo(NamedTuple):
@@ -98,7 +98,7 @@ class Unknowns(NamedTuple):
 class FixedStep(eqx.Module):
     """A method that finds vdot and lam of a step by chord iterations: numbers are leaves, so that a new
     step size does not compile again. The rest of what `solve_step` asks of one is in its subclasses:
-    `axes`, `residual`, `correct`, `tangent` and `tolerances`."""
+    `attitude`, `residual`, `correct`, `tangent` and `tolerances`."""
 
     step_size: Scalar
 
@@ -139,7 +139,7 @@ def solve_step(
 ) -> tuple[Unknowns, Power, StepInfo]:
     """Chord iterations. Guess and factors decide how fast they converge, not where to: they carry
     no derivative."""
-    turned = turn(kept.axes, stepper.axes(system, end, q0, v0, guess.vdot))
+    turned = stepper.attitude(system, end, q0, v0, guess.vdot) @ kept.rotation.T
 
     def iterate(carry):
         unknowns, _, info = carry
@@ -175,7 +175,7 @@ def _solve_step_jvp(primals, tangents):
     equations = type(stepper).residual
     _, (residual_dot, _) = jax.jvp(lambda *x: equations(*x, unknowns), given, given_dot)
     fresh = lax.stop_gradient(stepper.tangent(system, end, q0, v0, unknowns))
-    unknowns_dot, _ = stepper.correct(system, residual_dot, fresh, turn(fresh.axes, fresh.axes))
+    unknowns_dot, _ = stepper.correct(system, residual_dot, fresh, jnp.eye(3))
     _, (_, power_dot) = jax.jvp(equations, (*given, unknowns), (*given_dot, unknowns_dot))
     none = np.zeros((), jax.dtypes.float0)
     info_dot = StepInfo(none, jnp.zeros(2), jnp.zeros(2), jnp.zeros(()), jnp.zeros(()), none)

@@ -16,9 +16,8 @@ import jax.numpy as jnp
 from jax import lax
 
 from esail_jax import newton_matrix
-from esail_jax.array_types import Float, Scalar
+from esail_jax.array_types import Float, Rotation, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
-from esail_jax.dynamics.attached_axes import Axes, Turn, axes_of
 from esail_jax.dynamics.fixed_step import FixedStep, KeptFactors, State, StepInfo, Unknowns, solve_step
 from esail_jax.numerics import bordered
 from esail_jax.system import Power, Residual, System
@@ -79,7 +78,7 @@ class GeneralizedAlpha(FixedStep):
         c = self.parameters
         rate_factor = c.gamma / (self.step_size * c.beta)
         matrix = newton_matrix.tangent(system, time, q, v, lam, self._q_share, rate_factor)
-        return KeptFactors(matrix, bordered.factor(matrix), axes_of(system, time, q))
+        return KeptFactors(matrix, bordered.factor(matrix), system.rotation(time, q))
 
     def predict(self, state: State) -> tuple[Coordinates, Coordinates, Coordinates]:
         """q, v and a at the end of the step without the share of vdot_{n+1}."""
@@ -115,12 +114,12 @@ class GeneralizedAlpha(FixedStep):
         q, v = q0.axpy(self._q_share, vdot), v0.axpy(v_share, vdot)
         return system.place_roots(end, q), system.place_roots(end, v, derivative=1)
 
-    def axes(
+    def attitude(
         self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, vdot: Coordinates
-    ) -> Axes:
+    ) -> Rotation:
         """Where the factors are turned to, near the step's end."""
         q, _ = self.end_of_step(system, end, q0, v0, vdot)
-        return axes_of(system, end, q)
+        return system.rotation(end, q)
 
     def residual(
         self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, unknowns: Unknowns
@@ -130,7 +129,7 @@ class GeneralizedAlpha(FixedStep):
         return system.residual(end, q, v, unknowns.vdot, unknowns.lam)
 
     def correct(
-        self, system: System, residual: Residual, kept: KeptFactors, turned: Turn
+        self, system: System, residual: Residual, kept: KeptFactors, turned: Rotation
     ) -> tuple[Unknowns, Coordinates]:
         """Change of the unknowns that a chord step asks for, and the change of q that goes with it."""
         s = self._q_share
