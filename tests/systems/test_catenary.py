@@ -33,10 +33,10 @@ class Pulled(System):
     def of(cls, system: System, pull: Vector):
         return cls(*(getattr(system, name) for name in System.__dataclass_fields__), pull=pull)
 
-    def residual(self, *state):
-        residual, power = super().residual(*state)
-        tether = residual.forces.tether.at[0, :, -1, 0].add(-self.pull)
-        return residual._replace(forces=residual.forces._replace(tether=tether)), power
+    def tether_forces(self, *state):
+        forces, power = super().tether_forces(*state)
+        pull = self.pull.reshape(3, *(1,) * (forces.ndim - 4))  # of one state or several
+        return forces.at[0, ..., -1, 0].add(-pull), power
 
 
 @jit
