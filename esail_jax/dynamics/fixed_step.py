@@ -24,10 +24,9 @@ from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.numerics import bordered
 from esail_jax.system import Power, System
 
-KEEP = 40
-"""Steps per factorisation: at 0.1 s the baseline still converges in one iteration, and factors cost a tenth
-of the time. A block of this many steps is the unit of work everywhere: a resumed run starts at a block, so
-that it factors where the uninterrupted one did."""
+KEEP = 20
+"""Steps per factorisation. A block of this many steps is the unit of work everywhere: a resumed run
+starts at a block, so that it factors where the uninterrupted one did."""
 
 MAX_ITERATIONS = 12
 """Chord iterations after which a step has failed; good ones take one to three."""
