@@ -1,4 +1,4 @@
-"""A sail's run by collocation: the compiled programs, and the host's loop around them.
+"""A sail's run by collocation: its programs, compiled for the host's loop (`block_march.py`) or traced.
 
 The method's own steps run in blocks (`dynamics/collocation.py`) from the start past the end time; saved
 instants are read off the polynomials of the steps they lie in. A block depends on nothing but the
@@ -6,13 +6,12 @@ state it starts from, so that a run may stop after any of them and go on later.
 """
 
 import functools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax import lax
 
 from esail_jax import observables
@@ -21,12 +20,10 @@ from esail_jax.dynamics.collocation import KEEP, Collocation, Progress, Record, 
 from esail_jax.dynamics.consistent import project
 from esail_jax.dynamics.stages import Point
 from esail_jax.entry import QUICK_COMPILE, along_rows, origin_of
-from esail_jax.newton_matrix import inertia
-from esail_jax.numerics.block_tridiagonal import ChainFactors
-from esail_jax.pieces import RESULTS, Checkpoint, Piece, SimulationError, join
+from esail_jax.newton_matrix import FactoredMass, Inertia, factor_mass, inertia_of
+from esail_jax.pieces import RESULTS
 from esail_jax.scenes.build import Model, Numbers, Structure, build
 from esail_jax.scenes.integration import COLLOCATION_TOLERANCE
-from esail_jax.schedule import save_times
 from esail_jax.system import System
 
 ROWS_PER_LOOK = 128
@@ -41,25 +38,14 @@ BLOCKS_PER_CALL = 4
 MOST_BLOCKS = 200
 """Of a run that is differentiated: some five thousand steps."""
 
-NUMERICS = {
-    "steps": "-",
-    "rejected_steps": "-",
-    "last_step": "s",
-    "iterations_per_step": "-",
-    "constraint_violation": "m",
-}
-"""Names and units of what is kept per saved instant: steps that ended since the instant before, those
-repeated (in the call the instant was seen in, with its first instant), the size of the step it lies in,
-mean iterations (of the steps of that call), and its constraint violation."""
-
 
 class Problem(NamedTuple):
-    """A built sail, the method that runs it, and its inertia, factored (`newton_matrix.inertia`)."""
+    """A built sail, the method that runs it, and its inertia, factored (`newton_matrix.inertia_of`)."""
 
     system: System
     method: Collocation
     origin: Vector
-    inertia: tuple[ChainFactors, Array]
+    inertia: Inertia
 
     @property
     def terms(self) -> tuple[str, ...]:
@@ -85,7 +71,7 @@ def problem_of(structure: Structure, numbers: Numbers, step: Array | None) -> tu
     method = Collocation(step, tolerance)
     progress = method.start(system, jnp.zeros(()), model.q, model.v)
     energy = observables.kinetic_energy(system, model.v) + observables.elastic_energy(system, model.q)
-    problem = Problem(system, method, origin_of(numbers), inertia(system))
+    problem = Problem(system, method, origin_of(numbers), inertia_of(system))
     return model, problem, Carry(progress, energy, progress.now, progress.taken)
 
 
@@ -121,17 +107,23 @@ def step_of(records: Record, time: Scalar) -> Int[Array, ""]:
     return jnp.argmax(records.taken & (time <= records.end))
 
 
-def point_at(problem: Problem, records: Record, time: Scalar) -> Point:
-    """State at an instant within the recorded steps, on the constraints."""
+def point_at(problem: Problem, records: Record, time: Scalar) -> tuple[Point, FactoredMass]:
+    """State at an instant within the recorded steps, on the constraints, and its mass matrix: that of
+    the polynomial's state, which is off the constraints by less than the error of a step."""
     step = jax.tree.map(lambda x: x[step_of(records, time)], records)
     q, v, work = step.at(time)
-    return Point(time, *project(problem.system, time, q, v, problem.inertia), work)
+    mass = factor_mass(problem.system, time, q, problem.inertia)
+    return Point(time, *project(problem.system, time, q, v, mass), work), mass
 
 
-def observed(problem: Problem, start_energy: Scalar, point: Point) -> dict[str, Array]:
-    """Observables of an instant."""
+def observed(
+    problem: Problem, start_energy: Scalar, point: Point, mass: FactoredMass | None = None
+) -> dict[str, Array]:
+    """Observables of an instant. mass: its mass matrix, where that is known."""
+    if mass is None:
+        mass = factor_mass(problem.system, point.time, point.q, problem.inertia)
     state = (point.time, point.q, point.v, point.work, start_energy)
-    instant = observables.make_instant(problem.system, problem.origin, *state, problem.inertia)
+    instant = observables.make_instant(problem.system, problem.origin, *state, mass)
     return observables.observe(instant)
 
 
@@ -150,8 +142,8 @@ def look(
     constraint violations [m]."""
 
     def one(time):
-        point = point_at(problem, records, time)
-        return observed(problem, carry.start_energy, point), violation(problem.system, point), point
+        point, mass = point_at(problem, records, time)
+        return observed(problem, carry.start_energy, point, mass), violation(problem.system, point), point
 
     def keep(row, kept):
         rows, gaps, _ = kept
@@ -166,7 +158,7 @@ def look(
     return rows, point, gaps
 
 
-# ---- the host's loop ----------------------------------------------------------------------------
+# ---- compiled ----------------------------------------------------------------------------------
 
 
 class Programs(NamedTuple):
@@ -199,91 +191,6 @@ def programs(
         starting = jax.jit(problem_of, static_argnums=0).lower(structure, numbers, step)
         start = pool.submit(starting.compile, compiler_options=QUICK_COMPILE)
         return Programs(start.result(), blocks.result(), seeing.result())
-
-
-class BlockMarch:
-    """Runs a prepared sail block by block."""
-
-    def __init__(self, prepared, checkpoint: Checkpoint | None = None):
-        self.prepared = prepared
-        start = checkpoint or Checkpoint(prepared.carry, 0, 0, 0, (0.0, 0.0))
-        self.carry, self.rows, self.steps = start.carry, start.rows, start.steps
-        self.rejected = float(start.tally[0])
-        self.checkpoint = start
-        self.repairs = 0
-        scene = prepared.resolved
-        self.times = save_times(scene.integrator.t_end, scene.output.interval)
-
-    def pieces(self) -> Iterator[Piece]:
-        """One piece per call. Raises SimulationError when the run is stuck, after a last piece with
-        what was seen before."""
-        problem, compiled = self.prepared.problem, self.prepared.programs
-        while self.rows < len(self.times):
-            carry, records = compiled.blocks(problem, self.carry, self.times[-1])
-            reached = float(carry.progress.now.time)
-            tried = np.asarray(records.h)
-            shown = records
-            if not self.rows and not np.asarray(records.taken).any():
-                shown = standing(carry.progress.now, records)  # stuck at the start, which is seen still
-            count = int(np.searchsorted(self.times, reached, side="right"))
-            times = self.times[self.rows : max(count, self.rows)]
-            rows, violation = [], []
-            for first in range(0, len(times), ROWS_PER_LOOK):
-                part = times[first : first + ROWS_PER_LOOK]
-                padded = np.append(part, np.zeros(ROWS_PER_LOOK - len(part)))
-                seen, last, gap = compiled.look(problem, carry, shown, padded, len(part))
-                rows.append({name: np.asarray(value)[: len(part)] for name, value in seen.items()})
-                violation.append(np.asarray(gap)[: len(part)])
-                carry = carry._replace(seen=last)
-            numerics = self._numerics(records, carry, times, violation)
-            if len(times):
-                counted = carry.counted + numerics["steps"].sum()
-                carry = carry._replace(counted=counted)
-            self.carry, self.rows = carry, self.rows + len(times)
-            self.steps = int(carry.progress.taken)
-            if self.rows < len(self.times):
-                # Not the last one: a longer run saves other instants after this one's end time.
-                self.checkpoint = Checkpoint(carry, self.rows, self.rows, self.steps, (self.rejected, 0.0))
-            if rows:
-                yield Piece(join(rows), times, numerics, reached)
-            if self.rows < len(self.times) and bool(problem.method.stuck(carry.progress)):
-                raise self._failure(carry.progress, tried)
-
-    def _numerics(
-        self, records: Record, carry: Carry, times: np.ndarray, violation: list[np.ndarray]
-    ) -> dict[str, np.ndarray]:
-        """Of the steps that ended since the saved instant before; rejections with the first instant of
-        their call."""
-        progress, taken = carry.progress, np.asarray(records.taken)
-        ends, sizes = np.asarray(records.end)[taken], np.asarray(records.h)[taken]
-        cuts = np.searchsorted(ends, times, side="right")
-        iterations = np.append(0, np.cumsum(np.asarray(records.info.iterations)[taken]))
-        before = float(progress.taken) - len(ends)
-        steps = np.diff(before + cuts, prepend=float(carry.counted))
-        of_call, work = np.diff(cuts, prepend=0), np.diff(iterations[cuts], prepend=0)
-        rejected = np.zeros(len(times))
-        if len(times):
-            rejected[0] = float(progress.rejected) - self.rejected
-            self.rejected = float(progress.rejected)
-        inside = np.minimum(cuts, max(len(sizes) - 1, 0))
-        values = (
-            steps,
-            rejected,
-            np.append(sizes, float(progress.h))[inside],
-            work / np.maximum(of_call, 1),
-            np.concatenate([*violation, []]),
-        )
-        return dict(zip(NUMERICS, values, strict=True))
-
-    def _failure(self, progress: Progress, tried: np.ndarray) -> SimulationError:
-        """tried: sizes [s] of the last call's steps."""
-        finite = all(np.isfinite(np.asarray(x)).all() for x in jax.tree.leaves(progress.now))
-        result = RESULTS.newton_diverged if finite else RESULTS.nonfinite
-        size = tried[tried > 0.0][-1] if (tried > 0.0).any() else float("nan")
-        hint = "Ask for a shorter one." if self.prepared.problem.method.step_size is not None else ""
-        time = float(progress.now.time)
-        message = f"{RESULTS[result]} At t = {time:.6g} s with a step of {size:.3g} s. {hint}".strip()
-        return SimulationError(message, result, Piece({}, np.empty(0), {}, time))
 
 
 # ---- under a trace ------------------------------------------------------------------------------
@@ -330,7 +237,7 @@ def states_at(
 
         def keep(inner):
             row, points = inner
-            point = point_at(problem, records, times[row])
+            point = point_at(problem, records, times[row])[0]
             return row + 1, jax.tree.map(lambda all, x: all.at[row].set(x), points, point)
 
         row, points = lax.while_loop(passed, keep, (row, points))
@@ -362,6 +269,6 @@ def replay(problem: Problem, progress: Progress, times: Float[Array, " row"]) ->
 
     progress, records = lax.scan(one, progress, length=MOST_BLOCKS)
     flat = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), records)
-    points = lax.map(lambda time: point_at(problem, flat, time), times, batch_size=ROWS_TOGETHER)
+    points = lax.map(lambda time: point_at(problem, flat, time)[0], times, batch_size=ROWS_TOGETHER)
     good = times <= progress.now.time
     return jax.tree.map(lambda x: jnp.where(along_rows(good, x), x, jnp.nan), points)

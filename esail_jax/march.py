@@ -7,8 +7,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax import blocks, explicit
-from esail_jax.blocks import BlockMarch
+from esail_jax import block_march, explicit
+from esail_jax.block_march import BlockMarch
 from esail_jax.dynamics.fixed_step import KEEP, StepInfo
 from esail_jax.entry import Carry, entry_data, look_at_entry_jitted, step_entry_jitted
 from esail_jax.explicit import ExplicitMarch
@@ -43,7 +43,7 @@ def numerics_of(prepared: Prepared) -> dict[str, str]:
     """Names and units of what a method keeps per saved interval."""
     if prepared.plan is not None:
         return NUMERICS
-    return (blocks if prepared.collocated else explicit).NUMERICS
+    return (block_march if prepared.collocated else explicit).NUMERICS
 
 
 class March:

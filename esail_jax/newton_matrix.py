@@ -87,19 +87,27 @@ def mass_elements(system: System) -> Float[Array, "row col elem tether"]:
     return jnp.broadcast_to(elements, (*elements.shape[:2], system.tethers.elements, elements.shape[-1]))
 
 
-def inertia(system: System) -> tuple[ChainFactors, Array]:
+Inertia = tuple[ChainFactors, Array]
+"""Of a system: see `inertia_of`."""
+
+
+def inertia_of(system: System) -> Inertia:
     """Factors of the tethers' mass matrices, and their Schur complements on the roots: the part of a
     factorisation of `mass` that no state of motion changes."""
     blocks = chain_blocks(system, mass_elements(system), system.tethers.point_masses())
     return block_tridiagonal.factor(*blocks)
 
 
+FactoredMass = tuple[bordered.Bordered, bordered.Factors]
+"""`mass` of a state and its factors."""
+
+
 def factor_mass(
-    system: System, time: Scalar, q: Coordinates, inertia: tuple[ChainFactors, Array]
-) -> tuple[bordered.Bordered, bordered.Factors]:
-    """`mass` and its factors."""
+    system: System, time: Scalar, q: Coordinates, inertia: Inertia | None = None
+) -> FactoredMass:
+    """`mass` and its factors. inertia: that of the system, where many states share it."""
     matrix = mass(system, time, q)
-    chains, schur = inertia
+    chains, schur = inertia_of(system) if inertia is None else inertia
     return matrix, bordered.Factors(chains, bordered.factor_ports(matrix, schur))
 
 

@@ -14,7 +14,8 @@ from esail_jax.programs import programs, shapes_of
 from esail_jax.scenes.build import Model, build, split
 from esail_jax.scenes.integration import with_method
 from esail_jax.scenes.keys import SceneError
-from esail_jax.scenes.scene import FIXED_STEP, Scene
+from esail_jax.scenes.scene import Scene
+from esail_jax.scenes.together import FIXED_STEP
 from esail_jax.schedule import Plan, plan
 
 UNBALANCED = 1e-6

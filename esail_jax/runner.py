@@ -12,7 +12,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from esail_jax.blocks import BlockMarch
+from esail_jax.block_march import BlockMarch
 from esail_jax.explicit import ExplicitMarch
 from esail_jax.march import March, march_of
 from esail_jax.pieces import SimulationError

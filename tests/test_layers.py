@@ -22,6 +22,7 @@ LAYERS = (
     ("dynamics",),
     ("observables", "scenes", "schedule", "pieces"),
     ("entry", "explicit", "blocks"),
+    ("block_march",),
     ("programs",),
     ("prepare",),
     ("march",),

@@ -47,8 +47,10 @@ class Turn(NamedTuple):
         return x._replace(tether=self._at_nodes(x.tether, -self.sine)).rotate(self.hub.T)
 
     def _at_nodes(self, nodal: Nodal, sine: Directions) -> Nodal:
+        halving = 1.0 / (1.0 + self.cosine)
+
         def turned(x):
-            lever = dot(sine, x) / (1.0 + self.cosine)
+            lever = dot(sine, x) * halving
             return self.cosine * x + jnp.cross(sine, x, axis=0) + lever * sine
 
         nodes = jnp.stack([turned(x) for x in nodal])

@@ -20,8 +20,8 @@ from jax import lax
 from esail_jax.array_types import Array, Bool, Float, Int, Scalar, Vector
 from esail_jax.coordinates import Coordinates
 from esail_jax.dynamics.consistent import consistent_acceleration
+from esail_jax.dynamics.stage_solution import MAX_ITERATIONS, solve_stages
 from esail_jax.dynamics.stages import (
-    MAX_ITERATIONS,
     STAGES,
     TABLE,
     KeptFactors,
@@ -32,7 +32,6 @@ from esail_jax.dynamics.stages import (
     lengths,
     on_constraints,
     rounding,
-    solve_stages,
     stage_powers,
     stage_states,
 )

@@ -12,10 +12,10 @@ import jax
 import jax.numpy as jnp
 
 from esail_jax import newton_matrix
-from esail_jax.array_types import Array, Scalar
+from esail_jax.array_types import Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
+from esail_jax.newton_matrix import FactoredMass
 from esail_jax.numerics import bordered
-from esail_jax.numerics.block_tridiagonal import ChainFactors
 from esail_jax.system import Power, System
 
 
@@ -34,10 +34,10 @@ def consistent_motion(
     time: Scalar,
     q: Coordinates,
     v: Coordinates,
-    inertia: tuple[ChainFactors, Array] | None = None,
+    mass: FactoredMass | None = None,
 ) -> Motion:
-    """Of the state (q, v), which must satisfy the constraints and their rates. inertia: that of the
-    system (`newton_matrix.inertia`), where many states share it."""
+    """Of the state (q, v), which must satisfy the constraints and their rates. mass: its mass matrix,
+    where that is known."""
     rest = jax.tree.map(jnp.zeros_like, q)
     if system.hub is None:
         rest = system.place_roots(time, rest, derivative=2)
@@ -46,9 +46,7 @@ def consistent_motion(
     loads = Coordinates(tether, at_rest.hub)
     residual, _ = system.joined(time, q, v, loads, system.no_multipliers(), power)
     bend = system.constraint_acceleration(time, q, v, rest)
-    matrix, factors = newton_matrix.factor_mass(
-        system, time, q, newton_matrix.inertia(system) if inertia is None else inertia
-    )
+    matrix, factors = newton_matrix.factor_mass(system, time, q) if mass is None else mass
     rhs = newton_matrix.to_vector(system, *jax.tree.map(jnp.negative, (residual.forces, bend)))
     vdot, lam = newton_matrix.from_vector(system, bordered.solve(matrix, factors, rhs))
     moving = loads.axpy(1.0, Coordinates(system.tethers.inertia(vdot.tether), vdot.hub))
@@ -69,17 +67,15 @@ def project(
     time: Scalar,
     q: Coordinates,
     v: Coordinates,
-    inertia: tuple[ChainFactors, Array] | None = None,
+    mass: FactoredMass | None = None,
 ) -> tuple[Coordinates, Coordinates]:
     """The nearest state (in the mass metric, one Newton correction) on the constraints and their
-    rates. Interpolation errors are of fourth order, so one correction reaches rounding. inertia: as in
+    rates. Interpolation errors are of fourth order, so one correction reaches rounding. mass: as in
     `consistent_motion`."""
     q, v = system.place_roots(time, q), system.place_roots(time, v, derivative=1)
     if not system.has_constraints:
         return q, v
-    matrix, factors = newton_matrix.factor_mass(
-        system, time, q, newton_matrix.inertia(system) if inertia is None else inertia
-    )
+    matrix, factors = newton_matrix.factor_mass(system, time, q) if mass is None else mass
     nothing = jax.tree.map(jnp.zeros_like, q)
 
     def corrected(x, defect):

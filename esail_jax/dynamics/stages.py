@@ -1,4 +1,4 @@
-"""The equations of all stages of a collocation step, and their solution.
+"""The equations of all stages of a collocation step, and the linear ones that correct them.
 
 On a step of length h the accelerations are a polynomial through s stages i = 1 ... s at t + c_i h:
 
@@ -15,7 +15,6 @@ turned back into the axes, attached to hub and nodes, in which the factors were 
 (`attached_axes.py`). An iteration gains a factor of a hundred, as long as tethers are taut.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -24,11 +23,12 @@ import numpy as np
 from jax import lax
 
 from esail_jax import newton_matrix
-from esail_jax.array_types import Array, Complex, Float, Int, Scalar
+from esail_jax.array_types import Array, Complex, Float, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.dynamics.attached_axes import Axes, Turn, axes_of, turn
 from esail_jax.numerics import bordered
 from esail_jax.numerics.radau import Radau
+from esail_jax.numerics.vectors import greatest
 from esail_jax.system import Power, Residual, System
 
 STAGES = 4
@@ -37,15 +37,8 @@ the same cost per second of motion within a tenth."""
 
 TABLE = Radau.of(STAGES)
 
-MAX_ITERATIONS = 10
-"""After which a step has failed: what converges so slowly is cheaper with half the step."""
-
 LAST_PLACES = 2e-15
 """Ten units in the last place, of the largest coordinate."""
-
-LINEAR_ITERATIONS = 14
-"""Of the linear equations of a derivative: each gains a factor of ten or more."""
-
 
 HUB_SHARE = 0.1
 """Errors of the hub's points count ten times: they turn everything."""
@@ -88,10 +81,11 @@ def stage_states(
     def along(x):
         return TABLE.nodes.reshape(-1, *(1,) * x.ndim) * (h * x)
 
-    q = jax.tree.map(
-        lambda q, v, a: q + along(v) + h**2 * jnp.tensordot(TABLE.squared, a, 1), start.q, start.v, vdot
-    )
-    v = jax.tree.map(lambda v, a: v + h * jnp.tensordot(TABLE.matrix, a, 1), start.v, vdot)
+    # Both integrals in one product.
+    tables = np.concatenate([TABLE.squared, TABLE.matrix])
+    integrals = jax.tree.map(lambda a: jnp.tensordot(tables, a, 1), vdot)
+    q = jax.tree.map(lambda q, v, a: q + along(v) + h**2 * a[:STAGES], start.q, start.v, integrals)
+    v = jax.tree.map(lambda v, a: v + h * a[STAGES:], start.v, integrals)
     return start.time + h * TABLE.nodes, q, v
 
 
@@ -136,7 +130,7 @@ def factor(system: System, start: Point, h: Scalar, lam: Multipliers) -> KeptFac
     return KeptFactors(stages, mass, inert, axes_of(system, *now))
 
 
-# ---- solution -----------------------------------------------------------------------------------
+# ---- linear equations ---------------------------------------------------------------------------
 
 
 def correction(system: System, residual: Residual, turns: Turn, kept: KeptFactors) -> Unknowns:
@@ -160,132 +154,20 @@ def correction(system: System, residual: Residual, turns: Turn, kept: KeptFactor
 
 def split(stages: Float[Array, "stage *x"]) -> Complex[Array, "rate *x"]:
     """T^-1 times the stages, for the kept one of every pair; in real products, which are fast."""
-    return lax.complex(
-        jnp.tensordot(TABLE.split.real, stages, 1), jnp.tensordot(TABLE.split.imag, stages, 1)
-    )
+    rates = len(TABLE.split)
+    parts = jnp.tensordot(np.concatenate([TABLE.split.real, TABLE.split.imag]), stages, 1)
+    return lax.complex(parts[:rates], parts[rates:])
 
 
 def mix(z: Complex[Array, "rate *x"]) -> Float[Array, "stage *x"]:
     """T z, both of every pair together."""
-    return jnp.tensordot(TABLE.mix.real, z.real, 1) - jnp.tensordot(TABLE.mix.imag, z.imag, 1)
+    table = np.concatenate([TABLE.mix.real, -TABLE.mix.imag], axis=1)
+    return jnp.tensordot(table, jnp.concatenate([z.real, z.imag]), 1)
 
 
 def turns_to(axes: Axes, kept: KeptFactors) -> Turn:
     """From the axes of the factors to those of every stage."""
     return jax.vmap(lambda axes: turn(kept.axes, axes))(axes)
-
-
-@jax.custom_jvp
-def solve_stages(
-    system: System,
-    start: Point,
-    h: Scalar,
-    guess: Unknowns,
-    kept: KeptFactors,
-    enough: Float[Array, "2"],
-) -> tuple[Unknowns, Int[Array, ""], Scalar]:
-    """Simplified Newton iterations, until what is left, judged by the last two increments of the
-    positions, is `enough` [m] (of tethers and hub): unknowns, iterations, and what is left over that.
-    Guess and factors decide how fast, not where to: they carry no derivative."""
-
-    def iterate(carry):
-        unknowns, count, before, _ = carry
-        residual, axes = stage_residuals(system, start, h, unknowns)
-        change = correction(system, residual, turns_to(axes, kept), kept)
-        unknowns = jax.tree.map(jnp.add, unknowns, change)
-        moved = jax.tree.map(lambda x: h**2 * jnp.tensordot(TABLE.squared, x, 1), change.vdot)
-        increment = jax.vmap(lambda x: largest(system, x, enough))(moved).max()
-        rate = jnp.where(count > 0, increment / before, 0.5)
-        left = increment * jnp.where(rate < 1.0, rate / (1.0 - rate), jnp.inf)
-        return unknowns, count + 1, increment, left
-
-    def unfinished(carry):
-        *_, count, _, left = carry
-        return ~(left <= 1.0) & (count < MAX_ITERATIONS) & (jnp.isfinite(left) | (count < 2))
-
-    infinite = jnp.asarray(jnp.inf)
-    carry = (guess, jnp.zeros((), int), infinite, infinite)
-    unknowns, count, _, left = lax.while_loop(unfinished, iterate, carry)
-    return unknowns, count, left
-
-
-@solve_stages.defjvp
-def _solve_stages_jvp(primals, tangents):
-    """d(unknowns) = -J^-1 d(residual): implicit function theorem, J being that of all stages together."""
-    system, start, h, _, kept, _ = primals
-    unknowns, count, left = solve_stages(*primals)
-    axes = stage_residuals(system, start, h, unknowns)[1]
-
-    def residuals(system, start, h, unknowns):
-        return stage_residuals(system, start, h, unknowns)[0]
-
-    def along(change):
-        return jax.jvp(lambda x: residuals(*primals[:3], x), (unknowns,), (change,))[1]
-
-    _, given = jax.jvp(lambda *x: residuals(*x, unknowns), primals[:3], tangents[:3])
-    moved = linear_solution(system, along, given, turns_to(axes, kept), kept)
-    none = np.zeros((), jax.dtypes.float0)
-    return (unknowns, count, left), (moved, none, jnp.zeros(()))
-
-
-def linear_solution(
-    system: System,
-    along: Callable[[Unknowns], Residual],
-    given: Residual,
-    turns: Turn,
-    kept: KeptFactors,
-) -> Unknowns:
-    """x with along(x) + given = 0, by the same iterations, and their transpose for reverse mode.
-
-    Roots move with the hub: in the square system that is solved, their rows are added to the hub's and
-    their columns are taken out."""
-    turns, kept = lax.stop_gradient((turns, kept))
-
-    def with_roots(x):
-        return x._replace(vdot=jax.vmap(lambda a: on_roots(system, a))(x.vdot))
-
-    def without_roots(x):
-        if system.roots is None:
-            return x
-        return x._replace(vdot=x.vdot._replace(tether=x.vdot.tether.at[:, 0, :, 0].set(0.0)))
-
-    nothing = jax.tree.map(jnp.zeros_like, Unknowns(given.forces, given.constraints))
-    fold = jax.linear_transpose(with_roots, nothing)
-
-    def equations(residual):
-        return fold(Unknowns(residual.forces, residual.constraints))[0]
-
-    def matrix(x):
-        apart = jax.tree.map(jnp.subtract, x, without_roots(x))
-        return jax.tree.map(jnp.add, equations(along(with_roots(x))), apart)
-
-    def precondition(residual):
-        residual = without_roots(residual)
-        return without_roots(correction(system, Residual(residual.vdot, residual.lam), turns, kept))
-
-    def solve(matrix, rhs, precondition=precondition):
-        def improve(_, x):
-            short = jax.tree.map(jnp.subtract, matrix(x), rhs)
-            return jax.tree.map(jnp.add, x, precondition(short))
-
-        return lax.fori_loop(0, LINEAR_ITERATIONS, improve, jax.tree.map(jnp.zeros_like, rhs))
-
-    def solve_transposed(transposed, rhs):
-        backwards = jax.linear_transpose(precondition, rhs)
-        return solve(transposed, rhs, lambda x: backwards(x)[0])
-
-    rhs = jax.tree.map(jnp.negative, equations(given))
-    return with_roots(lax.custom_linear_solve(matrix, rhs, solve, solve_transposed))
-
-
-def on_roots(system: System, vdot: Coordinates) -> Coordinates:
-    """A change of the accelerations with the roots where the hub's takes them; a frame's do not change."""
-    if system.roots is None:
-        return vdot
-    root = jnp.zeros_like(vdot.tether[0, :, 0])
-    if system.hub is not None:
-        root = system.roots.positions(vdot.hub)
-    return vdot._replace(tether=vdot.tether.at[0, :, 0].set(root))
 
 
 def on_constraints(
@@ -327,5 +209,6 @@ def rounding(q: Coordinates) -> Float[Array, "2"]:
 
 def largest(system: System, change: Coordinates, unit: Float[Array, "2"]) -> Scalar:
     """Largest change of a position (slopes times l) in units of tether's and hub's."""
-    size = jnp.abs(system.tethers.scale_slopes(change.tether)).max() / unit[0]
+    nodes = greatest(greatest(system.tethers.scale_slopes(change.tether)))
+    size = nodes.max() / unit[0]
     return size if change.hub is None else jnp.maximum(size, jnp.abs(change.hub).max() / unit[1])

@@ -14,7 +14,7 @@ less than 1e-4 rad is not damped in bending.
 from typing import ClassVar
 
 from esail_jax.array_types import PerPoint, PerTether, VectorPerPoint
-from esail_jax.numerics.vectors import dot
+from esail_jax.numerics.vectors import dot, reciprocal
 from esail_jax.terms import Dissipation, Energy, PointFields
 
 STRAIGHT_TURN = 1e-4
@@ -27,9 +27,9 @@ def curvature_squared(r_x: VectorPerPoint, r_xx: VectorPerPoint) -> PerPoint:
     Written with the part of r_xx normal to r_x: the difference of the two products would lose all
     digits of a nearly straight cable.
     """
-    stretch_squared = dot(r_x, r_x)
-    normal = r_xx - (dot(r_x, r_xx) / stretch_squared) * r_x
-    return dot(normal, normal) / stretch_squared**2
+    per_square = reciprocal(dot(r_x, r_x))
+    normal = r_xx - (dot(r_x, r_xx) * per_square) * r_x
+    return dot(normal, normal) * per_square**2
 
 
 class BendingEnergy(Energy):
@@ -61,5 +61,5 @@ class BendingDissipation(Dissipation):
         return curvature_squared(fields.r_x, fields.r_xx)
 
     def lost(self, e: PerPoint, rate: PerPoint) -> PerPoint:
-        rate_squared = 0.25 * rate**2 / (e + self.straight_curvature**2)
+        rate_squared = 0.25 * rate**2 * reciprocal(e + self.straight_curvature**2)
         return 0.5 * self.time * self.stiffness * rate_squared

@@ -110,7 +110,7 @@ class Tethers(eqx.Module):
         fields = {}
         for name, d, value in zip(self.fields_used, self.derivatives, values, strict=True):
             value = jnp.moveaxis(value, 1, 0)
-            fields[name] = value / self.element_length**d if d else value
+            fields[name] = value * self.element_length ** -float(d) if d else value
         return PointFields(fields.get("r"), fields["r_x"], fields.get("r_xx"))
 
     def nodal_forces(self, conjugates: PointFields, acceleration: Nodal | None = None) -> Nodal:

@@ -4,7 +4,7 @@ from typing import ClassVar
 
 from esail_jax.array_types import Instants, PerMember, VectorPerPoint
 from esail_jax.environment.solar_wind import SolarWind
-from esail_jax.numerics.vectors import dot
+from esail_jax.numerics.vectors import dot, reciprocal
 from esail_jax.terms import Load, PointFields
 
 
@@ -22,5 +22,5 @@ class CoulombThrust(Load):
 
     def force(self, time: Instants, fields: PointFields, rates: PointFields) -> VectorPerPoint:
         u = self.wind.velocity(fields.r)
-        along = dot(fields.r_x, u) / dot(fields.r_x, fields.r_x)
+        along = dot(fields.r_x, u) * reciprocal(dot(fields.r_x, fields.r_x))
         return self.wind.thrust_per_speed(self.voltage) * (u - along * fields.r_x)

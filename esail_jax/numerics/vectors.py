@@ -4,14 +4,35 @@ Reductions over the short leading axis leave the batch contiguous, which the CPU
 measured 1.6 times faster over a whole force evaluation than component-by-component arithmetic.
 """
 
+import functools
+
+import jax
 import jax.numpy as jnp
 
-from esail_jax.array_types import PerPoint, VectorPerPoint
+from esail_jax.array_types import Array, Float, PerPoint, VectorPerPoint
 
 
 def dot(a: VectorPerPoint, b: VectorPerPoint) -> PerPoint:
     """Scalar product a . b over the leading axis."""
     return (a * b).sum(0)
+
+
+@jax.custom_jvp
+def reciprocal(x: PerPoint) -> PerPoint:
+    """1/x, whose derivatives are products of it: a division costs as much as ten products."""
+    return 1.0 / x
+
+
+@reciprocal.defjvp
+def _reciprocal_jvp(primals, tangents):
+    y = reciprocal(*primals)
+    return y, -(y**2) * tangents[0]
+
+
+def greatest(x: Float[Array, "first *rest"]) -> Float[Array, "*rest"]:
+    """Largest absolute value along the first axis, which must be short. Term by term: the compiler
+    vectorises that, but goes through a maximum over everything one by one."""
+    return functools.reduce(jnp.maximum, jnp.abs(x))
 
 
 def norm(a: VectorPerPoint) -> PerPoint:

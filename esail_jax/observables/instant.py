@@ -10,8 +10,8 @@ from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.dynamics.consistent import consistent_motion
 from esail_jax.environment.orbit import orbital_frame
 from esail_jax.joints.roots import radial_directions
+from esail_jax.newton_matrix import FactoredMass
 from esail_jax.numerics.angles import smallest_eigenvector
-from esail_jax.numerics.block_tridiagonal import ChainFactors
 from esail_jax.numerics.vectors import dot
 from esail_jax.system import Power, System
 from esail_jax.terms import PointFields
@@ -134,11 +134,11 @@ def make_instant(
     v: Coordinates,
     work: Power,
     start_energy: Scalar,
-    inertia: tuple[ChainFactors, Array] | None = None,
+    mass: FactoredMass | None = None,
 ) -> Instant:
-    """An instant from a state, with accelerations and multipliers that fit it. inertia: that of the
-    system, where many instants share it."""
-    vdot, lam, forces, power = consistent_motion(system, time, q, v, inertia)
+    """An instant from a state, with accelerations and multipliers that fit it. mass: as in
+    `consistent_motion`."""
+    vdot, lam, forces, power = consistent_motion(system, time, q, v, mass)
     load = None
     if system.loads:
         fields, rates = system.tethers.interpolate(q.tether), system.tethers.interpolate(v.tether)

@@ -15,7 +15,8 @@ from esail_jax.array_types import Array
 from esail_jax.dynamics.rod_chain import fastest_rate, turning_rate
 from esail_jax.dynamics.runge_kutta import REACH
 from esail_jax.scenes.build import Numbers, Structure, build_chain, split
-from esail_jax.scenes.scene import FIXED_STEP, Scene, method_of
+from esail_jax.scenes.scene import Scene
+from esail_jax.scenes.together import FIXED_STEP, method_of
 
 PAPER = {"step": 0.1, "spectral_radius": 0.25}
 """Generalized-alpha in [PGV] Sec. 4."""

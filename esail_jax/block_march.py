@@ -1,0 +1,107 @@
+"""The host's loop around the programs of a sail's run by collocation (`blocks.py`)."""
+
+from collections.abc import Iterator
+
+import jax
+import numpy as np
+
+from esail_jax.blocks import ROWS_PER_LOOK, Carry, standing
+from esail_jax.dynamics.collocation import Progress, Record
+from esail_jax.pieces import RESULTS, Checkpoint, Piece, SimulationError, join
+from esail_jax.schedule import save_times
+
+NUMERICS = {
+    "steps": "-",
+    "rejected_steps": "-",
+    "last_step": "s",
+    "iterations_per_step": "-",
+    "constraint_violation": "m",
+}
+"""Names and units of what is kept per saved instant: steps that ended since the instant before, those
+repeated (in the call the instant was seen in, with its first instant), the size of the step it lies in,
+mean iterations (of the steps of that call), and its constraint violation."""
+
+
+class BlockMarch:
+    """Runs a prepared sail block by block."""
+
+    def __init__(self, prepared, checkpoint: Checkpoint | None = None):
+        self.prepared = prepared
+        start = checkpoint or Checkpoint(prepared.carry, 0, 0, 0, (0.0, 0.0))
+        self.carry, self.rows, self.steps = start.carry, start.rows, start.steps
+        self.rejected = float(start.tally[0])
+        self.checkpoint = start
+        self.repairs = 0
+        scene = prepared.resolved
+        self.times = save_times(scene.integrator.t_end, scene.output.interval)
+
+    def pieces(self) -> Iterator[Piece]:
+        """One piece per call. Raises SimulationError when the run is stuck, after a last piece with
+        what was seen before."""
+        problem, compiled = self.prepared.problem, self.prepared.programs
+        while self.rows < len(self.times):
+            carry, records = compiled.blocks(problem, self.carry, self.times[-1])
+            reached = float(carry.progress.now.time)
+            tried = np.asarray(records.h)
+            shown = records
+            if not self.rows and not np.asarray(records.taken).any():
+                shown = standing(carry.progress.now, records)  # stuck at the start, which is seen still
+            count = int(np.searchsorted(self.times, reached, side="right"))
+            times = self.times[self.rows : max(count, self.rows)]
+            rows, violation = [], []
+            for first in range(0, len(times), ROWS_PER_LOOK):
+                part = times[first : first + ROWS_PER_LOOK]
+                padded = np.append(part, np.zeros(ROWS_PER_LOOK - len(part)))
+                seen, last, gap = compiled.look(problem, carry, shown, padded, len(part))
+                rows.append({name: np.asarray(value)[: len(part)] for name, value in seen.items()})
+                violation.append(np.asarray(gap)[: len(part)])
+                carry = carry._replace(seen=last)
+            numerics = self._numerics(records, carry, times, violation)
+            if len(times):
+                counted = carry.counted + numerics["steps"].sum()
+                carry = carry._replace(counted=counted)
+            self.carry, self.rows = carry, self.rows + len(times)
+            self.steps = int(carry.progress.taken)
+            if self.rows < len(self.times):
+                # Not the last one: a longer run saves other instants after this one's end time.
+                self.checkpoint = Checkpoint(carry, self.rows, self.rows, self.steps, (self.rejected, 0.0))
+            if rows:
+                yield Piece(join(rows), times, numerics, reached)
+            if self.rows < len(self.times) and bool(problem.method.stuck(carry.progress)):
+                raise self._failure(carry.progress, tried)
+
+    def _numerics(
+        self, records: Record, carry: Carry, times: np.ndarray, violation: list[np.ndarray]
+    ) -> dict[str, np.ndarray]:
+        """Of the steps that ended since the saved instant before; rejections with the first instant of
+        their call."""
+        progress, taken = carry.progress, np.asarray(records.taken)
+        ends, sizes = np.asarray(records.end)[taken], np.asarray(records.h)[taken]
+        cuts = np.searchsorted(ends, times, side="right")
+        iterations = np.append(0, np.cumsum(np.asarray(records.info.iterations)[taken]))
+        before = float(progress.taken) - len(ends)
+        steps = np.diff(before + cuts, prepend=float(carry.counted))
+        of_call, work = np.diff(cuts, prepend=0), np.diff(iterations[cuts], prepend=0)
+        rejected = np.zeros(len(times))
+        if len(times):
+            rejected[0] = float(progress.rejected) - self.rejected
+            self.rejected = float(progress.rejected)
+        inside = np.minimum(cuts, max(len(sizes) - 1, 0))
+        values = (
+            steps,
+            rejected,
+            np.append(sizes, float(progress.h))[inside],
+            work / np.maximum(of_call, 1),
+            np.concatenate([*violation, []]),
+        )
+        return dict(zip(NUMERICS, values, strict=True))
+
+    def _failure(self, progress: Progress, tried: np.ndarray) -> SimulationError:
+        """tried: sizes [s] of the last call's steps."""
+        finite = all(np.isfinite(np.asarray(x)).all() for x in jax.tree.leaves(progress.now))
+        result = RESULTS.newton_diverged if finite else RESULTS.nonfinite
+        size = tried[tried > 0.0][-1] if (tried > 0.0).any() else float("nan")
+        hint = "Ask for a shorter one." if self.prepared.problem.method.step_size is not None else ""
+        time = float(progress.now.time)
+        message = f"{RESULTS[result]} At t = {time:.6g} s with a step of {size:.3g} s. {hint}".strip()
+        return SimulationError(message, result, Piece({}, np.empty(0), {}, time))

@@ -1,0 +1,147 @@
+"""The stages of a collocation step solved, and the derivative of their solution.
+
+Simplified Newton iterations with the factors of `stages.py`; the derivative follows from the implicit
+function theorem, by the same factors and the exact derivative of the equations.
+"""
+
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from esail_jax.array_types import Array, Float, Int, Scalar
+from esail_jax.coordinates import Coordinates
+from esail_jax.dynamics.attached_axes import Turn
+from esail_jax.dynamics.stages import (
+    TABLE,
+    KeptFactors,
+    Point,
+    Unknowns,
+    correction,
+    largest,
+    stage_residuals,
+    turns_to,
+)
+from esail_jax.numerics.vectors import greatest
+from esail_jax.system import Residual, System
+
+MAX_ITERATIONS = 10
+"""After which a step has failed: what converges so slowly is cheaper with half the step."""
+
+LINEAR_ITERATIONS = 14
+"""Of the linear equations of a derivative: each gains a factor of ten or more."""
+
+
+@jax.custom_jvp
+def solve_stages(
+    system: System,
+    start: Point,
+    h: Scalar,
+    guess: Unknowns,
+    kept: KeptFactors,
+    enough: Float[Array, "2"],
+) -> tuple[Unknowns, Int[Array, ""], Scalar]:
+    """Simplified Newton iterations, until what is left, judged by the last two increments of the
+    positions, is `enough` [m] (of tethers and hub): unknowns, iterations, and what is left over that.
+    Guess and factors decide how fast, not where to: they carry no derivative."""
+
+    def iterate(carry):
+        unknowns, count, before, _ = carry
+        residual, axes = stage_residuals(system, start, h, unknowns)
+        change = correction(system, residual, turns_to(axes, kept), kept)
+        unknowns = jax.tree.map(jnp.add, unknowns, change)
+        moved = jax.tree.map(lambda x: h**2 * jnp.tensordot(TABLE.squared, x, 1), change.vdot)
+        increment = largest(system, jax.tree.map(greatest, moved), enough)
+        rate = jnp.where(count > 0, increment / before, 0.5)
+        left = increment * jnp.where(rate < 1.0, rate / (1.0 - rate), jnp.inf)
+        return unknowns, count + 1, increment, left
+
+    def unfinished(carry):
+        *_, count, _, left = carry
+        return ~(left <= 1.0) & (count < MAX_ITERATIONS) & (jnp.isfinite(left) | (count < 2))
+
+    infinite = jnp.asarray(jnp.inf)
+    carry = (guess, jnp.zeros((), int), infinite, infinite)
+    unknowns, count, _, left = lax.while_loop(unfinished, iterate, carry)
+    return unknowns, count, left
+
+
+@solve_stages.defjvp
+def _solve_stages_jvp(primals, tangents):
+    """d(unknowns) = -J^-1 d(residual): implicit function theorem, J being that of all stages together."""
+    system, start, h, _, kept, _ = primals
+    unknowns, count, left = solve_stages(*primals)
+    axes = stage_residuals(system, start, h, unknowns)[1]
+
+    def residuals(system, start, h, unknowns):
+        return stage_residuals(system, start, h, unknowns)[0]
+
+    def along(change):
+        return jax.jvp(lambda x: residuals(*primals[:3], x), (unknowns,), (change,))[1]
+
+    _, given = jax.jvp(lambda *x: residuals(*x, unknowns), primals[:3], tangents[:3])
+    moved = linear_solution(system, along, given, turns_to(axes, kept), kept)
+    none = np.zeros((), jax.dtypes.float0)
+    return (unknowns, count, left), (moved, none, jnp.zeros(()))
+
+
+def linear_solution(
+    system: System,
+    along: Callable[[Unknowns], Residual],
+    given: Residual,
+    turns: Turn,
+    kept: KeptFactors,
+) -> Unknowns:
+    """x with along(x) + given = 0, by the same iterations, and their transpose for reverse mode.
+
+    Roots move with the hub: in the square system that is solved, their rows are added to the hub's and
+    their columns are taken out."""
+    turns, kept = lax.stop_gradient((turns, kept))
+
+    def with_roots(x):
+        return x._replace(vdot=jax.vmap(lambda a: on_roots(system, a))(x.vdot))
+
+    def without_roots(x):
+        if system.roots is None:
+            return x
+        return x._replace(vdot=x.vdot._replace(tether=x.vdot.tether.at[:, 0, :, 0].set(0.0)))
+
+    nothing = jax.tree.map(jnp.zeros_like, Unknowns(given.forces, given.constraints))
+    fold = jax.linear_transpose(with_roots, nothing)
+
+    def equations(residual):
+        return fold(Unknowns(residual.forces, residual.constraints))[0]
+
+    def matrix(x):
+        apart = jax.tree.map(jnp.subtract, x, without_roots(x))
+        return jax.tree.map(jnp.add, equations(along(with_roots(x))), apart)
+
+    def precondition(residual):
+        residual = without_roots(residual)
+        return without_roots(correction(system, Residual(residual.vdot, residual.lam), turns, kept))
+
+    def solve(matrix, rhs, precondition=precondition):
+        def improve(_, x):
+            short = jax.tree.map(jnp.subtract, matrix(x), rhs)
+            return jax.tree.map(jnp.add, x, precondition(short))
+
+        return lax.fori_loop(0, LINEAR_ITERATIONS, improve, jax.tree.map(jnp.zeros_like, rhs))
+
+    def solve_transposed(transposed, rhs):
+        backwards = jax.linear_transpose(precondition, rhs)
+        return solve(transposed, rhs, lambda x: backwards(x)[0])
+
+    rhs = jax.tree.map(jnp.negative, equations(given))
+    return with_roots(lax.custom_linear_solve(matrix, rhs, solve, solve_transposed))
+
+
+def on_roots(system: System, vdot: Coordinates) -> Coordinates:
+    """A change of the accelerations with the roots where the hub's takes them; a frame's do not change."""
+    if system.roots is None:
+        return vdot
+    root = jnp.zeros_like(vdot.tether[0, :, 0])
+    if system.hub is not None:
+        root = system.roots.positions(vdot.hub)
+    return vdot._replace(tether=vdot.tether.at[0, :, 0].set(root))
