@@ -3,12 +3,13 @@
 from collections.abc import Iterator
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.blocks import ROWS_PER_LOOK, Carry, standing
 from esail_jax.dynamics.collocation import Progress, Record
 from esail_jax.pieces import RESULTS, Checkpoint, Piece, SimulationError, join
-from esail_jax.schedule import save_times
+from esail_jax.schedule import save_times, stops
 
 NUMERICS = {
     "steps": "-",
@@ -34,14 +35,18 @@ class BlockMarch:
         self.repairs = 0
         scene = prepared.resolved
         self.times = save_times(scene.integrator.t_end, scene.output.interval)
+        self.stops = stops(scene.integrator.t_end, scene.event)
 
     def pieces(self) -> Iterator[Piece]:
         """One piece per call. Raises SimulationError when the run is stuck, after a last piece with
         what was seen before."""
-        problem, compiled = self.prepared.problem, self.prepared.programs
+        compiled = self.prepared.programs
         while self.rows < len(self.times):
-            carry, records = compiled.blocks(problem, self.carry, self.times[-1])
-            reached = float(carry.progress.now.time)
+            began = float(self.carry.progress.now.time)
+            problem = self.prepared.problem.since(jnp.asarray(began))
+            stop = next((time for time in self.stops if time > began), self.stops[-1])
+            carry, records = compiled.blocks(problem, self.carry, np.asarray(stop))
+            reached = min(float(carry.progress.now.time), stop)
             tried = np.asarray(records.h)
             shown = records
             if not self.rows and not np.asarray(records.taken).any():
@@ -60,6 +65,9 @@ class BlockMarch:
             if len(times):
                 counted = carry.counted + numerics["steps"].sum()
                 carry = carry._replace(counted=counted)
+            if reached == stop < self.stops[-1]:
+                here = jnp.asarray(stop)
+                carry = compiled.go_on(problem, problem.since(here), carry, records, here)
             self.carry, self.rows = carry, self.rows + len(times)
             self.steps = int(carry.progress.taken)
             if self.rows < len(self.times):

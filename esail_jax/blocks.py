@@ -12,10 +12,11 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
 from esail_jax import observables
-from esail_jax.array_types import Array, Float, Int, Scalar, Vector
+from esail_jax.array_types import Array, Bool, Float, Int, Scalar, Vector
 from esail_jax.dynamics.collocation import KEEP, Collocation, Progress, Record, no_record
 from esail_jax.dynamics.consistent import project
 from esail_jax.dynamics.stages import Point
@@ -51,6 +52,10 @@ class Problem(NamedTuple):
     def terms(self) -> tuple[str, ...]:
         """Names of everything that was built."""
         return self.system.terms
+
+    def since(self, time: Scalar) -> "Problem":
+        """With the system as it is after `time`."""
+        return self._replace(system=self.system.since(time))
 
 
 class Carry(NamedTuple):
@@ -158,16 +163,26 @@ def look(
     return rows, point, gaps
 
 
+def go_on(problem: Problem, after: Problem, carry: Carry, records: Record, time: Scalar) -> Carry:
+    """From an instant within the recorded steps, at which the problem becomes another one."""
+    point, _ = point_at(problem, records, time)
+    before = carry.progress
+    fresh = problem.method.start_again(after.system, point, before.taken, before.rejected)
+    return carry._replace(progress=fresh)
+
+
 # ---- compiled ----------------------------------------------------------------------------------
 
 
 class Programs(NamedTuple):
-    """Compiled `start(numbers, step)`, `blocks(problem, carry, target)` and
-    `look(problem, carry, records, times, count)`."""
+    """Compiled `start(numbers, step)`, `blocks(problem, carry, target)`,
+    `look(problem, carry, records, times, count)` and, of a scene with events,
+    `go_on(problem, after, carry, records, time)`."""
 
     start: Callable
     blocks: Callable
     look: Callable
+    go_on: Callable | None
 
 
 @functools.lru_cache(maxsize=64)
@@ -190,28 +205,51 @@ def programs(
         seeing = pool.submit(looking.compile, compiler_options=QUICK_COMPILE)
         starting = jax.jit(problem_of, static_argnums=0).lower(structure, numbers, step)
         start = pool.submit(starting.compile, compiler_options=QUICK_COMPILE)
-        return Programs(start.result(), blocks.result(), seeing.result())
+        switching = None
+        if structure.has("event"):
+            going_on = jax.jit(go_on).lower(problem, problem, carry, stepping.out_info[1], number)
+            switching = pool.submit(going_on.compile, compiler_options=QUICK_COMPILE).result()
+        return Programs(start.result(), blocks.result(), seeing.result(), switching)
 
 
 # ---- under a trace ------------------------------------------------------------------------------
 
 
-@functools.partial(jax.jit, static_argnums=(0, 1))
+@functools.partial(jax.jit, static_argnums=(0, 1, 2))
 def traced_run(
-    structure: Structure, times: tuple[float, ...], numbers: Numbers, step: Array | None
+    structure: Structure,
+    times: tuple[float, ...],
+    stops: tuple[float, ...],
+    numbers: Numbers,
+    step: Array | None,
 ) -> tuple[dict[str, Array], Point, RESULTS, Array]:
-    """The whole run as one program."""
+    """The whole run as one program; `stops`: where it begins afresh, and its end."""
     _, problem, carry = problem_of(structure, numbers, step)
-    instants = jnp.asarray(times)
-    points, reached, taken = states_at(problem, carry.progress, instants)
-    rows = lax.map(
-        lambda point: observed(problem, carry.start_energy, point), points, batch_size=ROWS_TOGETHER
-    )
-    good = instants <= reached
-    rows = {name: jnp.where(along_rows(good, x), x, jnp.nan) for name, x in rows.items()}
-    result = RESULTS.where(good.all(), RESULTS.successful, RESULTS.newton_diverged)
-    final = jax.tree.map(lambda x: jnp.where(good[-1], x[-1], jnp.nan), points)
-    return rows, final, result, taken
+    progress, began, good, pieces = carry.progress, -np.inf, jnp.asarray(True), []
+    for stop in stops:
+        part = [time for time in times if began < time <= stop]
+        instants = jnp.asarray(part if stop in part else [*part, stop])
+        here = problem.since(jnp.asarray(max(began, 0.0)))
+        points, reached, taken = states_at(here, progress, instants)
+        good = good & (instants <= reached)
+        pieces.append(seen_at(here, carry.start_energy, points, good, len(part)))
+        began, good = stop, good[-1]
+        final = jax.tree.map(lambda x: x[-1], points)
+        if stop != stops[-1]:
+            after = problem.since(final.time).system
+            progress = problem.method.start_again(after, final, taken, progress.rejected)
+    rows = jax.tree.map(lambda *x: jnp.concatenate(x), *pieces)
+    result = RESULTS.where(good, RESULTS.successful, RESULTS.newton_diverged)
+    return rows, jax.tree.map(lambda x: jnp.where(good, x, jnp.nan), final), result, taken
+
+
+def seen_at(
+    problem: Problem, start_energy: Scalar, points: Point, good: Bool[Array, " row"], count: int
+) -> dict[str, Array]:
+    """Observables of the first `count` points, NaN where they are not good."""
+    points, good = jax.tree.map(lambda x: x[:count], (points, good))
+    rows = lax.map(lambda point: observed(problem, start_energy, point), points, batch_size=ROWS_TOGETHER)
+    return {name: jnp.where(along_rows(good, x), x, jnp.nan) for name, x in rows.items()}
 
 
 @jax.custom_jvp

@@ -120,10 +120,14 @@ def assembled(
     lam: Multipliers,
 ) -> bordered.Bordered:
     """Element blocks and point masses (tip, base) in one matrix with what hub and clamps add."""
+    weights = None
+    if system.hub is not None:
+        weights = system.roots.releases.free(jnp.zeros(()), system.roots.weights)
     matrix = bordered.Bordered(
         *chain_blocks(system, elements, masses),
-        system.roots.weights if system.hub is not None else None,
+        weights,
         loose=() if system.roots is None else None,
+        released=None if system.roots is None else system.roots.releases.released,
     )
     if system.hub is not None:
         matrix = matrix._replace(border=hub_border(system, q, lam))

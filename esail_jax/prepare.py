@@ -53,7 +53,7 @@ def plan_of(resolved: Scene) -> Plan | None:
         unknowns = 3 * coefs * (tethers.elements + 1) * tethers.count
     else:
         unknowns = 3 * (resolved.chain.rods + 1)
-    return plan(schedule.t_end, schedule.step, resolved.output.interval, unknowns, KEEP)
+    return plan(schedule.t_end, schedule.step, resolved.output.interval, unknowns, KEEP, resolved.event)
 
 
 def prepare(scene: Scene) -> Prepared:

@@ -13,6 +13,8 @@ import dataclasses
 
 import numpy as np
 
+from esail_jax.scenes.tables import Event
+
 SNAP = 1e-9
 """Part of a step by which a saved time may miss a step's end and still be that end: multiples of
 decimal numbers are not exact in binary."""
@@ -109,10 +111,28 @@ def stretch(
     return entries
 
 
-def plan(t_end: float, step: float, interval: float, unknowns: int, block: int) -> Plan:
-    """The plan of a whole run."""
+def stops(t_end: float, event: Event | None) -> tuple[float, ...]:
+    """Where a run begins afresh, in order, and its end [s]."""
+    times = set() if event is None else {time for time in event.time if time < t_end}
+    return (*sorted(times), t_end)
+
+
+def is_multiple(time: float, step: float) -> bool:
+    """Is a time a whole number of steps, to rounding?"""
+    ratio = time / step
+    return abs(ratio - round(ratio)) <= SNAP * ratio
+
+
+def plan(
+    t_end: float, step: float, interval: float, unknowns: int, block: int, event: Event | None = None
+) -> Plan:
+    """The plan of a whole run, which begins afresh at every event."""
     steps = steps_per_entry(unknowns, step, interval, block)
-    entries = stretch(0.0, t_end, step, steps, save_times(t_end, interval), True)
-    ratio = interval / step
-    between = abs(ratio - round(ratio)) > SNAP * ratio
+    times, start, entries = save_times(t_end, interval), 0.0, []
+    for stop in stops(t_end, event):
+        part = times[(times > start) & (times <= stop)]
+        entries += stretch(start, stop, step, steps, part, not entries)
+        start = stop
+    # Steps after an event are counted from it.
+    between = not all(is_multiple(x, step) for x in (interval, *stops(t_end, event)[:-1]))
     return Plan(tuple(entries), steps, rows_per_entry(steps, step, interval), between)

@@ -26,7 +26,7 @@ from esail_jax.prepare import plan_of, prepare, require_64_bit
 from esail_jax.scenes.build import Numbers, Structure, build, split
 from esail_jax.scenes.integration import with_method
 from esail_jax.scenes.scene import Scene, load_scene
-from esail_jax.schedule import Plan, save_times
+from esail_jax.schedule import Plan, save_times, stops
 
 
 class Solution(eqx.Module):
@@ -87,11 +87,13 @@ def simulate_traced(scene: Scene) -> Solution:
     layout = plan_of(scene)
     if layout is None:
         step = scene.integrator.step
+        step = None if step is None else jnp.asarray(step)
         times = tuple(save_times(scene.integrator.t_end, scene.output.interval).tolist())
-        way = blocks if scene.integrator.method == "collocation" else explicit
-        rows, state, result, steps = way.traced_run(
-            structure, times, numbers, None if step is None else jnp.asarray(step)
-        )
+        if scene.integrator.method == "collocation":
+            ends = stops(scene.integrator.t_end, scene.event)
+            rows, state, result, steps = blocks.traced_run(structure, times, ends, numbers, step)
+        else:
+            rows, state, result, steps = explicit.traced_run(structure, times, numbers, step)
         return Solution(jnp.asarray(times), rows, result, state, {"steps": steps})
     rows, state, result, iterations = traced_run(structure, layout, numbers)
     times = jnp.asarray([time for entry in layout.entries for time, *_ in entry.rows])

@@ -246,6 +246,12 @@ class System(eqx.Module):
             return jnp.eye(3)
         return self.roots.rotation(time) if self.hub is None else self.hub.rotation(q.hub)
 
+    def since(self, time: Scalar) -> "System":
+        """The system after `time`, with the roots released that nothing holds from then on."""
+        if self.roots is None or self.roots.releases.release_time is None:
+            return self
+        return eqx.tree_at(lambda s: s.roots.releases, self, self.roots.releases.since(time))
+
     def place_roots(self, time: Scalar, q: Coordinates, derivative: int = 0) -> Coordinates:
         """q (or its rate or acceleration) with the root nodes where hub or frame put them."""
         if self.roots is None:
@@ -254,6 +260,7 @@ class System(eqx.Module):
             root = self.roots.positions(q.hub)
         else:
             root = self.roots.turn(time, self.roots.anchors, derivative)
+        root = self.roots.releases.free(q.tether[0, :, 0], root)
         return q._replace(tether=q.tether.at[0, :, 0].set(root))
 
 

@@ -147,6 +147,14 @@ TOGETHER = [
     (["tethers.bending=true"], "tethers.second_moment", "missing"),
     (["hub.height=1", "hub.height=-1"], "hub.height", "positive"),
     (["chain.rods=3"], "chain", "[tethers]"),
+    (["event.time=[5.0]"], "event.release", "missing"),
+    (["event.time=5.0", "event.release=[1]"], "event.time", "list of numbers"),
+    (["event.time=[0.0]", "event.release=[1]"], "event.time", "positive"),
+    (["event.time=[5.0]", "event.release=1"], "event.release", "list of integers"),
+    (["event.time=[5.0]", "event.release=[1.5]"], "event.release", "positive integer"),
+    (["event.time=[5.0]", "event.release=[3]"], "event.release", "at most 2 (`tethers.count`)"),
+    (["event.time=[5.0]", "event.release=[1, 2]"], "event.release", "1"),
+    (["event.time=[5.0, 6.0]", "event.release=[1, 1]"], "event.release", "once"),
 ]
 
 
@@ -194,6 +202,17 @@ FILES = {
     "key that is a table": (instead("value = 20e3", "[voltage.value]\nx = 1.0"), "voltage.value", "number"),
     "wind without voltage": (without(VOLTAGE), "voltage.value", "solar_wind"),
     "voltage without wind": (without(WIND), "solar_wind.speed", "voltage"),
+    "event without a time": (small_sail.TEXT + "[[event]]\nrelease = 1\n", "event.time", "missing"),
+    "event that lacks what another has": (
+        small_sail.TEXT + "[[event]]\nrelease = 1\n[[event]]\nrelease = 2\ntime = 5.0\n",
+        "event.time",
+        "every [[event]]",
+    ),
+    "unknown key of an event": (
+        small_sail.TEXT + "[[event]]\ntime = 5.0\nreleased = 1\n",
+        "event.released",
+        "`event.release`",
+    ),
     "bad value": (instead("count = 2", "count = 2.5"), "tethers.count", "2.5"),
 }
 

@@ -20,9 +20,12 @@ SAIL_KEYS.remove("integrator.tolerance")  # of the explicit methods, which run c
 STRUCTURE = (
     "tethers.count", "tethers.elements", "tethers.element", "tethers.strain", "tethers.bending",
     "tethers.root", "integrator.method", "integrator.step", "integrator.t_end", "output.interval",
-    "initial.elongation",
+    "initial.elongation", "event.time", "event.release",
 )  # fmt: skip
-"""Keys that decide what is compiled, and when is saved."""
+"""Keys that decide what is compiled, when is saved, and what happens when."""
+
+EVENT = {"event.time": (5.0,), "event.release": (1,)}
+"""Keys that need each other."""
 
 
 @pytest.fixture(scope="module")
@@ -126,10 +129,12 @@ def test_every_key_can_be_overridden(key, sail):
         "tethers.strain": "engineering", "tethers.root": "clamped", "initial.elongation": "paper",
         "integrator.method": "generalized-alpha", "gravity.acceleration": (1.0, 2.0, 3.0),
         "initial.heliocentric_position_au": (0.0, 1.0, 0.5), "initial.coning_angle_deg": 3.0,
+        "event.time": (5.0,), "event.release": (2,),
     }  # fmt: skip
     value = values.get(key, 0.125)
     extra = {"tethers.second_moment": 2e-18} if key == "tethers.bending" else {}
-    scene = sail.replace({key: value} | extra)
+    extra |= EVENT if table == "event" else {}
+    scene = sail.replace(extra | {key: value})
     assert getattr(getattr(scene, table), name) == value
     for other in SAIL_TABLES:
         if other != table:
@@ -185,7 +190,7 @@ def test_physical_numbers_may_be_lists_one_per_tether(key, sail):
 @pytest.mark.parametrize("key", STRUCTURE)
 def test_a_tracer_is_refused_for_structure_by_name(key, sail):
     def program(x):
-        sail.replace({key: x})
+        sail.replace((EVENT if key.startswith("event") else {}) | {key: x})
         return x
 
     with pytest.raises(esail.SceneError, match=f"`{key}` must be a plain Python value"):

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 
 from esail_jax.array_types import Array, Float, Nodal, Rotation, Scalar
 from esail_jax.coordinates import Coordinates
+from esail_jax.joints.roots import Releases
 from esail_jax.numerics.vectors import dot
 from esail_jax.system import System
 
@@ -23,19 +24,22 @@ Directions = Float[Array, "3 node tether"]
 
 
 class Axes(NamedTuple):
-    """Attitude of the hub or of the turning frame, and unit vectors along the tethers."""
+    """Attitude of the hub or of the turning frame, unit vectors along the tethers, and which of these
+    are released."""
 
     hub: Rotation
     along: Directions
+    releases: Releases = Releases()
 
 
 class Turn(NamedTuple):
-    """From one set of axes to another: first with the hub, then every node but the root by the shortest
+    """From one set of axes to another: first with the hub, then every node but a held root by the shortest
     turn between its directions, with the cosine and the vector (of the length of the sine)."""
 
     hub: Rotation
     cosine: Float[Array, "node tether"]
     sine: Directions
+    releases: Releases = Releases()
 
     def forth(self, x: Coordinates) -> Coordinates:
         """Vectors turned."""
@@ -54,7 +58,8 @@ class Turn(NamedTuple):
             return self.cosine * x + jnp.cross(sine, x, axis=0) + lever * sine
 
         nodes = jnp.stack([turned(x) for x in nodal])
-        return nodes.at[0, :, 0].set(nodal[0, :, 0])
+        root = self.releases.free(nodes[0, :, 0], nodal[0, :, 0])
+        return nodes.at[0, :, 0].set(root)
 
 
 def axes_of(system: System, time: Scalar, q: Coordinates) -> Axes:
@@ -66,7 +71,8 @@ def axes_of(system: System, time: Scalar, q: Coordinates) -> Axes:
         along = jnp.concatenate([links, links[:, -1:]], axis=1)
     squared = dot(along, along)
     length = jnp.sqrt(jnp.where(squared > 0.0, squared, 1.0))
-    return Axes(system.rotation(time, q), along / length)
+    releases = Releases() if system.roots is None else system.roots.releases
+    return Axes(system.rotation(time, q), along / length, releases)
 
 
 def turn(before: Axes, after: Axes) -> Turn:
@@ -77,4 +83,4 @@ def turn(before: Axes, after: Axes) -> Turn:
     sine = jnp.cross(start, after.along, axis=0)
     # Without a direction, at a node whose slope has vanished, both are zero.
     near = (1.0 + cosine > OPPOSITE) & (cosine**2 + dot(sine, sine) > 0.5)
-    return Turn(hub, jnp.where(near, cosine, 1.0), jnp.where(near, sine, 0.0))
+    return Turn(hub, jnp.where(near, cosine, 1.0), jnp.where(near, sine, 0.0), after.releases)

@@ -73,13 +73,15 @@ class History(NamedTuple):
 
 
 class Progress(NamedTuple):
-    """What a block of steps hands on. h: the step to try next; taken, rejected: steps so far."""
+    """What a block of steps hands on. h: the step to try next; taken, rejected: steps so far; origin [s]:
+    what steps of a given length are counted from."""
 
     now: Point
     history: History
     h: Scalar
     taken: Scalar
     rejected: Scalar
+    origin: Scalar
 
 
 class StepInfo(NamedTuple):
@@ -140,7 +142,7 @@ class Collocation(eqx.Module):
     # ---- a run ------------------------------------------------------------------------------------
 
     def start(self, system: System, time: Scalar, q: Coordinates, v: Coordinates) -> Progress:
-        """Where a run begins, and where it goes on after a load was switched."""
+        """Where a run begins."""
         vdot, lam = consistent_acceleration(system, time, q, v)
         zero = jnp.zeros(())
         now = Unknowns(vdot.rotate(system.rotation(time, q).T), lam)
@@ -149,7 +151,14 @@ class Collocation(eqx.Module):
         if h is None:
             h = first_step(system, vdot, self.tolerance)
         history = History(constant, jnp.asarray(jnp.inf))
-        return Progress(Point(time, q, v, Power(zero, zero)), history, h, zero, zero)
+        return Progress(Point(time, q, v, Power(zero, zero)), history, h, zero, zero, time)
+
+    def start_again(self, system: System, at: Point, taken: Scalar, rejected: Scalar) -> Progress:
+        """Where a run goes on from a point at which something was switched: accelerations before it say
+        nothing about those after. taken, rejected: steps until then."""
+        fresh = self.start(system, at.time, at.q, at.v)
+        origin = at.time if self.step_size is None else at.time - taken * self.step_size
+        return fresh._replace(now=at, taken=taken, rejected=rejected, origin=origin)
 
     def block(self, system: System, state: Progress, reversible: bool = False) -> tuple[Progress, Record]:
         """Up to KEEP steps with one factorisation, fewer where a step fails, is too short, or the factors
@@ -198,8 +207,9 @@ class Collocation(eqx.Module):
         work = jax.tree.map(lambda w, p: w + h * weights @ p, now.work, power)
         end = on_constraints(system, kept, times[-1], *(jax.tree.map(lambda x: x[-1], c) for c in (q, v)))
         taken = state.taken + 1.0
-        later = now.time + h if self.step_size is None else taken * h  # not a sum of rounded steps
-        done = Progress(Point(later, *end, work), History(values, h), h, taken, state.rejected)
+        # Not a sum of rounded steps, where they are given.
+        later = now.time + h if self.step_size is None else state.origin + taken * h
+        done = state._replace(now=Point(later, *end, work), history=History(values, h), h=h, taken=taken)
 
         shorter = jnp.zeros(())  # nothing to try: the run is stuck
         if self.step_size is None:

@@ -106,7 +106,8 @@ def linear_solution(
     def without_roots(x):
         if system.roots is None:
             return x
-        return x._replace(vdot=x.vdot._replace(tether=x.vdot.tether.at[:, 0, :, 0].set(0.0)))
+        held = system.roots.releases.free(x.vdot.tether[:, 0, :, 0], jnp.zeros(()))
+        return x._replace(vdot=x.vdot._replace(tether=x.vdot.tether.at[:, 0, :, 0].set(held)))
 
     nothing = jax.tree.map(jnp.zeros_like, Unknowns(given.forces, given.constraints))
     fold = jax.linear_transpose(with_roots, nothing)
@@ -144,4 +145,5 @@ def on_roots(system: System, vdot: Coordinates) -> Coordinates:
     root = jnp.zeros_like(vdot.tether[0, :, 0])
     if system.hub is not None:
         root = system.roots.positions(vdot.hub)
+    root = system.roots.releases.free(vdot.tether[0, :, 0], root)
     return vdot._replace(tether=vdot.tether.at[0, :, 0].set(root))

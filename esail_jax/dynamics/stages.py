@@ -112,6 +112,7 @@ def factor(system: System, start: Point, h: Scalar, lam: Multipliers) -> KeptFac
     def tangent(rate):
         return newton_matrix.tangent(system, *now, start.v, lam, jnp.ones(()), rate)
 
+    layout = {"weights": inert.weights, "released": inert.released}
     both = jax.vmap(tangent)(jnp.array([0.0, 1.0]))
     stiff, moving = (jax.tree.map(lambda x, i=i: x[i], both) for i in (0, 1))
 
@@ -121,7 +122,8 @@ def factor(system: System, start: Point, h: Scalar, lam: Multipliers) -> KeptFac
         def combined(m, mk, mkc):
             return m + s**2 * (mk - m) + s * (mkc - mk)
 
-        return bordered.factor(jax.tree.map(combined, inert, stiff, moving)._replace(weights=inert.weights))
+        matrices = (x._replace(weights=None, released=None) for x in (inert, stiff, moving))
+        return bordered.factor(jax.tree.map(combined, *matrices)._replace(**layout))
 
     # The mass matrix is that of mu = 0.
     factors = jax.vmap(of_rate)(jnp.asarray(np.append(TABLE.rates, 0.0)))

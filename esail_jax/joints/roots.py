@@ -1,8 +1,11 @@
-"""How tether roots are held: by points of the hub, or by a frame with prescribed rotation.
+"""How tether roots are held: by points of the hub, by a frame with prescribed rotation, or no longer.
 
 A spherical joint, C = G(x_i) d - S(0) e = 0 ([PGV] Eq. 53), identifies the root with a hub point. A
 clamped root also keeps its slope along a body-fixed direction: two conditions c_j . r_x = 0 with
 body-fixed normals c_j; the stretch at the root stays free.
+
+A tether may be released at a time of its own: from then on nothing holds its root. The motion is continuous
+there, accelerations and reactions are not, so that a run goes on from such an instant as if it began.
 """
 
 import equinox as eqx
@@ -10,6 +13,7 @@ import jax.numpy as jnp
 
 from esail_jax.array_types import (
     Array,
+    Bool,
     Float,
     HubPoints,
     PerTether,
@@ -35,12 +39,31 @@ def clamp_normals(azimuth: PerTether) -> Float[Array, "2 3 tether"]:
     )
 
 
+class Releases(eqx.Module):
+    """release_time [s] of every tether, infinite if never, and which are released now; both None where none
+    ever is."""
+
+    release_time: PerTether | None = None
+    released: Bool[Array, " tether"] | None = None
+
+    def since(self, time: Scalar) -> "Releases":
+        """As they are after `time`."""
+        if self.release_time is None:
+            return self
+        return Releases(self.release_time, self.release_time <= time)
+
+    def free(self, own: Array, held: Array) -> Array:
+        """`held`, but for released tethers `own`: arrays with the tether last, or numbers."""
+        return held if self.released is None else jnp.where(self.released, own, held)
+
+
 class HubRoots(eqx.Module):
     """Roots on the hub. weights g: root_i = sum_k g_k,i r_k. normals: weights of the clamp normals
     on the base points, None if pinned."""
 
     weights: Float[Array, "4 tether"]
     normals: Float[Array, "2 4 tether"] | None
+    releases: Releases = Releases()
 
     def positions(self, points: HubPoints) -> Float[Array, "3 tether"]:
         """Root positions, or velocities or accelerations from those of the base points."""
@@ -61,6 +84,7 @@ class FrameRoots(eqx.Module):
     rate: Scalar
     anchors: Float[Array, "3 tether"]
     normals: Float[Array, "2 3 tether"] | None
+    releases: Releases = Releases()
 
     def rotation(self, time: Scalar) -> Rotation:
         """C_B^I(t)."""

@@ -4,7 +4,7 @@ Unknowns are the blocks of every chain, per chain a few *local* unknowns at its 
 *border*. The first three rows of a port block, its position, are held: they move with points of the
 border, position = sum_k weight_k point_k, and their equations act on those points (virtual work).
 Without a border they do not move at all, or, if the ports are loose, are free like the other rows, a
-root slope: local unknowns.
+root slope: local unknowns. The ports of released chains are free, too, each for itself.
 Chains are condensed on their ports in O(blocks), local unknowns are eliminated chain by chain, and one
 small dense system in the border is left. Absent parts are `None` and cost nothing.
 """
@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from esail_jax.array_types import Array, Inexact
+from esail_jax.array_types import Array, Bool, Inexact
 from esail_jax.numerics import block_tridiagonal as chains
 from esail_jax.numerics.small_matrices import inverse, matmul, matvec
 
@@ -30,6 +30,7 @@ class Bordered(NamedTuple):
     unknowns extend at the end (multipliers of a clamped root)
     border: added to the border's equations; its unknowns are the points' coordinates, then others
     loose: () where nothing holds the ports (only without a border), else None
+    released: which chains nothing holds, where some may be (their weights must be zero)
     """
 
     diag: Inexact[Array, "block row row tether"]
@@ -41,6 +42,7 @@ class Bordered(NamedTuple):
     border_local: Inexact[Array, "border local tether"] | None = None
     border: Inexact[Array, "border border"] | None = None
     loose: tuple[()] | None = None
+    released: Bool[Array, " tether"] | None = None
 
     @property
     def held(self) -> int:
@@ -72,6 +74,7 @@ class PortFactors(NamedTuple):
     local_from_border: Inexact[Array, "local border tether"] | None
     border_from_local: Inexact[Array, "border local tether"] | None
     border_inverse: Inexact[Array, "border border"] | None
+    released_inverse: Inexact[Array, "row row tether"] | None
 
 
 class Factors(NamedTuple):
@@ -124,7 +127,9 @@ def equilibrated_inverse(a: Inexact[Array, "n n"]) -> Inexact[Array, "n n"]:
 def factor_ports(matrix: Bordered, schur: Inexact[Array, "row row tether"]) -> PortFactors:
     """Eliminate the local unknowns, then invert the border."""
     local, local_border, border_local, border = project(matrix, schur)
-    local_inverse = from_border = from_local = border_inverse = None
+    local_inverse = from_border = from_local = border_inverse = released_inverse = None
+    if matrix.released is not None:
+        released_inverse = inverse(schur)
     if local is not None:
         local_inverse = inverse(local)
         if border is not None:
@@ -133,7 +138,7 @@ def factor_ports(matrix: Bordered, schur: Inexact[Array, "row row tether"]) -> P
             border = border - jnp.einsum("alt,lbt->ab", border_local, from_border)
     if border is not None:
         border_inverse = equilibrated_inverse(border)
-    return PortFactors(local_inverse, from_border, from_local, border_inverse)
+    return PortFactors(local_inverse, from_border, from_local, border_inverse, released_inverse)
 
 
 def factor(matrix: Bordered) -> Factors:
@@ -183,6 +188,9 @@ def solve_ports(
         if border is not None:
             local = local - (factors.local_from_border * border[None, :, None]).sum(1)
     displacement, extra = port_displacement(matrix, port, local, border)
+    if matrix.released is not None:
+        alone = matvec(factors.released_inverse, port)
+        displacement = jnp.where(matrix.released, alone, displacement)
     return displacement, extra, border
 
 

@@ -115,15 +115,25 @@ class Instant(eqx.Module):
         return moment.sum(1)
 
     def sail_axes(self) -> Rotation:
-        """C_E^I: the mean plane of the tips ([PGV] Eq. 67-70); NaN below three tethers."""
+        """C_E^I: the mean plane of the tips ([PGV] Eq. 67-70), of those tethers that are held; NaN below
+        three."""
+        nothing = jnp.full((3, 3), jnp.nan)
         if self.p < 3:
-            return jnp.full((3, 3), jnp.nan)
-        offsets = self.tips - self.tips.mean(1, keepdims=True)
+            return nothing
+        tips, held = self.tips, self.p
+        released = None if self.system.roots is None else self.system.roots.releases.released
+        if released is not None:
+            # Tips where the mean is count for nothing.
+            held = self.p - released.sum()
+            mean = jnp.where(released, 0.0, tips).sum(1, keepdims=True) / held
+            tips = jnp.where(released, mean, tips)
+        offsets = tips - tips.mean(1, keepdims=True)
         normal = smallest_eigenvector(offsets @ offsets.T)
         normal = normal * jnp.where(normal @ self.rotation[:, 0] < 0.0, -1.0, 1.0)
-        k = jnp.cross(normal, offsets[:, 0])
+        first = 0 if released is None else jnp.argmin(released)
+        k = jnp.cross(normal, offsets[:, first])
         k = k / jnp.linalg.norm(k)
-        return jnp.stack([normal, jnp.cross(k, normal), k], axis=1)
+        return jnp.where(held < 3, nothing, jnp.stack([normal, jnp.cross(k, normal), k], axis=1))
 
 
 def make_instant(

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from esail_jax.array_types import Array, Float, PerMember, PerTether, Rotation
 from esail_jax.constants import ASTRONOMICAL_UNIT
@@ -31,7 +32,7 @@ from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.tables import TABLES
 from esail_jax.system import Power, System
 
-SCHEDULE = ("integrator.t_end", "integrator.step", "output.interval")
+SCHEDULE = ("integrator.t_end", "integrator.step", "output.interval", "event.time", "event.release")
 """Structure of the run, not of the compiled program."""
 
 Numbers = dict[str, Array]
@@ -75,7 +76,16 @@ def split(scene: Scene) -> tuple[Structure, Numbers]:
                 tail = {"member": (), "vectors": (3,)}.get(rule.shape)
                 shape = value.shape if tail is None else (scene.members.count, *tail)
                 numbers[key] = jnp.broadcast_to(value, shape)
+    if scene.event is not None:
+        numbers["event.release_time"] = release_times(scene)
     return Structure(tuple(choices), frozenset(numbers)), numbers
+
+
+def release_times(scene: Scene) -> PerTether:
+    """When each tether is let go [s], infinite if never."""
+    times = np.full(scene.tethers.count, np.inf)
+    times[np.array(scene.event.release) - 1] = scene.event.time
+    return jnp.asarray(times)
 
 
 def build(structure: Structure, numbers: Numbers) -> Model:
@@ -162,11 +172,12 @@ def roots_of(
     clamped = structure["tethers.root"] == "clamped"
     normals = joints.clamp_normals(azimuth) if clamped else None
     outward = joints.radial_directions(azimuth)
+    releases = joints.Releases(n.get("event.release_time")).since(jnp.zeros(()))
     if hub is None:
-        return joints.FrameRoots(start, n["initial.spin_rate"], 0.0 * outward, normals)
+        return joints.FrameRoots(start, n["initial.spin_rate"], 0.0 * outward, normals, releases)
     if clamped:
         normals = jnp.moveaxis(hub.direction_weights(jnp.moveaxis(normals, 1, 0)), 0, 1)
-    return joints.HubRoots(hub.weights(hub.radius * outward), normals)
+    return joints.HubRoots(hub.weights(hub.radius * outward), normals, releases)
 
 
 def initial_state(

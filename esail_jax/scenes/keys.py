@@ -34,7 +34,7 @@ class Rule:
     must: str
     accepts: Callable[[Any], bool] = lambda value: True
     shape: str = "scalar"  # or "member": one number or one per tether (or rod); "vector": three
-    # numbers; "vectors": three, or three per rod
+    # numbers; "vectors": three, or three per rod; "list": as many as wanted
     structure: bool = False  # recompiles, takes no tracer
     kind: str = "number"  # or "integer", "choice", "switch"
     choices: tuple[str, ...] = ()
@@ -66,6 +66,11 @@ def non_negative(shape: str = "scalar") -> Rule:
 
 def any_number(shape: str = "scalar") -> Rule:
     return Rule("be a finite number", lambda x: True, shape)
+
+
+def listed(rule: Rule) -> Rule:
+    """Of a table that may stand in a file several times: one value for each."""
+    return dataclasses.replace(rule, shape="list", structure=True)
 
 
 def between(must: str, accepts: Callable[[Any], bool]) -> Rule:
@@ -104,6 +109,11 @@ def check_value(key: str, value: Any, rule: Rule, members: Members | None) -> An
         if rule.structure:
             raise SceneError(key, "be a plain Python value: it is structure", "is a traced value")
         return check_shape(key, value, rule, members)
+    if rule.shape == "list" and rule.kind == "integer":
+        if not isinstance(value, (list, tuple)):
+            raise SceneError(key, "be a list of integers", describe(value))
+        one = dataclasses.replace(rule, shape="scalar")
+        return tuple(check_value(key, item, one, members) for item in value)
     if rule.kind == "switch":
         if not isinstance(value, bool):
             raise SceneError(key, rule.must, describe(value))
@@ -169,6 +179,9 @@ def check_shape(key: str, value: Any, rule: Rule, members: Members | None) -> An
     if rule.shape == "vector":
         if shape != (3,):
             raise SceneError(key, "be a list of three numbers", wrong_shape(value))
+    elif rule.shape == "list":
+        if len(shape) != 1:
+            raise SceneError(key, "be a list of numbers", wrong_shape(value))
     elif rule.shape == "vectors":
         if shape != (3,) and (len(shape) != 2 or shape[1] != 3):
             must = f"be a list of three numbers, or of one such list per {members.name}"

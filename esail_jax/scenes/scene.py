@@ -16,9 +16,11 @@ import numpy as np
 from esail_jax.scenes import keys
 from esail_jax.scenes.keys import SceneError
 from esail_jax.scenes.tables import (
+    REPEATED,
     TABLES,
     Chain,
     ChainInitial,
+    Event,
     Gravity,
     Hub,
     Initial,
@@ -54,6 +56,7 @@ class Scene:
     voltage: Voltage | None = None
     gravity: Gravity | None = None
     orbit: Orbit | None = None
+    event: Event | None = None
     output: Output | None = None
 
     def __post_init__(self):
@@ -120,7 +123,7 @@ def from_tables(tables: Mapping[str, Any]) -> Scene:
     if "chain" in tables and "tethers" in tables:
         raise SceneError("chain", "be left out of a scene with [tethers]", "is given")
     parts, kinds = {}, tables_of(tables)
-    for table, content in tables.items():
+    for table, content in repeated(tables).items():
         if table in TABLES and table not in kinds:
             main = "chain" if "chain" in tables else "tethers"
             raise SceneError(table, f"be left out of a scene with [{main}]", "is given")
@@ -141,10 +144,25 @@ def from_tables(tables: Mapping[str, Any]) -> Scene:
     return Scene(**parts)
 
 
+def repeated(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """Tables that a file has several times, as one whose keys are lists. Raises SceneError."""
+    result = dict(tables)
+    for table in REPEATED:
+        entries = tables.get(table)
+        if not isinstance(entries, list) or not all(isinstance(x, Mapping) for x in entries):
+            continue
+        names = list(dict.fromkeys(name for entry in entries for name in entry))
+        for name in names:
+            if not all(name in entry for entry in entries):
+                raise SceneError(f"{table}.{name}", f"be given in every [[{table}]]", "is missing in one")
+        result[table] = {name: [entry[name] for entry in entries] for name in names}
+    return result
+
+
 def merged(tables: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
     """Tables with other values, by key. An interval that nobody gives stays that of the tables' own
     t_end, so that a run may go on to a later one. Raises SceneError."""
-    result = {name: dict(x) if isinstance(x, Mapping) else x for name, x in tables.items()}
+    result = {name: dict(x) if isinstance(x, Mapping) else x for name, x in repeated(tables).items()}
     kinds = tables_of([*tables, *(key.partition(".")[0] for key in overrides)])
     for key, value in overrides.items():
         table, _, name = key.partition(".")
@@ -177,12 +195,14 @@ def to_toml(scene: Scene) -> str:
     lines = []
     for table in TABLES:
         content = getattr(scene, table)
-        if content is not None:
-            lines += [
-                f"[{table}]",
-                *(f"{k} = {toml_value(v)}" for k, v in given(content).items()),
-                "",
-            ]
+        if content is None:
+            continue
+        values, heading, entries = given(content), f"[{table}]", [given(content)]
+        if table in REPEATED:
+            heading = f"[[{table}]]"
+            entries = [dict(zip(values, row, strict=True)) for row in zip(*values.values(), strict=True)]
+        for entry in entries:
+            lines += [heading, *(f"{k} = {toml_value(v)}" for k, v in entry.items()), ""]
     return "\n".join(lines)
 
 

@@ -150,6 +150,15 @@ class Integrator:
 
 
 @dataclasses.dataclass(frozen=True)
+class Event:
+    """What happens in the midst of a run, an entry each: at `time` the tether `release` is let go at its
+    root (tethers count from 1). In a file: [[event]] tables."""
+
+    time: Any = declare(keys.listed(keys.positive()))  # s
+    release: Any = declare(keys.listed(keys.count()))
+
+
+@dataclasses.dataclass(frozen=True)
 class Output:
     """What is kept."""
 
@@ -165,6 +174,7 @@ SAIL_TABLES = {
     "gravity": Gravity,
     "initial": Initial,
     "integrator": Integrator,
+    "event": Event,
     "output": Output,
 }
 
@@ -181,6 +191,10 @@ CHAIN_TABLES = {
 
 TABLES = tuple(dict.fromkeys((*SAIL_TABLES, *CHAIN_TABLES)))
 """Names of all tables."""
+
+
+REPEATED = ("event",)
+"""Tables that a file may have several times."""
 
 
 def tables_of(names: Container[str]) -> dict[str, type]:

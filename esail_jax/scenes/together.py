@@ -7,6 +7,7 @@ from esail_jax.scenes.keys import SceneError
 from esail_jax.scenes.tables import (
     Chain,
     ChainInitial,
+    Event,
     Hub,
     Initial,
     Integrator,
@@ -41,6 +42,7 @@ class Parts(Protocol):
     hub: Hub | None
     solar_wind: SolarWind | None
     voltage: Voltage | None
+    event: Event | None
 
 
 def method_of(scene: Parts) -> str | None:
@@ -94,8 +96,25 @@ def check_sail(scene: Parts) -> None:
         raise SceneError("integrator.method", known, keys.describe(method_of(scene)))
     radius = scene.integrator.spectral_radius
     limited = radius is not None and (scene.hub is not None or clamped)
+    if scene.event is not None:
+        check_events(scene)
     if limited and keys.known(radius) is not None and keys.known(radius) >= 1.0:
         raise SceneError("integrator.spectral_radius", "be below 1 with constraints", keys.describe(radius))
+
+
+def check_events(scene: Parts) -> None:
+    """What belongs together in the events of a sail."""
+    event, count = scene.event, scene.tethers.count
+    if len(event.release) != len(event.time):
+        must = f"have as many entries as `event.time` ({len(event.time)})"
+        raise SceneError("event.release", must, f"has {len(event.release)}")
+    for tether in event.release:
+        if tether > count:
+            raise SceneError("event.release", f"be at most {count} (`tethers.count`)", f"is {tether}")
+        if event.release.count(tether) > 1:
+            raise SceneError("event.release", "name a tether once", f"names {tether} again")
+    if scene.tethers.root == "clamped":
+        raise SceneError("tethers.root", 'be "pinned" with `event.release`', 'is "clamped"')
 
 
 def check_chain(scene: Parts) -> None:

@@ -150,6 +150,21 @@ ENGINEERING = [
 ]
 
 
+RELEASED = [
+    Case("a tether released", {"event.time": [100.0], "event.release": [2]}),
+    Case(
+        "a tether released, slack",
+        {"event.time": [100.25], "event.release": [2]},
+        start="short 0.99",
+    ),
+    Case("all tethers released in turn", {"event.time": [50.0, 100.0, 150.0], "event.release": [3, 1, 2]}),
+    Case(
+        "a tether released, EA x 1e6",
+        STIFF | {"event.time": [100.0], "event.release": [2]},
+    ),
+]
+
+
 def size(count: int, elements: int, seconds: float) -> Case:
     """Other numbers of tethers and elements."""
     settings = {"tethers.count": count, "tethers.elements": elements}
@@ -167,6 +182,7 @@ GROUPS = {
     "truss": TRUSS,
     "frame": FRAME,
     "engineering": ENGINEERING,
+    "release": RELEASED,
     **{f"{group[0].name}": group for group in COUNTS + ELEMENTS},
 }
 """By compiled structure."""
