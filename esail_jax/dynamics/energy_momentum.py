@@ -221,13 +221,15 @@ class EnergyMomentum(FixedStep):
         size = jnp.maximum(jnp.abs(q.tether[0]).max(), system.tethers.element_length.max())
         return lax.stop_gradient(ROUNDING * jnp.stack([size, size]))
 
-    def step(self, system: System, time: Scalar, state: State, kept: KeptFactors) -> tuple[State, StepInfo]:
-        """From t to t + h, until the last chord increment is rounding."""
+    def step(
+        self, system: System, time: Scalar, state: State, kept: KeptFactors, rate: Scalar
+    ) -> tuple[State, StepInfo]:
+        """From t to t + h, until what chord iterations leave is rounding."""
         h = self.step_size
         end = time + h
         guess = jax.tree.map(lambda *x: x[0] + x[1] + x[2], state.a, state.rise, state.bend)
         unknowns = Unknowns(guess, state.lam)
-        unknowns, power, info = solve_step(self, system, end, state.q, state.v, unknowns, kept)
+        unknowns, power, info = solve_step(self, system, end, state.q, state.v, unknowns, kept, rate)
         q, v = self.end_of_step(system, end, state.q, state.v, unknowns.vdot)
         w = unknowns.vdot
         rise = jax.tree.map(jnp.subtract, w, state.a)

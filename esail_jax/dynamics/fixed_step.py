@@ -29,7 +29,10 @@ KEEP = 20
 starts at a block, so that it factors where the uninterrupted one did."""
 
 MAX_ITERATIONS = 12
-"""Chord iterations after which a step has failed; good ones take one to three."""
+"""Chord iterations after which a step has failed; good ones take one or two."""
+
+MARGIN = 10.0
+"""By which iterations are taken to converge worse than they last did with the same factors."""
 
 
 class State(NamedTuple):
@@ -70,14 +73,17 @@ class KeptFactors(NamedTuple):
 class StepInfo(NamedTuple):
     """How a step went.
 
-    iterations; increment [m]: the last one, of tether nodes and of the hub, and the tolerances [m]
-    they are held to; constraint [m] and
-    residual [N]: largest constraint violation and unbalanced force of a node beyond the root, before
-    the last correction and any scaling; tether: the one with the largest increment.
+    iterations; increment [m]: the last one, of tether nodes and of the hub; left [m]: what it is expected
+    to leave undone, and the tolerances [m] that this is held to; rate: last increment over the one before,
+    of this step or of an earlier one with the same factors; constraint [m] and residual [N]: largest
+    constraint violation and unbalanced force of a node beyond the root, before the last correction and
+    any scaling; tether: the one with the largest increment.
     """
 
     iterations: Int[jax.Array, ""]
     increment: Float[jax.Array, "2"]
+    left: Float[jax.Array, "2"]
+    rate: Scalar
     tolerance: Float[jax.Array, "2"]
     constraint: Scalar
     residual: Scalar
@@ -85,7 +91,7 @@ class StepInfo(NamedTuple):
 
     def converged(self) -> jax.Array:
         """False also for NaN."""
-        return (self.increment <= self.tolerance).all()
+        return (self.left <= self.tolerance).all()
 
 
 class Unknowns(NamedTuple):
@@ -103,6 +109,9 @@ class FixedStep(eqx.Module):
     step_size: Scalar
 
     most_iterations: ClassVar[int] = MAX_ITERATIONS
+    trusted: ClassVar[float] = 1.0
+    """Tolerances that a last increment may have where so little of it is expected to be left. Above 1 the
+    power of a step, that of the state before its last correction, is off by as much."""
 
     @abstractmethod
     def factor(
@@ -111,8 +120,11 @@ class FixedStep(eqx.Module):
         """Iteration matrix at a state, and its factors."""
 
     @abstractmethod
-    def step(self, system: System, time: Scalar, state: State, kept: KeptFactors) -> tuple[State, StepInfo]:
-        """From t to t + h, until the last chord increment is within tolerance."""
+    def step(
+        self, system: System, time: Scalar, state: State, kept: KeptFactors, rate: Scalar
+    ) -> tuple[State, StepInfo]:
+        """From t to t + h, until what is left is within tolerance. rate: that of an earlier step with
+        these factors, infinite if there was none."""
 
     def block(
         self, system: System, time: Scalar, state: State, steps: int
@@ -121,10 +133,12 @@ class FixedStep(eqx.Module):
         kept = self.factor(system, time, state.q, state.v, state.lam)
 
         def advance(carry, index):
-            state, info = self.step(system, time + index * self.step_size, carry, kept)
-            return state, (state, info)
+            state, rate = carry
+            state, info = self.step(system, time + index * self.step_size, state, kept, rate)
+            return (state, lax.stop_gradient(info.rate)), (state, info)
 
-        return lax.scan(advance, state, jnp.arange(steps))
+        (state, _), results = lax.scan(advance, (state, jnp.asarray(jnp.inf)), jnp.arange(steps))
+        return state, results
 
 
 @jax.custom_jvp
@@ -136,9 +150,10 @@ def solve_step(
     v0: Coordinates,
     guess: Unknowns,
     kept: KeptFactors,
+    rate: Scalar,
 ) -> tuple[Unknowns, Power, StepInfo]:
     """Chord iterations. Guess and factors decide how fast they converge, not where to: they carry
-    no derivative."""
+    no derivative. rate: as in `FixedStep.step`."""
     turned = stepper.attitude(system, end, q0, v0, guess.vdot) @ kept.rotation.T
 
     def iterate(carry):
@@ -147,9 +162,14 @@ def solve_step(
         change, dq = stepper.correct(system, residual, kept, turned)
         unknowns = jax.tree.map(jnp.add, unknowns, change)
         norms, worst = increment_norms(system, dq)
+        size, before = ((x / info.tolerance).max() for x in (norms, info.increment))
+        rate = jnp.where(info.iterations > 0, size / before, info.rate)
+        part = jnp.where(size <= stepper.trusted, jnp.minimum(1.0, MARGIN * rate), 1.0)
         info = StepInfo(
             iterations=info.iterations + 1,
             increment=norms,
+            left=part * norms,
+            rate=rate,
             tolerance=info.tolerance,
             constraint=largest(residual.constraints),
             residual=jnp.abs(residual.forces.tether[0, :, 1:]).max(),
@@ -162,7 +182,8 @@ def solve_step(
         return ~info.converged() & (info.iterations < stepper.most_iterations)
 
     zero, none = jnp.zeros(()), jnp.zeros((), int)
-    start = StepInfo(none, jnp.full(2, jnp.inf), stepper.tolerances(system, q0), zero, zero, none)
+    infinite = jnp.full(2, jnp.inf)
+    start = StepInfo(none, infinite, infinite, rate, stepper.tolerances(system, q0), zero, zero, none)
     return lax.while_loop(unfinished, iterate, (guess, Power(zero, zero), start))
 
 
@@ -178,7 +199,8 @@ def _solve_step_jvp(primals, tangents):
     unknowns_dot, _ = stepper.correct(system, residual_dot, fresh, jnp.eye(3))
     _, (_, power_dot) = jax.jvp(equations, (*given, unknowns), (*given_dot, unknowns_dot))
     none = np.zeros((), jax.dtypes.float0)
-    info_dot = StepInfo(none, jnp.zeros(2), jnp.zeros(2), jnp.zeros(()), jnp.zeros(()), none)
+    zero = jnp.zeros(())
+    info_dot = StepInfo(none, *(jnp.zeros(2),) * 2, zero, jnp.zeros(2), zero, zero, none)
     return (unknowns, power, info), (unknowns_dot, power_dot, info_dot)
 
 

@@ -89,7 +89,7 @@ def equations_of_a_step(problem, state) -> int:
 
     def one(problem, state):
         kept = stepper.factor(problem.system, jnp.zeros(()), state.q, state.v, state.lam)
-        return stepper.step(problem.system, jnp.zeros(()), state, kept)
+        return stepper.step(problem.system, jnp.zeros(()), state, kept, jnp.asarray(jnp.inf))
 
     return count_equations(jax.make_jaxpr(one)(problem, state).jaxpr)
 

@@ -101,7 +101,7 @@ def fixed_step(stepper, system, q, v, steps):
     vdot, lam = consistent_acceleration(system, zero, q, v)
     begin = fresh_state(q, v, vdot, lam, nothing, nothing)
     kept = stepper.factor(system, zero, q, v, lam)
-    trial, _ = stepper.step(system, zero, begin, kept)
+    trial, _ = stepper.step(system, zero, begin, kept, jnp.asarray(jnp.inf))
     state = with_jerk(stepper, begin, trial.v)
 
     def block(state, index):
