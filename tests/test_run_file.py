@@ -406,7 +406,10 @@ def content(folder):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not hasattr(os, "waitid"), reason="stopping a process is POSIX")
+@pytest.mark.skipif(
+    not hasattr(os, "waitid"),
+    reason="only POSIX systems have SIGSTOP and waitid, which hold a process at the moment to be copied",
+)
 def test_fifty_moments_of_kill_9_leave_a_file_that_opens_and_resumes_bit_for_bit(scene, tmp_path):
     """Five processes, each going on from where the one before was killed. At ten random moments one is
     stopped and its folder copied; the tenth time it is killed, and leaves what was copied: so every copy is
