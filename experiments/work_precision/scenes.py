@@ -35,6 +35,7 @@ def curves(steps: tuple[float, ...], tolerances: tuple[float, ...] = TOLERANCES)
     """Methods of the package; another one is another line."""
     return (
         ("generalized-alpha", "step", steps),
+        ("energy-momentum", "step", steps[:3]),
         ("collocation", "tolerance", tolerances),
     )
 
