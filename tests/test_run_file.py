@@ -461,7 +461,7 @@ def break_from(monkeypatch, start):
         if entry.kind == "march" and entry.end > start:
             late = entry.start + entry.step * jnp.arange(1, self.plan.steps_per_entry + 1) > start + 1e-9
             bad = jnp.where(late[:, None], jnp.inf, info.increment)
-            carry, info = carry._replace(failed=jnp.ones((), int)), info._replace(increment=bad)
+            carry, info = carry._replace(failed=jnp.ones((), int)), info._replace(increment=bad, left=bad)
             count = sum(row[0] <= start + 1e-9 for row in entry.rows)
             seen = {name: x.at[count:].set(jnp.nan) for name, x in seen.items()}
         return carry, (seen, info)
