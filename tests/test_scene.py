@@ -111,7 +111,7 @@ def test_defaults_are_those_of_the_contract():
     paper = with_method(scene.replace({"integrator.method": "generalized-alpha"})).integrator
     assert (paper.step, paper.spectral_radius) == (0.1, 0.25)
     table = with_method(scene).integrator
-    assert (table.method, table.tolerance, table.step) == ("collocation", 5e-10, None)
+    assert (table.method, table.tolerance, table.step) == ("collocation", 2e-10, None)
     for key, value in (("step", 0.2), ("spectral_radius", 0.5)):
         found = with_method(scene.replace({f"integrator.{key}": value})).integrator
         assert (found.method, getattr(found, key)) == ("generalized-alpha", value)
