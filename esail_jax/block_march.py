@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.blocks import ROWS_PER_LOOK, Carry, standing
-from esail_jax.dynamics.collocation import Progress, Record
+from esail_jax.dynamics.step_record import Progress, Record
 from esail_jax.pieces import RESULTS, Checkpoint, Piece, SimulationError, join
 from esail_jax.schedule import save_times, stops
 

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from esail_jax import blocks, entry, explicit
+from esail_jax import entry, explicit, traced_blocks
 from esail_jax.array_types import Array, Float
 from esail_jax.dynamics.fixed_step import KEEP, State
 from esail_jax.dynamics.rod_chain import RodState
@@ -91,7 +91,7 @@ def simulate_traced(scene: Scene) -> Solution:
         times = tuple(save_times(scene.integrator.t_end, scene.output.interval).tolist())
         if scene.integrator.method == "collocation":
             ends = stops(scene.integrator.t_end, scene.event)
-            rows, state, result, steps = blocks.traced_run(structure, times, ends, numbers, step)
+            rows, state, result, steps = traced_blocks.traced_run(structure, times, ends, numbers, step)
         else:
             rows, state, result, steps = explicit.traced_run(structure, times, numbers, step)
         return Solution(jnp.asarray(times), rows, result, state, {"steps": steps})

@@ -22,7 +22,7 @@ LAYERS = (
     ("dynamics",),
     ("observables", "scenes", "schedule", "pieces"),
     ("entry", "explicit", "blocks"),
-    ("block_march",),
+    ("block_march", "traced_blocks"),
     ("programs",),
     ("prepare",),
     ("march",),

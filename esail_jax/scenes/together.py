@@ -96,10 +96,10 @@ def check_sail(scene: Parts) -> None:
         raise SceneError("integrator.method", known, keys.describe(method_of(scene)))
     radius = scene.integrator.spectral_radius
     limited = radius is not None and (scene.hub is not None or clamped)
-    if scene.event is not None:
-        check_events(scene)
     if limited and keys.known(radius) is not None and keys.known(radius) >= 1.0:
         raise SceneError("integrator.spectral_radius", "be below 1 with constraints", keys.describe(radius))
+    if scene.event is not None:
+        check_events(scene)
 
 
 def check_events(scene: Parts) -> None:
