@@ -127,6 +127,20 @@ def test_error_follows_the_tolerance():
     assert found[1] < found[0] / 10 and found[2] < found[1] / 10, found
 
 
+def test_reactions_of_a_stiff_sail_at_the_default_tolerance():
+    """A thousand times the stiffness leaves a thousandth of the strain, which is a difference of positions:
+    the default tolerance follows it, and keeps the reactions to 2e-3 of their range throughout. With that
+    of the baseline they are ten times as far off."""
+    stiff = SMALL | {"tethers.youngs_modulus": 70e12, "tethers.second_moment": 1.47e-21}
+    stiff |= {"output.interval": 1.0, "integrator.t_end": 200.0}
+    exact = esail.simulate("baseline", stiff | {"integrator.tolerance": 1e-13})["reaction_B"]
+    found = []
+    for tolerance in ({}, {"integrator.tolerance": 2e-10}):
+        error = np.abs(esail.simulate("baseline", stiff | tolerance)["reaction_B"] - exact).max()
+        found.append(error / np.ptp(exact, axis=0).max())
+    assert found[0] < 2e-3 < 10 * found[0] < found[1], found
+
+
 # ---- output -------------------------------------------------------------------------------------
 
 

@@ -120,6 +120,20 @@ def test_defaults_are_those_of_the_contract():
     assert scene.tethers.axial_damping_time is None
 
 
+def test_the_tolerance_follows_the_strain_of_stiff_tethers():
+    """1e-5 of (m_u + rho A L / 2) omega^2 L / EA, computed by hand, where that is less than 2e-10; a given
+    tolerance stays."""
+    stiff = esail.load_scene("baseline", {"tethers.youngs_modulus": 70e12})
+    t, n = stiff.tethers, stiff.initial
+    mass = stiff.remote_units.mass + 0.5 * t.density * t.area * t.length
+    strain = mass * n.spin_rate**2 * t.length / (70e12 * t.area)
+    assert with_method(stiff).integrator.tolerance == pytest.approx(1e-5 * strain, rel=1e-12)
+    stiffest = stiff.replace({"tethers.youngs_modulus": [70e12] * 11 + [70e9]})
+    assert with_method(stiffest).integrator.tolerance == pytest.approx(1e-5 * strain, rel=1e-12)
+    given = stiff.replace({"integrator.tolerance": 1e-6})
+    assert with_method(given).integrator.tolerance == 1e-6
+
+
 @pytest.mark.parametrize("key", SAIL_KEYS)
 def test_every_key_can_be_overridden(key, sail):
     """A given value comes out, and nothing else has changed."""

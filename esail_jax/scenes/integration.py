@@ -10,11 +10,13 @@ import dataclasses
 import functools
 
 import jax
+import jax.numpy as jnp
+from jax import lax
 
 from esail_jax.array_types import Array
 from esail_jax.dynamics.rod_chain import fastest_rate, turning_rate
 from esail_jax.dynamics.runge_kutta import REACH
-from esail_jax.scenes.build import Numbers, Structure, build_chain, split
+from esail_jax.scenes.build import Numbers, Structure, build_chain, coulomb_thrust, split
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.together import FIXED_STEP, method_of
 
@@ -30,6 +32,13 @@ TOLERANCE = 1e-9
 COLLOCATION_TOLERANCE = 2e-10
 """Local error of a sail's positions relative to its tethers: every observable of the built-in scenes to
 1e-3 of its range with a margin, and the energy of a free sail to less than 1e-9."""
+
+STRAIN_SHARE = 1e-5
+"""Part of the tethers' strain that it is at most: their tension is a difference of positions. With it
+reactions stay right to some 1e-3 of their range up to a million times the baseline's stiffness."""
+
+FINEST_TOLERANCE = 1e-13
+"""What rounding leaves of positions."""
 
 MOST_STEPS = 1e7
 """Explicit steps that are acceptable: some minutes for a chain of twenty rods."""
@@ -59,9 +68,30 @@ def with_method(scene: Scene) -> Scene:
         step = PAPER["step"] if table.step is None else table.step
         table = dataclasses.replace(table, step=step)
     elif table.step is None and table.tolerance is None:
-        tolerance = TOLERANCE if table.method in REACH else COLLOCATION_TOLERANCE
+        tolerance = TOLERANCE if table.method in REACH else sail_tolerance(scene)
         table = dataclasses.replace(table, tolerance=tolerance)
     return dataclasses.replace(scene, integrator=table)
+
+
+def sail_tolerance(scene: Scene) -> float | Array:
+    """That of a sail: less than COLLOCATION_TOLERANCE for tethers that hardly stretch."""
+    _, numbers = split(scene)
+    share = lax.stop_gradient(STRAIN_SHARE * smallest_strain(numbers))
+    tolerance = jnp.clip(share, FINEST_TOLERANCE, COLLOCATION_TOLERANCE)
+    return tolerance if isinstance(tolerance, jax.core.Tracer) else float(tolerance)
+
+
+def smallest_strain(n: Numbers) -> Array:
+    """Of the roots [-], (m_u + rho A L / 2) omega^2 L / EA by the spin or f L / EA across the wind, what
+    is larger, of the tether that stretches least."""
+    length, spin = n["tethers.length"], n["initial.spin_rate"]
+    mass = n.get("remote_units.mass", 0.0) + 0.5 * n["tethers.density"] * n["tethers.area"] * length
+    force = mass * spin**2 * length
+    if "solar_wind.speed" in n:
+        wind = coulomb_thrust(n, jnp.zeros(3), n["voltage.value"])
+        across = wind.wind.thrust_per_speed(wind.voltage) * wind.wind.speed
+        force = jnp.maximum(force, across * length)
+    return (force / (n["tethers.youngs_modulus"] * n["tethers.area"])).min()
 
 
 def choice(scene: Scene) -> dict[str, str | float]:
