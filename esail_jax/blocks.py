@@ -110,6 +110,11 @@ def point_at(problem: Problem, records: Record, time: Scalar) -> tuple[Point, Fa
     """State at an instant within the recorded steps, on the constraints, and its mass matrix: that of
     the polynomial's state, which is off the constraints by less than the error of a step."""
     step = jax.tree.map(lambda x: x[step_of(records, time)], records)
+    return point_within(problem, step, time)
+
+
+def point_within(problem: Problem, step: Record, time: Scalar) -> tuple[Point, FactoredMass]:
+    """`point_at` for an instant within one step."""
     q, v, work = step.at(time)
     mass = factor_mass(problem.system, time, q, problem.inertia)
     return Point(time, *project(problem.system, time, q, v, mass), work), mass

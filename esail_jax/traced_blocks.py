@@ -8,11 +8,13 @@ import numpy as np
 from jax import lax
 
 from esail_jax.array_types import Array, Bool, Float, Scalar
-from esail_jax.blocks import Problem, observed, point_at, problem_of
-from esail_jax.dynamics.collocation import KEEP
+from esail_jax.blocks import Problem, observed, point_at, point_within, problem_of, step_of
+from esail_jax.dynamics.collocation import KEEP, taken_again, work_again
 from esail_jax.dynamics.stages import Point
-from esail_jax.dynamics.step_record import Progress, no_record
+from esail_jax.dynamics.step_record import Progress, Record, no_record
 from esail_jax.entry import along_rows
+from esail_jax.numerics.loops import repeat
+from esail_jax.numerics.perturbed import jvp_of_perturbed
 from esail_jax.pieces import RESULTS
 from esail_jax.scenes.build import Numbers, Structure
 
@@ -66,8 +68,8 @@ def states_at(
 ) -> tuple[Point, Scalar, Scalar]:
     """States at the saved instants, the time reached, and the steps taken.
 
-    The derivative is that of the steps as they were taken: their sizes carry none. It is written as the
-    same blocks in a loop of fixed length, so that forward and reverse mode exist."""
+    The derivative is that of the steps as they were taken: their sizes carry none. It goes through their
+    records in a loop of fixed length, so that forward and reverse mode exist."""
     rows = len(times)
 
     def going(state):
@@ -94,27 +96,44 @@ def states_at(
     return points, progress.now.time, progress.taken
 
 
-@states_at.defjvp
+@functools.partial(states_at.defjvp, symbolic_zeros=True)
 def _states_at_jvp(primals, tangents):
-    result = states_at(*primals)
-    _, moved = jax.jvp(replay, primals, tangents)
-    return result, (moved, jnp.zeros(()), jnp.zeros(()))
+    problem, progress, times = primals
+    ended, records = recorded(problem, progress, times[-1])
+    points, moved = jvp_of_perturbed(lambda *x: replay(*x, records), primals, tangents)
+    none = jnp.zeros(())
+    return (points, ended.now.time, ended.taken), (moved, none, none)
 
 
-def replay(problem: Problem, progress: Progress, times: Float[Array, " row"]) -> Point:
-    """States at the saved instants from blocks in a loop of fixed length; NaN beyond it."""
-    nothing = jax.tree.map(lambda x: jnp.broadcast_to(x, (KEEP, *x.shape)), no_record(progress))
+def recorded(problem: Problem, progress: Progress, end: Scalar) -> tuple[Progress, Record]:
+    """The run until `end`, MOST_BLOCKS at most, with the records of all its steps, block by block."""
+
+    def block(progress):
+        progress, records = problem.method.block(problem.system, progress)
+        going = (progress.now.time < end) & ~problem.method.stuck(progress)
+        return progress, going, records
+
+    nothing = jax.tree.map(lambda x: jnp.zeros((KEEP, *x.shape), x.dtype), no_record(progress))
+    return repeat(block, progress, MOST_BLOCKS, nothing)
+
+
+def replay(problem: Problem, progress: Progress, times: Float[Array, " row"], records: Record) -> Point:
+    """States at the saved instants as functions of the system and the start, from the steps as they were
+    taken; NaN beyond them."""
 
     @jax.checkpoint
-    def block(progress):
-        return problem.method.block(problem.system, progress, reversible=True)
+    def block(now, records):
+        return taken_again(problem.system, now, records)
 
-    def one(progress, _):
-        going = (progress.now.time < times[-1]) & ~problem.method.stuck(progress)
-        return lax.cond(going, block, lambda progress: (progress, nothing), progress)
+    def one(now, records):
+        return lax.cond(records.taken.any(), block, lambda *x: x, now, records)
 
-    progress, records = lax.scan(one, progress, length=MOST_BLOCKS)
+    _, records = lax.scan(one, progress.now, lax.stop_gradient(records))
     flat = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), records)
-    points = lax.map(lambda time: point_at(problem, flat, time)[0], times, batch_size=ROWS_TOGETHER)
-    good = times <= progress.now.time
+    flat = work_again(problem.system, progress.now.work, flat)
+    # All at once: a row's share in the derivative of all records would be as large as they are.
+    index = jax.vmap(lambda time: step_of(flat, time))(times)
+    steps = jax.tree.map(lambda x: x[index], flat)
+    points = lax.map(lambda row: point_within(problem, *row)[0], (steps, times), batch_size=ROWS_TOGETHER)
+    good = times <= jnp.where(flat.taken, flat.end, -jnp.inf).max()
     return jax.tree.map(lambda x: jnp.where(along_rows(good, x), x, jnp.nan), points)

@@ -18,7 +18,7 @@ from jax import lax
 from esail_jax.array_types import Array, Float, Scalar, Vector
 from esail_jax.coordinates import Coordinates
 from esail_jax.dynamics.consistent import consistent_acceleration
-from esail_jax.dynamics.stage_solution import MAX_ITERATIONS, solve_stages
+from esail_jax.dynamics.stage_solution import MAX_ITERATIONS, known_stages, solve_stages
 from esail_jax.dynamics.stages import (
     STAGES,
     TABLE,
@@ -92,15 +92,13 @@ class Collocation(eqx.Module):
         origin = at.time if self.step_size is None else at.time - taken * self.step_size
         return fresh._replace(now=at, taken=taken, rejected=rejected, origin=origin)
 
-    def block(self, system: System, state: Progress, reversible: bool = False) -> tuple[Progress, Record]:
+    def block(self, system: System, state: Progress) -> tuple[Progress, Record]:
         """Up to KEEP steps with one factorisation, fewer where a step fails, is too short, or the factors
         are no longer good; of each its record.
 
-        It depends on nothing but `state`: a run that stops after a block and goes on later is the same.
-        reversible: has a derivative in reverse mode."""
+        It depends on nothing but `state`: a run that stops after a block and goes on later is the same."""
         lam = jax.tree.map(lambda x: x[-1], state.history.values.lam)
-        kept = lax.stop_gradient(factor(*lax.stop_gradient((system, state.now, state.h, lam))))
-        h = state.h
+        kept, h = factor(system, state.now, state.h, lam), state.h
 
         def step(carry):
             state, fewest, steps, spent, error_before = carry
@@ -114,34 +112,34 @@ class Collocation(eqx.Module):
 
         none = jnp.zeros((), int)
         carry = (state, jnp.asarray(MAX_ITERATIONS), none, none, jnp.asarray(jnp.inf))
-        (state, *_), records = repeat(step, carry, KEEP, no_record(state), reversible)
+        (state, *_), records = repeat(step, carry, KEEP, no_record(state))
         if self.step_size is None:
             state = state._replace(h=next_step(state, records, h))
         return state, records
 
     def attempt(self, system: System, state: Progress, kept: KeptFactors) -> tuple[Progress, Array, Record]:
         """One step, taken or to be tried again with a shorter length; whether it was taken."""
-        now, h = state.now, lax.stop_gradient(state.h)
-        guess = lax.stop_gradient(first_guess(*lax.stop_gradient((system, state))))
-        part = EXACT if self.step_size is not None else SOLVED * lax.stop_gradient(self.tolerance)
+        now, h = state.now, state.h
+        guess = first_guess(system, state)
+        part = EXACT if self.step_size is not None else SOLVED * self.tolerance
         enough = jnp.maximum(part * lengths(system), rounding(now.q))
         unknowns, iterations, left = solve_stages(system, now, h, guess, kept, enough)
         solved = left <= 1.0
-        times, q, v = stage_states(now, h, unknowns.vdot)
+        times, q, _ = stage_states(now, h, unknowns.vdot)
         values = seen_from_hub(system, state.history, times, q, unknowns)
         error = self.error(system, h, values.vdot)
         good = solved & jnp.isfinite(error)
         if self.step_size is None:
             good &= error <= 1.0
 
+        end = end_of_step(system, now, h, unknowns, kept)
         power = stage_powers(system, now, h, unknowns)
-        weights = jnp.asarray(TABLE.matrix[-1])
-        work = jax.tree.map(lambda w, p: w + h * weights @ p, now.work, power)
-        end = on_constraints(system, kept, times[-1], *(jax.tree.map(lambda x: x[-1], c) for c in (q, v)))
+        work = jax.tree.map(jnp.add, now.work, work_of_step(h, power))
         taken = state.taken + 1.0
         # Not a sum of rounded steps, where they are given.
         later = now.time + h if self.step_size is None else state.origin + taken * h
-        done = state._replace(now=Point(later, *end, work), history=History(values, h), h=h, taken=taken)
+        end = Point(later, *end, work)
+        done = state._replace(now=end, history=History(values, h), h=h, taken=taken)
 
         shorter = jnp.zeros(())  # nothing to try: the run is stuck
         if self.step_size is None:
@@ -149,19 +147,76 @@ class Collocation(eqx.Module):
             shorter = h * jnp.minimum(by_error, 0.9)
         again = state._replace(h=shorter, rejected=state.rejected + 1.0)
         after = jax.tree.map(lambda a, b: jnp.where(good, a, b), done, again)
-        return after, good, Record(now, h, unknowns.vdot, power, StepInfo(iterations, left, error), good)
+        info = StepInfo(iterations, left, error)
+        return after, good, Record(now, h, unknowns, power, info, good)
 
     def error(self, system: System, h: Scalar, body: Coordinates) -> Scalar:
         """Estimate of a step's error over the tolerance: by how much positions within the step change
         when the polynomial of the accelerations passes through the start of the step too."""
         scale = TABLE.between() * h**2
         beyond = jax.tree.map(lambda x: scale * jnp.tensordot(TABLE.difference(), x, 1), body)
-        return lax.stop_gradient(largest(system, beyond, self.tolerance * lengths(system)))
+        return largest(system, beyond, self.tolerance * lengths(system))
 
     def stuck(self, state: Progress) -> Array:
         """Has the state become infinite, or the step too small to change the time?"""
         finite = jnp.stack([jnp.isfinite(x).all() for x in jax.tree.leaves(state.now)]).all()
         return ~finite | ~(state.now.time + 0.25 * state.h > state.now.time)
+
+
+def end_of_step(
+    system: System, now: Point, h: Scalar, unknowns: Unknowns, kept: KeptFactors
+) -> tuple[Coordinates, Coordinates]:
+    """q and v at the end of a step whose stages are solved, on the constraints."""
+    times, q, v = stage_states(now, h, unknowns.vdot)
+    return on_constraints(system, kept, times[-1], *(jax.tree.map(lambda x: x[-1], c) for c in (q, v)))
+
+
+def work_of_step(h: Scalar, power: Power) -> Power:
+    """Work [J] of the stages' powers over a step."""
+    return jax.tree.map(lambda p: h * jnp.asarray(TABLE.matrix[-1]) @ p, power)
+
+
+# ---- steps that were taken ----------------------------------------------------------------------
+
+
+def taken_again(system: System, now: Point, records: Record) -> tuple[Point, Record]:
+    """The steps of a block, as functions of the system and of what the first of them starts from: the end
+    of the last, and the records, with that derivative. The steps' length carries none. Without work and
+    powers, which nothing else depends on (`work_again`)."""
+    h = records.h[0]
+    lam = jax.tree.map(lambda x: x[0, 0], records.stages.lam)
+    kept = lax.stop_gradient(factor(*lax.stop_gradient((system, now, h, lam))))
+
+    @jax.checkpoint
+    def step(now, record):
+        # What was not taken may be infinite: times zero that is no zero.
+        stages = jax.tree.map(lambda x: jnp.where(record.taken, x, 0.0), record.stages)
+        unknowns = known_stages(system, now, h, stages, kept, record.info.iterations)
+        q, v = end_of_step(system, now, h, unknowns, kept)
+        return now._replace(q=q, v=v), record._replace(start=now, stages=unknowns)
+
+    def step_or_stay(now, record):
+        now = now._replace(time=record.start.time)
+        return lax.cond(record.taken, step, lambda now, record: (now, record), now, record)
+
+    return lax.scan(step_or_stay, now, records)
+
+
+def work_again(system: System, start: Power, records: Record) -> Record:
+    """Records of `taken_again` in a row, with the powers and the work since `start`."""
+
+    @jax.checkpoint
+    def powers(record):
+        stages = jax.tree.map(lambda x: jnp.where(record.taken, x, 0.0), record.stages)
+        return stage_powers(system, record.start, record.h, stages)
+
+    def powers_or_none(work, record):
+        none = jax.tree.map(jnp.zeros_like, record.power)
+        power = lax.cond(record.taken, powers, lambda _: none, record)
+        after = jax.tree.map(jnp.add, work, work_of_step(record.h, power))
+        return after, record._replace(start=record.start._replace(work=work), power=power)
+
+    return lax.scan(powers_or_none, start, records)[1]
 
 
 # ---- length of the steps ------------------------------------------------------------------------
@@ -218,10 +273,9 @@ def seen_from_hub(
     """The stages in the axes of the hub, after the step's start, which is the last one's end."""
     axes = jax.vmap(system.rotation)(times, q)
     body = jax.vmap(lambda a, r: a.rotate(r.T))(unknowns.vdot, axes)
-    values = jax.tree.map(
+    return jax.tree.map(
         lambda old, new: jnp.concatenate([old[-1:], new]), history.values, Unknowns(body, unknowns.lam)
     )
-    return lax.stop_gradient(values)
 
 
 def angular_velocity(system: System, now: Point) -> Vector:

@@ -1,19 +1,20 @@
 """The stages of a collocation step solved, and the derivative of their solution.
 
 Simplified Newton iterations with the factors of `stages.py`; the derivative follows from the implicit
-function theorem, by the same factors and the exact derivative of the equations.
+function theorem, by the same factors and the exact derivative of the equations. It is that of a solution
+that is known already: nothing is solved twice for it.
 """
 
+import functools
 from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax import lax
 
 from esail_jax.array_types import Array, Float, Int, Scalar
 from esail_jax.coordinates import Coordinates
-from esail_jax.dynamics.attached_axes import Turn
+from esail_jax.dynamics.attached_axes import Turn, axes_of
 from esail_jax.dynamics.stages import (
     TABLE,
     KeptFactors,
@@ -22,19 +23,21 @@ from esail_jax.dynamics.stages import (
     correction,
     largest,
     stage_residuals,
+    stage_states,
     turns_to,
 )
+from esail_jax.numerics.perturbed import jvp_of_perturbed
 from esail_jax.numerics.vectors import greatest
 from esail_jax.system import Residual, System
 
 MAX_ITERATIONS = 10
 """After which a step has failed: what converges so slowly is cheaper with half the step."""
 
-LINEAR_ITERATIONS = 14
-"""Of the linear equations of a derivative: each gains a factor of ten or more."""
+MORE_ITERATIONS = 2
+"""What the linear equations of a derivative take beyond the iterations of the step itself: seven digits
+or more. A number fixed in advance, so that reverse mode is the exact transpose of forward mode."""
 
 
-@jax.custom_jvp
 def solve_stages(
     system: System,
     start: Point,
@@ -45,7 +48,7 @@ def solve_stages(
 ) -> tuple[Unknowns, Int[Array, ""], Scalar]:
     """Simplified Newton iterations, until what is left, judged by the last two increments of the
     positions, is `enough` [m] (of tethers and hub): unknowns, iterations, and what is left over that.
-    Guess and factors decide how fast, not where to: they carry no derivative."""
+    Guess and factors decide how fast, not where to."""
 
     def iterate(carry):
         unknowns, count, before, _ = carry
@@ -68,23 +71,34 @@ def solve_stages(
     return unknowns, count, left
 
 
-@solve_stages.defjvp
-def _solve_stages_jvp(primals, tangents):
+@jax.custom_jvp
+def known_stages(
+    system: System,
+    start: Point,
+    h: Scalar,
+    unknowns: Unknowns,
+    kept: KeptFactors,
+    iterations: Int[Array, ""],
+) -> Unknowns:
+    """The solution itself, with its derivative with respect to system, start and h. The factors decide how
+    fast that is found: they carry no derivative. iterations: that solved the stages."""
+    return unknowns
+
+
+@functools.partial(known_stages.defjvp, symbolic_zeros=True)
+def _known_stages_jvp(primals, tangents):
     """d(unknowns) = -J^-1 d(residual): implicit function theorem, J being that of all stages together."""
-    system, start, h, _, kept, _ = primals
-    unknowns, count, left = solve_stages(*primals)
-    axes = stage_residuals(system, start, h, unknowns)[1]
+    system, start, h, unknowns, kept, iterations = primals
 
     def residuals(system, start, h, unknowns):
         return stage_residuals(system, start, h, unknowns)[0]
 
-    def along(change):
-        return jax.jvp(lambda x: residuals(*primals[:3], x), (unknowns,), (change,))[1]
-
-    _, given = jax.jvp(lambda *x: residuals(*x, unknowns), primals[:3], tangents[:3])
-    moved = linear_solution(system, along, given, turns_to(axes, kept), kept)
-    none = np.zeros((), jax.dtypes.float0)
-    return (unknowns, count, left), (moved, none, jnp.zeros(()))
+    _, along = jax.linearize(lambda x: residuals(*primals[:3], x), unknowns)
+    _, given = jvp_of_perturbed(lambda *x: residuals(*x, unknowns), primals[:3], tangents[:3])
+    times, q, _ = stage_states(start, h, unknowns.vdot)
+    axes = jax.vmap(lambda time, q: axes_of(system, time, q))(times, q)
+    count = iterations + MORE_ITERATIONS
+    return unknowns, linear_solution(system, along, given, turns_to(axes, kept), kept, count)
 
 
 def linear_solution(
@@ -93,8 +107,9 @@ def linear_solution(
     given: Residual,
     turns: Turn,
     kept: KeptFactors,
+    count: Int[Array, ""],
 ) -> Unknowns:
-    """x with along(x) + given = 0, by the same iterations, and their transpose for reverse mode.
+    """x with along(x) + given = 0, by `count` of the same iterations, and their transpose for reverse mode.
 
     Roots move with the hub: in the square system that is solved, their rows are added to the hub's and
     their columns are taken out."""
@@ -128,7 +143,8 @@ def linear_solution(
             short = jax.tree.map(jnp.subtract, matrix(x), rhs)
             return jax.tree.map(jnp.add, x, precondition(short))
 
-        return lax.fori_loop(0, LINEAR_ITERATIONS, improve, jax.tree.map(jnp.zeros_like, rhs))
+        first = jax.tree.map(jnp.negative, precondition(rhs))
+        return lax.fori_loop(1, count, improve, first)
 
     def solve_transposed(transposed, rhs):
         backwards = jax.linear_transpose(precondition, rhs)

@@ -45,7 +45,7 @@ class Record(NamedTuple):
 
     start: Point
     h: Scalar
-    vdot: Coordinates
+    stages: Unknowns
     power: Power
     info: StepInfo
     taken: Bool[Array, ""]
@@ -62,9 +62,9 @@ class Record(NamedTuple):
         once, twice = (x**n * (powers @ TABLE.integrals(n)) for n in (1, 2))
         q = jax.tree.map(
             lambda q, v, a: q + h * x * v + h**2 * jnp.tensordot(twice, a, 1),
-            self.start.q, self.start.v, self.vdot,
+            self.start.q, self.start.v, self.stages.vdot,
         )  # fmt: skip
-        v = jax.tree.map(lambda v, a: v + h * jnp.tensordot(once, a, 1), self.start.v, self.vdot)
+        v = jax.tree.map(lambda v, a: v + h * jnp.tensordot(once, a, 1), self.start.v, self.stages.vdot)
         work = jax.tree.map(lambda w, p: w + h * once @ p, self.start.work, self.power)
         return q, v, work
 
@@ -72,7 +72,7 @@ class Record(NamedTuple):
 def no_record(state: Progress) -> Record:
     """Of a step that was not taken: zeros."""
     zero, powers = jnp.zeros(()), jnp.zeros(STAGES)
-    vdot = jax.tree.map(lambda x: jnp.zeros_like(x[1:]), state.history.values.vdot)
+    stages = jax.tree.map(lambda x: jnp.zeros_like(x[1:]), state.history.values)
     start = jax.tree.map(jnp.zeros_like, state.now)
     info = StepInfo(jnp.zeros((), int), zero, zero)
-    return Record(start, zero, vdot, Power(powers, powers), info, jnp.asarray(False))
+    return Record(start, zero, stages, Power(powers, powers), info, jnp.asarray(False))

@@ -103,10 +103,7 @@ class Tethers(eqx.Module):
     def interpolate(self, nodal: Nodal) -> PointFields:
         """The fields in use at every Gauss point: (xyz, point, *state, elem, tether) each."""
         vectors = self.element_vectors(nodal)
-        tables = np.concatenate([self.table(d) for d in self.derivatives])
-        values = (tables @ vectors.reshape(vectors.shape[0], -1)).reshape(
-            len(self.derivatives), -1, *vectors.shape[1:]
-        )
+        values = [along_first(self.table(d), vectors) for d in self.derivatives]
         fields = {}
         for name, d, value in zip(self.fields_used, self.derivatives, values, strict=True):
             value = jnp.moveaxis(value, 1, 0)

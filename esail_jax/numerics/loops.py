@@ -18,23 +18,9 @@ def repeat(
     carry: Carry,
     most: int,
     nothing: Result,
-    reversible: bool = False,
 ) -> tuple[Carry, Result]:
     """carry, going, result = step(carry), until not going or `most` times: the last carry, and the
-    results along a new first axis of length `most`, `nothing` where there are none.
-
-    reversible: has a derivative in reverse mode, and passes through the rest of the `most` in idleness."""
-    going = jnp.asarray(True)
-    if reversible:
-
-        def step_or_stay(state, _):
-            carry, going = state
-            stay = (carry, jnp.asarray(False), nothing)
-            carry, going, result = lax.cond(going, step, lambda _: stay, carry)
-            return (carry, going), result
-
-        (carry, _), results = lax.scan(step_or_stay, (carry, going), length=most)
-        return carry, results
+    results along a new first axis of length `most`, `nothing` where there are none."""
 
     def once_more(state):
         carry, count, _, results = state
@@ -43,6 +29,6 @@ def repeat(
         return carry, count + 1, going, results
 
     empty = jax.tree.map(lambda x: jnp.broadcast_to(x, (most, *x.shape)), nothing)
-    state = (carry, jnp.zeros((), int), going, empty)
+    state = (carry, jnp.zeros((), int), jnp.asarray(True), empty)
     carry, _, _, results = lax.while_loop(lambda state: state[2] & (state[1] < most), once_more, state)
     return carry, results
