@@ -22,7 +22,7 @@ Vector = Float[Array, "3"]
 Rotation = Float[Array, "3 3"]
 PerTether = Float[Array, " tether"]
 PerMember = Float[Array, "*elem tether"]
-"""One number per tether, or one per element of each."""
+"""One number per tether, or one per element of each; of several states, `*state 1 tether`."""
 PerPoint = Float[Array, "*point"]
 VectorPerPoint = Float[Array, "xyz *point"]
 """Components first: x, y, z; or, for an energy, of two such vectors at once (`energy_momentum.Secant`)."""

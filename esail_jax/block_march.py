@@ -35,7 +35,7 @@ class BlockMarch:
         self.repairs = 0
         scene = prepared.resolved
         self.times = save_times(scene.integrator.t_end, scene.output.interval)
-        self.stops = stops(scene.integrator.t_end, scene.event)
+        self.stops = stops(scene.integrator.t_end, scene.event, scene.voltage)
 
     def pieces(self) -> Iterator[Piece]:
         """One piece per call. Raises SimulationError when the run is stuck, after a last piece with

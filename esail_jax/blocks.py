@@ -23,8 +23,9 @@ from esail_jax.dynamics.stages import Point
 from esail_jax.dynamics.step_record import Progress, Record, no_record
 from esail_jax.entry import QUICK_COMPILE, origin_of
 from esail_jax.newton_matrix import FactoredMass, Inertia, factor_mass, inertia_of
-from esail_jax.scenes.build import Model, Numbers, Structure, build
+from esail_jax.scenes.build import Model, build
 from esail_jax.scenes.integration import COLLOCATION_TOLERANCE
+from esail_jax.scenes.structure import Numbers, Structure
 from esail_jax.system import System
 
 ROWS_PER_LOOK = 128
@@ -172,7 +173,8 @@ def go_on(problem: Problem, after: Problem, carry: Carry, records: Record, time:
 
 class Programs(NamedTuple):
     """Compiled `start(numbers, step)`, `blocks(problem, carry, target)`,
-    `look(problem, carry, records, times, count)` and, of a scene with events,
+    `look(problem, carry, records, times, count)` and, of a scene with events or switched
+    voltages,
     `go_on(problem, after, carry, records, time)`."""
 
     start: Callable
@@ -202,7 +204,7 @@ def programs(
         starting = jax.jit(problem_of, static_argnums=0).lower(structure, numbers, step)
         start = pool.submit(starting.compile, compiler_options=QUICK_COMPILE)
         switching = None
-        if structure.has("event"):
+        if structure.has("event") or structure.has("voltage.on"):
             going_on = jax.jit(go_on).lower(problem, problem, carry, stepping.out_info[1], number)
             switching = pool.submit(going_on.compile, compiler_options=QUICK_COMPILE).result()
         return Programs(start.result(), blocks.result(), seeing.result(), switching)

@@ -19,7 +19,8 @@ from esail_jax.dynamics.consistent import project
 from esail_jax.dynamics.energy_momentum import EnergyMomentum
 from esail_jax.dynamics.fixed_step import FixedStep, State, StepInfo
 from esail_jax.dynamics.generalized_alpha import GeneralizedAlpha
-from esail_jax.scenes.build import Model, Numbers
+from esail_jax.scenes.build import Model
+from esail_jax.scenes.structure import Numbers
 from esail_jax.schedule import Entry
 from esail_jax.system import Power, System
 

@@ -20,8 +20,9 @@ from esail_jax.dynamics.rod_chain import RodChain, RodState, energy_floor, error
 from esail_jax.dynamics.runge_kutta import Progress, RungeKutta, advance
 from esail_jax.entry import QUICK_COMPILE
 from esail_jax.pieces import RESULTS, Checkpoint, Piece, SimulationError
-from esail_jax.scenes.build import Numbers, Structure, build_chain
+from esail_jax.scenes.build import build_chain
 from esail_jax.scenes.scene import Scene
+from esail_jax.scenes.structure import Numbers, Structure
 from esail_jax.schedule import save_times
 from esail_jax.system import System
 

@@ -58,11 +58,12 @@ def tangent(
     rate_factor: Scalar,
 ) -> bordered.Bordered:
     """M + s (K + c C) and the constraint gradients, s = `stiffness_factor`, c = `rate_factor`,
-    K = d(residual)/dq, C = d(residual)/dv. The unknowns beside dq are s dlam: with that scaling
-    the matrix tends to the mass matrix as the step tends to zero (Bottasso; Arnold & Brüls)."""
+    K = d(residual)/dq, C = d(residual)/dv at given voltages. The unknowns beside dq are s dlam: with
+    that scaling the matrix tends to the mass matrix as the step tends to zero (Bottasso; Arnold &
+    Brüls)."""
     tethers = system.tethers
     fields, rates = tethers.interpolate(q.tether), tethers.interpolate(v.tether)
-    jacobian = point_jacobian(system, time, fields, rates, rate_factor)
+    jacobian = point_jacobian(system.steered(time, q), time, fields, rates, rate_factor)
     axes = np.eye(3)
     if system.orbit is not None:
         by_position, by_velocity = system.orbit.gradients

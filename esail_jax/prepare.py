@@ -11,10 +11,11 @@ from esail_jax.dynamics.fixed_step import KEEP
 from esail_jax.elements.tether import KINDS
 from esail_jax.entry import problem_of
 from esail_jax.programs import programs, shapes_of
-from esail_jax.scenes.build import Model, build, split
+from esail_jax.scenes.build import Model, build
 from esail_jax.scenes.integration import with_method
 from esail_jax.scenes.keys import SceneError
 from esail_jax.scenes.scene import Scene
+from esail_jax.scenes.structure import split
 from esail_jax.scenes.together import FIXED_STEP
 from esail_jax.schedule import Plan, plan
 

@@ -15,7 +15,8 @@ import numpy as np
 from esail_jax.array_types import Array
 from esail_jax.dynamics.fixed_step import KEEP
 from esail_jax.entry import entry_data, look_at_entry_jitted, problem_of, step_entry_jitted
-from esail_jax.scenes.build import Numbers, Structure, build_jitted
+from esail_jax.scenes.build import build_jitted
+from esail_jax.scenes.structure import Numbers, Structure
 from esail_jax.schedule import Entry, Plan
 
 

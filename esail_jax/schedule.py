@@ -13,7 +13,8 @@ import dataclasses
 
 import numpy as np
 
-from esail_jax.scenes.tables import Event
+from esail_jax.scenes.keys import known
+from esail_jax.scenes.tables import Event, Voltage
 
 SNAP = 1e-9
 """Part of a step by which a saved time may miss a step's end and still be that end: multiples of
@@ -111,10 +112,14 @@ def stretch(
     return entries
 
 
-def stops(t_end: float, event: Event | None) -> tuple[float, ...]:
-    """Where a run begins afresh, in order, and its end [s]."""
-    times = set() if event is None else {time for time in event.time if time < t_end}
-    return (*sorted(times), t_end)
+def stops(t_end: float, event: Event | None, voltage: Voltage | None = None) -> tuple[float, ...]:
+    """Where a run begins afresh, in order, and its end [s]: at events and, with `voltage`, where that
+    begins to rise or fall; instants under a trace have no value, and the steps find them."""
+    times = set() if event is None else set(event.time)
+    for switched in () if voltage is None else (voltage.on, voltage.off):
+        if switched is not None and known(switched) is not None:
+            times |= set(known(switched).ravel().tolist())
+    return (*sorted(time for time in times if 0.0 < time < t_end), t_end)
 
 
 def is_multiple(time: float, step: float) -> bool:

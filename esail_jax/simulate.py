@@ -23,9 +23,10 @@ from esail_jax.observables import chain, is_chain
 from esail_jax.observables.balance import balance_warning
 from esail_jax.pieces import RESULTS, Checkpoint, SimulationError, join
 from esail_jax.prepare import plan_of, prepare, require_64_bit
-from esail_jax.scenes.build import Numbers, Structure, build, split
+from esail_jax.scenes.build import build
 from esail_jax.scenes.integration import with_method
 from esail_jax.scenes.scene import Scene, load_scene
+from esail_jax.scenes.structure import Numbers, Structure, split
 from esail_jax.schedule import Plan, save_times, stops
 
 
@@ -90,7 +91,7 @@ def simulate_traced(scene: Scene) -> Solution:
         step = None if step is None else jnp.asarray(step)
         times = tuple(save_times(scene.integrator.t_end, scene.output.interval).tolist())
         if scene.integrator.method == "collocation":
-            ends = stops(scene.integrator.t_end, scene.event)
+            ends = stops(scene.integrator.t_end, scene.event, scene.voltage)
             rows, state, result, steps = traced_blocks.traced_run(structure, times, ends, numbers, step)
         else:
             rows, state, result, steps = explicit.traced_run(structure, times, numbers, step)

@@ -12,12 +12,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from esail_jax.array_types import Array, Float, Instants, Nodal, Rotation, Scalar, Vector
+from esail_jax.array_types import Array, Float, Instants, Nodal, PerTether, Rotation, Scalar, Vector
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.elements.rigid_body import RigidBody
 from esail_jax.elements.tether import Tethers
 from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.joints.roots import FrameRoots, HubRoots
+from esail_jax.loads.voltage import Sight, VoltageLaw
 from esail_jax.numerics.vectors import dot
 from esail_jax.terms import Dissipation, Energy, Load, PointFields
 
@@ -49,6 +50,7 @@ class System(eqx.Module):
     loads: tuple[Load, ...]
     gravity: Vector | None
     orbit: CircularOrbit | None = None
+    steering: VoltageLaw | None = None
 
     # ---- what is there ---------------------------------------------------------------------
 
@@ -73,6 +75,7 @@ class System(eqx.Module):
                 "clamped roots" if self.clamped else "pinned roots",
             ]
         names += [term.name for term in (*self.energies, *self.dissipations, *self.loads)]
+        names += [] if self.steering is None else [self.steering.name]
         names += ["gravity"] * (self.gravity is not None)
         return tuple(names + ["circular orbit"] * (self.orbit is not None))
 
@@ -113,7 +116,7 @@ class System(eqx.Module):
     ) -> tuple[Residual, Power]:
         """Equations of motion and constraints at one state, with the power of its forces."""
         inertial = self.inertial(q, v, vdot)
-        tether, power = self.tether_forces(time, q.tether, v.tether, inertial.tether)
+        tether, power = self.steered(time, q).tether_forces(time, q.tether, v.tether, inertial.tether)
         return self.joined(time, q, v, Coordinates(tether, inertial.hub), lam, power)
 
     def residuals(
@@ -128,9 +131,29 @@ class System(eqx.Module):
         tethers' forces, as if the tethers were as many times more."""
         inertial = jax.vmap(self.inertial)(q, v, vdot)
         nodal = (jnp.moveaxis(x.tether, 0, 2) for x in (q, v, inertial))
-        tether, power = self.tether_forces(times[:, None, None], *nodal)
+        system = self
+        if self.steering is not None:
+            system = self.with_voltage(jax.vmap(self.voltage)(times, q)[:, None])
+        tether, power = system.tether_forces(times[:, None, None], *nodal)
         forces = Coordinates(jnp.moveaxis(tether, 2, 0), inertial.hub)
         return jax.vmap(self.joined)(times, q, v, forces, lam, power)
+
+    def voltage(self, time: Scalar, q: Coordinates) -> PerTether:
+        """What the modulation law makes of what the sail sees [V]."""
+        axes, nodes = self.rotation(time, q), q.tether[0]
+        outward = axes @ self.roots.outward
+        wind = self.loads[0].wind.origin
+        chords = nodes[:, -1] - nodes[:, 0]
+        wind, chords = (x / jnp.linalg.norm(x, axis=0) for x in (wind, chords))
+        return self.steering.volts(Sight(time, axes[:, 0], wind, outward, chords))
+
+    def with_voltage(self, volts: Float[Array, "*state tether"]) -> "System":
+        """Self, with these voltages."""
+        return eqx.tree_at(lambda system: system.loads[0].voltage, self, volts)
+
+    def steered(self, time: Scalar, q: Coordinates) -> "System":
+        """Self, with the voltages of an instant."""
+        return self if self.steering is None else self.with_voltage(self.voltage(time, q))
 
     def tether_forces(self, time: Instants, q: Nodal, v: Nodal, inertial: Nodal) -> tuple[Nodal, Power]:
         """M vdot - Q of the tethers, and the power of loads and dissipation, of one state or several."""

@@ -16,7 +16,7 @@ from esail_jax.entry import along_rows
 from esail_jax.numerics.loops import repeat
 from esail_jax.numerics.perturbed import jvp_of_perturbed
 from esail_jax.pieces import RESULTS
-from esail_jax.scenes.build import Numbers, Structure
+from esail_jax.scenes.structure import Numbers, Structure
 
 ROWS_TOGETHER = 32
 """Saved instants of a traced run in one batch."""

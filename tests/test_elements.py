@@ -9,8 +9,9 @@ from esail_jax.elements.axial import AxialDissipation, AxialEnergy, axial_strain
 from esail_jax.elements.bending import BendingDissipation, BendingEnergy, curvature_squared
 from esail_jax.elements.rigid_body import RigidBody
 from esail_jax.elements.tether import Tethers
-from esail_jax.scenes.build import build_jitted, split
+from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.scene import load_scene
+from esail_jax.scenes.structure import split
 from esail_jax.terms import PointFields
 
 

@@ -15,7 +15,8 @@ import esail_jax as esail
 from esail_jax.dynamics.energy_momentum import Secant
 from esail_jax.elements.axial import AxialEnergy
 from esail_jax.elements.bending import BendingEnergy
-from esail_jax.scenes.build import build, split
+from esail_jax.scenes.build import build
+from esail_jax.scenes.structure import split
 from esail_jax.terms import PointFields
 
 METHOD = {"integrator.method": "energy-momentum"}

@@ -8,8 +8,9 @@ import pytest
 
 import esail_jax as esail
 from esail_jax.entry import problem_of
-from esail_jax.scenes.build import build_jitted, split
+from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.integration import with_method
+from esail_jax.scenes.structure import split
 
 SCRIPT = Path(__file__).parents[1] / "experiments" / "performance" / "run.py"
 

@@ -20,12 +20,33 @@ SAIL_KEYS.remove("integrator.tolerance")  # of the explicit methods, which run c
 STRUCTURE = (
     "tethers.count", "tethers.elements", "tethers.element", "tethers.strain", "tethers.bending",
     "tethers.root", "integrator.method", "integrator.step", "integrator.t_end", "output.interval",
-    "initial.elongation", "event.time", "event.release",
+    "initial.elongation", "event.time", "event.release", "voltage.law",
 )  # fmt: skip
 """Keys that decide what is compiled, when is saved, and what happens when."""
 
 EVENT = {"event.time": (5.0,), "event.release": (1,)}
 """Keys that need each other."""
+
+WAVES = {"voltage.law": "harmonic", "voltage.cosine": (0.1,)}
+TABLE = {"voltage.law": "piecewise-linear", "voltage.time": (0.0, 5.0), "voltage.table": (0.5, 1.0)}
+SWITCH = {"voltage.law": "on-off", "voltage.on": 1.0, "voltage.rise_time": 1.0}
+FEEDBACK = {"voltage.law": "feedback", "voltage.gain": 1.0, "voltage.target_sailing_angle_deg": 5.0}
+CONE = {"voltage.law": "planar-cone", "voltage.value": None, "voltage.coning_angle_deg": 3.0}
+CONE |= {"voltage.spin_rate": 4e-3, "hub.height": None, "hub.radius": None, "hub.density": None}
+LAW_OF = {
+    "cosine": WAVES, "sine": WAVES, "slew_rate": WAVES, "maximum": WAVES, "law": WAVES, "time": TABLE,
+    "table": TABLE, "on": SWITCH, "off": SWITCH, "rise_time": SWITCH, "gain": FEEDBACK,
+    "target_sailing_angle_deg": FEEDBACK, "coning_angle_deg": CONE, "spin_rate": CONE,
+}  # fmt: skip
+"""What a key of [voltage] needs beside it."""
+
+
+def beside(key: str) -> dict:
+    """Overrides that a key needs beside it."""
+    table, name = key.split(".")
+    if table == "event":
+        return EVENT
+    return LAW_OF.get(name, {}) if table == "voltage" else {}
 
 
 @pytest.fixture(scope="module")
@@ -143,15 +164,17 @@ def test_every_key_can_be_overridden(key, sail):
         "tethers.strain": "engineering", "tethers.root": "clamped", "initial.elongation": "paper",
         "integrator.method": "generalized-alpha", "gravity.acceleration": (1.0, 2.0, 3.0),
         "initial.heliocentric_position_au": (0.0, 1.0, 0.5), "initial.coning_angle_deg": 3.0,
-        "event.time": (5.0,), "event.release": (2,),
+        "event.time": (5.0,), "event.release": (2,), "solar_wind.time": (0.0, 1e9),
+        "voltage.law": "harmonic", "voltage.cosine": (0.5,), "voltage.sine": (0.5,),
+        "voltage.time": (0.0, 1.0), "voltage.table": (0.5, 0.25),
     }  # fmt: skip
     value = values.get(key, 0.125)
     extra = {"tethers.second_moment": 2e-18} if key == "tethers.bending" else {}
-    extra |= EVENT if table == "event" else {}
+    extra |= beside(key)
     scene = sail.replace(extra | {key: value})
     assert getattr(getattr(scene, table), name) == value
     for other in SAIL_TABLES:
-        if other != table:
+        if other != table and not any(x.startswith(other + ".") for x in extra):
             assert getattr(scene, other) == getattr(sail, other)
 
 
@@ -213,17 +236,19 @@ def test_a_tracer_is_refused_for_structure_by_name(key, sail):
 
 @pytest.mark.parametrize("key", [key for key in SAIL_KEYS if key not in STRUCTURE])
 def test_a_tracer_is_accepted_for_every_number(key, sail):
-    vector = key in ("gravity.acceleration", "initial.heliocentric_position_au")
+    shapes = {"gravity.acceleration": 3, "initial.heliocentric_position_au": 3, "voltage.cosine": 1}
+    shapes |= {"voltage.sine": 1, "voltage.time": 2, "voltage.table": 2, "solar_wind.time": 2}
+    example = jnp.ones(shapes[key]) if key in shapes else 1.0
     seen = []
 
     def program(x):
-        scene = sail.replace({key: x})
+        scene = sail.replace(beside(key) | {key: x})
         seen.append(
             isinstance(getattr(getattr(scene, key.split(".")[0]), key.split(".")[1]), jax.core.Tracer)
         )
         return x
 
-    jax.make_jaxpr(program)(jnp.ones(3) if vector else 1.0)
+    jax.make_jaxpr(program)(example)
     assert seen == [True]
 
 

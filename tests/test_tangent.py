@@ -16,8 +16,9 @@ from quick import jit
 
 from esail_jax import newton_matrix
 from esail_jax.coordinates import Coordinates
-from esail_jax.scenes.build import build_jitted, split
+from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.scene import load_scene
+from esail_jax.scenes.structure import split
 
 TOLERANCE = 1e-10
 """Relative error of every column. Measured: at most 1e-15."""

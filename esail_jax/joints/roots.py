@@ -28,6 +28,11 @@ def radial_directions(azimuth: PerTether) -> Float[Array, "3 tether"]:
     return jnp.stack([jnp.zeros_like(azimuth), jnp.cos(azimuth), jnp.sin(azimuth)])
 
 
+def even_azimuths(count: int) -> PerTether:
+    """2 pi i / p [rad]."""
+    return 2.0 * jnp.pi * jnp.arange(count) / count
+
+
 def clamp_normals(azimuth: PerTether) -> Float[Array, "2 3 tether"]:
     """Two body-fixed unit vectors normal to each root direction: X_B and the azimuthal one."""
     zero, one = jnp.zeros_like(azimuth), jnp.ones_like(azimuth)
@@ -65,6 +70,11 @@ class HubRoots(eqx.Module):
     normals: Float[Array, "2 4 tether"] | None
     releases: Releases = Releases()
 
+    @property
+    def outward(self) -> Float[Array, "3 tether"]:
+        """Unit vectors from the spin axis through the roots, in B."""
+        return radial_directions(even_azimuths(self.weights.shape[-1]))
+
     def positions(self, points: HubPoints) -> Float[Array, "3 tether"]:
         """Root positions, or velocities or accelerations from those of the base points."""
         return points.T @ self.weights
@@ -85,6 +95,11 @@ class FrameRoots(eqx.Module):
     anchors: Float[Array, "3 tether"]
     normals: Float[Array, "2 3 tether"] | None
     releases: Releases = Releases()
+
+    @property
+    def outward(self) -> Float[Array, "3 tether"]:
+        """Unit vectors along the azimuths of the roots, in B."""
+        return radial_directions(even_azimuths(self.anchors.shape[-1]))
 
     def rotation(self, time: Scalar) -> Rotation:
         """C_B^I(t)."""

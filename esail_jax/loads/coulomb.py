@@ -3,7 +3,7 @@
 from typing import ClassVar
 
 from esail_jax.array_types import Instants, PerMember, VectorPerPoint
-from esail_jax.environment.solar_wind import SolarWind
+from esail_jax.environment.solar_wind import SolarWind, WindSeries
 from esail_jax.numerics.vectors import dot, reciprocal
 from esail_jax.terms import Load, PointFields
 
@@ -14,13 +14,14 @@ class CoulombThrust(Load):
     Per undeformed length. The tether's own velocity is not subtracted from the wind's.
     """
 
-    wind: SolarWind
+    wind: SolarWind | WindSeries
     voltage: PerMember
 
     name: ClassVar[str] = "coulomb"
     depends_on: ClassVar[tuple[str, ...]] = ("r", "r_x")
 
     def force(self, time: Instants, fields: PointFields, rates: PointFields) -> VectorPerPoint:
-        u = self.wind.velocity(fields.r)
+        wind = self.wind.at(time)
+        u = wind.velocity(fields.r)
         along = dot(fields.r_x, u) * reciprocal(dot(fields.r_x, fields.r_x))
-        return self.wind.thrust_per_speed(self.voltage) * (u - along * fields.r_x)
+        return wind.thrust_per_speed(self.voltage) * (u - along * fields.r_x)

@@ -152,5 +152,5 @@ def make_instant(
     load = None
     if system.loads:
         fields, rates = system.tethers.interpolate(q.tether), system.tethers.interpolate(v.tether)
-        load = sum(term.force(time, fields, rates) for term in system.loads)
+        load = sum(term.force(time, fields, rates) for term in system.steered(time, q).loads)
     return Instant(system, time, q, v, vdot, lam, work, start_energy, origin, forces, power, load)

@@ -140,9 +140,11 @@ OBSERVABLES = (
                lambda i: total_energy(i) - i.start_energy - i.work.external + i.work.dissipated),
     Observable("smallest_tether_distance", "m", "d_min", (), "remote units to other tethers",
                tether_distance),
+    Observable("voltage", "V", "V_i", ("tether",), "modulation law",
+               lambda i: i.system.voltage(i.time, i.q), needs="steering"),
 )  # fmt: skip
 
 
 def listed(system: System) -> list[Observable]:
-    """The observables of a sail; those of the hub only if there is one."""
-    return [entry for entry in OBSERVABLES if system.hub is not None or entry.needs != "hub"]
+    """The observables of a sail; those of the hub and of a voltage law only if there is one."""
+    return [x for x in OBSERVABLES if not x.needs or getattr(system, x.needs) is not None]

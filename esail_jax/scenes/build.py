@@ -1,18 +1,14 @@
 """From a scene to a system and its initial state: the only place that knows every part.
 
-`split` separates what decides the compiled program (`Structure`, hashable) from the numbers (one
-dictionary of arrays); `build` uses jax.numpy only, so every number has a derivative, the steady
-start included.
+`build` uses jax.numpy only, so every number has a derivative, the steady start included.
 """
 
-import dataclasses
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 
-from esail_jax.array_types import Array, Float, PerMember, PerTether, Rotation
+from esail_jax.array_types import Array, PerTether, Rotation
 from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.coordinates import Coordinates
 from esail_jax.dynamics.rod_chain import RodChain, RodState
@@ -23,34 +19,10 @@ from esail_jax.elements.hinges import Hinges
 from esail_jax.elements.rigid_body import RigidBody
 from esail_jax.elements.tether import Tethers
 from esail_jax.environment.circular_orbit import CircularOrbit
-from esail_jax.environment.orbit import orbital_frame
-from esail_jax.environment.solar_wind import SolarWind
 from esail_jax.joints import roots as joints
-from esail_jax.loads.coulomb import CoulombThrust
-from esail_jax.scenes.keys import rule_of
-from esail_jax.scenes.scene import Scene
-from esail_jax.scenes.tables import TABLES
+from esail_jax.scenes.structure import Numbers, Structure
+from esail_jax.scenes.surroundings import coulomb_thrust, starting_attitude, steering_of
 from esail_jax.system import Power, System
-
-SCHEDULE = ("integrator.t_end", "integrator.step", "output.interval", "event.time", "event.release")
-"""Structure of the run, not of the compiled program."""
-
-Numbers = dict[str, Array]
-
-
-@dataclasses.dataclass(frozen=True)
-class Structure:
-    """What is compiled: the choices of a scene, and which numbers it has."""
-
-    choices: tuple[tuple[str, Any], ...]
-    numbers: frozenset[str]
-
-    def __getitem__(self, key: str) -> Any:
-        return dict(self.choices)[key]
-
-    def has(self, table: str) -> bool:
-        """Is any number of this table, or this very key, there?"""
-        return any(key == table or key.startswith(table + ".") for key in self.numbers)
 
 
 class Model(NamedTuple):
@@ -62,32 +34,6 @@ class Model(NamedTuple):
     unbalanced: PerTether  # [N] left over by the steady elongation
 
 
-def split(scene: Scene) -> tuple[Structure, Numbers]:
-    """The scene's structure and its numbers; those per tether or rod as arrays, one for each."""
-    choices, numbers = [], {}
-    for table in TABLES:
-        content = getattr(scene, table)
-        for field in dataclasses.fields(content) if content is not None else ():
-            key, value, rule = f"{table}.{field.name}", getattr(content, field.name), rule_of(field)
-            if rule.structure:
-                choices += [(key, value)] if key not in SCHEDULE else []
-            elif value is not None:
-                value = jnp.asarray(value, float)
-                tail = {"member": (), "vectors": (3,)}.get(rule.shape)
-                shape = value.shape if tail is None else (scene.members.count, *tail)
-                numbers[key] = jnp.broadcast_to(value, shape)
-    if scene.event is not None:
-        numbers["event.release_time"] = release_times(scene)
-    return Structure(tuple(choices), frozenset(numbers)), numbers
-
-
-def release_times(scene: Scene) -> PerTether:
-    """When each tether is let go [s], infinite if never."""
-    times = np.full(scene.tethers.count, np.inf)
-    times[np.array(scene.event.release) - 1] = scene.event.time
-    return jnp.asarray(times)
-
-
 def build(structure: Structure, numbers: Numbers) -> Model:
     """System and initial state of a scene's structure and numbers: of a sail ([PGV] Sec. 4.1), or of
     a chain in the coordinates of its joints."""
@@ -97,14 +43,15 @@ def build(structure: Structure, numbers: Numbers) -> Model:
         q, v = chain.coordinates(state)
         return Model(chain.system, q, v, jnp.zeros(1))
     start, origin = starting_attitude(n)
-    azimuth = 2.0 * jnp.pi * jnp.arange(structure["tethers.count"]) / structure["tethers.count"]
+    azimuth = joints.even_azimuths(structure["tethers.count"])
     hub = None
     if structure.has("hub"):
         hub = RigidBody(n["hub.height"], n["hub.radius"], n["hub.density"])
     terms = material_terms(structure, n)
-    loads = ()
+    loads, steering = (), None
     if structure.has("solar_wind"):
-        loads = (coulomb_thrust(n, origin, n["voltage.value"]),)
+        loads = (coulomb_thrust(n, origin),)
+        steering = steering_of(structure, n, loads[0])
     system = System(
         tethers=tethers_of(structure, n, bool(loads)),
         roots=roots_of(structure, n, hub, azimuth, start),
@@ -113,22 +60,10 @@ def build(structure: Structure, numbers: Numbers) -> Model:
         dissipations=terms[1],
         loads=loads,
         gravity=n.get("gravity.acceleration"),
+        steering=steering,
     )
     q, v, unbalanced = initial_state(structure, n, system, azimuth, start)
     return Model(system, q, v, unbalanced)
-
-
-def coulomb_thrust(n: Numbers, origin: Float[Array, "3"], voltage: PerMember) -> CoulombThrust:
-    """The load of [solar_wind] and [voltage]."""
-    keys = ("solar_wind.speed", "solar_wind.number_density", "solar_wind.cutoff_voltage")
-    return CoulombThrust(SolarWind(*(n[key] for key in keys), origin), voltage)
-
-
-def starting_attitude(n: Numbers) -> tuple[Rotation, Float[Array, "3"]]:
-    """C_B^I(0): the orbital frame turned by (alpha - 90 deg) about Y_O; and R_0 [m]."""
-    origin = n["initial.heliocentric_position_au"] * ASTRONOMICAL_UNIT
-    pitch = jnp.deg2rad(n["initial.sailing_angle_deg"] - 90.0)
-    return orbital_frame(origin) @ joints.rotation_about_y(pitch), origin
 
 
 def material_terms(structure: Structure, n: Numbers) -> tuple[tuple, tuple]:
@@ -240,7 +175,7 @@ def build_chain(structure: Structure, n: Numbers) -> tuple[RodChain, RodState]:
         dissipations = (AxialDissipation(axial, column["chain.axial_damping_time"], strain),)
     if structure.has("solar_wind"):
         origin = n["initial.heliocentric_position_au"] * ASTRONOMICAL_UNIT
-        loads = (coulomb_thrust(n, origin, n["voltage.value"][:, None]),)
+        loads = (coulomb_thrust(n | {"voltage.value": n["voltage.value"][:, None]}, origin),)
     tethers = Tethers(
         element_length=length,
         line_density=column["chain.mass"] / length,

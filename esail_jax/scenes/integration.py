@@ -16,8 +16,10 @@ from jax import lax
 from esail_jax.array_types import Array
 from esail_jax.dynamics.rod_chain import fastest_rate, turning_rate
 from esail_jax.dynamics.runge_kutta import REACH
-from esail_jax.scenes.build import Numbers, Structure, build_chain, coulomb_thrust, split
+from esail_jax.scenes.build import build_chain
 from esail_jax.scenes.scene import Scene
+from esail_jax.scenes.structure import Numbers, Structure, split
+from esail_jax.scenes.surroundings import coulomb_thrust
 from esail_jax.scenes.together import FIXED_STEP, method_of
 
 PAPER = {"step": 0.1, "spectral_radius": 0.25}
@@ -88,8 +90,9 @@ def smallest_strain(n: Numbers) -> Array:
     mass = n.get("remote_units.mass", 0.0) + 0.5 * n["tethers.density"] * n["tethers.area"] * length
     force = mass * spin**2 * length
     if "solar_wind.speed" in n:
-        wind = coulomb_thrust(n, jnp.zeros(3), n["voltage.value"])
-        across = wind.wind.thrust_per_speed(wind.voltage) * wind.wind.speed
+        load = coulomb_thrust(n, jnp.zeros(3))
+        wind = load.wind.at(jnp.zeros(()))
+        across = wind.thrust_per_speed(load.voltage) * wind.speed
         force = jnp.maximum(force, across * length)
     return (force / (n["tethers.youngs_modulus"] * n["tethers.area"])).min()
 

@@ -34,7 +34,8 @@ class Rule:
     must: str
     accepts: Callable[[Any], bool] = lambda value: True
     shape: str = "scalar"  # or "member": one number or one per tether (or rod); "vector": three
-    # numbers; "vectors": three, or three per rod; "list": as many as wanted
+    # numbers; "vectors": three, or three per rod; "list": as many as wanted; "series": one number or a
+    # list; "grid": a list, or one of lists with one number per tether
     structure: bool = False  # recompiles, takes no tracer
     kind: str = "number"  # or "integer", "choice", "switch"
     choices: tuple[str, ...] = ()
@@ -66,6 +67,10 @@ def non_negative(shape: str = "scalar") -> Rule:
 
 def any_number(shape: str = "scalar") -> Rule:
     return Rule("be a finite number", lambda x: True, shape)
+
+
+def increasing() -> Rule:
+    return Rule("increase", lambda x: x.ndim == 1 and bool((np.diff(x) > 0).all()), "series")
 
 
 def listed(rule: Rule) -> Rule:
@@ -169,6 +174,8 @@ def known(value: Any) -> np.ndarray | None:
 def plural(rule: Rule, members: Members | None) -> str:
     if rule.shape in ("vector", "vectors"):
         return " for each of x, y, z"
+    if rule.shape in ("series", "grid"):
+        return " or a list of numbers"
     name = "tether" if members is None else members.name
     return f" or a list with one per {name}" if rule.shape == "member" else ""
 
@@ -182,6 +189,15 @@ def check_shape(key: str, value: Any, rule: Rule, members: Members | None) -> An
     elif rule.shape == "list":
         if len(shape) != 1:
             raise SceneError(key, "be a list of numbers", wrong_shape(value))
+    elif rule.shape == "series":
+        if len(shape) > 1:
+            raise SceneError(key, "be a number or a list of numbers", wrong_shape(value))
+    elif rule.shape == "grid":
+        if len(shape) not in (1, 2):
+            raise SceneError(key, "be a list of numbers, or of such lists", wrong_shape(value))
+        if len(shape) == 2 and members is not None and shape[1] != members.count:
+            must = f"have lists of {members.count} (`{members.key}`)"
+            raise SceneError(key, must, f"has lists of {shape[1]}")
     elif rule.shape == "vectors":
         if shape != (3,) and (len(shape) != 2 or shape[1] != 3):
             must = f"be a list of three numbers, or of one such list per {members.name}"

@@ -160,8 +160,9 @@ def repeated(tables: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def merged(tables: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
-    """Tables with other values, by key. An interval that nobody gives stays that of the tables' own
-    t_end, so that a run may go on to a later one. Raises SceneError."""
+    """Tables with other values, by key; None takes a key out, with the last one its table. An interval that
+    nobody gives stays that of the tables' own t_end, so that a run may go on to a later one. Raises
+    SceneError."""
     result = {name: dict(x) if isinstance(x, Mapping) else x for name, x in repeated(tables).items()}
     kinds = tables_of([*tables, *(key.partition(".")[0] for key in overrides)])
     for key, value in overrides.items():
@@ -172,6 +173,10 @@ def merged(tables: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str,
         if not isinstance(content, dict):
             raise SceneError(table, "be a table", keys.describe(content))
         content[name] = value
+        if value is None:
+            del content[name]
+        if not content:
+            del result[table]
     schedule = tables.get("integrator")
     if "output" not in result and isinstance(schedule, Mapping) and "t_end" in schedule:
         rule = keys.rule_of(Integrator.__dataclass_fields__["t_end"])

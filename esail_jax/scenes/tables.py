@@ -74,18 +74,50 @@ class RemoteUnits:
 
 @dataclasses.dataclass(frozen=True)
 class SolarWind:
-    """Local values at the sail ([PGV] after Eq. 28)."""
+    """Local values at the sail ([PGV] after Eq. 28); with `time`, speed and density at those instants. In a
+    file, `file` may name a CSV file with these three columns (`scenes/series.py`)."""
 
-    speed: Any = declare(keys.positive())  # m/s
-    number_density: Any = declare(keys.non_negative())  # 1/m^3
+    speed: Any = declare(keys.positive("series"))  # m/s
+    number_density: Any = declare(keys.non_negative("series"))  # 1/m^3
     cutoff_voltage: Any = declare(keys.any_number())  # V, V_1
+    time: Any = declare(keys.increasing(), None)  # s
+
+
+LAWS = {
+    "constant": ("value",),
+    "harmonic": ("value", "cosine", "sine", "maximum", "slew_rate"),
+    "piecewise-linear": ("value", "time", "table", "maximum"),
+    "on-off": ("value", "on", "off", "rise_time", "maximum", "slew_rate"),
+    "feedback": ("value", "gain", "target_sailing_angle_deg", "maximum"),
+    "planar-cone": ("coning_angle_deg", "spin_rate", "maximum"),
+}
+"""Modulation laws and the keys of each."""
+
+MAY_LACK = ("cosine", "sine", "off", "maximum", "slew_rate")
+"""Keys that a law can do without."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Voltage:
-    """Tether voltage V_0."""
+    """Tether voltage V_0, and its modulation (`loads/voltage.py`)."""
 
-    value: Any = declare(keys.any_number("member"))  # V
+    value: Any = declare(keys.any_number("member"), None)  # V
+    law: Any = declare(keys.choice(*LAWS), "constant")
+    maximum: Any = declare(keys.positive(), None)  # V
+    slew_rate: Any = declare(keys.positive(), None)  # V/s
+    cosine: Any = declare(keys.any_number("grid"), None)  # parts of V_0, a row per harmonic
+    sine: Any = declare(keys.any_number("grid"), None)
+    time: Any = declare(keys.increasing(), None)  # s
+    table: Any = declare(keys.non_negative("grid"), None)  # parts of V_0, a row per instant
+    on: Any = declare(keys.any_number("member"), None)  # s
+    off: Any = declare(keys.any_number("member"), None)  # s
+    rise_time: Any = declare(keys.positive(), None)  # s
+    gain: Any = declare(keys.any_number(), None)
+    target_sailing_angle_deg: Any = declare(keys.any_number(), None)
+    coning_angle_deg: Any = declare(
+        keys.between("lie in (-90, 90)", lambda x: bool((np.abs(x) < 90.0).all())), None
+    )
+    spin_rate: Any = declare(keys.any_number(), None)  # rad/s
 
 
 @dataclasses.dataclass(frozen=True)

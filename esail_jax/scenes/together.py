@@ -2,9 +2,13 @@
 
 from typing import Protocol, runtime_checkable
 
+import numpy as np
+
 from esail_jax.scenes import keys
 from esail_jax.scenes.keys import SceneError
 from esail_jax.scenes.tables import (
+    LAWS,
+    MAY_LACK,
     Chain,
     ChainInitial,
     Event,
@@ -62,6 +66,10 @@ def check_together(scene: Parts) -> None:
         check_sail(scene)
     else:
         check_chain(scene)
+    if scene.voltage is not None:
+        check_voltage(scene)
+    if scene.solar_wind is not None:
+        check_wind(scene)
     if (scene.voltage is None) != (scene.solar_wind is None):
         have, lack = ("solar_wind", "voltage") if scene.voltage is None else ("voltage", "solar_wind")
         first = names_of(tables_of([scene.main])[lack])[0]
@@ -100,6 +108,54 @@ def check_sail(scene: Parts) -> None:
         raise SceneError("integrator.spectral_radius", "be below 1 with constraints", keys.describe(radius))
     if scene.event is not None:
         check_events(scene)
+
+
+def check_voltage(scene: Parts) -> None:
+    """Which keys the modulation law needs and has, and that its numbers fit each other and the limits."""
+    table = scene.voltage
+    used = LAWS[table.law]
+    for name in used:
+        if getattr(table, name) is None and name not in MAY_LACK:
+            with_law = "" if table.law == "constant" else f" with the law {table.law}"
+            raise SceneError(f"voltage.{name}", "be given" + with_law, "is missing")
+    for name in names_of(type(table)):
+        if name not in (*used, "law") and getattr(table, name) is not None:
+            raise SceneError(f"voltage.{name}", f"be left out with the law {table.law}", "is given")
+    if scene.chain is not None and table.law != "constant":
+        raise SceneError("voltage.law", 'be "constant" for a chain', f'is "{table.law}"')
+    if table.law == "harmonic":
+        rows = {name: np.shape(getattr(table, name)) for name in ("cosine", "sine")}
+        if not rows["cosine"] and not rows["sine"]:
+            raise SceneError("voltage.cosine", "be given with the law harmonic", "is missing")
+        if rows["cosine"] and rows["sine"] and rows["cosine"][0] != rows["sine"][0]:
+            must = f"have as many harmonics as `voltage.cosine` ({rows['cosine'][0]})"
+            raise SceneError("voltage.sine", must, f"has {rows['sine'][0]}")
+    if table.law == "piecewise-linear":
+        instants = np.shape(table.time)[0]
+        if np.shape(table.table)[0] != instants:
+            must = f"have as many rows as `voltage.time` has instants ({instants})"
+            raise SceneError("voltage.table", must, f"has {np.shape(table.table)[0]}")
+    if table.law == "planar-cone" and scene.hub is not None:
+        raise SceneError("voltage.law", "not be planar-cone with a hub", 'is "planar-cone"')
+
+
+def check_wind(scene: Parts) -> None:
+    """Of a wind that varies in time: a value for every instant, from the start to the end."""
+    table = scene.solar_wind
+    count = None if table.time is None else np.shape(table.time)[0]
+    for name in ("speed", "number_density"):
+        shape = np.shape(getattr(table, name))
+        if count is None and shape:
+            raise SceneError(
+                "solar_wind.time", f"be given with a list of `solar_wind.{name}`", "is missing"
+            )
+        if count is not None and shape not in ((), (count,)):
+            must = f"be a number or a list of {count} (`solar_wind.time`)"
+            raise SceneError(f"solar_wind.{name}", must, f"has {shape[0]} entries")
+    time = None if count is None else keys.known(table.time)
+    if time is not None and (time[0] > 0.0 or time[-1] < scene.integrator.t_end):
+        must = f"reach from 0 to `integrator.t_end` ({scene.integrator.t_end:g})"
+        raise SceneError("solar_wind.time", must, f"reaches from {time[0]:g} to {time[-1]:g}")
 
 
 def check_events(scene: Parts) -> None:

@@ -18,8 +18,9 @@ from esail_jax.dynamics.fixed_step import KEEP, StepInfo
 from esail_jax.dynamics.generalized_alpha import GeneralizedAlpha
 from esail_jax.entry import QUICK_COMPILE, fresh_state, with_jerk
 from esail_jax.numerics.vectors import dot
-from esail_jax.scenes.build import build, split
+from esail_jax.scenes.build import build
 from esail_jax.scenes.integration import with_method
+from esail_jax.scenes.structure import split
 from esail_jax.system import Power
 from esail_jax.terms import Energy, PointFields
 

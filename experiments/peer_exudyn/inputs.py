@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 
 from esail_jax import Scene, constants
-from esail_jax.scenes.build import build_jitted, split
+from esail_jax.scenes.build import build_jitted
+from esail_jax.scenes.structure import split
 
 POINTS = 5
 """Gauss points per element of the load: as many as Exudyn's cable has for its axial force."""

@@ -15,7 +15,8 @@ from esail_jax import newton_matrix
 from esail_jax.dynamics.consistent import consistent_acceleration
 from esail_jax.dynamics.generalized_alpha import GeneralizedAlpha
 from esail_jax.numerics import bordered
-from esail_jax.scenes.build import build, split
+from esail_jax.scenes.build import build
+from esail_jax.scenes.structure import split
 
 STEPS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0)
 

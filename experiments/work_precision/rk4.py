@@ -16,7 +16,7 @@ from esail_jax import blocks
 from esail_jax.bench import Run, with_method
 from esail_jax.dynamics.consistent import consistent_acceleration
 from esail_jax.dynamics.stages import Point
-from esail_jax.scenes.build import split
+from esail_jax.scenes.structure import split
 
 WORKS = ("external_work", "dissipated_energy", "energy_balance_error")
 """Observables that need integrals along the run, which are not taken here."""

@@ -6,8 +6,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax.scenes.build import split, tethers_of
+from esail_jax.scenes.build import tethers_of
 from esail_jax.scenes.scene import load_scene
+from esail_jax.scenes.structure import split
 
 from . import pgv_a_forms as forms
 from . import pgv_a_sail as sail

@@ -4,8 +4,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax.scenes.build import build, split
+from esail_jax.scenes.build import build
 from esail_jax.scenes.scene import load_scene
+from esail_jax.scenes.structure import split
 
 from . import pgv_a_forms as forms
 from . import pgv_a_sail as sail

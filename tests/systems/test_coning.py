@@ -17,8 +17,9 @@ from esail_jax.dynamics.equilibrium import equilibrium
 from esail_jax.dynamics.steady_stretch import steady_line
 from esail_jax.environment.solar_wind import SolarWind
 from esail_jax.loads.coulomb import CoulombThrust
-from esail_jax.scenes.build import build_jitted, split
+from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.scene import load_scene
+from esail_jax.scenes.structure import split
 from systems.drive import one_tether, straight
 
 LENGTH, DENSITY, TIP, SPIN = 1e4, 7653.0 * 4.28e-9, 1.5, 4e-3

@@ -1,0 +1,221 @@
+"""Voltage modulation laws: the voltage of every tether as a function of time and of what a sail can see.
+
+Angles of a tether about the spin axis are counted in the sense of the spin from the azimuth at which the
+wind's component in the spin plane points outward along it, phi = 0 there. Where the wind blows along the
+spin axis, to FADE, there is no such azimuth, and laws of the phase fade to their mean.
+
+Limits 0 <= V <= V_max hold by construction: every law ends in `limited`.
+"""
+
+from abc import abstractmethod
+from typing import ClassVar, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from esail_jax.array_types import Array, Float, PerTether, Scalar, Vector
+
+FADE = 1e-4
+"""Sine of the angle between wind and spin axis at which the phase is felt by a factor 1/sqrt(2) less."""
+
+BLEND = 0.02
+"""Part of V_max over which a limit is approached smoothly."""
+
+STEEPEST = 1.875
+"""Largest slope of the smooth step, over that of a straight ramp."""
+
+
+Volts = Float[Array, "*any"]
+
+
+class Sight(NamedTuple):
+    """What a law may measure: time [s] and, as unit vectors in I, the spin axis X_B, the wind, the roots'
+    directions outward in the spin plane, and those from every root to its tip."""
+
+    time: Scalar
+    axis: Vector
+    wind: Vector
+    outward: Float[Array, "3 tether"]
+    chords: Float[Array, "3 tether"]
+
+    @property
+    def hub_phase(self) -> Float[Array, "2 tether"]:
+        """cos phi and sin phi of the roots."""
+        return self.phase(self.outward)
+
+    @property
+    def tether_phase(self) -> Float[Array, "2 tether"]:
+        """cos phi and sin phi of the tethers' chords."""
+        flat = self.chords - self.axis[:, None] * (self.axis @ self.chords)
+        return self.phase(flat / jnp.linalg.norm(flat, axis=0))
+
+    def phase(self, outward: Float[Array, "3 tether"]) -> Float[Array, "2 tether"]:
+        """cos phi and sin phi of unit vectors in the spin plane."""
+        across = self.wind - self.axis * (self.axis @ self.wind)
+        toward = across / jnp.sqrt(across @ across + FADE**2)
+        return jnp.stack([toward @ outward, jnp.cross(self.axis, toward) @ outward])
+
+
+class VoltageLaw(eqx.Module):
+    """V_i of every tether. maximum V_max [V], None: no upper limit."""
+
+    smooth: ClassVar[bool] = False
+
+    maximum: eqx.AbstractVar[Scalar | None]
+    name: eqx.AbstractClassVar[str]
+
+    @abstractmethod
+    def wanted(self, sight: Sight) -> PerTether:
+        """V [V] before limits."""
+
+    def volts(self, sight: Sight) -> PerTether:
+        """V [V]."""
+        return limited(self.wanted(sight), self.maximum, self.smooth)
+
+
+class Harmonic(VoltageLaw):
+    """V = V_0 (1 + sum_k a_k cos k phi + b_k sin k phi) in the phase of the root; a, b (harmonic, tether).
+
+    Amplitudes are made smaller where V could change faster than slew_rate [V/s] at the spin rate given."""
+
+    value: PerTether
+    cosine: Float[Array, "harmonic tether"]
+    sine: Float[Array, "harmonic tether"]
+    maximum: Scalar | None
+    slew_rate: Scalar | None
+    spin_rate: Scalar
+
+    name: ClassVar[str] = "harmonic voltage"
+    smooth: ClassVar[bool] = True
+
+    def wanted(self, sight: Sight) -> PerTether:
+        c, s = sight.hub_phase
+        once = lax.complex(c, s)
+        waves = once ** jnp.arange(1, len(self.cosine) + 1)[:, None]
+        change = (self.cosine * waves.real + self.sine * waves.imag).sum(0)
+        return self.value * (1.0 + self.allowed() * change)
+
+    def allowed(self) -> PerTether | float:
+        """Part of the amplitudes that the slew rate allows."""
+        if self.slew_rate is None:
+            return 1.0
+        orders = np.arange(1.0, len(self.cosine) + 1.0)
+        amplitude = jnp.sqrt(self.cosine**2 + self.sine**2 + 1e-30)
+        fastest = jnp.abs(self.value * self.spin_rate) * (orders[:, None] * amplitude).sum(0)
+        return jnp.minimum(1.0, self.slew_rate / jnp.maximum(fastest, 1e-30))
+
+
+class TimeTable(VoltageLaw):
+    """V_0 times what lies on straight lines between `table` (instant, tether) at increasing instants [s];
+    constant before the first and after the last."""
+
+    value: PerTether
+    time: Float[Array, " instant"]
+    table: Float[Array, "instant tether"]
+    maximum: Scalar | None
+
+    name: ClassVar[str] = "voltage table"
+
+    def wanted(self, sight: Sight) -> PerTether:
+        return self.value * jax.vmap(lambda x: jnp.interp(sight.time, self.time, x), 1)(self.table)
+
+
+class OnOff(VoltageLaw):
+    """V_0 between `on` and `off` [s], off None: for good. It rises and falls within rise_time [s], as the
+    smooth step of fifth order, whose first two derivatives vanish at its ends; more slowly where that
+    would be faster than slew_rate [V/s]."""
+
+    value: PerTether
+    on: PerTether
+    off: PerTether | None
+    rise_time: Scalar
+    maximum: Scalar | None
+    slew_rate: Scalar | None
+
+    name: ClassVar[str] = "switched voltage"
+
+    def wanted(self, sight: Sight) -> PerTether:
+        rise = self.rise_time
+        if self.slew_rate is not None:
+            rise = jnp.maximum(rise, STEEPEST * jnp.abs(self.value) / self.slew_rate)
+        part = smooth_step((sight.time - self.on) / rise)
+        if self.off is not None:
+            part = part * smooth_step(1.0 - (sight.time - self.off) / rise)
+        return self.value * part
+
+
+class Feedback(VoltageLaw):
+    """V = V_0 (1 + g (n . u) d . (e_i x n)): tethers whose thrust turns the spin axis n = X_B toward
+    `target` (unit vector in I) pull more. d: what of the target lies in the spin plane; e_i: outward at
+    root i; u: along the wind. gain g [-]."""
+
+    value: PerTether
+    gain: Scalar
+    target: Vector
+    maximum: Scalar | None
+
+    name: ClassVar[str] = "attitude feedback"
+    smooth: ClassVar[bool] = True
+
+    def wanted(self, sight: Sight) -> PerTether:
+        axis = sight.axis
+        miss = self.target - axis * (axis @ self.target)
+        lever = miss @ jnp.cross(sight.outward, axis[:, None], axis=0)
+        return self.value * (1.0 + self.gain * (axis @ sight.wind) * lever)
+
+
+class PlanarCone(VoltageLaw):
+    """The law that keeps rigid tethers of a fixed anchor on their cone,
+
+    sigma = sigma_bar / (1 - x cos phi)^3,  x = tan alpha tan Lambda,
+    sigma_bar = 2 I omega_0^2 sin Lambda / (L^2 cos alpha),
+
+    in the phase of the tether, which then turns with phi' = omega_0 / (1 - x cos phi).
+
+    load_bar: sigma_bar [N/m]; cutoff_voltage V_1 and load_per_volt [N/(m V)] turn a load into a voltage.
+    """
+
+    load_bar: PerTether
+    x: PerTether
+    cutoff_voltage: Scalar
+    load_per_volt: Scalar
+    maximum: Scalar | None
+
+    name: ClassVar[str] = "planar cone"
+
+    def wanted(self, sight: Sight) -> PerTether:
+        cosine, _ = sight.tether_phase
+        load = self.load_bar / (1.0 - self.x * cosine) ** 3
+        return self.cutoff_voltage + load / self.load_per_volt
+
+
+def cone_load(
+    inertia: PerTether, spin_rate: Scalar, coning: Scalar, sailing: Scalar, length: PerTether
+) -> PerTether:
+    """sigma_bar [N/m] of `PlanarCone`. inertia I [kg m^2] of a tether about its root; angles in rad."""
+    return 2.0 * inertia * spin_rate**2 * jnp.sin(coning) / (length**2 * jnp.cos(sailing))
+
+
+def limited(volts: Volts, maximum: Scalar | None, smooth: bool) -> Volts:
+    """0 <= V <= V_max, V itself between. smooth: bending within BLEND V_max of a limit, where there is an
+    upper one, so that a derivative knows of it before it is reached."""
+    if maximum is None:
+        return jnp.maximum(volts, 0.0)
+    if not smooth:
+        return jnp.clip(volts, 0.0, maximum)
+    width = BLEND * maximum
+    return maximum - above_zero(maximum - above_zero(volts, width), width)
+
+
+def above_zero(x: Volts, width: Scalar | float) -> Volts:
+    """0 below -width, x above width, a parabola between."""
+    return jnp.where(x > width, x, jnp.maximum(x + width, 0.0) ** 2 / (4.0 * width))
+
+
+def smooth_step(x: Float[Array, "*any"]) -> Float[Array, "*any"]:
+    """6 x^5 - 15 x^4 + 10 x^3 from 0 to 1."""
+    x = jnp.clip(x, 0.0, 1.0)
+    return x**3 * (10.0 + x * (6.0 * x - 15.0))

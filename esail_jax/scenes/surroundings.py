@@ -1,0 +1,76 @@
+"""What surrounds a sail: the attitude it starts at, the wind, and the voltages of its tethers."""
+
+import jax.numpy as jnp
+
+from esail_jax.array_types import Array, Float, PerTether, Rotation
+from esail_jax.constants import ASTRONOMICAL_UNIT
+from esail_jax.environment.orbit import orbital_frame
+from esail_jax.environment.solar_wind import SolarWind, WindSeries
+from esail_jax.joints import roots as joints
+from esail_jax.loads import voltage
+from esail_jax.loads.coulomb import CoulombThrust
+from esail_jax.scenes.structure import Numbers, Structure
+
+
+def coulomb_thrust(n: Numbers, origin: Float[Array, "3"]) -> CoulombThrust:
+    """The load of [solar_wind] and of constant voltages; laws replace them."""
+    keys = ("solar_wind.speed", "solar_wind.number_density")
+    speed, density = (n[key] for key in keys)
+    cutoff = n["solar_wind.cutoff_voltage"]
+    wind: SolarWind | WindSeries = SolarWind(speed, density, cutoff, origin)
+    if "solar_wind.time" in n:
+        time = n["solar_wind.time"]
+        speed, density = (jnp.broadcast_to(x, time.shape) for x in (speed, density))
+        wind = WindSeries(time, speed, density, cutoff, origin)
+    volts = n["voltage.value"] if "voltage.value" in n else jnp.zeros(n["tethers.length"].shape)
+    return CoulombThrust(wind, volts)
+
+
+def steering_of(structure: Structure, n: Numbers, load: CoulombThrust) -> voltage.VoltageLaw | None:
+    """The modulation law of [voltage]; None: constant."""
+    law, maximum = structure["voltage.law"], n.get("voltage.maximum")
+    value, slew = n.get("voltage.value"), n.get("voltage.slew_rate")
+    if law == "harmonic":
+        given = [n[key] for key in ("voltage.cosine", "voltage.sine") if key in n]
+        waves = (per_tether(n.get(f"voltage.{x}", 0.0 * given[0]), value) for x in ("cosine", "sine"))
+        return voltage.Harmonic(value, *waves, maximum, slew, n["initial.spin_rate"])
+    if law == "piecewise-linear":
+        table = per_tether(n["voltage.table"], n["tethers.length"])
+        return voltage.TimeTable(value, n["voltage.time"], table, maximum)
+    if law == "on-off":
+        switched = (n.get(f"voltage.{x}") for x in ("on", "off", "rise_time"))
+        return voltage.OnOff(value, *switched, maximum, slew)
+    if law == "feedback":
+        attitude, _ = starting_attitude(
+            n | {"initial.sailing_angle_deg": n["voltage.target_sailing_angle_deg"]}
+        )
+        return voltage.Feedback(value, n["voltage.gain"], attitude[:, 0], maximum)
+    if law == "planar-cone":
+        return planar_cone(n, load, maximum)
+    return None
+
+
+def planar_cone(n: Numbers, load: CoulombThrust, maximum: Array | None) -> voltage.PlanarCone:
+    """The law for rigid tethers of the scene's lengths and masses at its sailing angle."""
+    coning, sailing = (
+        jnp.deg2rad(n[key]) for key in ("voltage.coning_angle_deg", "initial.sailing_angle_deg")
+    )
+    length, tip = n["tethers.length"], n.get("remote_units.mass", 0.0)
+    inertia = tip * length**2 + n["tethers.density"] * n["tethers.area"] * length**3 / 3.0
+    wind = load.wind.at(jnp.zeros(()))
+    per_volt = wind.speed * wind.thrust_per_speed(wind.cutoff_voltage + 1.0)
+    bar = voltage.cone_load(inertia, n["voltage.spin_rate"], coning, sailing, length)
+    x = jnp.broadcast_to(jnp.tan(sailing) * jnp.tan(coning), length.shape)
+    return voltage.PlanarCone(bar, x, wind.cutoff_voltage, per_volt, maximum)
+
+
+def per_tether(rows: Array, like: PerTether) -> Float[Array, "row tether"]:
+    """Rows of one number for all tethers, or of one for each."""
+    return jnp.broadcast_to(rows if rows.ndim == 2 else rows[:, None], (rows.shape[0], *like.shape))
+
+
+def starting_attitude(n: Numbers) -> tuple[Rotation, Float[Array, "3"]]:
+    """C_B^I(0): the orbital frame turned by (alpha - 90 deg) about Y_O; and R_0 [m]."""
+    origin = n["initial.heliocentric_position_au"] * ASTRONOMICAL_UNIT
+    pitch = jnp.deg2rad(n["initial.sailing_angle_deg"] - 90.0)
+    return orbital_frame(origin) @ joints.rotation_about_y(pitch), origin

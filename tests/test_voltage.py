@@ -1,0 +1,210 @@
+"""Voltage laws and varying wind: what a sail sees, limits, and motion that is known in closed form."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from quick import jit
+
+import esail_jax as esail
+from esail_jax.loads.voltage import above_zero, limited, smooth_step
+
+SMALL = {
+    "tethers.count": 3,
+    "tethers.elements": 2,
+    "integrator.t_end": 300.0,
+    "output.interval": 10.0,
+}
+WAVES = SMALL | {
+    "voltage.law": "harmonic",
+    "voltage.cosine": [0.3, 0.1],
+    "voltage.sine": [[0.2, -0.1, 0.0], [0.05, 0.1, 0.15]],
+}
+
+
+def phases(run, origin):
+    """phi of every saved instant and tether, by angles in the spin plane: from the azimuth at which the
+    wind's component there points outward, positive about X_B."""
+    axes = run["rotation_IB"]
+    wind = np.einsum("tib,i->tb", axes, origin / np.linalg.norm(origin))
+    azimuth = 2 * np.pi * np.arange(3) / 3
+    return azimuth - np.arctan2(wind[:, 2], wind[:, 1])[:, None]
+
+
+def test_harmonics_of_the_phase():
+    """V = V_0 (1 + sum a_k cos k phi + b_k sin k phi), phi from the attitude by another formula; to the
+    fading at no angle of attack, 3e-7 here."""
+    scene = esail.load_scene("baseline", WAVES)
+    run = esail.simulate(scene)
+    phi = phases(run, np.array(scene.initial.heliocentric_position_au))
+    expected = 1.0 + 0.3 * np.cos(phi) + 0.1 * np.cos(2 * phi)
+    for order, row in enumerate(scene.voltage.sine, 1):
+        expected = expected + np.array(row) * np.sin(order * phi)
+    assert np.abs(run["voltage"] / (20e3 * expected) - 1.0).max() < 2e-6
+    assert np.ptp(run["voltage"]) > 10e3
+
+
+def test_limits_hold():
+    """However large the amplitudes, voltages and their rates stay within limits; well within, a limit
+    changes nothing."""
+    wild = WAVES | {"voltage.cosine": [3.0, -2.0], "voltage.maximum": 25e3, "output.interval": 1.0}
+    volts = esail.simulate("baseline", wild)["voltage"]
+    assert volts.min() >= 0.0 and volts.max() <= 25e3 and np.ptp(volts) > 24e3
+    slow = esail.simulate("baseline", wild | {"voltage.slew_rate": 20.0})["voltage"]
+    rate = np.abs(np.diff(slow, axis=0)).max()
+    assert 10.0 < rate <= 20.2  # of the spin rate at the start, which the wind changes by a percent
+    x = jnp.linspace(-10.0, 110.0, 1001)
+    cut = limited(x, jnp.asarray(100.0), smooth=True)
+    assert float(cut.min()) >= 0.0 and float(cut.max()) <= 100.0
+    inside = (x > 2.1) & (x < 97.9)
+    assert np.allclose(cut[inside], x[inside], rtol=1e-12)
+    assert bool((jnp.diff(cut) >= -1e-12).all())
+
+
+def test_smooth_corners():
+    """The blend at a limit and the switch have continuous slopes."""
+    for function, corners in ((lambda x: above_zero(x, 1.0), (-1.0, 1.0)), (smooth_step, (0.0, 1.0))):
+        for corner in corners:
+            before, after = (jax.grad(function)(corner + e) for e in (-1e-7, 1e-7))
+            assert abs(before - after) < 1e-6
+
+
+def test_table_in_time():
+    """Straight lines between the instants, a column for every tether."""
+    table = [[1.0, 0.0, 0.5], [0.0, 1.0, 0.5], [0.5, 0.5, 1.0]]
+    run = esail.simulate(
+        "baseline",
+        SMALL
+        | {"voltage.law": "piecewise-linear", "voltage.time": [20.0, 100.0, 250.0], "voltage.table": table},
+    )
+    for i, column in enumerate(np.transpose(table)):
+        expected = 20e3 * np.interp(run.time, [20.0, 100.0, 250.0], column)
+        assert np.allclose(run["voltage"][:, i], expected, rtol=1e-12, atol=1e-9)
+
+
+def test_switching_on_and_off():
+    """Before it rises a sail moves as without wind, and while it stays up as with constant voltage from
+    there; a pulse shorter than a step is not stepped over: energy put in is what the balance says."""
+    switched = SMALL | {"voltage.law": "on-off", "voltage.on": 100.0, "voltage.rise_time": 5.0}
+    run = esail.simulate("baseline", switched | {"voltage.off": 200.0})
+    off, volts = esail.simulate("baseline", SMALL | {"voltage.value": 0.0}), run["voltage"][:, 0]
+    early = run.time <= 100.0
+    # Steps differ; local errors are 2e-6 m.
+    assert np.allclose(run["tip_position_I"][early], off["tip_position_I"][early], rtol=0, atol=1e-4)
+    assert (volts[early] == 0.0).all() and (volts[(run.time >= 105.0) & (run.time <= 200.0)] == 20e3).all()
+    assert (volts[run.time >= 205.0] == 0.0).all()
+    pulse = esail.simulate(
+        "baseline", SMALL | {"voltage.law": "on-off", "voltage.on": 101.0, "voltage.off": 102.0,
+                             "voltage.rise_time": 0.5}
+    )  # fmt: skip
+    moved = np.abs(pulse["tip_position_I"][-1] - off["tip_position_I"][-1]).max()
+    assert (
+        0.5 * moved < np.abs(run["tip_position_I"][-1] - off["tip_position_I"][-1]).max() / 100 < 2 * moved
+    )
+    assert not pulse.stats["message"]
+
+
+def test_feedback_turns_the_axis_to_its_target():
+    """After one turn the spin axis is nearer to where the law wants it than with the gain reversed, by the
+    sign of the torque."""
+    turn = SMALL | {"integrator.t_end": 1570.0, "voltage.law": "feedback"}
+    turn |= {"voltage.target_sailing_angle_deg": 20.0}
+    ends = [
+        esail.simulate("baseline", turn | {"voltage.gain": gain})["sailing_angle"][-1]
+        for gain in (2, 0, -2)
+    ]
+    assert abs(ends[0]) > abs(ends[1]) > abs(ends[2])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("sailing", "coning"), [(20.0, 5.0), (35.0, 2.0)])
+def test_planar_cone_keeps_its_coning_angle(sailing, coning):
+    """A nearly rigid tether of a fixed anchor stays on its cone to 1e-3 deg over five turns; with the mean
+    of those voltages, constant, it leaves it by degrees: the wind's component in the plane is resonant."""
+    spin = 4e-3
+    rigid = {
+        "hub.height": None, "hub.radius": None, "hub.density": None, "voltage.value": None,
+        "tethers.count": 1, "tethers.elements": 2, "tethers.youngs_modulus": 70e12,
+        "tethers.second_moment": 1e12 / 70e12, "initial.sailing_angle_deg": sailing,
+        "initial.coning_angle_deg": coning, "initial.spin_rate": spin,
+        "integrator.t_end": 5 * 2 * np.pi / spin, "output.interval": 5.0,
+    }  # fmt: skip
+    law = {"voltage.law": "planar-cone", "voltage.coning_angle_deg": coning, "voltage.spin_rate": spin}
+    # Tether 1 starts across the wind, where phi' = omega_0.
+    run = esail.simulate("baseline", rigid | law)
+    assert np.abs(np.rad2deg(run["coning_angle"]) - coning).max() < 1e-3
+    mean = rigid | {"voltage.value": float(run["voltage"].mean())}
+    away = esail.simulate("baseline", mean)["coning_angle"]
+    assert np.abs(np.rad2deg(away) - coning).max() > 1.0
+
+
+def test_a_constant_law_leaves_no_trace():
+    """Nothing of a law is built, or reported, where voltages are constant."""
+    run = esail.simulate("baseline", SMALL)
+    assert "voltage" not in run.observables
+
+
+@pytest.mark.parametrize(
+    "method", ["collocation", pytest.param("generalized-alpha", marks=pytest.mark.slow)]
+)
+def test_derivative_of_a_steered_run(method):
+    """Forward mode is the difference quotient of concrete runs in an amplitude that the attitude feeds back
+    on, and reverse mode is forward mode."""
+    base = WAVES | {"integrator.method": method, "integrator.t_end": 100.0, "output.interval": 50.0}
+    base |= {"integrator.tolerance": 1e-11} if method == "collocation" else {}
+
+    def outcome(x):
+        run = esail.simulate("baseline", base | {"voltage.cosine": jnp.stack([x, 0.1 * x])})
+        return jnp.stack([run["tip_position_I"][-1, 0, 0], run["sailing_angle"][-1] * 1e4])
+
+    _, forward = jit(lambda x: jax.jvp(outcome, (x,), (1.0,)))(0.3)
+    quotient = [np.asarray(outcome(jnp.asarray(0.3 + e))) for e in (0.05, -0.05)]
+    quotient = (quotient[0] - quotient[1]) / 0.1
+    assert np.allclose(forward, quotient, rtol=1e-5, atol=0)
+    reverse = jit(jax.grad(lambda x: outcome(x).sum()))(0.3)
+    assert abs(reverse / forward.sum() - 1.0) < 1e-9
+
+
+def test_wind_in_time():
+    """A series that does not change is the steady wind; thrust follows speed and the root of the density at
+    the saved instants."""
+    steady = esail.simulate("baseline", SMALL)
+    wind = {"solar_wind.time": [0.0, 100.0, 300.0]}
+    same = esail.simulate("baseline", SMALL | wind)
+    assert np.allclose(same["tip_position_I"], steady["tip_position_I"], rtol=0, atol=1e-7)
+    speed, density = [4e5, 4e5, 6e5], [7.3e6, 14.6e6, 14.6e6]
+    varied = SMALL | wind | {"solar_wind.speed": speed, "solar_wind.number_density": density}
+    gusty = esail.simulate("baseline", varied)
+    factor = np.interp(gusty.time, wind["solar_wind.time"], speed) / 4e5
+    factor = factor * np.sqrt(np.interp(gusty.time, wind["solar_wind.time"], density) / 7.3e6)
+    thrust = np.linalg.norm(gusty["thrust_O"], axis=1) / np.linalg.norm(steady["thrust_O"], axis=1)
+    assert np.allclose(thrust, factor, rtol=2e-3)  # tethers hang back a little more
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        ({"voltage.law": "harmonic"},
+         r"`voltage.cosine` must be given with the law harmonic, but is missing"),
+        ({"voltage.law": "on-off", "voltage.on": 1.0},
+         r"`voltage.rise_time` must be given with the law on-off, but is missing"),
+        ({"voltage.gain": 1.0}, r"`voltage.gain` must be left out with the law constant, but is given"),
+        ({"voltage.law": "sawtooth"}, r"`voltage.law` must be \"constant\", .*, but is 'sawtooth'"),
+        ({**WAVES, "voltage.sine": [0.1]},
+         r"`voltage.sine` must have as many harmonics as `voltage.cosine` \(2\), but has 1"),
+        ({**WAVES, "voltage.sine": [[0.1, 0.2]]},
+         r"`voltage.sine` must have lists of 3 \(`tethers.count`\), but has lists of 2"),
+        ({"voltage.law": "piecewise-linear", "voltage.time": [1.0, 1.0], "voltage.table": [1.0, 1.0]},
+         r"`voltage.time` must increase, but is \[1.0, 1.0\]"),
+        ({"voltage.law": "piecewise-linear", "voltage.time": [0.0, 1.0], "voltage.table": [1.0]},
+         r"`voltage.table` must have as many rows as `voltage.time` has instants \(2\), but has 1"),
+        ({"solar_wind.speed": [1.0, 2.0]},
+         r"`solar_wind.time` must be given with a list of `solar_wind.speed`, but is missing"),
+        ({"solar_wind.time": [0.0, 10.0]},
+         r"`solar_wind.time` must reach from 0 to `integrator.t_end` \(.*\), but reaches from 0 to 10"),
+    ],
+)  # fmt: skip
+def test_bad_input(overrides, message):
+    """One line that names the key, before anything is compiled."""
+    with pytest.raises(esail.SceneError, match=message):
+        esail.load_scene("baseline", overrides)
