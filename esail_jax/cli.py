@@ -1,4 +1,4 @@
-"""The command `esail`: run, scenes, info, plot, bench.
+"""The command `esail`: run, scenes, info, plot, design, bench.
 
 Exit status: 0 done; 2 bad input, one line on stderr, nothing written; 3 the solver gave up, the file
 holds everything before; 130 interrupted, resumable.
@@ -44,6 +44,18 @@ def parser() -> Parser:
     plot = commands.add_parser("plot", help="draw figures of a run", allow_abbrev=False)
     plot.add_argument("run", type=Path, metavar="RUN.h5")
     plot.add_argument("-o", "--output", required=True, type=Path, metavar="DIR")
+    design = commands.add_parser("design", help="gradient-based voltage design", allow_abbrev=False)
+    design.add_argument("scene", help="a built-in scene or a TOML file")
+    design.add_argument("-o", "--output", required=True, type=Path, metavar="DIR")
+    design.add_argument("--t-end", metavar="SECONDS", help="end time in place of the scene's")
+    design.add_argument("--set", action="append", default=[], metavar="table.key=VALUE", dest="settings")
+    design.add_argument("--objective", action="append", default=[], metavar="NAME=WEIGHT", dest="weights")
+    design.add_argument("--iterations", type=int, default=30, metavar="N")
+    design.add_argument("--method", choices=("lbfgs", "adam"), default="lbfgs")
+    design.add_argument("--starts", type=int, default=1, metavar="N", help="begun from at once")
+    design.add_argument("--seed", type=int, default=0, help="of the other starts")
+    design.add_argument("--resume", action="store_true", help="go on with the design in DIR")
+    design.add_argument("--quiet", action="store_true", help="no progress, no summary")
     bench = commands.add_parser("bench", help="error against run time on this machine", allow_abbrev=False)
     bench.add_argument("--scene", default="baseline", help="a built-in scene or a TOML file")
     bench.add_argument("--t-end", metavar="SECONDS", help="end time in place of the scene's")
@@ -123,6 +135,32 @@ def plot(options: argparse.Namespace) -> int:
     return DONE
 
 
+def design(options: argparse.Namespace) -> int:
+    """`esail design`."""
+    from esail_jax.design_run import design_scene
+    from esail_jax.scenes.scene import load_scene
+
+    for name in ("iterations", "starts"):
+        if getattr(options, name) < 1:
+            raise UsageError(f"`--{name}` must be positive, but is {getattr(options, name)}")
+    weights = {}
+    for text in options.weights:
+        name, equals, weight = text.partition("=")
+        value = toml_or_text(weight)
+        if not equals or isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise UsageError(f"`--objective` must look like NAME=WEIGHT, but is {text!r}")
+        weights[name.strip()] = float(value)
+    use_compilation_cache()
+    names = ("iterations", "method", "starts", "seed", "resume", "quiet")
+    chosen = {name: getattr(options, name) for name in names}
+    scene = load_scene(options.scene, settings(options))
+    found = design_scene(scene, options.output, weights, **chosen)
+    from esail_jax.plotting.design import design_figure
+
+    design_figure(*found).savefig(options.output / "design.png", dpi=110)
+    return DONE
+
+
 def bench(options: argparse.Namespace) -> int:
     """`esail bench`: without the cache, so that compiling is timed."""
     from esail_jax.bench import NoReference, run_bench
@@ -137,7 +175,7 @@ def bench(options: argparse.Namespace) -> int:
     return DONE
 
 
-COMMANDS = {"run": run, "scenes": scenes, "info": info, "plot": plot, "bench": bench}
+COMMANDS = {"run": run, "scenes": scenes, "info": info, "plot": plot, "design": design, "bench": bench}
 
 
 def complain(error: Exception) -> None:

@@ -27,15 +27,21 @@ LAYERS = (
     ("prepare",),
     ("march",),
     ("simulate",),
+    ("objectives",),
+    ("design",),
     ("storage", "plotting", "progress"),
-    ("runner", "bench"),
+    ("runner", "bench", "design_run"),
     ("__init__",),
     ("cli",),
     ("__main__",),
 )
 """Lowest first. A name stands for a module, or for a folder with all its modules."""
 
-ONLY_IN = {"matplotlib": {"plotting"}, "mpl_toolkits": {"plotting"}, "h5py": {"storage", "runner"}}
+ONLY_IN = {
+    "matplotlib": {"plotting"},
+    "mpl_toolkits": {"plotting"},
+    "h5py": {"storage", "runner", "design_run"},
+}
 """Who may import what is slow to import or tied to a file format."""
 
 LAYER = {room: number for number, rooms in enumerate(LAYERS) for room in rooms}
