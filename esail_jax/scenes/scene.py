@@ -9,12 +9,14 @@ import difflib
 import os
 import tomllib
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from esail_jax.scenes import keys
 from esail_jax.scenes.keys import SceneError
+from esail_jax.scenes.series import with_wind_file
 from esail_jax.scenes.tables import (
     REPEATED,
     TABLES,
@@ -92,7 +94,7 @@ class Scene:
     def replace(self, overrides: Mapping[str, Any]) -> "Scene":
         """The scene with other values, by key; a table that was absent comes into being."""
         tables = {name: given(content) for name, content in vars(self).items() if content is not None}
-        return from_tables(merged(tables, overrides))
+        return from_tables(merged(*with_wind_file(tables, overrides, Path())))
 
 
 def unknown(key: str, tables: Mapping[str, type]) -> SceneError:
@@ -192,7 +194,8 @@ def parse(text: str, source: str, overrides: Mapping[str, Any] | None = None) ->
         tables = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # also numbers of thousands of digits
         raise SceneError(source, "be a TOML file", f"is not: {error}") from None
-    return from_tables(merged(tables, overrides or {}))
+    folder = Path(source).parent
+    return from_tables(merged(*with_wind_file(tables, overrides or {}, folder)))
 
 
 def to_toml(scene: Scene) -> str:
