@@ -76,21 +76,20 @@ def main() -> None:
     for i, name in enumerate(names):
         near, far = at(i, 1) - at(i, -1), at(i, 2) - at(i, -2)
         quotient, coarse = (8.0 * near - far) / (12.0 * CHANGE), far / (4.0 * CHANGE)
-        # What differences do not know: how much fourth order changes second order, cubed to the next, and noise.
+        # What differences do not know: a tenth of what the higher order changed.
         doubt = np.abs(quotient - near / (2.0 * CHANGE)) * 0.1
         for k, scalar in enumerate(SCALARS):
             scale = np.abs(reverse[k]).max()
             error = abs(quotient[k] - reverse[k, i])
-            rows.append(
-                (scalar, name, f"{reverse[k, i]:.8g}", f"{quotient[k]:.8g}", f"{error / max(abs(reverse[k, i]), 1e-300):.1e}",
-                 f"{error / scale:.1e}", f"{doubt[k] / scale:.1e}", f"{coarse[k]:.6g}")
-            )  # fmt: skip
-        print(name, *rows[-1][4:6], flush=True)
+            relative = error / max(abs(reverse[k, i]), 1e-300)
+            digits = (f"{x:.8g}" for x in (reverse[k, i], quotient[k], coarse[k]))
+            parts = (f"{x:.1e}" for x in (relative, error / scale, doubt[k] / scale))
+            rows.append((scalar, name, *digits, *parts))
+        print(name, *rows[-1][5:], flush=True)
     with open(Path(__file__).with_name("gradients.csv"), "w", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
-        table.writerow(
-            "scalar number reverse_mode differences relative of_largest doubt_of_differences second_order".split()
-        )
+        head = "scalar number reverse_mode differences second_order relative of_largest doubt_of_largest"
+        table.writerow(head.split())
         table.writerows(rows)
 
 
