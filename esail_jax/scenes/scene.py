@@ -22,6 +22,8 @@ from esail_jax.scenes.tables import (
     TABLES,
     Chain,
     ChainInitial,
+    ChainVoltage,
+    ChainWind,
     Event,
     Gravity,
     Hub,
@@ -54,8 +56,8 @@ class Scene:
     chain: Chain | None = None
     hub: Hub | None = None
     remote_units: RemoteUnits | None = None
-    solar_wind: SolarWind | None = None
-    voltage: Voltage | None = None
+    solar_wind: SolarWind | ChainWind | None = None
+    voltage: Voltage | ChainVoltage | None = None
     gravity: Gravity | None = None
     orbit: Orbit | None = None
     event: Event | None = None

@@ -121,6 +121,22 @@ class Voltage:
 
 
 @dataclasses.dataclass(frozen=True)
+class ChainWind:
+    """The wind on a chain: steady."""
+
+    speed: Any = declare(keys.positive())  # m/s
+    number_density: Any = declare(keys.non_negative())  # 1/m^3
+    cutoff_voltage: Any = declare(keys.any_number())  # V, V_1
+
+
+@dataclasses.dataclass(frozen=True)
+class ChainVoltage:
+    """The voltage of a chain: constant."""
+
+    value: Any = declare(keys.any_number("member"))  # V
+
+
+@dataclasses.dataclass(frozen=True)
 class Gravity:
     """Uniform gravity in the inertial frame."""
 
@@ -212,8 +228,8 @@ SAIL_TABLES = {
 
 CHAIN_TABLES = {
     "chain": Chain,
-    "solar_wind": SolarWind,
-    "voltage": Voltage,
+    "solar_wind": ChainWind,
+    "voltage": ChainVoltage,
     "gravity": Gravity,
     "orbit": Orbit,
     "initial": ChainInitial,

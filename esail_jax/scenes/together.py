@@ -11,6 +11,8 @@ from esail_jax.scenes.tables import (
     MAY_LACK,
     Chain,
     ChainInitial,
+    ChainVoltage,
+    ChainWind,
     Event,
     Hub,
     Initial,
@@ -44,8 +46,8 @@ class Parts(Protocol):
     tethers: Tethers | None
     chain: Chain | None
     hub: Hub | None
-    solar_wind: SolarWind | None
-    voltage: Voltage | None
+    solar_wind: SolarWind | ChainWind | None
+    voltage: Voltage | ChainVoltage | None
     event: Event | None
 
 
@@ -66,9 +68,9 @@ def check_together(scene: Parts) -> None:
         check_sail(scene)
     else:
         check_chain(scene)
-    if scene.voltage is not None:
+    if scene.voltage is not None and scene.chain is None:
         check_voltage(scene)
-    if scene.solar_wind is not None:
+    if scene.solar_wind is not None and scene.chain is None:
         check_wind(scene)
     if (scene.voltage is None) != (scene.solar_wind is None):
         have, lack = ("solar_wind", "voltage") if scene.voltage is None else ("voltage", "solar_wind")
@@ -121,8 +123,6 @@ def check_voltage(scene: Parts) -> None:
     for name in names_of(type(table)):
         if name not in (*used, "law") and getattr(table, name) is not None:
             raise SceneError(f"voltage.{name}", f"be left out with the law {table.law}", "is given")
-    if scene.chain is not None and table.law != "constant":
-        raise SceneError("voltage.law", 'be "constant" for a chain', f'is "{table.law}"')
     if table.law == "harmonic":
         rows = {name: np.shape(getattr(table, name)) for name in ("cosine", "sine")}
         if not rows["cosine"] and not rows["sine"]:
