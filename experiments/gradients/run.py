@@ -17,8 +17,8 @@ TOLERANCE = 1e-12
 """So that differences of runs, whose steps differ, are smooth."""
 
 CHANGES = (2e-3, 1e-4)
-"""Of voltages, and of all other numbers, for differences of fourth order: what changes frequencies turns the
-phase of the shortest waves, 0.3 rad/s, by a thousand times as much over the run."""
+"""Of voltages, and of all other numbers, for differences of fourth order: what changes frequencies turns
+the phase of the shortest waves, 0.3 rad/s, by a thousand times as much over the run."""
 
 NUMBERS = {
     "initial.spin_rate": 4e-3,
