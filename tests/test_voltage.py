@@ -90,16 +90,17 @@ def test_table_in_time():
 def test_switching_on_and_off():
     """Before it rises a sail moves as without wind, and while it stays up as with constant voltage from
     there; a pulse shorter than a step is not stepped over: energy put in is what the balance says."""
-    switched = SMALL | {"voltage.law": "on-off", "voltage.on": 100.0, "voltage.rise_time": 5.0}
+    often = SMALL | {"output.interval": 5.0}
+    switched = often | {"voltage.law": "on-off", "voltage.on": 100.0, "voltage.rise_time": 5.0}
     run = esail.simulate("baseline", switched | {"voltage.off": 200.0})
-    off, volts = esail.simulate("baseline", SMALL | {"voltage.value": 0.0}), run["voltage"][:, 0]
+    off, volts = esail.simulate("baseline", often | {"voltage.value": 0.0}), run["voltage"][:, 0]
     early = run.time <= 100.0
     # Steps differ; local errors are 2e-6 m.
     assert np.allclose(run["tip_position_I"][early], off["tip_position_I"][early], rtol=0, atol=1e-4)
     assert (volts[early] == 0.0).all() and (volts[(run.time >= 105.0) & (run.time <= 200.0)] == 20e3).all()
     assert (volts[run.time >= 205.0] == 0.0).all()
     pulse = esail.simulate(
-        "baseline", SMALL | {"voltage.law": "on-off", "voltage.on": 101.0, "voltage.off": 102.0,
+        "baseline", often | {"voltage.law": "on-off", "voltage.on": 101.0, "voltage.off": 102.0,
                              "voltage.rise_time": 0.5}
     )  # fmt: skip
     moved = np.abs(pulse["tip_position_I"][-1] - off["tip_position_I"][-1]).max()
