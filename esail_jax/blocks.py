@@ -173,8 +173,7 @@ def go_on(problem: Problem, after: Problem, carry: Carry, records: Record, time:
 
 class Programs(NamedTuple):
     """Compiled `start(numbers, step)`, `blocks(problem, carry, target)`,
-    `look(problem, carry, records, times, count)` and, of a scene with events or switched
-    voltages,
+    `look(problem, carry, records, times, count)` and, of a scene with events or switched voltages,
     `go_on(problem, after, carry, records, time)`."""
 
     start: Callable

@@ -89,10 +89,9 @@ class Design:
         self.method = method
         self.optimiser = optax.scale_by_lbfgs() if method == "lbfgs" else optax.scale_by_adam()
         self.rate = 1.0 if method == "lbfgs" else rate
-        plain = self.unmodulated()
-        self.before = {
-            name: float(value) for name, value in objectives.values(plain, tuple(self.weights)).items()
-        }
+        self.plain = self.unmodulated()
+        found = objectives.values(self.plain, tuple(self.weights))
+        self.before = {name: float(value) for name, value in found.items()}
         self._evaluate = jax.jit(jax.vmap(jax.value_and_grad(self.objective)))
 
     def unmodulated(self) -> Solution:

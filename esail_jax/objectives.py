@@ -1,7 +1,7 @@
 """What a design can aim at: numbers made of the observables of a run, to be made small.
 
-Every objective is a function of a run and of what it aims at; `of_run` divides it by its value without
-modulation, so that weights compare.
+Every objective is a function of a run's saved instants, which means and variances are over; `of_run`
+divides it by its value without modulation, so that weights compare.
 """
 
 import dataclasses
@@ -87,7 +87,7 @@ KEPT = {"thrust": (thrust, 0.96)}
 NAMES = (*OBJECTIVES, *KEPT)
 
 
-def values(run: Solution, names: Mapping[str, float] | tuple[str, ...]) -> dict[str, Scalar]:
+def values(run: Solution, names: tuple[str, ...]) -> dict[str, Scalar]:
     """The named numbers of a run."""
     run = dataclasses.replace(run, rows={name: jnp.asarray(x) for name, x in run.rows.items()})
     functions = OBJECTIVES | {name: entry[0] for name, entry in KEPT.items()}

@@ -79,7 +79,7 @@ def main(names: list[str]) -> None:
         seconds = time.perf_counter() - began
         best = problem.designed(states[-1].x[states[-1].best])
         (HERE / f"{name}.toml").write_text(to_toml(best))
-        before, after = problem.unmodulated(), esail.simulate(best)
+        before, after = problem.plain, esail.simulate(best)
         history = np.stack([np.asarray(state.value) for state in states])
         design_figure(before, after, history).savefig(HERE / f"{name}.png", dpi=110)
         kinds = tuple(problem.weights)
