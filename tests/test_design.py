@@ -43,8 +43,9 @@ def test_a_variable_keeps_its_limits():
 
 @pytest.mark.slow
 def test_mean_torque_is_cancelled(torque):
-    """A first harmonic of half a percent does it: the objective, a mean over saved instants, falls by
-    ten digits in four iterations, and the thrust is kept. At no modulation both are one by definition, and zero: nothing is missing."""
+    """A first harmonic of half a percent does it: the objective, a mean over saved instants, falls by ten
+    digits in four iterations, and the thrust is kept. At no modulation both are one by definition, and
+    zero: nothing is missing."""
     states = torque.run(4)
     assert abs(float(states[0].value[0]) - 1.0) < 1e-6
     assert float(states[-1].value[0]) < 1e-10
