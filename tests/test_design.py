@@ -43,7 +43,7 @@ def test_a_variable_keeps_its_limits():
 
 @pytest.mark.slow
 def test_mean_torque_is_cancelled(torque):
-    """A first harmonic of half a percent does it: the objective, a mean over saved instants, falls by ten
+    """A first harmonic of half a percent does it: the objective, a mean over time, falls by ten
     digits in four iterations, and the thrust is kept. At no modulation both are one by definition, and
     zero: nothing is missing."""
     states = torque.run(4)
