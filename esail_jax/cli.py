@@ -1,4 +1,4 @@
-"""The command `esail`: run, scenes, info, plot, design, bench.
+"""The command `esail`: run, scenes, info, plot, ensemble, design, bench.
 
 Exit status: 0 done; 2 bad input, one line on stderr, nothing written; 3 the solver gave up, the file
 holds everything before; 130 interrupted, resumable.
@@ -56,6 +56,22 @@ def parser() -> Parser:
     design.add_argument("--seed", type=int, default=0, help="of the other starts")
     design.add_argument("--resume", action="store_true", help="go on with the design in DIR")
     design.add_argument("--quiet", action="store_true", help="no progress, no summary")
+    ensemble = commands.add_parser("ensemble", help="many runs, numbers drawn", allow_abbrev=False)
+    ensemble.add_argument("scene", help="a built-in scene or a TOML file")
+    ensemble.add_argument("-o", "--output", required=True, type=Path, metavar="DIR")
+    ensemble.add_argument("--members", type=int, required=True, metavar="N")
+    ensemble.add_argument("--seed", type=int, default=0, metavar="K")
+    ensemble.add_argument("--vary", action="append", default=[], metavar="KEY=DIST", dest="variations")
+    ensemble.add_argument("--sampling", choices=("random", "sobol", "latin"), default="random")
+    ensemble.add_argument("--observables", metavar="NAME,...", help="those to keep, all if not given")
+    ensemble.add_argument("--t-end", metavar="SECONDS", help="end time in place of the scene's")
+    ensemble.add_argument("--set", action="append", default=[], metavar="table.key=VALUE", dest="settings")
+    ensemble.add_argument("--processes", type=int, metavar="P", help="on this machine; one per core")
+    ensemble.add_argument("--distributed", action="store_true", help="one of many processes of a cluster")
+    ensemble.add_argument("--coordinator", metavar="HOST:PORT", help="of them, where JAX finds no cluster")
+    ensemble.add_argument("--process", type=int, metavar="I", help="number of this one, likewise")
+    ensemble.add_argument("--resume", action="store_true", help="compute what DIR lacks")
+    ensemble.add_argument("--quiet", action="store_true", help="no progress, no summary")
     bench = commands.add_parser("bench", help="error against run time on this machine", allow_abbrev=False)
     bench.add_argument("--scene", default="baseline", help="a built-in scene or a TOML file")
     bench.add_argument("--t-end", metavar="SECONDS", help="end time in place of the scene's")
@@ -119,7 +135,13 @@ def scenes(_: argparse.Namespace) -> int:
 def info(options: argparse.Namespace) -> int:
     """`esail info`."""
     from esail_jax.runner import describe
+    from esail_jax.storage import holds_ensemble
 
+    if holds_ensemble(options.run):
+        from esail_jax.ensemble_report import describe_ensemble
+
+        print(describe_ensemble(options.run))
+        return DONE
     print(describe(options.run))
     return DONE
 
@@ -127,10 +149,17 @@ def info(options: argparse.Namespace) -> int:
 def plot(options: argparse.Namespace) -> int:
     """`esail plot`."""
     from esail_jax.plotting import plot_all
-    from esail_jax.storage import load
+    from esail_jax.storage import holds_ensemble, load
 
     use_compilation_cache()
-    for path in plot_all(load(options.run), options.output):
+    if holds_ensemble(options.run):
+        from esail_jax.ensemble_file import load_ensemble
+        from esail_jax.plotting.ensemble import plot_ensemble
+
+        paths = plot_ensemble(load_ensemble(options.run), options.output)
+    else:
+        paths = plot_all(load(options.run), options.output)
+    for path in paths:
         print(path)
     return DONE
 
@@ -161,6 +190,62 @@ def design(options: argparse.Namespace) -> int:
     return DONE
 
 
+def ensemble(options: argparse.Namespace) -> int:
+    """`esail ensemble`."""
+    check_ensemble(options)
+    use_compilation_cache()
+    if options.distributed:
+        join_cluster(options)
+    from esail_jax.ensemble_run import run_distributed, run_here, task_of
+    from esail_jax.sampling import VariationError, parse_variation
+    from esail_jax.scenes.scene import load_scene
+
+    scene = load_scene(options.scene, settings(options))
+    names = None
+    if options.observables is not None:
+        names = [name.strip() for name in options.observables.split(",")]
+    try:
+        variations = [parse_variation(text) for text in options.variations]
+        task = task_of(scene, options.members, variations, options.seed, options.sampling, names)
+    except VariationError as error:
+        raise UsageError(str(error)) from None
+    if options.distributed:
+        return run_distributed(task, options.output, options.resume, options.quiet)
+    status = run_here(task, options.output, options.processes, options.resume, options.quiet)
+    if status == DONE and not options.quiet:
+        from esail_jax.ensemble_report import describe_ensemble
+
+        print(describe_ensemble(options.output / "ensemble.h5"))
+    return status
+
+
+def check_ensemble(options: argparse.Namespace) -> None:
+    """Raise UsageError for numbers that cannot be."""
+    for name, least in (("members", 1), ("seed", 0), ("processes", 1), ("process", 0)):
+        value = getattr(options, name)
+        if value is not None and value < least:
+            must = "be positive" if least else "not be negative"
+            raise UsageError(f"`--{name}` must {must}, but is {value}")
+    given = [getattr(options, name) is not None for name in ("coordinator", "process")]
+    if any(given) and not options.distributed:
+        raise UsageError("`--coordinator` and `--process` must come with --distributed, but do not")
+    if any(given) and not (all(given) and options.processes is not None):
+        raise UsageError("`--coordinator` must come with --process and --processes, but does not")
+    if options.distributed and not any(given) and options.processes is not None:
+        raise UsageError(
+            "`--processes` must be left to the cluster, or come with --coordinator, but is given"
+        )
+
+
+def join_cluster(options: argparse.Namespace) -> None:
+    """Become one of many processes: JAX finds SLURM, Open MPI and Kubernetes by itself."""
+    import jax
+
+    # One process that ends does not end the others.
+    jax.config.update("jax_enable_recoverability", True)
+    jax.distributed.initialize(options.coordinator, options.processes, options.process)
+
+
 def bench(options: argparse.Namespace) -> int:
     """`esail bench`: without the cache, so that compiling is timed."""
     from esail_jax.bench import NoReference, run_bench
@@ -175,7 +260,15 @@ def bench(options: argparse.Namespace) -> int:
     return DONE
 
 
-COMMANDS = {"run": run, "scenes": scenes, "info": info, "plot": plot, "design": design, "bench": bench}
+COMMANDS = {
+    "run": run,
+    "scenes": scenes,
+    "info": info,
+    "plot": plot,
+    "ensemble": ensemble,
+    "design": design,
+    "bench": bench,
+}
 
 
 def complain(error: Exception) -> None:

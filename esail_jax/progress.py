@@ -1,7 +1,8 @@
-"""A progress bar on a terminal."""
+"""Progress bars on a terminal."""
 
 import sys
 import time
+from collections.abc import Callable
 from typing import TextIO
 
 WIDTH = 30
@@ -48,6 +49,37 @@ class Progress:
         if self.shown:
             self.stream.write("\n")
             self.stream.flush()
+        self.shown = False
+
+
+class MemberProgress:
+    """Part done of an ensemble, members a second, and remaining time, on one line.
+
+    members: to be computed; done(): pieces that are, of `pieces`. Silent unless stderr is a terminal.
+    """
+
+    def __init__(self, members: int, done: Callable[[], int], pieces: int, quiet: bool = False):
+        self.members, self.done, self.pieces, self.before = members, done, max(pieces, 1), done()
+        self.shown = not quiet and sys.stderr.isatty()
+        self._began = self._drawn = time.perf_counter()
+
+    def show(self) -> None:
+        """Redraw, five times a second at most."""
+        now = time.perf_counter()
+        if not self.shown or now - self._drawn < 0.2:
+            return
+        self._drawn = now
+        part = (self.done() - self.before) / self.pieces
+        speed = part * self.members / (now - self._began)
+        left = clock((1.0 - part) * self.members / speed) if speed else "-:--"
+        bar = "#" * round(part * WIDTH) + "." * (WIDTH - round(part * WIDTH))
+        sys.stderr.write(f"\r[{bar}] {100 * part:3.0f} %  {speed:.3g} members a second  {left} left \x1b[K")
+        sys.stderr.flush()
+
+    def close(self) -> None:
+        """End the line."""
+        if self.shown:
+            sys.stderr.write("\n")
         self.shown = False
 
 

@@ -25,6 +25,7 @@ from esail_jax.storage import (
     RunWriter,
     load_checkpoint,
     open_run,
+    open_single,
     plain,
     scene_of_run,
 )
@@ -126,7 +127,7 @@ def check_output(scene: Scene, path: Path, resume: bool) -> str:
         return "new"
     if not resume:
         raise RunFileError(f"`-o` must not exist yet (or use --resume), but {path} does")
-    with open_run(path) as file:
+    with open_single(path) as file:
         before = parse(file["scene"][()].decode(), str(path))
         if scene_of_run(before) != scene_of_run(scene):
             raise RunFileError(

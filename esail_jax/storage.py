@@ -21,7 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.march import numerics_of
-from esail_jax.observables import listed
+from esail_jax.observables import listed, shape_of
 from esail_jax.observables.balance import balance_warning
 from esail_jax.pieces import RESULTS, Checkpoint, Piece, join, result_of
 from esail_jax.prepare import Prepared, empty_carry, prepare, require_64_bit
@@ -88,12 +88,6 @@ def create(path: Path, prepared: Prepared) -> None:
         for name, unit in numerics_of(prepared).items():
             growing(file, f"numerics/{name}", (), unit, name, (), "")
         file["numerics"].attrs["terms"] = list(prepared.problem.terms)
-
-
-def shape_of(axes: tuple[str, ...], members: int) -> tuple[int, ...]:
-    """Sizes of an observable's axes after time; members: tethers or rods."""
-    sizes = {"tether": members, "rod": members, "joint": members + 1}
-    return tuple(sizes.get(axis, 3) for axis in axes)
 
 
 def growing(
@@ -220,6 +214,21 @@ def load_checkpoint(file: h5py.File, like: Any) -> Checkpoint:
     return Checkpoint(carry, *counts, tuple(group["tally"][()]), energy)
 
 
+def holds_ensemble(path: str | os.PathLike) -> bool:
+    """Is a run file one of many runs? Raises RunFileError if it is none at all."""
+    with open_run(path) as file:
+        return "members" in file
+
+
+def open_single(path: str | os.PathLike) -> h5py.File:
+    """A file of one run for reading. Raises RunFileError in one line."""
+    file = open_run(path)
+    if "members" in file:
+        file.close()
+        raise RunFileError(f"`{path}` must be a file of one run, but is of an ensemble")
+    return file
+
+
 def open_run(path: str | os.PathLike) -> h5py.File:
     """A run file for reading. Raises RunFileError in one line."""
     try:
@@ -265,7 +274,7 @@ def load(path: str | os.PathLike) -> Solution:
     Raises RunFileError, and RuntimeError in 32-bit mode.
     """
     require_64_bit()
-    with open_run(path) as file:
+    with open_single(path) as file:
         scene = parse(file["scene"][()].decode(), str(path))
         rows = {name: data[()] for name, data in file["observables"].items()}
         numerics = {name: data[()] for name, data in file["numerics"].items()}

@@ -28,9 +28,13 @@ LAYERS = (
     ("march",),
     ("simulate",),
     ("objectives",),
-    ("design",),
+    ("design", "sampling"),
+    ("ensemble", "ensemble_gradient"),
+    ("ensemble_statistics",),
     ("storage", "plotting", "progress"),
-    ("runner", "bench", "design_run"),
+    ("runner", "bench", "design_run", "ensemble_file"),
+    ("ensemble_run", "ensemble_report"),
+    ("ensemble_worker",),
     ("__init__",),
     ("cli",),
     ("__main__",),
@@ -40,7 +44,7 @@ LAYERS = (
 ONLY_IN = {
     "matplotlib": {"plotting"},
     "mpl_toolkits": {"plotting"},
-    "h5py": {"storage", "runner", "design_run"},
+    "h5py": {"storage", "runner", "design_run", "ensemble_file"},
 }
 """Who may import what is slow to import or tied to a file format."""
 

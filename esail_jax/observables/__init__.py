@@ -2,7 +2,7 @@
 
 from esail_jax.array_types import Array
 from esail_jax.observables import chain, sail
-from esail_jax.observables.entry import Observable, elastic_energy, kinetic_energy
+from esail_jax.observables.entry import Observable, elastic_energy, kinetic_energy, shape_of
 from esail_jax.observables.instant import Instant, make_instant
 from esail_jax.system import System
 
@@ -17,6 +17,7 @@ __all__ = [
     "make_instant",
     "observe",
     "sail",
+    "shape_of",
 ]
 
 

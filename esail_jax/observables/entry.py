@@ -37,3 +37,9 @@ def elastic_energy(system: System, q: Coordinates) -> Scalar:
     """U [J] ([PGV] Eq. 23)."""
     fields = system.tethers.interpolate(q.tether)
     return sum(system.integrate(term.density(fields)) for term in system.energies)
+
+
+def shape_of(axes: tuple[str, ...], members: int) -> tuple[int, ...]:
+    """Sizes of an observable's axes after time; members: tethers or rods."""
+    sizes = {"tether": members, "rod": members, "joint": members + 1}
+    return tuple(sizes.get(axis, 3) for axis in axes)

@@ -16,6 +16,7 @@ class SceneError(ValueError):
 
     def __init__(self, key: str, must: str, got: str):
         super().__init__(f"`{key}` must {must}, but {got}")
+        self.key, self.must, self.got = key, must, got
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,0 +1,121 @@
+"""Figures of an ensemble: fans of what its members do in time, distributions, and what drives them."""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from esail_jax.ensemble import Ensemble
+from esail_jax.ensemble_statistics import DEGREES, drivers, outcomes_of
+
+FANS = (
+    ("coning angle [deg]", "coning_angle", DEGREES, None),
+    ("lagging angle [deg]", "lagging_angle", DEGREES, None),
+    ("sailing angle [deg]", "sailing_angle", DEGREES, None),
+    ("spin rate [mrad/s]", "angular_velocity_B", 1e3, 0),
+    ("thrust along the wind [mN]", "thrust_O", 1e3, 2),
+    ("axial strain [1e-6]", "max_axial_strain", 1e6, None),
+    ("smallest tether distance [km]", "smallest_tether_distance", 1e-3, None),
+    ("kinetic energy [J]", "kinetic_energy", 1.0, None),
+    ("tension [N]", "tension", 1.0, None),
+)
+"""Label, observable, factor, and which component of a vector; all tethers or rods count as one sample."""
+
+BANDS = ((0.0, 1.0, 0.12), (0.05, 0.95, 0.22), (0.25, 0.75, 0.35))
+"""Lower and upper probability, and how dark."""
+
+DOTS_PER_INCH = 130
+
+
+def plot_ensemble(ensemble: Ensemble, directory: str | Path) -> list[Path]:
+    """Write every figure that the ensemble has data for as DIRECTORY/<name>.png; returns the paths. Raises
+    OSError."""
+    directory = Path(directory)
+    directory.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for make in (fans, distributions, drivers_figure):
+        figure = make(ensemble)
+        if figure.axes:
+            paths.append(directory / f"{make.__name__.removesuffix('_figure')}.png")
+            figure.savefig(paths[-1], dpi=DOTS_PER_INCH)
+    return paths
+
+
+def grid_of(count: int, width: float = 4.0, height: float = 2.6) -> tuple[Figure, list[Axes]]:
+    """A figure with so many axes, three in a row."""
+    columns = min(count, 3)
+    rows = -(-count // 3)
+    figure = Figure(figsize=(width * max(columns, 1), height * max(rows, 1)), layout="constrained")
+    if not count:
+        return figure, []
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    for spare in axes[count:]:
+        spare.remove()
+    return figure, list(axes[:count])
+
+
+def fans(ensemble: Ensemble) -> Figure:
+    """Quantiles over the members against time: all, 90 % and half of them, and the median."""
+    shown = []
+    for label, name, factor, component in FANS:
+        if name not in ensemble.rows or not ensemble.complete.any():
+            continue
+        rows = factor * ensemble[name][ensemble.complete]
+        rows = rows if component is None else rows[..., component]
+        rows = np.moveaxis(rows, 1, 0).reshape(len(ensemble.time), -1)
+        if np.isfinite(rows).all():
+            shown.append((label, rows))
+    figure, axes = grid_of(len(shown))
+    minutes = ensemble.time / 60.0
+    for ax, (label, rows) in zip(axes, shown, strict=True):
+        for low, high, dark in BANDS:
+            lower, upper = np.quantile(rows, (low, high), axis=1)
+            part = "all" if high == 1.0 else f"{100 * (high - low):.0f} %"
+            ax.fill_between(minutes, lower, upper, color="tab:blue", alpha=dark, lw=0.0, label=part)
+        ax.plot(minutes, np.median(rows, axis=1), color="tab:blue", lw=1.0, label="median")
+        ax.set_xlabel("t [min]")
+        ax.set_ylabel(label)
+        ax.grid(alpha=0.3)
+    if axes:
+        axes[0].legend(fontsize=7)
+        figure.suptitle(f"{int(ensemble.complete.sum())} of {len(ensemble)} members")
+    return figure
+
+
+def distributions(ensemble: Ensemble) -> Figure:
+    """Histograms of one number of every member."""
+    found = outcomes_of(ensemble)
+    figure, axes = grid_of(len(found))
+    for ax, outcome in zip(axes, found, strict=True):
+        y = outcome.of(ensemble)
+        y = y[np.isfinite(y)]
+        ax.hist(y, bins=int(np.clip(len(y) ** 0.5, 5, 60)), color="tab:blue", alpha=0.7)
+        for probability in (0.05, 0.95):
+            ax.axvline(np.quantile(y, probability), color="black", ls="--", lw=0.8)
+        ax.set_xlabel(f"{outcome.label} [{outcome.unit}]")
+        ax.set_ylabel("members")
+        ax.grid(alpha=0.3)
+    return figure
+
+
+def drivers_figure(ensemble: Ensemble) -> Figure:
+    """Share of every outcome's variance by input."""
+    found = outcomes_of(ensemble)
+    table = [drivers(ensemble.inputs, outcome.of(ensemble)) for outcome in found]
+    known = [(o, d) for o, d in zip(found, table, strict=True) if np.isfinite(d.explained)]
+    if not known:
+        return Figure()
+    figure = Figure(figsize=(9.0, 0.45 * len(known) + 1.6), layout="constrained")
+    ax, left = figure.subplots(), np.zeros(len(known))
+    places = np.arange(len(known))
+    for key in ensemble.inputs:
+        share = np.array([d.share[key] for _, d in known])
+        ax.barh(places, share, left=left, label=key)
+        left += share
+    ax.set_yticks(places, [outcome.label for outcome, _ in known])
+    ax.invert_yaxis()
+    ax.set_xlabel("share of the variance in a linear account [-]")
+    ax.legend(fontsize=7, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False)
+    ax.grid(alpha=0.3, axis="x")
+    return figure
