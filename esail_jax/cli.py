@@ -241,8 +241,6 @@ def join_cluster(options: argparse.Namespace) -> None:
     """Become one of many processes: JAX finds SLURM, Open MPI and Kubernetes by itself."""
     import jax
 
-    # One process that ends does not end the others.
-    jax.config.update("jax_enable_recoverability", True)
     jax.distributed.initialize(options.coordinator, options.processes, options.process)
 
 

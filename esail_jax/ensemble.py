@@ -32,7 +32,7 @@ from esail_jax.schedule import save_times
 from esail_jax.simulate import simulate, simulate_traced
 from esail_jax.system import System
 
-Rows = dict[str, Float[np.ndarray, "member time *some"]]
+Rows = dict[str, Float[np.ndarray, "member time ..."]]
 
 MOST_BYTES = 2**28
 """Of a batch's results."""

@@ -104,6 +104,8 @@ def run_distributed(task: Task, folder: Path, resume: bool, quiet: bool) -> int:
         except (RunFileError, OSError) as found:
             error, state = found, REFUSED
     state = int(multihost_utils.broadcast_one_to_all(np.array(state)))
+    # From here on each is on its own: one that ends, the first one too, does not end the others.
+    jax.distributed.shutdown()
     if error is not None:
         raise error
     if state != GO:

@@ -10,6 +10,7 @@ import math
 import warnings
 import zlib
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtri
@@ -20,7 +21,7 @@ from esail_jax.scenes.keys import Rule, SceneError, rule_of
 from esail_jax.scenes.scene import Scene, unknown
 from esail_jax.scenes.tables import names_of, tables_of
 
-Inputs = dict[str, Float[np.ndarray, "member *some"]]
+Inputs = dict[str, Float[np.ndarray, "member ..."]]
 
 SAMPLINGS = ("random", "sobol", "latin")
 """Independent draws; a scrambled Sobol sequence; a Latin hypercube."""
@@ -176,6 +177,6 @@ def check(scene: Scene, inputs: Inputs) -> None:
             raise SceneError(error.key, error.must, f"{error.got} (member {member})") from None
 
 
-def of_members(inputs: Inputs, members: int | np.integer | np.ndarray) -> dict[str, np.ndarray]:
+def of_members(inputs: Inputs, members: int | np.integer | np.ndarray) -> dict[str, Any]:
     """The inputs of a member, or of several."""
     return {key: values[members] for key, values in inputs.items()}
