@@ -1,0 +1,102 @@
+"""How many sails a core runs, one by one, in an ensemble, and in lockstep; and what memory they take.
+
+taskset -c 0 python experiments/ensembles/throughput.py     # throughput.csv; ten minutes on one core
+"""
+
+import csv
+import statistics
+import time
+from pathlib import Path
+
+import numpy as np
+
+import esail_jax as esail
+from esail_jax.ensemble import Runner
+from esail_jax.sampling import draw, of_members, parse_variation
+
+HERE = Path(__file__).parent
+VARY = (
+    "tethers.length[*]=normal:10e3:10",
+    "remote_units.mass[*]=normal:1.5:0.015",
+    "voltage.value[*]=normal:20e3:200",
+    "initial.spin_rate=normal:4e-3:4e-5",
+)
+SCENES = {
+    "baseline, 3 periods, 943 instants": {},
+    "baseline, 3 periods, 80 instants": {"output.interval": 60.0},
+    "3 tethers x 2, 3 periods, 80 instants": {
+        "tethers.count": 3, "tethers.elements": 2, "output.interval": 60.0,
+    },
+}  # fmt: skip
+MEMBERS = 8
+REPEATS = 3
+LOCKSTEP = (1, 2, 4, 8, 16, 32)
+SHORT = {"integrator.t_end": 400.0, "output.interval": 60.0}
+"""Of the lockstep runs: rates of steps need no more."""
+
+
+def timed(call) -> float:
+    """Median of the processor times [s]."""
+    times = []
+    for _ in range(REPEATS):
+        began = time.process_time()
+        call()
+        times.append(time.process_time() - began)
+    return statistics.median(times)
+
+
+def one_by_one(name: str, scene: esail.Scene) -> list[tuple]:
+    """Single runs, and members of an ensemble one after the other."""
+    inputs = draw(scene, [parse_variation(text) for text in VARY], MEMBERS, 1)
+    three = Runner(scene, inputs, ("coning_angle", "lagging_angle", "smallest_tether_distance"))
+    everything, members = Runner(scene, inputs), np.arange(MEMBERS)
+    steps = three(members).steps.sum()
+    everything(members[:1])
+    esail.simulate(scene, of_members(inputs, 0))
+    ways = {
+        "single runs": lambda: [esail.simulate(scene, of_members(inputs, m)) for m in members],
+        "ensemble, all observables": lambda: everything(members),
+        "ensemble, three observables": lambda: three(members),
+    }
+    times = {way: timed(call) for way, call in ways.items()}
+    rows = [
+        (name, way, MEMBERS / seconds, steps / seconds, times["single runs"] / seconds, "")
+        for way, seconds in times.items()
+    ]
+    print(*rows, sep="\n", flush=True)
+    return rows
+
+
+def main() -> None:
+    """Measure and write."""
+    rows = []
+    for name, overrides in SCENES.items():
+        rows += one_by_one(name, esail.load_scene("baseline", overrides))
+    scene = esail.load_scene("baseline", SHORT)
+    inputs = draw(scene, [parse_variation(text) for text in VARY], max(LOCKSTEP), 1)
+    names = ("coning_angle",)
+    single = Runner(scene, inputs, names)
+    single(np.arange(1))
+    for count in LOCKSTEP:
+        members = np.arange(count)
+        side = Runner(scene, inputs, names, batch=count, lockstep=True)
+        steps = side(members).steps.sum()
+        alone, together = timed(lambda m=members: single(m)), timed(lambda s=side, m=members: s(m))
+        used = side._lowered(count).compile().memory_analysis()
+        memory = (used.temp_size_in_bytes + used.output_size_in_bytes) / count / 2**20
+        name = f"baseline, {SHORT['integrator.t_end']:g} s"
+        ratio = alone / together
+        rows.append(
+            (name, f"lockstep of {count}", count / together, steps / together, ratio, f"{memory:.2f}")
+        )
+        print(rows[-1], flush=True)
+    with open(HERE / "throughput.csv", "w", newline="") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(
+            ("scene", "way", "members_per_s", "steps_per_s", "times_one_by_one", "MiB_per_member")
+        )
+        table.writerows((*row[:2], *(f"{x:.4g}" for x in row[2:5]), row[5]) for row in rows)
+
+
+if __name__ == "__main__":
+    main()
