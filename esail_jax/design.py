@@ -63,8 +63,8 @@ class State:
 class Design:
     """A design problem.
 
-    scene: with a voltage law; weights: of the objectives (`objectives.NAMES`); variables: by scene key;
-    circumstances: arrays by scene key, one entry for each, over which the objective is averaged.
+    scene: with a voltage law; weights: by name of an objective (`objectives.py`); variables: by scene
+    key; circumstances: arrays by scene key, one entry for each, over which the objective is averaged.
 
     Raises SceneError for names that do not exist.
     """
@@ -79,9 +79,7 @@ class Design:
         rate: float = 0.05,
     ):
         for name in weights:
-            if name not in objectives.NAMES:
-                known = ", ".join(objectives.NAMES)
-                raise SceneError("objective", f"be one of {known}", f"is {name!r}")
+            objectives.function_of(name)
         if method not in METHODS:
             raise SceneError("method", f"be one of {', '.join(METHODS)}", f"is {method!r}")
         self.scene, self.weights, self.variables = scene, dict(weights), dict(variables)
@@ -90,15 +88,30 @@ class Design:
         self.optimiser = optax.scale_by_lbfgs() if method == "lbfgs" else optax.scale_by_adam()
         self.rate = 1.0 if method == "lbfgs" else rate
         self.plain = self.unmodulated()
-        found = objectives.values(self.plain, tuple(self.weights))
-        self.before = {name: float(value) for name, value in found.items()}
+        self.before = self.measured(self.plain)
+        self.compared = self.before if not self.circumstances else self.before_each()
         self._evaluate = jax.jit(jax.vmap(jax.value_and_grad(self.objective)))
 
-    def unmodulated(self) -> Solution:
+    def measured(self, run: Solution) -> dict[str, float]:
+        """The objectives of a run."""
+        found = objectives.values(run, tuple(self.weights))
+        return {name: float(value) for name, value in found.items()}
+
+    def before_each(self) -> dict[str, Float[np.ndarray, " circumstance"]]:
+        """What objectives are compared with, by circumstance: for those to be made small the mean over all
+        circumstances with constant voltage, for what is to be kept the value in the same wind."""
+        count = len(next(iter(self.circumstances.values())))
+        each = [{key: x[i] for key, x in self.circumstances.items()} for i in range(count)]
+        found = [self.measured(self.unmodulated(circumstance)) for circumstance in each]
+        rows = {name: np.array([one[name] for one in found]) for name in self.weights}
+        kept = objectives.KEPT
+        return {name: x if name in kept else np.full(count, x.mean()) for name, x in rows.items()}
+
+    def unmodulated(self, circumstance: Mapping[str, Any] | None = None) -> Solution:
         """The run with constant voltage that objectives are compared with."""
         law = {f"voltage.{x}": None for x in vars(self.scene.voltage) if x not in ("value", "law")}
         plain = self.scene.replace(law | {"voltage.law": "constant"})
-        run = simulate(plain)
+        run = simulate(plain, circumstance)
         constant = np.broadcast_to(plain.voltage.value, (len(run.time), plain.tethers.count))
         return dataclasses.replace(run, rows=run.rows | {"voltage": np.asarray(constant)})
 
@@ -128,13 +141,13 @@ class Design:
     def objective(self, x: Float[Array, " variable"]) -> Scalar:
         """J(x), 1 per weight without modulation, averaged over the circumstances."""
 
-        def of_one(circumstance):
+        def of_one(circumstance, before):
             run = simulate(self.scene, self.overrides(x) | circumstance)
-            return objectives.of_run(run, self.weights, self.before)
+            return objectives.of_run(run, self.weights, before)
 
         if not self.circumstances:
-            return of_one({})
-        return jax.vmap(of_one)(self.circumstances).mean()
+            return of_one({}, self.before)
+        return jax.vmap(of_one)(self.circumstances, self.compared).mean()
 
     # ---- iterations -----------------------------------------------------------------------------
 
