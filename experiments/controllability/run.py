@@ -73,7 +73,7 @@ def hat_masses(slots: int) -> np.ndarray:
 
 
 class Gramian:
-    """W = int G G^T dt over a turn, where y = int G(t) dV(t) dt for small changes dV of the twelve voltages.
+    """W = int G G^T dt over a turn, where y = int G(t) dV(t) dt for small changes dV of voltages.
     The smallest rms change (over tethers and time) that reaches y is sqrt(y^T W^-1 y / (12 T)) volts."""
 
     def __init__(self, slopes: np.ndarray):
