@@ -35,12 +35,13 @@ LONGEST = 0.3
 @dataclasses.dataclass(frozen=True)
 class Variable:
     """A number, or array of numbers, of a scene that may be chosen. start: where from; scale: what counts
-    as a change of one; lower, upper: limits that hold by construction (None: none)."""
+    as a change of one; lower, upper: limits that hold by construction (None: none), one for all or one
+    for each; where they are equal nothing is chosen."""
 
     start: Any
     scale: float = 1.0
-    lower: float | None = None
-    upper: float | None = None
+    lower: Any = None
+    upper: Any = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -212,8 +213,8 @@ def outward(
     """A variable's value from its coordinate: scale x, or between its limits by a sine."""
     if variable.lower is None or variable.upper is None:
         return variable.scale * x
-    middle, half = 0.5 * (variable.upper + variable.lower), 0.5 * (variable.upper - variable.lower)
-    return middle + half * jnp.sin(variable.scale * x / half)
+    middle, half = between(variable)
+    return middle + half * jnp.sin(variable.scale * x / np.where(half == 0.0, 1.0, half))
 
 
 def inward(variable: Variable) -> Float[np.ndarray, "*some"]:
@@ -221,5 +222,12 @@ def inward(variable: Variable) -> Float[np.ndarray, "*some"]:
     start = np.asarray(variable.start, float)
     if variable.lower is None or variable.upper is None:
         return start / variable.scale
-    middle, half = 0.5 * (variable.upper + variable.lower), 0.5 * (variable.upper - variable.lower)
-    return np.arcsin(np.clip((start - middle) / half, -1.0, 1.0)) * half / variable.scale
+    middle, half = between(variable)
+    part = (start - middle) / np.where(half == 0.0, 1.0, half)
+    return np.arcsin(np.clip(part, -1.0, 1.0)) * half / variable.scale
+
+
+def between(variable: Variable) -> tuple[Float[np.ndarray, "*some"], Float[np.ndarray, "*some"]]:
+    """Middle and half width of a variable's limits."""
+    lower, upper = np.asarray(variable.lower, float), np.asarray(variable.upper, float)
+    return 0.5 * (upper + lower), 0.5 * (upper - lower)

@@ -49,16 +49,23 @@ def final_attitude(run: Solution) -> Scalar:
     return ((axes[-1] - axes[0]) ** 2).sum()
 
 
-def spin_plane(run: Solution, sailing_deg: float, precession_deg: float = 0.0) -> Scalar:
-    """Square of the distance of the spin plane's normal, at the end, from the one with these sailing and
-    precession angles [-]: (sin alpha cos delta, sin alpha sin delta, cos alpha) in O. At least three
-    tethers."""
+def spin_plane(run: Solution, sailing_deg: float, precession_deg: float = 0.0, last: float = 0.0) -> Scalar:
+    """Square of the distance of the spin plane's normal from the one with these sailing and precession
+    angles [-], (sin alpha cos delta, sin alpha sin delta, cos alpha) in O: at the end, or its mean over the
+    last seconds. Over the half turn that nutation takes, that is a plane that has come to rest. At least
+    three tethers."""
     alpha, delta = jnp.deg2rad(sailing_deg), jnp.deg2rad(precession_deg)
     aim = jnp.stack([jnp.sin(alpha) * jnp.cos(delta), jnp.sin(alpha) * jnp.sin(delta), jnp.cos(alpha)])
     # The orbital frame, from the attitude that a run starts at (`starting_attitude`), alpha with its sign.
     start = run["sailing_angle"][0] * jnp.cos(run["precession_angle"][0])
     orbital = run["rotation_IB"][0] @ rotation_about_y(start - 0.5 * jnp.pi).T
-    return ((plane_normals(run)[-1] - orbital @ aim) ** 2).sum()
+    miss = ((plane_normals(run) - orbital @ aim) ** 2).sum(1)
+    if last == 0.0:
+        return miss[-1]
+    # A microsecond for rounding of saved instants.
+    since = run.time > run.time[-1] - last - 1e-6
+    steps = jnp.where(since[:-1], jnp.diff(run.time), 0.0)
+    return (steps * 0.5 * (miss[1:] + miss[:-1])).sum() / steps.sum()
 
 
 def hub_swing(run: Solution) -> Scalar:
@@ -118,7 +125,7 @@ OBJECTIVES: dict[str, Callable[[Solution], Scalar]] = {
 KEPT = {"thrust": (thrust, 0.96)}
 """To be kept, with the part of its value without modulation below which it costs."""
 
-AIMED: dict[str, tuple[Callable[..., Scalar], int, int]] = {"spin-plane": (spin_plane, 1, 2)}
+AIMED: dict[str, tuple[Callable[..., Scalar], int, int]] = {"spin-plane": (spin_plane, 1, 3)}
 """To be made small, with numbers behind a colon: at least and at most how many."""
 
 NAMES = (*OBJECTIVES, *KEPT)
@@ -141,7 +148,8 @@ def function_of(name: str) -> Callable[[Solution], Scalar]:
     except ValueError:
         aim = ()
     if not least <= len(aim) <= most:
-        raise SceneError("objective", f"look like {kind}:15 or {kind}:15,0 (degrees)", f"is {name!r}")
+        form = f"look like {kind}:15, {kind}:15,0 (degrees) or {kind}:15,0,800 (over the last seconds)"
+        raise SceneError("objective", form, f"is {name!r}")
     return lambda run: function(run, *aim)
 
 

@@ -39,6 +39,9 @@ def test_a_variable_keeps_its_limits():
     """Between its limits by construction, and where it was told to start."""
     for variable in (Variable([0.2, 0.9], 0.1, 0.0, 1.0), Variable([3.0], 2.0)):
         assert np.allclose(outward(variable, inward(variable)), variable.start, rtol=1e-12)
+    held = Variable([[0.5, 1.0]], 0.1, [[0.0, 1.0]], [[2.0, 1.0]])
+    assert np.allclose(outward(held, inward(held)), held.start, rtol=1e-12)
+    assert outward(held, np.full((1, 2), 3.0))[0, 1] == 1.0
     far = outward(Variable([0.5], 0.1, 0.0, 2.0), np.linspace(-1e3, 1e3, 999))
     assert far.min() >= 0.0 and far.max() <= 2.0
 
@@ -62,7 +65,10 @@ def test_mean_torque_is_cancelled(torque):
 @pytest.mark.slow
 def test_gradient_of_every_objective():
     """Against central differences of concrete runs, each objective over its value without modulation."""
-    names = [name for name in objectives.NAMES if name != "thrust"] + ["spin-plane:13,20"]
+    names = [name for name in objectives.NAMES if name != "thrust"] + [
+        "spin-plane:13,20",
+        "spin-plane:13,20,200",
+    ]
     design = problem(weights=dict.fromkeys(names, 1.0))
     x = np.array([0.5, -0.3])
 
@@ -178,8 +184,8 @@ def test_a_design_from_the_shell_goes_on_as_if_uninterrupted(tmp_path, capsys):
     ("arguments", "message"),
     [
         (["--objective", "speed=1"], "`objective` must be one of mean-torque, "),
-        (["--objective", "spin-plane=1"], "`objective` must look like spin-plane:15 or spin-plane:15,0"),
-        (["--objective", "spin-plane:1,2,3=1"], "`objective` must look like spin-plane:15"),
+        (["--objective", "spin-plane=1"], "`objective` must look like spin-plane:15, spin-plane:15,0 (deg"),
+        (["--objective", "spin-plane:1,2,3,4=1"], "`objective` must look like spin-plane:15"),
         (["--objective", "lagging:3=1"], "`objective` must be one of mean-torque, "),
         (["--objective", "spin"], "`--objective` must look like NAME=WEIGHT, but is 'spin'"),
         (["--iterations", "0"], "`--iterations` must be positive, but is 0"),
