@@ -2,7 +2,8 @@
 
 The run is one differentiable program (`simulate` under a trace); optax chooses the direction of a step
 (L-BFGS or Adam), the host its length. Several starts, and several circumstances that a robust design has
-to cope with (winds, errors of lengths), are batched by vmap.
+to cope with (winds, errors of lengths), are runs one after the other: batched by vmap, the derivative of
+each would compute as many steps as a run may have at most.
 """
 
 import dataclasses
@@ -13,6 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
+from jax import lax
 
 from esail_jax import objectives
 from esail_jax.array_types import Array, Float, Scalar
@@ -91,7 +93,7 @@ class Design:
         self.plain = self.unmodulated()
         self.before = self.measured(self.plain)
         self.compared = self.before if not self.circumstances else self.before_each()
-        self._evaluate = jax.jit(jax.vmap(jax.value_and_grad(self.objective)))
+        self._evaluate = jax.jit(lambda x: lax.map(jax.value_and_grad(self.objective), x))
 
     def measured(self, run: Solution) -> dict[str, float]:
         """The objectives of a run."""
@@ -148,7 +150,7 @@ class Design:
 
         if not self.circumstances:
             return of_one({}, self.before)
-        return jax.vmap(of_one)(self.circumstances, self.compared).mean()
+        return lax.map(jax.checkpoint(lambda x: of_one(*x)), (self.circumstances, self.compared)).mean()
 
     # ---- iterations -----------------------------------------------------------------------------
 
