@@ -94,7 +94,7 @@ def main() -> None:
     (HERE / "robust.toml").write_text(to_toml(best))
     print(f"designed in {time.perf_counter() - began:.0f} s", best.voltage.cosine, best.voltage.sine)
     calm = esail.load_scene(HERE / "torque.toml").voltage
-    waves = {"voltage.cosine": calm.cosine.tolist(), "voltage.sine": calm.sine.tolist()}
+    waves = {"voltage.cosine": list(calm.cosine), "voltage.sine": list(calm.sine)}
     laws = {
         "constant": plain(scene),
         "planar cone, first harmonic": scene.replace(planar_cone_harmonic(scene_in_calm())),
