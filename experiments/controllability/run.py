@@ -68,8 +68,8 @@ def settings(slots: int) -> dict:
 def hat_masses(slots: int) -> np.ndarray:
     """M_kl = integral of h_k h_l dt [s] of the piecewise linear functions h_k of a turn."""
     width = TURN / slots
-    masses = np.diag(np.full(slots + 1, 2.0)) + np.eye(slots + 1, k=1) + np.eye(slots + 1, k=-1)
-    masses[0, 0] = masses[-1, -1] = 1.0
+    masses = np.diag(np.full(slots + 1, 4.0)) + np.eye(slots + 1, k=1) + np.eye(slots + 1, k=-1)
+    masses[0, 0] = masses[-1, -1] = 2.0
     return masses * width / 6.0
 
 
