@@ -193,7 +193,7 @@ def problem(turns: float) -> Design:
     """The spin plane as near as possible to its target, and at rest, over REST after the control. It starts
     from nine tenths of the largest first harmonic; V_0 after the control's end is not chosen."""
     scene = controlled(turns, phase_table(instants(turns), 0.9))
-    table = scene.voltage.table
+    table = np.asarray(scene.voltage.table)
     lower, upper = np.zeros(table.shape), np.full(table.shape, MAXIMUM / VOLTS)
     lower[-1] = upper[-1] = 1.0
     weights = {f"spin-plane:{START + ANGLE},0,{REST * TURN}": 1.0, "hub-swing": CALM}
