@@ -34,34 +34,57 @@ for wave in range(1, TETHERS // 2 + 1):
     if wave < TETHERS // 2:
         PATTERNS.append((f"sin {wave}", np.sin(angle)))
 
-OUTPUTS = ["tilt along the wind", "tilt across", "spin rate", *(f"lagging {name}" for name, _ in PATTERNS)]
-UNITS = np.array([np.deg2rad(1.0)] * 2 + [0.01 * SPIN] + [np.deg2rad(1.0)] * len(PATTERNS))
+OUTPUTS = [
+    "tilt along the wind", "tilt across", "spin of the tips", "spin of the hub",
+    *(f"lagging {name}" for name, _ in PATTERNS),
+]  # fmt: skip
+UNITS = np.array([np.deg2rad(1.0)] * 2 + [0.01 * SPIN] * 2 + [np.deg2rad(1.0)] * len(PATTERNS))
 """One of each output: a degree of the spin plane's normal, a percent of the spin rate, a degree of lag."""
+
+SAVED = 40
+"""Saved instants per turn."""
 
 
 def outcome(table, sailing_deg):
-    """The outputs at the end of a turn, in UNITS. table: voltages (instant, tether), parts of V_0.
+    """The outputs of a turn, in UNITS. table: voltages (instant, tether), parts of V_0, which is back a slot
+    later.
 
     Tilts: of the spin plane's normal from the hub's axis at the start, towards larger sailing angles (in
-    the plane of wind and axis) and across. Lagging: amplitudes of the patterns over the tethers.
+    the plane of wind and axis) and across, averaged over the half turn after the voltages, in which nutation
+    goes round once. Spin of the tips: their mean angle over a quarter turn after the voltages, by its time.
+    Spin of the hub, and lagging as amplitudes of the patterns over the tethers: at the voltages' end.
     """
-    run = esail.simulate("baseline", settings(len(table) - 1) | {
-        "voltage.table": table, "initial.sailing_angle_deg": sailing_deg})  # fmt: skip
+    back = jnp.ones((1, TETHERS))
+    numbers = {"voltage.table": jnp.concatenate([table, back]), "initial.sailing_angle_deg": sailing_deg}
+    run = esail.simulate("baseline", settings(len(table) - 1) | numbers)
     rows = {name: jnp.asarray(x) for name, x in run.rows.items()}
     start = rows["rotation_IB"][0]
-    normal = plane_normals(run)[-1]
+    normal = mean(plane_normals(run)[SAVED:])
     tilts = jnp.stack([-start[:, 2] @ normal, start[:, 1] @ normal])
-    spin = rows["angular_velocity_B"][-1, :1]
+    rates = jnp.stack([tip_rate(rows), rows["angular_velocity_B"][SAVED, 0]])
     parts = jnp.stack([pattern / (pattern @ pattern) for _, pattern in PATTERNS])
-    return jnp.concatenate([tilts, spin, parts @ rows["lagging_angle"][-1]]) / UNITS
+    return jnp.concatenate([tilts, rates, parts @ rows["lagging_angle"][SAVED]]) / UNITS
+
+
+def mean(values):
+    """Mean over evenly spaced instants, trapezoidal rule."""
+    return (values.sum(0) - 0.5 * (values[0] + values[-1])) / (len(values) - 1)
+
+
+def tip_rate(rows):
+    """Mean rate at which the tips go round in the quarter turn after the voltages [rad/s]."""
+    tips = rows["tip_position_I"][jnp.array([SAVED, SAVED + SAVED // 4])]
+    first, last = tips - tips.mean(1, keepdims=True)
+    angles = jnp.arctan2(jnp.linalg.norm(jnp.cross(first, last), axis=1), (first * last).sum(1))
+    return angles.mean() / (TURN / 4)
 
 
 def settings(slots: int) -> dict:
     """Overrides of the baseline."""
     return {
         "voltage.law": "piecewise-linear", "voltage.value": VOLTS,
-        "voltage.time": np.linspace(0.0, TURN, slots + 1).tolist(),
-        "integrator.t_end": TURN, "output.interval": TURN, "integrator.tolerance": TOLERANCE,
+        "voltage.time": (TURN / slots * np.arange(slots + 2)).tolist(),
+        "integrator.t_end": 1.5 * TURN, "output.interval": TURN / SAVED, "integrator.tolerance": TOLERANCE,
     }  # fmt: skip
 
 
@@ -132,7 +155,7 @@ def check(found: Gramian, sailing_deg: float, reached: float) -> list[tuple]:
     plain = np.ones(found.slopes.shape[1:])
     before = np.asarray(outcome(plain, sailing_deg))
     rows = []
-    for i, name in enumerate(OUTPUTS[:4]):
+    for i, name in enumerate(OUTPUTS[:5]):
         volts = found.change(reached * np.eye(len(OUTPUTS))[i], held=True)
         moved = (np.asarray(outcome(plain + volts / VOLTS, sailing_deg)) - before) / reached
         largest = np.abs(np.delete(moved, i)).max(), np.abs(volts).max()
@@ -161,7 +184,7 @@ def draw(found: dict[float, Gramian]) -> Figure:
     spectrum.legend(fontsize=7)
     spectrum.grid(alpha=0.3)
     first = next(iter(found.values()))
-    for axis, i in zip(maps, (0, 1, 2, 3), strict=True):
+    for axis, i in zip(maps, (0, 2, 3, 4), strict=True):
         volts = first.change(np.eye(len(OUTPUTS))[i], held=True)
         limit = np.abs(volts).max()
         image = axis.imshow(volts.T, aspect="auto", cmap="RdBu_r", vmin=-limit, vmax=limit,
