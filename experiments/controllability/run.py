@@ -46,13 +46,13 @@ SAVED = 40
 
 
 def outcome(table, sailing_deg):
-    """The outputs of a turn, in UNITS. table: voltages (instant, tether), parts of V_0, which is back a slot
+    """The outputs of a turn, in UNITS. table: voltages (instant, tether), parts of V_0; back at 1 a slot
     later.
 
     Tilts: of the spin plane's normal from the hub's axis at the start, towards larger sailing angles (in
-    the plane of wind and axis) and across, averaged over the half turn after the voltages, in which nutation
-    goes round once. Spin of the tips: their mean angle over a quarter turn after the voltages, by its time.
-    Spin of the hub, and lagging as amplitudes of the patterns over the tethers: at the voltages' end.
+    the plane of wind and axis) and across, averaged over the half turn after the voltages, in which
+    nutation goes round once. Spin of the tips: their mean angle over a quarter turn after the voltages, by
+    its time. Spin of the hub, and lagging as amplitudes of the patterns over the tethers: at the end.
     """
     back = jnp.ones((1, TETHERS))
     numbers = {"voltage.table": jnp.concatenate([table, back]), "initial.sailing_angle_deg": sailing_deg}
