@@ -149,17 +149,18 @@ def difference(sailing_deg: float) -> tuple[np.ndarray, np.ndarray]:
     return along, (8.0 * (ends[2] - ends[1]) - (ends[3] - ends[0])) / (12.0 * 2e-3)
 
 
-def check(found: Gramian, sailing_deg: float, reached: float) -> list[tuple]:
-    """The smallest changes for a part `reached` of a unit, run: what they reach along the output, and the
-    largest of what else they move, both over `reached`."""
+def check(found: Gramian, sailing_deg: float) -> list[tuple]:
+    """The cheapest changes for a part of a unit (a tenth, or what a quarter of V_0 reaches), run: that part,
+    what is reached and the largest of what else moves, both over it, and the largest change of a voltage."""
     plain = np.ones(found.slopes.shape[1:])
     before = np.asarray(outcome(plain, sailing_deg))
     rows = []
     for i, name in enumerate(OUTPUTS[:5]):
-        volts = found.change(reached * np.eye(len(OUTPUTS))[i], held=True)
-        moved = (np.asarray(outcome(plain + volts / VOLTS, sailing_deg)) - before) / reached
-        largest = np.abs(np.delete(moved, i)).max(), np.abs(volts).max()
-        rows.append((name, float(moved[i]), *(float(x) for x in largest)))
+        volts = found.change(np.eye(len(OUTPUTS))[i], held=True)
+        part = min(0.1, 0.25 * VOLTS / np.abs(volts).max())
+        moved = (np.asarray(outcome(plain + part * volts / VOLTS, sailing_deg)) - before) / part
+        others = np.abs(np.delete(moved, i)).max()
+        rows.append((name, *(float(x) for x in (part, moved[i], others, part * np.abs(volts).max()))))
     return rows
 
 
@@ -220,13 +221,13 @@ def main() -> None:
         for k in range(len(volts)):
             parts = sorted(zip(np.abs(vectors[:, k]), OUTPUTS, strict=True), reverse=True)[:3]
             eigen.append((sailing, k + 1, float(volts[k]), *(f"{x:.2f} {name}" for x, name in parts)))
-        checks += [(sailing, *row) for row in check(fine, sailing, 0.1)]
+        checks += [(sailing, *row) for row in check(fine, sailing)]
         along, quotient = difference(sailing)
         miss = np.abs(np.einsum("aki,ki->a", slopes, along) - quotient).max() / np.abs(quotient).max()
         print(f"reverse mode against differences, of the largest: {miss:.1e}", flush=True)
     write("costs.csv", ("sailing_deg", "output", "alone_V", "others_held_V", "others_held_coarse_V"), costs)
     write("eigen.csv", ("sailing_deg", "direction", "rms_V", "first", "second", "third"), eigen)
-    write("checks.csv", ("sailing_deg", "output", "reached", "others_moved", "largest_V"), checks)
+    write("checks.csv", ("sailing_deg", "output", "part", "reached", "others_moved", "largest_V"), checks)
     draw(found).savefig(HERE / "gramian.png", dpi=110)
     print(f"{time.perf_counter() - began:.0f} s", flush=True)
 

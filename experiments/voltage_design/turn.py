@@ -41,7 +41,7 @@ CALM = 1e-6
 
 ITERATIONS = 25
 
-TIMES = (1.02,)
+TIMES = (1.02, 0.98)
 """Designed for these parts of the time in which all or nothing turns the sail."""
 
 
@@ -54,20 +54,24 @@ def sail(turns: float, overrides: dict) -> Scene:
 # ---- what a rigid sail could do -------------------------------------------------------------------
 
 
-def rigid_turns(wave: float) -> float:
-    """Turns that a flat rigid sail needs, whose thrust follows `wave` about its mean: H angle / torque.
-
-    H = N I omega, I = (m_tip + m / 3) L^2; torque N M wave, where M = sigma u cos alpha L^2 / 2 is the
-    moment of a tether at MAXIMUM and `wave` the mean over the phase of (thrust / its largest) sin phi.
-    alpha: in the middle of the way."""
+def rigid_sail() -> tuple[float, float]:
+    """H = N I omega [N m s], I = (m_tip + m / 3) L^2, and N M [N m], where M = sigma u cos alpha L^2 / 2 is
+    the moment of a tether's thrust at MAXIMUM, of a flat rigid sail. alpha: in the middle of the way."""
     scene = sail(1.0, {})
     tethers, wind, length = scene.tethers, scene.solar_wind, scene.tethers.length
     inertia = (scene.remote_units.mass + tethers.density * tethers.area * length / 3.0) * length**2
     plasma = np.sqrt(VACUUM_PERMITTIVITY * PROTON_MASS * wind.number_density)
     load = THRUST_FACTOR * (MAXIMUM - wind.cutoff_voltage) * plasma * wind.speed
     moment = 0.5 * load * length**2 * np.cos(np.deg2rad(START + 0.5 * ANGLE))
-    rate = moment * wave / (inertia * SPIN)
-    return float(np.deg2rad(ANGLE) / rate / TURN)
+    count = tethers.count
+    return float(count * inertia * SPIN), float(count * moment)
+
+
+def rigid_turns(wave: float) -> float:
+    """Turns that the rigid sail needs, H angle / (N M wave); wave: mean over the phase of sin phi times the
+    thrust over its largest."""
+    momentum, moment = rigid_sail()
+    return momentum * np.deg2rad(ANGLE) / (moment * wave) / TURN
 
 
 def waves() -> dict[str, float]:
@@ -218,6 +222,7 @@ def draw(runs: dict[str, Solution], table: np.ndarray, turns: float) -> Figure:
         hub.plot(at, swing(run), lw=1.0)
     way.axhline(ANGLE, color="k", ls=":", lw=0.8)
     way.set_ylabel("spin plane turned by [deg]")
+    way.set_ylim(-0.3, 1.5 * ANGLE)  # a hub that tumbles turns the normal's side with it
     way.legend(fontsize=6)
     hub.set_ylabel("hub's axis from the spin plane's normal [deg]")
     hub.set_yscale("log")
@@ -235,6 +240,7 @@ def main() -> None:
     """Fly what is known, design, check, write."""
     runs = {name: esail.simulate(sail(LONGEST, law), throw=False) for name, law in known_controls().items()}
     rows = [flown(name, run) for name, run in runs.items()]
+    print("angular momentum [N m s], moments of all tethers at 40 kV [N m]:", *rigid_sail())
     bounds = {name: rigid_turns(wave) for name, wave in waves().items()}
     rows += [
         (f"rigid sail, {name}", "0", turns, ANGLE, 0.0, 0.0, 0.0, 0.0) for name, turns in bounds.items()
