@@ -150,8 +150,8 @@ def difference(sailing_deg: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def check(found: Gramian, sailing_deg: float) -> list[tuple]:
-    """The cheapest changes for a part of a unit (a tenth, or what a quarter of V_0 reaches), run: that part,
-    what is reached and the largest of what else moves, both over it, and the largest change of a voltage."""
+    """The cheapest changes for a part of a unit (a tenth, or what a quarter of V_0 reaches), run: that
+    part, what is reached and the largest of what else moves, over it, and the largest change [V]."""
     plain = np.ones(found.slopes.shape[1:])
     before = np.asarray(outcome(plain, sailing_deg))
     rows = []
