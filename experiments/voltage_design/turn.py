@@ -41,7 +41,7 @@ CALM = 1e-6
 
 ITERATIONS = 25
 
-TIMES = (1.02, 0.98)
+TIMES = (1.02,)
 """Designed for these parts of the time in which all or nothing turns the sail."""
 
 
