@@ -64,10 +64,10 @@ def planar_cone_harmonic(scene: esail.Scene) -> dict[str, list[float]]:
     return {"voltage.cosine": [float(first), 0.0], "voltage.sine": [0.0, 0.0]}
 
 
-def smooth_step(scene: esail.Scene) -> dict[str, list[list[float]]]:
+def smooth_step(scene: esail.Scene) -> dict[str, list[float]]:
     """The table of a switch-on without design: up along the smooth step over the designed time."""
     time = np.asarray(scene.voltage.time)
-    return {"voltage.table": np.asarray(voltage.smooth_step(time / time[-1]))[:, None].tolist()}
+    return {"voltage.table": np.asarray(voltage.smooth_step(time / time[-1])).tolist()}
 
 
 def switch_on() -> Design:
