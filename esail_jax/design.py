@@ -234,4 +234,4 @@ def inward(variable: Variable) -> Float[np.ndarray, "*some"]:
 def between(variable: Variable) -> tuple[Float[np.ndarray, "*some"], Float[np.ndarray, "*some"]]:
     """Middle and half width of a variable's limits."""
     lower, upper = np.asarray(variable.lower, float), np.asarray(variable.upper, float)
-    return 0.5 * (upper + lower), 0.5 * (upper - lower)
+    return np.asarray(0.5 * (upper + lower)), np.asarray(0.5 * (upper - lower))
