@@ -78,7 +78,7 @@ class Design:
         scene: Scene,
         weights: Mapping[str, float],
         variables: Mapping[str, Variable],
-        circumstances: Mapping[str, Array] | None = None,
+        circumstances: Mapping[str, Array | np.ndarray] | None = None,
         method: str = "lbfgs",
         rate: float = 0.05,
     ):
