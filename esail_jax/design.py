@@ -2,7 +2,8 @@
 
 The run is one differentiable program (`simulate` under a trace); optax chooses the direction of a step
 (L-BFGS or Adam), the host its length. Several starts, and several circumstances that a robust design has
-to cope with (winds, errors of lengths), are batched by vmap.
+to cope with (winds, errors of lengths), are runs one after the other: batched by vmap, the derivative of
+each would compute as many steps as a run may have at most.
 """
 
 import dataclasses
@@ -13,9 +14,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
+from jax import lax
 
 from esail_jax import objectives
 from esail_jax.array_types import Array, Float, Scalar
+from esail_jax.entry import QUICK_COMPILE
 from esail_jax.scenes.keys import SceneError
 from esail_jax.scenes.scene import Scene
 from esail_jax.simulate import Solution, simulate
@@ -35,12 +38,13 @@ LONGEST = 0.3
 @dataclasses.dataclass(frozen=True)
 class Variable:
     """A number, or array of numbers, of a scene that may be chosen. start: where from; scale: what counts
-    as a change of one; lower, upper: limits that hold by construction (None: none)."""
+    as a change of one; lower, upper: limits that hold by construction (None: none), one for all or one
+    for each; where they are equal nothing is chosen."""
 
     start: Any
     scale: float = 1.0
-    lower: float | None = None
-    upper: float | None = None
+    lower: Any = None
+    upper: Any = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,8 +67,8 @@ class State:
 class Design:
     """A design problem.
 
-    scene: with a voltage law; weights: of the objectives (`objectives.NAMES`); variables: by scene key;
-    circumstances: arrays by scene key, one entry for each, over which the objective is averaged.
+    scene: with a voltage law; weights: by name of an objective (`objectives.py`); variables: by scene
+    key; circumstances: arrays by scene key, one entry for each, over which the objective is averaged.
 
     Raises SceneError for names that do not exist.
     """
@@ -74,14 +78,12 @@ class Design:
         scene: Scene,
         weights: Mapping[str, float],
         variables: Mapping[str, Variable],
-        circumstances: Mapping[str, Array] | None = None,
+        circumstances: Mapping[str, Array | np.ndarray] | None = None,
         method: str = "lbfgs",
         rate: float = 0.05,
     ):
         for name in weights:
-            if name not in objectives.NAMES:
-                known = ", ".join(objectives.NAMES)
-                raise SceneError("objective", f"be one of {known}", f"is {name!r}")
+            objectives.function_of(name)
         if method not in METHODS:
             raise SceneError("method", f"be one of {', '.join(METHODS)}", f"is {method!r}")
         self.scene, self.weights, self.variables = scene, dict(weights), dict(variables)
@@ -90,15 +92,31 @@ class Design:
         self.optimiser = optax.scale_by_lbfgs() if method == "lbfgs" else optax.scale_by_adam()
         self.rate = 1.0 if method == "lbfgs" else rate
         self.plain = self.unmodulated()
-        found = objectives.values(self.plain, tuple(self.weights))
-        self.before = {name: float(value) for name, value in found.items()}
-        self._evaluate = jax.jit(jax.vmap(jax.value_and_grad(self.objective)))
+        self.before = self.measured(self.plain)
+        self.compared = self.before if not self.circumstances else self.before_each()
+        each = jax.value_and_grad(self.objective)
+        self._evaluate = jax.jit(lambda x: lax.map(each, x), compiler_options=QUICK_COMPILE)
 
-    def unmodulated(self) -> Solution:
+    def measured(self, run: Solution) -> dict[str, float]:
+        """The objectives of a run."""
+        found = objectives.values(run, tuple(self.weights))
+        return {name: float(value) for name, value in found.items()}
+
+    def before_each(self) -> dict[str, Float[np.ndarray, " circumstance"]]:
+        """What objectives are compared with, by circumstance: for those to be made small the mean over all
+        circumstances with constant voltage, for what is to be kept the value in the same wind."""
+        count = len(next(iter(self.circumstances.values())))
+        each = [{key: x[i] for key, x in self.circumstances.items()} for i in range(count)]
+        found = [self.measured(self.unmodulated(circumstance)) for circumstance in each]
+        rows = {name: np.array([one[name] for one in found]) for name in self.weights}
+        kept = objectives.KEPT
+        return {name: x if name in kept else np.full(count, x.mean()) for name, x in rows.items()}
+
+    def unmodulated(self, circumstance: Mapping[str, Any] | None = None) -> Solution:
         """The run with constant voltage that objectives are compared with."""
         law = {f"voltage.{x}": None for x in vars(self.scene.voltage) if x not in ("value", "law")}
         plain = self.scene.replace(law | {"voltage.law": "constant"})
-        run = simulate(plain)
+        run = simulate(plain, circumstance)
         constant = np.broadcast_to(plain.voltage.value, (len(run.time), plain.tethers.count))
         return dataclasses.replace(run, rows=run.rows | {"voltage": np.asarray(constant)})
 
@@ -128,13 +146,13 @@ class Design:
     def objective(self, x: Float[Array, " variable"]) -> Scalar:
         """J(x), 1 per weight without modulation, averaged over the circumstances."""
 
-        def of_one(circumstance):
+        def of_one(circumstance, before):
             run = simulate(self.scene, self.overrides(x) | circumstance)
-            return objectives.of_run(run, self.weights, self.before)
+            return objectives.of_run(run, self.weights, before)
 
         if not self.circumstances:
-            return of_one({})
-        return jax.vmap(of_one)(self.circumstances).mean()
+            return of_one({}, self.before)
+        return lax.map(jax.checkpoint(lambda x: of_one(*x)), (self.circumstances, self.compared)).mean()
 
     # ---- iterations -----------------------------------------------------------------------------
 
@@ -199,8 +217,8 @@ def outward(
     """A variable's value from its coordinate: scale x, or between its limits by a sine."""
     if variable.lower is None or variable.upper is None:
         return variable.scale * x
-    middle, half = 0.5 * (variable.upper + variable.lower), 0.5 * (variable.upper - variable.lower)
-    return middle + half * jnp.sin(variable.scale * x / half)
+    middle, half = between(variable)
+    return middle + half * jnp.sin(variable.scale * x / np.where(half == 0.0, 1.0, half))
 
 
 def inward(variable: Variable) -> Float[np.ndarray, "*some"]:
@@ -208,5 +226,12 @@ def inward(variable: Variable) -> Float[np.ndarray, "*some"]:
     start = np.asarray(variable.start, float)
     if variable.lower is None or variable.upper is None:
         return start / variable.scale
-    middle, half = 0.5 * (variable.upper + variable.lower), 0.5 * (variable.upper - variable.lower)
-    return np.arcsin(np.clip((start - middle) / half, -1.0, 1.0)) * half / variable.scale
+    middle, half = between(variable)
+    part = (start - middle) / np.where(half == 0.0, 1.0, half)
+    return np.arcsin(np.clip(part, -1.0, 1.0)) * half / variable.scale
+
+
+def between(variable: Variable) -> tuple[Float[np.ndarray, "*some"], Float[np.ndarray, "*some"]]:
+    """Middle and half width of a variable's limits."""
+    lower, upper = np.asarray(variable.lower, float), np.asarray(variable.upper, float)
+    return np.asarray(0.5 * (upper + lower)), np.asarray(0.5 * (upper - lower))

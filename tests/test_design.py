@@ -1,5 +1,7 @@
 """Designs: gradients of every objective, what an optimisation reaches, and going on with one."""
 
+import dataclasses
+
 import jax
 import numpy as np
 import pytest
@@ -37,6 +39,9 @@ def test_a_variable_keeps_its_limits():
     """Between its limits by construction, and where it was told to start."""
     for variable in (Variable([0.2, 0.9], 0.1, 0.0, 1.0), Variable([3.0], 2.0)):
         assert np.allclose(outward(variable, inward(variable)), variable.start, rtol=1e-12)
+    held = Variable([[0.5, 1.0]], 0.1, [[0.0, 1.0]], [[2.0, 1.0]])
+    assert np.allclose(outward(held, inward(held)), held.start, rtol=1e-12)
+    assert outward(held, np.full((1, 2), 3.0))[0, 1] == 1.0
     far = outward(Variable([0.5], 0.1, 0.0, 2.0), np.linspace(-1e3, 1e3, 999))
     assert far.min() >= 0.0 and far.max() <= 2.0
 
@@ -60,7 +65,10 @@ def test_mean_torque_is_cancelled(torque):
 @pytest.mark.slow
 def test_gradient_of_every_objective():
     """Against central differences of concrete runs, each objective over its value without modulation."""
-    names = [name for name in objectives.NAMES if name != "thrust"]
+    names = [name for name in objectives.NAMES if name != "thrust"] + [
+        "spin-plane:13,20",
+        "spin-plane:13,20,200",
+    ]
     design = problem(weights=dict.fromkeys(names, 1.0))
     x = np.array([0.5, -0.3])
 
@@ -76,6 +84,81 @@ def test_gradient_of_every_objective():
         quotient = (8 * (ends[2] - ends[1]) - (ends[3] - ends[0])) / (12 * e)
         scale = np.abs(exact).max(1)
         assert (np.abs(quotient - exact[:, i]) < 1e-4 * scale).all(), (quotient, exact[:, i])
+
+
+@pytest.mark.parametrize("start", [10.0, -10.0, 0.0])
+def test_spin_plane_is_measured_from_its_target(start):
+    """At the start of a run the spin plane is the hub's: its distance from a normal at other sailing and
+    precession angles is the chord between two unit vectors, and none from its own. What is left are the
+    tips' rounding, 1e-12 m in 10 km."""
+    scene = {**SMALL, "initial.sailing_angle_deg": start, "integrator.t_end": 1.0, "output.interval": 1.0}
+    run = esail.simulate("baseline", scene)
+    first = dataclasses.replace(run, rows={name: x[:1] for name, x in run.rows.items()}, time=run.time[:1])
+    alpha, delta = np.deg2rad([13.0, 20.0])
+    aim = np.array([np.sin(alpha) * np.cos(delta), np.sin(alpha) * np.sin(delta), np.cos(alpha)])
+    own = np.array([np.sin(np.deg2rad(start)), 0.0, np.cos(np.deg2rad(start))])
+    found = objectives.values(first, ("spin-plane:13,20", f"spin-plane:{start}", "spin-plane:0"))
+    assert abs(found["spin-plane:13,20"] - ((aim - own) ** 2).sum()) < 1e-12
+    assert found[f"spin-plane:{start}"] < 1e-24
+    assert abs(found["spin-plane:0"] - (2.0 * np.sin(0.5 * np.deg2rad(start))) ** 2) < 1e-12
+
+
+WINDS = {
+    "solar_wind.speed": np.array([[3.8e5, 4.1e5, 4e5], [4.4e5, 4e5, 3.6e5]]),
+    "tethers.length": np.array([[10e3, 10.05e3, 9.95e3], [9.9e3, 10e3, 10.1e3]]),
+}
+"""Two circumstances: a wind in time, and errors of lengths."""
+
+
+@pytest.mark.slow
+def test_objective_is_the_mean_over_circumstances():
+    """J of both circumstances is the mean of what each alone gives, with its gradient: torque over its mean
+    without modulation, thrust over that of the same wind. Steps of runs batched by vmap are those of single
+    runs: rounding, which a quotient of small torques raises to 1e-9."""
+    gusty = {"solar_wind.time": [0.0, 200.0, 400.0], "solar_wind.speed": [4e5] * 3}
+    scene = esail.load_scene("baseline", SMALL | gusty)
+    weights = {"mean-torque": 1.0, "thrust": 2.0}
+    design = Design(scene, weights, FREE, circumstances=WINDS)
+    x = np.array([0.4, -0.2])
+    value, slope = jax.value_and_grad(design.objective)(x)
+    each = [{key: rows[i] for key, rows in WINDS.items()} for i in range(2)]
+    plain = [design.measured(design.unmodulated(circumstance)) for circumstance in each]
+    torque = 0.5 * (plain[0]["mean-torque"] + plain[1]["mean-torque"])
+
+    def alone(x, circumstance, thrust):
+        run = esail.simulate(scene, design.overrides(x) | circumstance)
+        return objectives.of_run(run, weights, {"mean-torque": torque, "thrust": thrust})
+
+    found = [
+        jax.value_and_grad(alone)(x, circumstance, before["thrust"])
+        for circumstance, before in zip(each, plain, strict=True)
+    ]
+    assert abs(value / (0.5 * (found[0][0] + found[1][0])) - 1.0) < 1e-9
+    assert np.allclose(slope, 0.5 * (found[0][1] + found[1][1]), rtol=1e-8, atol=0.0)
+    assert abs(found[0][0] / found[1][0] - 1.0) > 1e-3
+    # Without modulation thrust costs nothing in any wind, and the mean torque is one.
+    assert abs(design.objective(np.zeros(2)) - 1.0) < 1e-6
+
+
+@pytest.mark.slow
+def test_several_starts_are_designs_of_their_own(torque):
+    """Three starts at once reach what each reaches alone: each has its own direction and step length.
+    Rounding grows where the torque is nearly cancelled, to parts of the first objective."""
+    together = torque.run(3, starts=3, seed=5)
+    assert len({float(value) for value in together[0].value}) == 3
+    for i in range(3):
+        state = dataclasses.replace(
+            together[0],
+            x=together[0].x[i : i + 1],
+            value=together[0].value[i : i + 1],
+            gradient=together[0].gradient[i : i + 1],
+            memory=jax.tree.map(lambda leaf, i=i: leaf[i : i + 1], together[0].memory),
+        )
+        states = [state, *torque.iterations(state, 3)]
+        assert len(states) == len(together)
+        for one, all in zip(states, together, strict=True):
+            assert np.allclose(one.x[0], all.x[i], rtol=1e-7, atol=1e-9)
+            assert abs(one.value[0] - all.value[i]) < 1e-9 * together[0].value[i]
 
 
 @pytest.mark.slow
@@ -101,6 +184,9 @@ def test_a_design_from_the_shell_goes_on_as_if_uninterrupted(tmp_path, capsys):
     ("arguments", "message"),
     [
         (["--objective", "speed=1"], "`objective` must be one of mean-torque, "),
+        (["--objective", "spin-plane=1"], "`objective` must look like spin-plane:15, spin-plane:15,0 (deg"),
+        (["--objective", "spin-plane:1,2,3,4=1"], "`objective` must look like spin-plane:15"),
+        (["--objective", "lagging:3=1"], "`objective` must be one of mean-torque, "),
         (["--objective", "spin"], "`--objective` must look like NAME=WEIGHT, but is 'spin'"),
         (["--iterations", "0"], "`--iterations` must be positive, but is 0"),
     ],
