@@ -20,7 +20,7 @@ from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.joints.roots import FrameRoots, HubRoots
 from esail_jax.loads.voltage import Sight, VoltageLaw
 from esail_jax.numerics.vectors import dot
-from esail_jax.terms import Dissipation, Energy, Load, PointFields
+from esail_jax.terms import Dissipation, Energy, Load, PointFields, Transposable
 
 
 class Power(NamedTuple):
@@ -106,6 +106,12 @@ class System(eqx.Module):
             tether = tether + toward
             hub = None if hub is None else hub + self.orbit.acceleration(q.hub.T, v.hub.T).T
         return Coordinates(tether, hub)
+
+    def transposable(self) -> "System":
+        """Self, for a derivative in reverse with respect to the state and nothing else: energies and
+        dissipations with the transposes they have themselves."""
+        elastic, viscous = (tuple(map(Transposable, x)) for x in (self.energies, self.dissipations))
+        return eqx.tree_at(lambda system: (system.energies, system.dissipations), self, (elastic, viscous))
 
     def inertial(self, q: Coordinates, v: Coordinates, vdot: Coordinates) -> Coordinates:
         """vdot minus the acceleration field: weight is inertia in a falling frame."""
