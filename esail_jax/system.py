@@ -6,6 +6,7 @@ Every function below loops over the terms that are there; an absent one leaves n
 compiled program.
 """
 
+import dataclasses
 from typing import NamedTuple
 
 import equinox as eqx
@@ -20,7 +21,7 @@ from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.joints.roots import FrameRoots, HubRoots
 from esail_jax.loads.voltage import Sight, VoltageLaw
 from esail_jax.numerics.vectors import dot
-from esail_jax.terms import Dissipation, Energy, Load, PointFields, Transposable
+from esail_jax.terms import Dissipation, Energy, Load, PointFields
 
 
 class Power(NamedTuple):
@@ -91,6 +92,15 @@ class System(eqx.Module):
         loads = [term.point_forces(time, fields, rates) for term in self.loads]
         return add_fields(elastic + viscous + loads), add_fields(viscous), add_fields(loads)
 
+    def pull_back(
+        self, time: Instants, fields: PointFields, rates: PointFields, w: PointFields
+    ) -> tuple[PointFields, PointFields]:
+        """`Term.pull_back` of them all, at given voltages."""
+        terms = (*self.energies, *self.dissipations, *self.loads)
+        parts = [term.pull_back(time, fields, rates, w) for term in terms]
+        by_fields, by_rates = zip(*parts, strict=True) if parts else ((), ())
+        return add_fields(list(by_fields)), add_fields(list(by_rates))
+
     def field(self, q: Coordinates, v: Coordinates) -> Coordinates:
         """Acceleration [m/s^2] of a free particle at every node and hub point: uniform gravity and
         the field of an orbit. Being linear in position, it is exact between nodes too."""
@@ -106,12 +116,6 @@ class System(eqx.Module):
             tether = tether + toward
             hub = None if hub is None else hub + self.orbit.acceleration(q.hub.T, v.hub.T).T
         return Coordinates(tether, hub)
-
-    def transposable(self) -> "System":
-        """Self, for a derivative in reverse with respect to the state and nothing else: energies and
-        dissipations with the transposes they have themselves."""
-        elastic, viscous = (tuple(map(Transposable, x)) for x in (self.energies, self.dissipations))
-        return eqx.tree_at(lambda system: (system.energies, system.dissipations), self, (elastic, viscous))
 
     def inertial(self, q: Coordinates, v: Coordinates, vdot: Coordinates) -> Coordinates:
         """vdot minus the acceleration field: weight is inertia in a falling frame."""
@@ -291,6 +295,61 @@ class System(eqx.Module):
             root = self.roots.turn(time, self.roots.anchors, derivative)
         root = self.roots.releases.free(q.tether[0, :, 0], root)
         return q._replace(tether=q.tether.at[0, :, 0].set(root))
+
+
+class Transposable(System):
+    """A system for derivatives in reverse with respect to the state and nothing else. Forces of tethers have
+    their own transpose; the powers, which it has not, are left out.
+
+    At a point the forces' derivative is turned around by `Term.pull_back`, and on either side of that stand
+    each other's transposes: `interpolate`, and `nodal_forces` with the weights of the points. Left to itself
+    the compiler makes of the forces' transpose one loop that takes three times as long."""
+
+    @classmethod
+    def of(cls, system: System) -> "Transposable":
+        """The same system."""
+        return cls(**{field.name: getattr(system, field.name) for field in dataclasses.fields(system)})
+
+    def tether_forces(self, time: Instants, q: Nodal, v: Nodal, inertial: Nodal) -> tuple[Nodal, Power]:
+        volts = None if self.steering is None else self.loads[0].voltage
+        none = jnp.zeros(q.shape[2:-2])
+        return transposable_forces(self, volts, time, q, v, inertial), Power(none, none)
+
+
+@jax.custom_vjp
+def transposable_forces(
+    system: System, volts: Array | None, time: Instants, q: Nodal, v: Nodal, inertial: Nodal
+) -> Nodal:
+    """The tethers' forces; volts: those of the system, where they depend on the state."""
+    return System.tether_forces(system, time, q, v, inertial)[0]
+
+
+def _forces_and_fields(system, volts, time, q, v, inertial):
+    fields, rates = (system.tethers.interpolate(x) for x in (q, v))
+    forces = transposable_forces(system, volts, time, q, v, inertial)
+    return forces, (system, volts, time, fields, rates)
+
+
+def _forces_pulled_back(at, nodal):
+    system, volts, *at = at
+    w = system.tethers.interpolate(nodal)
+    by_fields, by_rates = system.pull_back(*at, w)
+
+    def virtual_power(volts):
+        load = system.with_voltage(volts).loads[0].point_forces(*at)
+        return system.integrate(dot(load.r, w.r)).sum()
+
+    by_volts = None if volts is None else jax.grad(virtual_power)(volts)
+    by_q, by_v = (system.tethers.nodal_forces(x) if any_of(x) else None for x in (by_fields, by_rates))
+    return None, by_volts, None, by_q, by_v, system.tethers.inertia(nodal)
+
+
+transposable_forces.defvjp(_forces_and_fields, _forces_pulled_back)
+
+
+def any_of(fields: PointFields) -> bool:
+    """Is there one?"""
+    return any(field is not None for field in fields)
 
 
 def add_fields(parts: list[PointFields]) -> PointFields:

@@ -11,7 +11,7 @@ tangents are derivatives of that text (`jax.grad`, `jax.jvp`): nothing else is e
 
 from abc import abstractmethod
 from collections.abc import Callable
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -58,6 +58,7 @@ class Term(eqx.Module):
     ) -> tuple[PointFields, PointFields]:
         """(dF/dx)^T w and (dF/dx')^T w of the forces F(x, x') at every point, conjugate to fields and rates;
         None where nothing depends on them."""
+        w = PointFields(*(x if name in self.acts_on else None for name, x in w._asdict().items()))
         _, transposed = jax.vjp(lambda *x: self.point_forces(time, *x), fields, rates)
         return transposed(w)
 
@@ -85,11 +86,11 @@ class Energy(Term):
 
     def pull_back(
         self, time: Instants, fields: PointFields, rates: PointFields, w: PointFields
-    ) -> tuple[PointFields, PointFields | None]:
+    ) -> tuple[PointFields, PointFields]:
         """The Hessian of W is symmetric: what a change of the fields by w does to the forces."""
         w = among(fields, self.depends_on, w)
         _, moved = jax.jvp(lambda x: self.point_forces(time, x, rates), (fields,), (w,))
-        return among(fields, self.depends_on, moved), None
+        return among(fields, self.depends_on, moved), PointFields(None, None)
 
 
 class Dissipation(Term):
@@ -186,36 +187,3 @@ def among(like: PointFields, names: tuple[str, ...], values: PointFields) -> Poi
             for name, field, value in zip(PointFields._fields, like, values, strict=True)
         )
     )
-
-
-class Transposable(Term):
-    """A term whose forces are differentiated in reverse by its `pull_back`, and not otherwise: the
-    transpose that the compiler is given for them takes three times as long."""
-
-    term: Term
-
-    name: ClassVar[str] = "transposable"
-    depends_on: ClassVar[tuple[str, ...]] = ()
-
-    def point_forces(self, time: Instants, fields: PointFields, rates: PointFields) -> PointFields:
-        return forces_with_pull_back(self.term, time, fields, rates)
-
-
-@jax.custom_vjp
-def forces_with_pull_back(
-    term: Term, time: Instants, fields: PointFields, rates: PointFields
-) -> PointFields:
-    """The term's forces, by fields and rates only."""
-    return term.point_forces(time, fields, rates)
-
-
-def _forces(term, time, fields, rates):
-    return term.point_forces(time, fields, rates), (term, time, fields, rates)
-
-
-def _forces_pulled_back(at, w):
-    term, *at = at
-    return None, None, *term.pull_back(*at, w)
-
-
-forces_with_pull_back.defvjp(_forces, _forces_pulled_back)

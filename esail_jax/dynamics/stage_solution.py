@@ -30,7 +30,7 @@ from esail_jax.dynamics.stages import (
 )
 from esail_jax.numerics.perturbed import jvp_of_perturbed
 from esail_jax.numerics.vectors import greatest
-from esail_jax.system import Residual, System
+from esail_jax.system import Residual, System, Transposable
 
 MAX_ITERATIONS = 10
 """After which a step has failed: what converges so slowly is cheaper with half the step."""
@@ -169,7 +169,7 @@ class Linearised(NamedTuple):
 
     def backwards(self) -> Callable[[Unknowns], tuple[Motion, Unknowns]]:
         """Its transpose."""
-        return jax.vjp(lambda *x: self.rows(self.system.transposable(), *x), *self.nothing)[1]
+        return jax.vjp(lambda *x: self.rows(Transposable.of(self.system), *x), *self.nothing)[1]
 
 
 def linear_solution(
