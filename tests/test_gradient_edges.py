@@ -30,24 +30,24 @@ def steps_of(method):
 @pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS[:2])
 def test_an_early_control_changes_the_end(method):
-    """d(sailing angle and a tip at 240 s)/d(voltage of the first instant, whose share in the law is gone at 60
-    s), against the difference quotient of fourth order of concrete runs: 2e-5. The change of 2 % leaves a
-    truncation of 1e-8, and iterations 1e-8 m of the metres by which the tip moves."""
+    """d(sailing angle at 240 s)/d(voltage of the first instant, whose share in the law is gone at 60 s),
+    against the difference quotient of fourth order of concrete runs: 2e-5. The change of 2 % leaves a
+    truncation of 1e-8, and iterations 1e-8 m of the metres by which tips move."""
     times = {"integrator.t_end": 240.0, "output.interval": 240.0}
 
     def end(first):
         table = jnp.stack([jnp.asarray(first), jnp.asarray(1.0), jnp.asarray(0.8)])
         run = esail.simulate("baseline", SMALL | LAW | times | steps_of(method) | {"voltage.table": table})
-        return jnp.stack([1e4 * run["sailing_angle"][-1], run["tip_position_I"][-1, 0, 2]])
+        return run["sailing_angle"][-1]
 
-    found = jit(jax.jacrev(end))(jnp.asarray(0.9))
+    found = jit(jax.grad(end))(jnp.asarray(0.9))
     change = 0.02
 
     def at(steps):
         return np.asarray(end(0.9 + steps * change))
 
     quotient = (8.0 * (at(1) - at(-1)) - (at(2) - at(-2))) / (12.0 * change)
-    assert (np.abs(quotient) > 1e-3).all()
+    assert abs(quotient) > 1e-6
     np.testing.assert_allclose(found, quotient, rtol=2e-5)
 
 
@@ -65,10 +65,10 @@ def check_derivatives(overrides, at):
         return jnp.concatenate(end) @ jnp.cos(jnp.arange(sum(x.size for x in end)))
 
     along = jnp.array([1e3, -5e2, 2e3, 1e-3, 0.1])
-    both = jit(lambda x: (jax.jvp(outcome, (x,), (along,))[1], jax.grad(outcome)(x)))
+    both = jit(lambda x: (jax.jvp(outcome, (x,), (along,)), jax.grad(outcome)(x)))
     for x in at:
-        forward, reverse = both(jnp.array(x))
-        assert np.isfinite(forward) and np.isfinite(reverse).all(), x
+        (value, forward), reverse = both(jnp.array(x))
+        assert np.isfinite(value) and np.isfinite(forward) and np.isfinite(reverse).all(), x
         parts = np.asarray(reverse * along)
         assert abs(parts.sum() - forward) < 1e-9 * np.abs(parts).sum(), x
 
@@ -105,4 +105,6 @@ def test_slack_tethers(method, monkeypatch):
     monkeypatch.setattr(build, "steady_line", shortened)
     # Times of its own: nothing that was compiled with the usual start serves here, or the other way round.
     overrides = steps_of(method) | {"integrator.t_end": 10.0, "output.interval": 10.0}
+    if method == "collocation":
+        del overrides["integrator.step"]  # which steps it needs is its own matter
     check_derivatives(overrides, [[20e3, 18e3, 22e3, 4e-3, 1.5], [0.0, 0.0, 0.0, 0.0, 1.5]])
