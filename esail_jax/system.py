@@ -298,12 +298,12 @@ class System(eqx.Module):
 
 
 class Transposable(System):
-    """A system for derivatives in reverse with respect to the state and nothing else. Forces of tethers have
-    their own transpose; the powers, which it has not, are left out.
+    """A system for derivatives in reverse with respect to the state and nothing else. Forces of tethers
+    have a transpose of their own; the powers, which have none, are left out.
 
-    At a point the forces' derivative is turned around by `Term.pull_back`, and on either side of that stand
-    each other's transposes: `interpolate`, and `nodal_forces` with the weights of the points. Left to itself
-    the compiler makes of the forces' transpose one loop that takes three times as long."""
+    At a point the forces' derivative is turned around by `Term.pull_back`, and on either side of that
+    stand each other's transposes: `interpolate`, and `nodal_forces` with the weights of the points. The
+    transpose that the compiler is given otherwise takes twice as long (106 for 217 us on the baseline)."""
 
     @classmethod
     def of(cls, system: System) -> "Transposable":

@@ -56,8 +56,8 @@ class Term(eqx.Module):
     def pull_back(
         self, time: Instants, fields: PointFields, rates: PointFields, w: PointFields
     ) -> tuple[PointFields, PointFields]:
-        """(dF/dx)^T w and (dF/dx')^T w of the forces F(x, x') at every point, conjugate to fields and rates;
-        None where nothing depends on them."""
+        """(dF/dx)^T w and (dF/dx')^T w of the forces F(x, x') at every point, conjugate to fields and
+        rates; None where nothing depends on them."""
         w = PointFields(*(x if name in self.acts_on else None for name, x in w._asdict().items()))
         _, transposed = jax.vjp(lambda *x: self.point_forces(time, *x), fields, rates)
         return transposed(w)

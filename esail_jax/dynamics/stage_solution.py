@@ -36,8 +36,9 @@ MAX_ITERATIONS = 10
 """After which a step has failed: what converges so slowly is cheaper with half the step."""
 
 MORE_ITERATIONS = 2
-"""What the linear equations of a derivative take beyond the iterations of the step itself: a gradient
-through three periods of the baseline to seven digits, where one would leave six. A number fixed in advance, so that reverse mode is the exact transpose of forward mode."""
+"""What the linear equations of a derivative take beyond the iterations of the step itself: seven digits of a
+gradient through three periods of the baseline, where one would leave six. A number fixed in advance, so
+that reverse mode is the exact transpose of forward mode."""
 
 
 def solve_stages(
@@ -146,12 +147,10 @@ class Linearised(NamedTuple):
         return jax.linear_transpose(self.with_roots, rows)(rows)[0]
 
     def rows(self, system: System, moved: Motion, x: Unknowns) -> Unknowns:
-        """Left-hand sides after changes of the motion and, beyond what follows from that, of the unknowns."""
+        """Left-hand sides after a change of the motion and, with what follows from that, of the unknowns."""
         change = self.with_roots(x)
-        once, twice = (
-            jax.tree.map(lambda a: jnp.tensordot(table, a, 1), change.vdot)
-            for table in (TABLE.matrix, TABLE.squared)
-        )
+        once = jax.tree.map(lambda a: jnp.tensordot(TABLE.matrix, a, 1), change.vdot)
+        twice = jax.tree.map(lambda a: jnp.tensordot(TABLE.squared, a, 1), change.vdot)
         q = jax.tree.map(lambda q, m, a: q + m + self.h**2 * a, self.motion.q, moved.q, twice)
         v = jax.tree.map(lambda v, m, a: v + m + self.h * a, self.motion.v, moved.v, once)
         unknowns = jax.tree.map(jnp.add, self.unknowns, change)
