@@ -36,9 +36,9 @@ MAX_ITERATIONS = 10
 """After which a step has failed: what converges so slowly is cheaper with half the step."""
 
 MORE_ITERATIONS = 2
-"""What the linear equations of a derivative take beyond the iterations of the step itself: seven digits of a
-gradient through three periods of the baseline, where one would leave six. A number fixed in advance, so
-that reverse mode is the exact transpose of forward mode."""
+"""What the linear equations of a derivative take beyond the iterations of the step itself: seven digits of
+a gradient through three periods of the baseline, where one would leave six. A number fixed in advance,
+so that reverse mode is the exact transpose of forward mode."""
 
 
 def solve_stages(
@@ -147,7 +147,7 @@ class Linearised(NamedTuple):
         return jax.linear_transpose(self.with_roots, rows)(rows)[0]
 
     def rows(self, system: System, moved: Motion, x: Unknowns) -> Unknowns:
-        """Left-hand sides after a change of the motion and, with what follows from that, of the unknowns."""
+        """Left-hand sides after changes of the motion and of the unknowns."""
         change = self.with_roots(x)
         once = jax.tree.map(lambda a: jnp.tensordot(TABLE.matrix, a, 1), change.vdot)
         twice = jax.tree.map(lambda a: jnp.tensordot(TABLE.squared, a, 1), change.vdot)
