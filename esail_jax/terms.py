@@ -112,7 +112,7 @@ class Dissipation(Term):
         """dR/d(rates) = (dR/de') grad e: the viscous stress resultants. The gradient is that of the
         energy in the same measure, and computed once for both."""
         e, gradient = with_gradient(self.deformation, self.depends_on, fields)
-        rate = inner(gradient, rates)
+        rate = inner(self.depends_on, gradient, rates)
         stress = jax.grad(lambda rate: self.lost(e, rate).sum())(rate)
         return jax.tree.map(lambda g: stress * g, gradient)
 
@@ -125,7 +125,7 @@ class Dissipation(Term):
         """
         w = among(fields, self.depends_on, w)
         e, g = with_gradient(self.deformation, self.depends_on, fields)
-        rate, along = (inner(g, x) for x in (rates, w))
+        rate, along = (inner(self.depends_on, g, x) for x in (rates, w))
 
         def stress(e, rate):
             return jax.grad(lambda rate: self.lost(e, rate).sum())(rate)
@@ -173,10 +173,9 @@ def with_gradient(
     return value, PointFields(None, None)._replace(**dict(zip(names, gradient, strict=True)))
 
 
-def inner(gradient: PointFields, change: PointFields) -> PerPoint:
-    """What a change of the fields does to a function of this gradient."""
-    pairs = zip(gradient, change, strict=True)
-    return sum(dot(g, x) for g, x in pairs if g is not None)
+def inner(names: tuple[str, ...], gradient: PointFields, rates: PointFields) -> PerPoint:
+    """What a change of the named fields, or their rates, does to a function of this gradient."""
+    return sum(dot(getattr(gradient, name), getattr(rates, name)) for name in names)
 
 
 def among(like: PointFields, names: tuple[str, ...], values: PointFields) -> PointFields:

@@ -104,9 +104,9 @@ def _known_stages_jvp(primals, tangents):
     given = (system, start.time, h)
     _, short = jvp_of_perturbed(at_rest, given, (tangents[0], tangents[1].time, tangents[2]))
     axes = jax.vmap(lambda time, q: axes_of(system, time, q))(times, q)
-    equations = Linearised(system, times, h, Motion(q, v), unknowns)
+    linear = Linearised(system, times, h, Motion(q, v), unknowns)
     count = iterations + MORE_ITERATIONS
-    return unknowns, linear_solution(equations, moved, short, turns_to(axes, kept), kept, count)
+    return unknowns, linear_solution(linear, moved, short, turns_to(axes, kept), kept, count)
 
 
 class Motion(NamedTuple):
@@ -172,27 +172,27 @@ class Linearised(NamedTuple):
 
 
 def linear_solution(
-    equations: Linearised,
+    linear: Linearised,
     moved: Motion,
-    short: Residual,
+    given: Residual,
     turns: Turn,
     kept: KeptFactors,
     count: Int[Array, ""],
 ) -> Unknowns:
-    """x with A_1 moved + A_2 x + short = 0, by `count` of the same iterations, and their transpose for
-    reverse mode. A_1 moved is part of the solution, as (1, 0; A_1, A_2) (moved, x) = (moved, -short): so
+    """x with A_1 moved + A_2 x + given = 0, by `count` of the same iterations, and their transpose for
+    reverse mode. A_1 moved is part of the solution, as (1, 0; A_1, A_2) (moved, x) = (moved, -given): so
     that reverse mode has the transpose of A_1 with that of A_2, not the one the compiler would be given."""
-    equations, turns, kept = lax.stop_gradient((equations, turns, kept))
-    nothing, zero = equations.nothing
+    linear, turns, kept = lax.stop_gradient((linear, turns, kept))
+    nothing, zero = linear.nothing
 
     def matrix(both):
         moved, x = both
-        return moved, equations.forwards()(moved, x)
+        return moved, linear.forwards()(moved, x)
 
     def precondition(residual):
-        residual = equations.without_roots(residual)
+        residual = linear.without_roots(residual)
         vdot, lam = residual
-        return equations.without_roots(correction(equations.system, Residual(vdot, lam), turns, kept))
+        return linear.without_roots(correction(linear.system, Residual(vdot, lam), turns, kept))
 
     def improved(product, precondition, rhs):
         def improve(_, x):
@@ -204,22 +204,23 @@ def linear_solution(
 
     def solve(_, rhs):
         moved, rhs = rhs
-        along = equations.forwards()
+        along = linear.forwards()
         rhs = jax.tree.map(jnp.subtract, rhs, along(moved, zero))
         return moved, improved(lambda x: along(nothing, x), precondition, rhs)
 
     def solve_transposed(_, rhs):
         moved, rhs = rhs
-        back = equations.backwards()
+        back = linear.backwards()
         back_precondition = jax.linear_transpose(precondition, zero)
         x = improved(lambda x: back(x)[1], lambda x: back_precondition(x)[0], rhs)
         return jax.tree.map(jnp.subtract, moved, back(x)[0]), x
 
-    rhs = moved, jax.tree.map(jnp.negative, equations.folded(short))
+    equations = linear.folded
+    rhs = jax.tree.map(jnp.negative, equations(given))
     # As one: the rule for the transpose refuses a part that nothing perturbs beside others.
-    rhs = lax.optimization_barrier(rhs)
-    _, x = lax.custom_linear_solve(matrix, rhs, solve, solve_transposed)
-    return equations.with_roots(x)
+    both = lax.optimization_barrier((moved, rhs))
+    _, x = lax.custom_linear_solve(matrix, both, solve, solve_transposed)
+    return linear.with_roots(x)
 
 
 def on_roots(system: System, vdot: Coordinates) -> Coordinates:
