@@ -104,6 +104,10 @@ class Dissipation(Term):
     def lost(self, e: PerPoint, rate: PerPoint) -> PerPoint:
         """R(e, e') [W/m], quadratic in the rate."""
 
+    def along(self, gradient: PointFields, rates: PointFields) -> PerPoint:
+        """g . x': the rate of e, or its change along any other vectors."""
+        return sum(dot(getattr(gradient, name), getattr(rates, name)) for name in self.depends_on)
+
     def density(self, fields: PointFields, rates: PointFields) -> PerPoint:
         """R [W/m]."""
         return self.lost(*jax.jvp(self.deformation, (fields,), (rates,)))
@@ -112,7 +116,7 @@ class Dissipation(Term):
         """dR/d(rates) = (dR/de') grad e: the viscous stress resultants. The gradient is that of the
         energy in the same measure, and computed once for both."""
         e, gradient = with_gradient(self.deformation, self.depends_on, fields)
-        rate = inner(self.depends_on, gradient, rates)
+        rate = self.along(gradient, rates)
         stress = jax.grad(lambda rate: self.lost(e, rate).sum())(rate)
         return jax.tree.map(lambda g: stress * g, gradient)
 
@@ -125,7 +129,7 @@ class Dissipation(Term):
         """
         w = among(fields, self.depends_on, w)
         e, g = with_gradient(self.deformation, self.depends_on, fields)
-        rate, along = (inner(self.depends_on, g, x) for x in (rates, w))
+        rate, along = (self.along(g, x) for x in (rates, w))
 
         def stress(e, rate):
             return jax.grad(lambda rate: self.lost(e, rate).sum())(rate)
@@ -171,11 +175,6 @@ def with_gradient(
     value, pull_back = jax.vjp(of_named, *(getattr(at, name) for name in names))
     gradient = pull_back(jnp.ones_like(value))
     return value, PointFields(None, None)._replace(**dict(zip(names, gradient, strict=True)))
-
-
-def inner(names: tuple[str, ...], gradient: PointFields, rates: PointFields) -> PerPoint:
-    """What a change of the named fields, or their rates, does to a function of this gradient."""
-    return sum(dot(getattr(gradient, name), getattr(rates, name)) for name in names)
 
 
 def among(like: PointFields, names: tuple[str, ...], values: PointFields) -> PointFields:
