@@ -53,6 +53,15 @@ class Term(eqx.Module):
         """Contribution to the left-hand side of the equations of motion, conjugate to the fields;
         None where there is none."""
 
+    def pull_back(
+        self, time: Instants, fields: PointFields, rates: PointFields, w: PointFields
+    ) -> tuple[PointFields, PointFields]:
+        """(dF/dx)^T w and (dF/dx')^T w of the forces F(x, x') at every point, conjugate to fields and
+        rates; None where nothing depends on them."""
+        w = PointFields(*(x if name in self.acts_on else None for name, x in w._asdict().items()))
+        _, transposed = jax.vjp(lambda *x: self.point_forces(time, *x), fields, rates)
+        return transposed(w)
+
 
 class Energy(Term):
     """Elastic energy per undeformed length, a function of one scalar measure of deformation."""
@@ -75,6 +84,14 @@ class Energy(Term):
         stress = jax.grad(lambda e: self.stored(e).sum())(e)
         return jax.tree.map(lambda g: stress * g, gradient)
 
+    def pull_back(
+        self, time: Instants, fields: PointFields, rates: PointFields, w: PointFields
+    ) -> tuple[PointFields, PointFields]:
+        """The Hessian of W is symmetric: what a change of the fields by w does to the forces."""
+        w = among(fields, self.depends_on, w)
+        _, moved = jax.jvp(lambda x: self.point_forces(time, x, rates), (fields,), (w,))
+        return among(fields, self.depends_on, moved), PointFields(None, None)
+
 
 class Dissipation(Term):
     """Rayleigh dissipation function per undeformed length; the power lost is 2 R."""
@@ -87,6 +104,10 @@ class Dissipation(Term):
     def lost(self, e: PerPoint, rate: PerPoint) -> PerPoint:
         """R(e, e') [W/m], quadratic in the rate."""
 
+    def along(self, gradient: PointFields, rates: PointFields) -> PerPoint:
+        """g . x': the rate of e, or its change along any other vectors."""
+        return sum(dot(getattr(gradient, name), getattr(rates, name)) for name in self.depends_on)
+
     def density(self, fields: PointFields, rates: PointFields) -> PerPoint:
         """R [W/m]."""
         return self.lost(*jax.jvp(self.deformation, (fields,), (rates,)))
@@ -95,9 +116,35 @@ class Dissipation(Term):
         """dR/d(rates) = (dR/de') grad e: the viscous stress resultants. The gradient is that of the
         energy in the same measure, and computed once for both."""
         e, gradient = with_gradient(self.deformation, self.depends_on, fields)
-        rate = sum(dot(getattr(gradient, name), getattr(rates, name)) for name in self.depends_on)
+        rate = self.along(gradient, rates)
         stress = jax.grad(lambda rate: self.lost(e, rate).sum())(rate)
         return jax.tree.map(lambda g: stress * g, gradient)
+
+    def pull_back(
+        self, time: Instants, fields: PointFields, rates: PointFields, w: PointFields
+    ) -> tuple[PointFields, PointFields]:
+        """Of F = S(e, e') g with S = dR/de', g = grad e and H = grad g, which is symmetric:
+
+        (dF/dx)^T w = (g.w) dS/de g + H (S w + (g.w) dS/de' x'),      (dF/dx')^T w = (g.w) dS/de' g
+        """
+        w = among(fields, self.depends_on, w)
+        e, g = with_gradient(self.deformation, self.depends_on, fields)
+        rate, along = (self.along(g, x) for x in (rates, w))
+
+        def stress(e, rate):
+            return jax.grad(lambda rate: self.lost(e, rate).sum())(rate)
+
+        ones, none = jnp.ones_like(e), jnp.zeros_like(e)
+        s, by_e = jax.jvp(stress, (e, rate), (ones, none))
+        _, by_rate = jax.jvp(stress, (e, rate), (none, ones))
+        turn = jax.tree.map(lambda w, v: s * w + along * by_rate * v, w, rates)
+        turn = among(fields, self.depends_on, turn)
+        _, bent = jax.jvp(
+            lambda x: with_gradient(self.deformation, self.depends_on, x)[1], (fields,), (turn,)
+        )
+        by_fields = jax.tree.map(lambda h, g: h + along * by_e * g, bent, g)
+        by_rates = jax.tree.map(lambda g: along * by_rate * g, g)
+        return among(fields, self.depends_on, by_fields), among(rates, self.depends_on, by_rates)
 
 
 class Load(Term):
@@ -128,3 +175,13 @@ def with_gradient(
     value, pull_back = jax.vjp(of_named, *(getattr(at, name) for name in names))
     gradient = pull_back(jnp.ones_like(value))
     return value, PointFields(None, None)._replace(**dict(zip(names, gradient, strict=True)))
+
+
+def among(like: PointFields, names: tuple[str, ...], values: PointFields) -> PointFields:
+    """The named values; zeros for the other fields there are."""
+    return PointFields(
+        *(
+            None if field is None else value if name in names else jnp.zeros_like(field)
+            for name, field, value in zip(PointFields._fields, like, values, strict=True)
+        )
+    )

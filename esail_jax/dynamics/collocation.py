@@ -36,6 +36,7 @@ from esail_jax.dynamics.stages import (
 from esail_jax.dynamics.step_record import History, Progress, Record, StepInfo, no_record
 from esail_jax.numerics.angles import rotation_by
 from esail_jax.numerics.loops import repeat
+from esail_jax.numerics.perturbed import known
 from esail_jax.system import Power, System
 
 KEEP = 24
@@ -191,6 +192,8 @@ def taken_again(system: System, now: Point, records: Record) -> tuple[Point, Rec
     def step(now, record):
         # What was not taken may be infinite: times zero that is no zero.
         stages = jax.tree.map(lambda x: jnp.where(record.taken, x, 0.0), record.stages)
+        # From where it was taken: nothing before a step needs to be done again for its derivative.
+        now = known(record.start, now)
         unknowns = known_stages(system, now, h, stages, kept, record.info.iterations)
         q, v = end_of_step(system, now, h, unknowns, kept)
         return now._replace(q=q, v=v), record._replace(start=now, stages=unknowns)

@@ -7,6 +7,7 @@ that is known already: nothing is solved twice for it.
 
 import functools
 from collections.abc import Callable
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -22,20 +23,22 @@ from esail_jax.dynamics.stages import (
     Unknowns,
     correction,
     largest,
+    residuals_at,
     stage_residuals,
     stage_states,
     turns_to,
 )
 from esail_jax.numerics.perturbed import jvp_of_perturbed
 from esail_jax.numerics.vectors import greatest
-from esail_jax.system import Residual, System
+from esail_jax.system import Residual, System, Transposable
 
 MAX_ITERATIONS = 10
 """After which a step has failed: what converges so slowly is cheaper with half the step."""
 
 MORE_ITERATIONS = 2
-"""What the linear equations of a derivative take beyond the iterations of the step itself: seven digits
-or more. A number fixed in advance, so that reverse mode is the exact transpose of forward mode."""
+"""What the linear equations of a derivative take beyond the iterations of the step itself: seven digits of
+a gradient through three periods of the baseline, where one would leave six. A number fixed in advance,
+so that reverse mode is the exact transpose of forward mode."""
 
 
 def solve_stages(
@@ -89,69 +92,135 @@ def known_stages(
 def _known_stages_jvp(primals, tangents):
     """d(unknowns) = -J^-1 d(residual): implicit function theorem, J being that of all stages together."""
     system, start, h, unknowns, kept, iterations = primals
+    times, q, v = stage_states(start, h, unknowns.vdot)
 
-    def residuals(system, start, h, unknowns):
-        return stage_residuals(system, start, h, unknowns)[0]
+    def carried(start, h):
+        return Motion(*stage_states(start, h, unknowns.vdot)[1:])
 
-    _, along = jax.linearize(lambda x: residuals(*primals[:3], x), unknowns)
-    _, given = jvp_of_perturbed(lambda *x: residuals(*x, unknowns), primals[:3], tangents[:3])
-    times, q, _ = stage_states(start, h, unknowns.vdot)
+    def at_rest(system, time, h):
+        return residuals_at(system, time + h * TABLE.nodes, q, v, unknowns)
+
+    _, moved = jvp_of_perturbed(carried, (start, h), tangents[1:3])
+    given = (system, start.time, h)
+    _, short = jvp_of_perturbed(at_rest, given, (tangents[0], tangents[1].time, tangents[2]))
     axes = jax.vmap(lambda time, q: axes_of(system, time, q))(times, q)
+    linear = Linearised(system, times, h, Motion(q, v), unknowns)
     count = iterations + MORE_ITERATIONS
-    return unknowns, linear_solution(system, along, given, turns_to(axes, kept), kept, count)
+    return unknowns, linear_solution(linear, moved, short, turns_to(axes, kept), kept, count)
+
+
+class Motion(NamedTuple):
+    """States of the stages, or what a change of the step's start does to them while the accelerations
+    stay."""
+
+    q: Coordinates
+    v: Coordinates
+
+
+class Linearised(NamedTuple):
+    """The equations of all stages at a solution, for changes of the motion and of the unknowns.
+
+    Roots move with the hub: in the square system that is solved, their rows are added to the hub's and
+    their columns are taken out."""
+
+    system: System
+    times: Float[Array, " stage"]
+    h: Scalar
+    motion: Motion
+    unknowns: Unknowns
+
+    def with_roots(self, x: Unknowns) -> Unknowns:
+        """The roots where the hub takes them."""
+        return x._replace(vdot=jax.vmap(lambda a: on_roots(self.system, a))(x.vdot))
+
+    def without_roots(self, x: Unknowns) -> Unknowns:
+        """Zeros for what moves with the hub."""
+        roots = self.system.roots
+        if roots is None:
+            return x
+        held = roots.releases.free(x.vdot.tether[:, 0, :, 0], jnp.zeros(()))
+        return x._replace(vdot=x.vdot._replace(tether=x.vdot.tether.at[:, 0, :, 0].set(held)))
+
+    def folded(self, residual: Residual) -> Unknowns:
+        """The rows of the square system."""
+        rows = Unknowns(residual.forces, residual.constraints)
+        return jax.linear_transpose(self.with_roots, rows)(rows)[0]
+
+    def rows(self, system: System, moved: Motion, x: Unknowns) -> Unknowns:
+        """Left-hand sides after changes of the motion and of the unknowns."""
+        change = self.with_roots(x)
+        once = jax.tree.map(lambda a: jnp.tensordot(TABLE.matrix, a, 1), change.vdot)
+        twice = jax.tree.map(lambda a: jnp.tensordot(TABLE.squared, a, 1), change.vdot)
+        q = jax.tree.map(lambda q, m, a: q + m + self.h**2 * a, self.motion.q, moved.q, twice)
+        v = jax.tree.map(lambda v, m, a: v + m + self.h * a, self.motion.v, moved.v, once)
+        unknowns = jax.tree.map(jnp.add, self.unknowns, change)
+        found = self.folded(residuals_at(system, self.times, q, v, unknowns))
+        return jax.tree.map(lambda f, x, y: f + x - y, found, x, self.without_roots(x))
+
+    @property
+    def nothing(self) -> tuple[Motion, Unknowns]:
+        """No change."""
+        return jax.tree.map(jnp.zeros_like, (self.motion, self.unknowns))
+
+    def forwards(self) -> Callable[[Motion, Unknowns], Unknowns]:
+        """The derivative of `rows`."""
+        return jax.linearize(lambda *x: self.rows(self.system, *x), *self.nothing)[1]
+
+    def backwards(self) -> Callable[[Unknowns], tuple[Motion, Unknowns]]:
+        """Its transpose."""
+        return jax.vjp(lambda *x: self.rows(Transposable.of(self.system), *x), *self.nothing)[1]
 
 
 def linear_solution(
-    system: System,
-    along: Callable[[Unknowns], Residual],
+    linear: Linearised,
+    moved: Motion,
     given: Residual,
     turns: Turn,
     kept: KeptFactors,
     count: Int[Array, ""],
 ) -> Unknowns:
-    """x with along(x) + given = 0, by `count` of the same iterations, and their transpose for reverse mode.
+    """x with A_1 moved + A_2 x + given = 0, by `count` of the same iterations, and their transpose for
+    reverse mode. A_1 moved is part of the solution, as (1, 0; A_1, A_2) (moved, x) = (moved, -given): so
+    that reverse mode has the transpose of A_1 with that of A_2, not the one the compiler would be given."""
+    linear, turns, kept = lax.stop_gradient((linear, turns, kept))
+    nothing, zero = linear.nothing
 
-    Roots move with the hub: in the square system that is solved, their rows are added to the hub's and
-    their columns are taken out."""
-    turns, kept = lax.stop_gradient((turns, kept))
-
-    def with_roots(x):
-        return x._replace(vdot=jax.vmap(lambda a: on_roots(system, a))(x.vdot))
-
-    def without_roots(x):
-        if system.roots is None:
-            return x
-        held = system.roots.releases.free(x.vdot.tether[:, 0, :, 0], jnp.zeros(()))
-        return x._replace(vdot=x.vdot._replace(tether=x.vdot.tether.at[:, 0, :, 0].set(held)))
-
-    nothing = jax.tree.map(jnp.zeros_like, Unknowns(given.forces, given.constraints))
-    fold = jax.linear_transpose(with_roots, nothing)
-
-    def equations(residual):
-        return fold(Unknowns(residual.forces, residual.constraints))[0]
-
-    def matrix(x):
-        apart = jax.tree.map(jnp.subtract, x, without_roots(x))
-        return jax.tree.map(jnp.add, equations(along(with_roots(x))), apart)
+    def matrix(both):
+        moved, x = both
+        return moved, linear.forwards()(moved, x)
 
     def precondition(residual):
-        residual = without_roots(residual)
-        return without_roots(correction(system, Residual(residual.vdot, residual.lam), turns, kept))
+        residual = linear.without_roots(residual)
+        vdot, lam = residual
+        return linear.without_roots(correction(linear.system, Residual(vdot, lam), turns, kept))
 
-    def solve(matrix, rhs, precondition=precondition):
+    def improved(product, precondition, rhs):
         def improve(_, x):
-            short = jax.tree.map(jnp.subtract, matrix(x), rhs)
-            return jax.tree.map(jnp.add, x, precondition(short))
+            left = jax.tree.map(jnp.subtract, product(x), rhs)
+            return jax.tree.map(jnp.add, x, precondition(left))
 
         first = jax.tree.map(jnp.negative, precondition(rhs))
         return lax.fori_loop(1, count, improve, first)
 
-    def solve_transposed(transposed, rhs):
-        backwards = jax.linear_transpose(precondition, rhs)
-        return solve(transposed, rhs, lambda x: backwards(x)[0])
+    def solve(_, rhs):
+        moved, rhs = rhs
+        along = linear.forwards()
+        rhs = jax.tree.map(jnp.subtract, rhs, along(moved, zero))
+        return moved, improved(lambda x: along(nothing, x), precondition, rhs)
 
+    def solve_transposed(_, rhs):
+        moved, rhs = rhs
+        back = linear.backwards()
+        back_precondition = jax.linear_transpose(precondition, zero)
+        x = improved(lambda x: back(x)[1], lambda x: back_precondition(x)[0], rhs)
+        return jax.tree.map(jnp.subtract, moved, back(x)[0]), x
+
+    equations = linear.folded
     rhs = jax.tree.map(jnp.negative, equations(given))
-    return with_roots(lax.custom_linear_solve(matrix, rhs, solve, solve_transposed))
+    # As one: the rule for the transpose refuses a part that nothing perturbs beside others.
+    both = lax.optimization_barrier((moved, rhs))
+    _, x = lax.custom_linear_solve(matrix, both, solve, solve_transposed)
+    return linear.with_roots(x)
 
 
 def on_roots(system: System, vdot: Coordinates) -> Coordinates:

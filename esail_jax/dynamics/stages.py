@@ -94,10 +94,17 @@ def stage_residuals(system: System, start: Point, h: Scalar, unknowns: Unknowns)
     """Of every stage: what the equations of motion and the constraints' second derivatives [m/s^2] are
     short of, and the axes."""
     times, q, v = stage_states(start, h, unknowns.vdot)
+    axes = jax.vmap(lambda time, q: axes_of(system, time, q))(times, q)
+    return residuals_at(system, times, q, v, unknowns), axes
+
+
+def residuals_at(
+    system: System, times: Float[Array, " stage"], q: Coordinates, v: Coordinates, unknowns: Unknowns
+) -> Residual:
+    """The same at given states of the stages."""
     found, _ = system.residuals(times, q, v, *unknowns)
     bend = jax.vmap(system.constraint_acceleration)(times, q, v, unknowns.vdot)
-    axes = jax.vmap(lambda time, q: axes_of(system, time, q))(times, q)
-    return Residual(found.forces, bend), axes
+    return Residual(found.forces, bend)
 
 
 def stage_powers(system: System, start: Point, h: Scalar, unknowns: Unknowns) -> Power:

@@ -26,3 +26,14 @@ def jvp_of_perturbed(function: Callable, primals: tuple, tangents: tuple) -> tup
 
     some, along = (tuple(x[i] for i in moving) for x in (leaves, moves))
     return jax.jvp(of_moving, some, along)
+
+
+@jax.custom_jvp
+def known(value: Any, of: Any) -> Any:
+    """`value`, with the derivative of the quantities `of` which it is the value."""
+    return value
+
+
+@known.defjvp
+def _known_jvp(primals, tangents):
+    return primals[0], tangents[1]
