@@ -1,8 +1,8 @@
 """Ensembles: many runs of one scene, with numbers of their own for every member.
 
-Members run in one compiled program. On a CPU a core takes one at a time, whose numbers then stay in its
+Members run in one compiled program. On a CPU every core takes one at a time, whose numbers then stay in its
 cache (in lockstep they take three times as long: `experiments/ensembles`); on a GPU all of a batch go in
-lockstep, and several share a batch. Members that fail there are run again by themselves, where a run
+lockstep, and several GPUs share a batch. Members that fail there are run again by themselves, where a run
 may repair its steps and say what went wrong.
 """
 
@@ -128,7 +128,8 @@ def joined(parts: Sequence[Ensemble]) -> Ensemble:
 class Runner:
     """Runs members of an ensemble, `batch` in one call.
 
-    inputs: of all members. Raises SceneError for observables that do not exist."""
+    inputs: of all members; one_core: on a CPU, one member after the other, not as many at once as there are
+    cores. Raises SceneError for observables that do not exist."""
 
     def __init__(
         self,
@@ -137,9 +138,10 @@ class Runner:
         observables: Sequence[str] | None = None,
         batch: int | None = None,
         lockstep: bool | None = None,
+        one_core: bool = False,
     ):
         require_64_bit()
-        self.scene, self.inputs = scene, inputs
+        self.scene, self.inputs, self.one_core = scene, inputs, one_core
         self.common = with_common_method(scene)
         self.time = save_times(scene.integrator.t_end, scene.output.interval)
         self.lockstep = jax.default_backend() != "cpu" if lockstep is None else lockstep
@@ -187,7 +189,7 @@ class Runner:
             padded = np.append(members, np.full(self.batch - count, members[-1]))
             found = jax.device_get(self._compiled(padded, of_members(self.inputs, padded)))
         else:
-            each = [self._compiled(member, of_members(self.inputs, member)) for member in members]
+            each = [self._one(member) for member in members]
             found = jax.tree.map(lambda *x: np.stack(x), *jax.device_get(each))
         rows, complete, steps = jax.tree.map(lambda x: np.array(x[:count]), found)
         steps, messages = steps.astype(float), []
@@ -202,6 +204,12 @@ class Runner:
             self.scene, np.asarray(members), self.time, of_members(self.inputs, members),
             {name: rows[name] for name in self.observables}, complete, tuple(messages), steps,
         )  # fmt: skip
+
+    def _one(self, member: np.integer) -> Any:
+        """Results of a member. JAX's calls return before they are done, and those under way share the
+        cores."""
+        found = self._compiled(member, of_members(self.inputs, member))
+        return jax.device_get(found) if self.one_core else found
 
     def alone(self, member: int) -> tuple[dict[str, np.ndarray], bool, float, str]:
         """A member run by itself: its rows, NaN from a failure on, whether it is complete, its steps, and

@@ -175,7 +175,8 @@ def work(folder: Path, stop: Callable[[], bool], each: Callable[[], None] = lamb
     for name, members in unclaimed(folder, pieces):
         began = time.perf_counter()
         if run is None:
-            run = Runner(task.scene, task.inputs, task.observables, max(len(piece) for piece in pieces))
+            most = max(len(piece) for piece in pieces)
+            run = Runner(task.scene, task.inputs, task.observables, most, one_core=True)
             run.compile()
         compiled = time.perf_counter()
         found = run(members)

@@ -28,6 +28,7 @@ SCENES = {
         "tethers.count": 3, "tethers.elements": 2, "output.interval": 60.0,
     },
 }  # fmt: skip
+THREE = ("coning_angle", "lagging_angle", "smallest_tether_distance")
 MEMBERS = 8
 REPEATS = 3
 LOCKSTEP = (1, 2, 4, 8, 16, 32)
@@ -48,8 +49,8 @@ def timed(call) -> float:
 def one_by_one(name: str, scene: esail.Scene) -> list[tuple]:
     """Single runs, and members of an ensemble one after the other."""
     inputs = draw(scene, [parse_variation(text) for text in VARY], MEMBERS, 1)
-    three = Runner(scene, inputs, ("coning_angle", "lagging_angle", "smallest_tether_distance"))
-    everything, members = Runner(scene, inputs), np.arange(MEMBERS)
+    three = Runner(scene, inputs, THREE, one_core=True)
+    everything, members = Runner(scene, inputs, one_core=True), np.arange(MEMBERS)
     steps = three(members).steps.sum()
     everything(members[:1])
     esail.simulate(scene, of_members(inputs, 0))
@@ -75,7 +76,7 @@ def main() -> None:
     scene = esail.load_scene("baseline", SHORT)
     inputs = draw(scene, [parse_variation(text) for text in VARY], max(LOCKSTEP), 1)
     names = ("coning_angle",)
-    single = Runner(scene, inputs, names)
+    single = Runner(scene, inputs, names, one_core=True)
     single(np.arange(1))
     for count in LOCKSTEP:
         members = np.arange(count)
