@@ -184,6 +184,8 @@ def gather(folder: Path, task: Task) -> tuple[str, str]:
         status, message = summary(file)
         file.attrs.update({"status": status, "message": message})
     shutil.rmtree(parts_of(folder))
+    for left in folder.glob("ensemble.h5.*.part"):  # by a process that was killed while it gathered
+        left.unlink()
     return status, message
 
 

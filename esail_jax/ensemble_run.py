@@ -75,17 +75,24 @@ def run_here(task: Task, folder: Path, processes: int | None, resume: bool, quie
     try:
         with Interrupts() as interrupts:
             work(folder, lambda: interrupts.asked, progress.show)
-            if interrupts.asked:
-                for worker in others:
-                    worker.send_signal(signal.SIGTERM)
-            while any(worker.poll() is None for worker in others):
-                progress.show()
-                time.sleep(0.05)
+            wait_for(others, lambda: interrupts.asked, progress.show)
     finally:
         progress.close()
         for worker in others:
             worker.kill()
     return report(*gather(folder, task), quiet)
+
+
+def wait_for(others: list[subprocess.Popen], stop: Callable[[], bool], each: Callable[[], None]) -> None:
+    """Until other processes have ended; they are told once to stop after what they are at."""
+    told = False
+    while any(other.poll() is None for other in others):
+        if stop() and not told:
+            told = True
+            for other in others:
+                other.send_signal(signal.SIGTERM)
+        each()
+        time.sleep(0.05)
 
 
 def run_distributed(task: Task, folder: Path, resume: bool, quiet: bool) -> int:

@@ -35,13 +35,13 @@ def test_a_member_keeps_its_numbers_when_others_join(scene, sampling):
 
 @pytest.mark.parametrize("sampling", ["random", "sobol", "latin"])
 def test_distributions(scene, sampling):
-    """Mean and deviation of 4000 draws within four standard errors of independent ones (the even samplings
+    """Mean and deviation of 1600 draws within four standard errors of independent ones (the even samplings
     are closer), limits kept, columns without correlation."""
-    found = drawn(scene, SPIN, LENGTHS, members=4000, sampling=sampling)
+    found = drawn(scene, SPIN, LENGTHS, members=1600, sampling=sampling)
     spin, lengths = found["initial.spin_rate"], found["tethers.length"]
-    assert spin.shape == (4000,) and lengths.shape == (4000, 3)
+    assert spin.shape == (1600,) and lengths.shape == (1600, 3)
     assert spin.min() >= 3e-3 and spin.max() <= 5e-3
-    error = 4.0 / np.sqrt(4000)
+    error = 4.0 / np.sqrt(1600)
     assert abs(spin.mean() - 4e-3) < error * 2e-3 / np.sqrt(12)
     assert (np.abs(lengths.mean(0) - 10e3) < error * 20).all()
     assert (np.abs(lengths.std(0) / 20 - 1) < error).all()
