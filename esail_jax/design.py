@@ -143,7 +143,7 @@ class Design:
 
     # ---- objective ------------------------------------------------------------------------------
 
-    def objective(self, x: Float[Array, " variable"]) -> Scalar:
+    def objective(self, x: Float[Array | np.ndarray, " variable"]) -> Scalar:
         """J(x), 1 per weight without modulation, averaged over the circumstances."""
 
         def of_one(circumstance, before):

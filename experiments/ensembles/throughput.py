@@ -31,7 +31,7 @@ SCENES = {
 THREE = ("coning_angle", "lagging_angle", "smallest_tether_distance")
 MEMBERS = 8
 REPEATS = 3
-LOCKSTEP = (1, 2, 4, 8, 16, 32)
+LOCKSTEP = (1, 4, 16)
 SHORT = {"integrator.t_end": 400.0, "output.interval": 60.0}
 """Of the lockstep runs: rates of steps need no more."""
 
