@@ -32,10 +32,8 @@ def parser() -> Parser:
     top = Parser(prog="esail", description="Electric solar-wind sails, simulated.", allow_abbrev=False)
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     run = commands.add_parser("run", help="run a scene", allow_abbrev=False)
-    run.add_argument("scene", help="a built-in scene or a TOML file")
+    of_scene(run)
     run.add_argument("-o", "--output", required=True, type=Path, metavar="RUN.h5")
-    run.add_argument("--t-end", metavar="SECONDS", help="end time in place of the scene's")
-    run.add_argument("--set", action="append", default=[], metavar="table.key=VALUE", dest="settings")
     run.add_argument("--resume", action="store_true", help="continue RUN.h5 if it is there")
     run.add_argument("--quiet", action="store_true", help="no progress bar, no summary")
     commands.add_parser("scenes", help="list the built-in scenes", allow_abbrev=False)
@@ -45,27 +43,23 @@ def parser() -> Parser:
     plot.add_argument("run", type=Path, metavar="RUN.h5")
     plot.add_argument("-o", "--output", required=True, type=Path, metavar="DIR")
     design = commands.add_parser("design", help="gradient-based voltage design", allow_abbrev=False)
-    design.add_argument("scene", help="a built-in scene or a TOML file")
+    of_scene(design)
     design.add_argument("-o", "--output", required=True, type=Path, metavar="DIR")
-    design.add_argument("--t-end", metavar="SECONDS", help="end time in place of the scene's")
-    design.add_argument("--set", action="append", default=[], metavar="table.key=VALUE", dest="settings")
     design.add_argument("--objective", action="append", default=[], metavar="NAME=WEIGHT", dest="weights")
     design.add_argument("--iterations", type=int, default=30, metavar="N")
     design.add_argument("--method", choices=("lbfgs", "adam"), default="lbfgs")
-    design.add_argument("--starts", type=int, default=1, metavar="N", help="begun from at once")
+    design.add_argument("--starts", type=int, default=1, metavar="N", help="begun from")
     design.add_argument("--seed", type=int, default=0, help="of the other starts")
     design.add_argument("--resume", action="store_true", help="go on with the design in DIR")
     design.add_argument("--quiet", action="store_true", help="no progress, no summary")
     ensemble = commands.add_parser("ensemble", help="many runs, numbers drawn", allow_abbrev=False)
-    ensemble.add_argument("scene", help="a built-in scene or a TOML file")
+    of_scene(ensemble)
     ensemble.add_argument("-o", "--output", required=True, type=Path, metavar="DIR")
     ensemble.add_argument("--members", type=int, required=True, metavar="N")
     ensemble.add_argument("--seed", type=int, default=0, metavar="K")
     ensemble.add_argument("--vary", action="append", default=[], metavar="KEY=DIST", dest="variations")
     ensemble.add_argument("--sampling", choices=("random", "sobol", "latin"), default="random")
     ensemble.add_argument("--observables", metavar="NAME,...", help="those to keep, all if not given")
-    ensemble.add_argument("--t-end", metavar="SECONDS", help="end time in place of the scene's")
-    ensemble.add_argument("--set", action="append", default=[], metavar="table.key=VALUE", dest="settings")
     ensemble.add_argument("--processes", type=int, metavar="P", help="on this machine; one per core")
     ensemble.add_argument("--distributed", action="store_true", help="one of many processes of a cluster")
     ensemble.add_argument("--coordinator", metavar="HOST:PORT", help="of them, where JAX finds no cluster")
@@ -78,6 +72,13 @@ def parser() -> Parser:
     bench.add_argument("--json", type=Path, metavar="FILE", help="write JSON lines")
     bench.set_defaults(settings=[])
     return top
+
+
+def of_scene(command: argparse.ArgumentParser) -> None:
+    """What every command that runs scenes takes."""
+    command.add_argument("scene", help="a built-in scene or a TOML file")
+    command.add_argument("--t-end", metavar="SECONDS", help="end time in place of the scene's")
+    command.add_argument("--set", action="append", default=[], metavar="table.key=VALUE", dest="settings")
 
 
 def settings(options: argparse.Namespace) -> dict[str, Any]:
@@ -241,7 +242,10 @@ def join_cluster(options: argparse.Namespace) -> None:
     """Become one of many processes: JAX finds SLURM, Open MPI and Kubernetes by itself."""
     import jax
 
-    jax.distributed.initialize(options.coordinator, options.processes, options.process)
+    try:
+        jax.distributed.initialize(options.coordinator, options.processes, options.process)
+    except (ValueError, RuntimeError) as error:
+        raise UsageError(f"`--distributed` must find the other processes, but does not: {error}") from None
 
 
 def bench(options: argparse.Namespace) -> int:

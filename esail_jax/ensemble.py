@@ -9,8 +9,7 @@ may repair its steps and say what went wrong.
 import dataclasses
 import functools
 import math
-import time as clock
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import jax
@@ -88,23 +87,10 @@ def simulate_members(
 
     observables: those wanted, all if None; batch, lockstep: members in one call, and whether they go side
     by side (None: what suits the device). Raises SceneError."""
-    count = len(next(iter(inputs.values())))
-    parts = list(batches(scene, inputs, np.arange(count), observables, batch, lockstep))
-    return joined(parts)
-
-
-def batches(
-    scene: Scene,
-    inputs: Inputs,
-    members: np.ndarray,
-    observables: Sequence[str] | None = None,
-    batch: int | None = None,
-    lockstep: bool | None = None,
-) -> Iterator[Ensemble]:
-    """The named members of an ensemble, a batch at a time."""
     run = Runner(scene, inputs, observables, batch, lockstep)
-    for first in range(0, len(members), run.batch):
-        yield run(members[first : first + run.batch])
+    members = np.arange(len(next(iter(inputs.values()))))
+    firsts = range(0, len(members), run.batch)
+    return joined([run(members[first : first + run.batch]) for first in firsts])
 
 
 def joined(parts: Sequence[Ensemble]) -> Ensemble:
@@ -145,23 +131,26 @@ class Runner:
         self.common = with_common_method(scene)
         self.time = save_times(scene.integrator.t_end, scene.output.interval)
         self.lockstep = jax.default_backend() != "cpu" if lockstep is None else lockstep
-        self.observables = names_of(scene, observables)
-        balance = tuple(name for name in BALANCE[scene.main] if name in shapes_of(scene))
+        self.shapes = shapes_of(scene)
+        self.observables = chosen(self.shapes, observables)
+        balance = tuple(name for name in BALANCE[scene.main] if name in self.shapes)
         self._wanted = tuple(dict.fromkeys((*self.observables, *balance)))
         self._compiled: Callable | None = None
-        self.compile_time = 0.0
-        self.batch = self._fitting() if batch is None else batch
+        batch = self._fitting() if batch is None else batch
+        devices = len(jax.local_devices()) if self.lockstep else 1
+        self.batch = -(-batch // devices) * devices
 
     def _fitting(self) -> int:
         """Members in one call: as many as memory holds, and on a CPU not more than take some seconds."""
-        shapes = shapes_of(self.scene)
-        each = 8 * len(self.time) * sum(math.prod(shapes[name]) for name in self._wanted)
+        each = 8 * len(self.time) * sum(math.prod(self.shapes[name]) for name in self._wanted)
         if not self.lockstep:
             return int(np.clip(MOST_BYTES // each, 1, CPU_BATCH))
-        room = (jax.devices()[0].memory_stats() or {}).get("bytes_limit", MOST_BYTES)
-        memory = self._lowered(PROBE).compile().memory_analysis()
+        devices = jax.local_devices()
+        room = (devices[0].memory_stats() or {}).get("bytes_limit", MOST_BYTES)
+        # Of each device's own share of the program.
+        memory = self._lowered(PROBE * len(devices)).compile().memory_analysis()
         each = max(each, (memory.temp_size_in_bytes + memory.output_size_in_bytes) / PROBE)
-        return int(np.clip(SHARE * room / each, 1, GPU_BATCH)) * len(jax.local_devices())
+        return int(np.clip(SHARE * room / each, 1, GPU_BATCH)) * len(devices)
 
     def _lowered(self, count: int) -> jax.stages.Lowered:
         """The program of `count` members side by side, or of one."""
@@ -174,11 +163,9 @@ class Runner:
         return jax.jit(program(self.common, self._wanted, self.lockstep)).lower(member, inputs)
 
     def compile(self) -> None:
-        """Do it now."""
+        """Do it now, unless it is done."""
         if self._compiled is None:
-            began = clock.perf_counter()
             self._compiled = self._lowered(self.batch).compile()
-            self.compile_time = clock.perf_counter() - began
 
     def __call__(self, members: np.ndarray) -> Ensemble:
         """These members, `batch` at most."""
@@ -217,8 +204,8 @@ class Runner:
         try:
             run = simulate(self.common, of_members(self.inputs, member), throw=False)
         except SceneError as error:
-            shapes = shapes_of(self.scene)
-            rows = {name: np.full((len(self.time), *shapes[name]), np.nan) for name in self._wanted}
+            length = len(self.time)
+            rows = {name: np.full((length, *self.shapes[name]), np.nan) for name in self._wanted}
             return rows, False, 0.0, str(error)
         rows = {name: np.asarray(run[name]) for name in self._wanted}
         return rows, bool(run.result == RESULTS.successful), float(run.steps), run.stats["message"]
@@ -235,9 +222,8 @@ def shapes_of(scene: Scene) -> dict[str, tuple[int, ...]]:
     return {x.name: shape_of(x.axes, scene.members.count) for x in listed(system_of(scene))}
 
 
-def names_of(scene: Scene, observables: Sequence[str] | None) -> tuple[str, ...]:
-    """The observables that are asked for, all if None. Raises SceneError for one that does not exist."""
-    known = shapes_of(scene)
+def chosen(known: Iterable[str], observables: Sequence[str] | None) -> tuple[str, ...]:
+    """The known observables that are asked for, all if None. Raises SceneError for one that is none."""
     for name in observables or ():
         if name not in known:
             raise SceneError("observables", f"be among {', '.join(known)}", f"is {name!r}")

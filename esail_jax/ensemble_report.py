@@ -7,7 +7,7 @@ import numpy as np
 from esail_jax.ensemble import Ensemble
 from esail_jax.ensemble_file import load_ensemble
 from esail_jax.ensemble_statistics import OUTCOMES, drivers, outcomes_of
-from esail_jax.runner import method_of, size_of
+from esail_jax.runner import heading
 from esail_jax.storage import open_run, plain
 
 NAMED = 0.05
@@ -24,10 +24,7 @@ def describe_ensemble(path: Path) -> str:
     wall = max(a["wall_time"], 1e-9)
     vary = a["vary"].replace("\n", ", ") or "nothing"
     lines = [
-        f"{path}: {a['status']}",
-        f"  {a['message']}" if a["message"] else "",
-        f"  model      {size_of(ensemble.scene)}: {terms}",
-        f"  method     {method_of(ensemble.scene)}",
+        *heading(path, a, ensemble.scene, terms),
         f"  members    {len(ensemble)}, seed {a['seed']}, {a['sampling']}; varied: {vary}",
         f"  time       to {ensemble.time[-1]:g} s, {len(ensemble.time)} saved instants",
         f"  speed      {a['steps']} steps in {wall:.2f} s of a core ({done / wall:.3g} members and "
@@ -42,8 +39,8 @@ def distributions(ensemble: Ensemble) -> list[str]:
     found = outcomes_of(ensemble)
     if not found:
         return []
-    heading = "".join(f"{name:>11s}" for name in ("mean", "deviation", "5 %", "95 %", "least", "most"))
-    lines = [f"  {'':32s}{heading}  driven by"]
+    columns = "".join(f"{name:>11s}" for name in ("mean", "deviation", "5 %", "95 %", "least", "most"))
+    lines = [f"  {'':32s}{columns}  driven by"]
     for outcome in found:
         y = outcome.of(ensemble)
         known = y[np.isfinite(y)]

@@ -18,7 +18,7 @@ import numpy as np
 from jax.experimental import multihost_utils
 
 from esail_jax import sampling as samples
-from esail_jax.ensemble import Runner, names_of
+from esail_jax.ensemble import Runner, chosen, shapes_of
 from esail_jax.ensemble_file import (
     Task,
     claim,
@@ -56,7 +56,7 @@ def task_of(
     """What is asked for. Raises SceneError, VariationError."""
     inputs = samples.draw(scene, variations, members, seed, sampling)
     vary = tuple(f"{v.key}{'[*]' if v.each else ''}={v.text}" for v in variations)
-    return Task(scene, members, inputs, vary, sampling, seed, names_of(scene, observables))
+    return Task(scene, members, inputs, vary, sampling, seed, chosen(shapes_of(scene), observables))
 
 
 def run_here(task: Task, folder: Path, processes: int | None, resume: bool, quiet: bool) -> int:

@@ -13,6 +13,10 @@ from esail_jax.sampling import Inputs
 
 PROBABILITIES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
+PER_COLUMN = 10
+"""Members that shares of variance need for every number that is varied: what chance adds to all of them
+together is then a tenth of what is left unexplained, or less."""
+
 
 class Spread(NamedTuple):
     """Of an observable over the members, time first; quantiles: probability before time."""
@@ -95,7 +99,9 @@ def outcomes_of(ensemble: Ensemble) -> list[Outcome]:
 class Drivers(NamedTuple):
     """By input. share: of the outcome's variance, in the best linear account of it (sum of squared
     standardised coefficients over the input's columns); correlation: with the input, with its sum over
-    tethers where it has one per tether. explained: part of the variance that the linear account gives."""
+    tethers where it has one per tether. explained: part of the variance that the linear account gives.
+    Shares are NaN where there are fewer than PER_COLUMN members for each number that is varied: columns of
+    few members are correlated by chance, and shares add up to more than there is."""
 
     share: dict[str, float]
     correlation: dict[str, float]
@@ -104,14 +110,14 @@ class Drivers(NamedTuple):
 
 def drivers(inputs: Inputs, outcome: Float[np.ndarray, " member"]) -> Drivers:
     """Which inputs drive an outcome, by linear regression on members where it is known. NaN where there
-    are fewer members than columns, or nothing varies."""
+    are too few, or nothing varies."""
     known = np.isfinite(outcome)
     y = outcome[known] - outcome[known].mean() if known.any() else outcome[known]
     columns = {key: x.reshape(len(x), -1)[known] for key, x in inputs.items()}
     columns = {key: x - x.mean(0) for key, x in columns.items()}
     together = np.concatenate([*columns.values()], axis=1) if columns else np.empty((len(y), 0))
     correlation = {key: correlated(x.sum(1), y) for key, x in columns.items()}
-    if len(y) <= together.shape[1] + 1 or not y.any() or not columns:
+    if len(y) < PER_COLUMN * together.shape[1] or not y.any() or not columns:
         return Drivers(dict.fromkeys(columns, np.nan), correlation, np.nan)
     scale = np.where(together.std(0) > 0.0, together.std(0), 1.0)
     slopes, *_ = np.linalg.lstsq(together / scale, y, rcond=None)

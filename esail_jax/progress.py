@@ -37,9 +37,8 @@ class Progress:
         speed = (reached - self.start) / elapsed
         left = (self.t_end - reached) / speed if speed > 0.0 else 0.0
         part = min(max(reached / self.t_end, 0.0), 1.0)
-        bar = "#" * round(part * WIDTH) + "." * (WIDTH - round(part * WIDTH))
         self.stream.write(
-            f"\r[{bar}] {100 * part:3.0f} %  {reached:.0f} of {self.t_end:.0f} s  "
+            f"\r{bar(part)}  {reached:.0f} of {self.t_end:.0f} s  "
             f"{speed:.0f} x real time  {clock(left)} left \x1b[K"
         )
         self.stream.flush()
@@ -72,8 +71,7 @@ class MemberProgress:
         part = (self.done() - self.before) / self.pieces
         speed = part * self.members / (now - self._began)
         left = clock((1.0 - part) * self.members / speed) if speed else "-:--"
-        bar = "#" * round(part * WIDTH) + "." * (WIDTH - round(part * WIDTH))
-        sys.stderr.write(f"\r[{bar}] {100 * part:3.0f} %  {speed:.3g} members a second  {left} left \x1b[K")
+        sys.stderr.write(f"\r{bar(part)}  {speed:.3g} members a second  {left} left \x1b[K")
         sys.stderr.flush()
 
     def close(self) -> None:
@@ -81,6 +79,12 @@ class MemberProgress:
         if self.shown:
             sys.stderr.write("\n")
         self.shown = False
+
+
+def bar(part: float) -> str:
+    """The bar itself, and per cent."""
+    done = round(part * WIDTH)
+    return f"[{'#' * done}{'.' * (WIDTH - done)}] {100 * part:3.0f} %"
 
 
 def clock(seconds: float) -> str:

@@ -176,10 +176,7 @@ def describe(path: Path) -> str:
     wall = max(attributes["wall_time"], 1e-9)
     steps = attributes["steps"]
     lines = [
-        f"{path}: {attributes['status']}",
-        f"  {attributes['message']}" if attributes["message"] else "",
-        f"  model      {size_of(scene)}: {terms}",
-        f"  method     {method_of(scene)}",
+        *heading(path, attributes, scene, terms),
         f"  time       {reached:g} of {scene.integrator.t_end:g} s, {len(times)} saved instants",
         f"  speed      {steps} steps in {wall:.2f} s ({1e6 * wall / max(steps, 1):.0f} us a step, "
         f"{reached / wall:.0f} x real time), compiling {attributes['compile_time']:.2f} s",
@@ -188,6 +185,16 @@ def describe(path: Path) -> str:
         f"Python {attributes['version_python']}, esail_jax {attributes['version_esail_jax']}",
     ]
     return "\n".join(line for line in lines if line)
+
+
+def heading(path: Path, attributes: Mapping[str, Any], scene: Scene, terms: str) -> list[str]:
+    """Lines that runs and ensembles begin with: how it ended, model and method."""
+    return [
+        f"{path}: {attributes['status']}",
+        f"  {attributes['message']}" if attributes["message"] else "",
+        f"  model      {size_of(scene)}: {terms}",
+        f"  method     {method_of(scene)}",
+    ]
 
 
 def size_of(scene: Scene) -> str:

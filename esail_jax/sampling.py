@@ -1,8 +1,8 @@
 """Inputs of an ensemble: numbers of a scene drawn member by member.
 
-Every number is a function of the seed, its key and the member's number, not of how many members there
-are or of what else is drawn, so that an ensemble may grow. Only a Latin hypercube is laid out for all
-its members together.
+A member's numbers do not depend on how many members there are, so that an ensemble may grow: independent
+ones follow from the seed, the key and the member's number, those of a Sobol sequence from the seed, that
+number and all that is drawn. Only a Latin hypercube is laid out for all its members together.
 """
 
 import dataclasses

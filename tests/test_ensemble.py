@@ -1,5 +1,6 @@
 """Ensembles: members are single runs, files go on after whatever stopped them, processes share nothing."""
 
+import dataclasses
 import os
 import signal
 import socket
@@ -17,6 +18,7 @@ from esail_jax.cli import main
 from esail_jax.ensemble import simulate_members
 from esail_jax.ensemble_file import load_ensemble, pieces_in
 from esail_jax.ensemble_statistics import OUTCOMES, drivers, spread
+from esail_jax.plotting.ensemble import plot_ensemble
 from esail_jax.sampling import draw, parse_variation
 
 SMALL = {
@@ -118,7 +120,7 @@ def test_statistics_and_drivers():
     assert abs(found.share["a"] - 4 / 7) < 0.03 and abs(found.share["b"] - 3 / 7) < 0.03
     assert found.share["c"] < 1e-3 and found.explained > 0.99999
     assert abs(found.correlation["a"] - np.sqrt(4 / 7)) < 0.05
-    few = drivers({"b": rng.normal(size=(3, 3))}, np.arange(3.0))
+    few = drivers({"b": rng.normal(size=(29, 3))}, np.arange(29.0))
     assert np.isnan(few.share["b"]) and np.isnan(few.explained)
 
 
@@ -165,13 +167,17 @@ def test_file(finished, scene, inputs, ensemble):
 
 @pytest.mark.slow
 def test_info_and_figures(finished, tmp_path, capsys):
-    """What `esail info` says of an ensemble, and figures; commands for one run say that it is none."""
+    """What `esail info` says of an ensemble, and figures, that of shares where there are members enough for
+    them; commands for one run say that it is none."""
     assert main(["info", str(finished)]) == 0
     text = capsys.readouterr().out
     assert "12, seed 3" in text and "largest coning angle" in text and "initial.spin_rate" in text
     assert main(["plot", str(finished), "-o", str(tmp_path / "figures")]) == 0
     names = {Path(line).name for line in capsys.readouterr().out.split()}
-    assert names == {"fans.png", "distributions.png", "drivers.png"}
+    assert names == {"fans.png", "distributions.png"}
+    whole = load_ensemble(finished)
+    spin = dataclasses.replace(whole, inputs={"initial.spin_rate": whole.inputs["initial.spin_rate"]})
+    assert {path.name for path in plot_ensemble(spin, tmp_path)} == names | {"drivers.png"}
     with pytest.raises(esail.RunFileError, match="of an ensemble"):
         esail.load(finished)
     assert main(["run", "baseline", "-o", str(finished), "--resume"]) == 2
@@ -216,6 +222,7 @@ BAD = [
     (["--observables", "coning"], "observables"),
     (["--process", "1"], "--coordinator"),
     (["--distributed", "--processes", "2"], "--processes"),
+    (["--distributed"], "--distributed"),
     (["--distributed", "--coordinator", "localhost:1", "--process", "1"], "--coordinator"),
 ]
 
@@ -309,6 +316,32 @@ def test_two_distributed_processes(finished, tmp_path):
         assert process.returncode == 0
     assert same(load_ensemble(folder / "ensemble.h5"), load_ensemble(finished))
     assert [path.name for path in folder.iterdir()] == ["ensemble.h5"]
+
+
+DEVICES = """
+import sys
+import jax
+jax.config.update("jax_num_cpu_devices", 2)
+import numpy as np
+import esail_jax as esail
+from esail_jax.ensemble import simulate_members
+scene = esail.load_scene("baseline", eval(sys.argv[1]))
+inputs = {"initial.spin_rate": np.array([3.9e-3, 4.0e-3, 4.1e-3])}
+found = simulate_members(scene, inputs, ["coning_angle"], batch=3, lockstep=True)
+assert len(jax.devices()) == 2 and found.complete.all() and len(found) == 3
+np.save(sys.argv[2], found["coning_angle"])
+"""
+
+
+@pytest.mark.slow
+def test_devices_share_a_batch(scene, tmp_path):
+    """Two devices take three members, filled up to four, in lockstep: those of single runs, to rounding."""
+    script, path = tmp_path / "devices.py", tmp_path / "coning.npy"
+    script.write_text(DEVICES)
+    subprocess.run([sys.executable, str(script), repr(SMALL), str(path)], check=True, timeout=400)
+    for rate, found in zip((3.9e-3, 4.0e-3, 4.1e-3), np.load(path), strict=True):
+        exact = esail.simulate(scene, {"initial.spin_rate": rate})["coning_angle"]
+        assert np.abs(found - exact).max() < 1e-11 * np.abs(exact).max()
 
 
 GRADIENT = """

@@ -28,9 +28,10 @@ from esail_jax.dynamics.stages import (
     stage_states,
     turns_to,
 )
+from esail_jax.dynamics.transposable import Transposable
 from esail_jax.numerics.perturbed import jvp_of_perturbed
 from esail_jax.numerics.vectors import greatest
-from esail_jax.system import Residual, System, Transposable
+from esail_jax.system import Residual, System
 
 MAX_ITERATIONS = 10
 """After which a step has failed: what converges so slowly is cheaper with half the step."""
