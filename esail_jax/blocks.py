@@ -116,9 +116,10 @@ def point_at(problem: Problem, records: Record, time: Scalar) -> tuple[Point, Fa
 
 def point_within(problem: Problem, step: Record, time: Scalar) -> tuple[Point, FactoredMass]:
     """`point_at` for an instant within one step."""
-    q, v, work = step.at(time)
-    mass = factor_mass(problem.system, time, q, problem.inertia)
-    return Point(time, *project(problem.system, time, q, v, mass), work), mass
+    point = step.at(time)
+    mass = factor_mass(problem.system, time, point.q, problem.inertia)
+    q, v = project(problem.system, time, point.q, point.v, mass)
+    return point._replace(q=q, v=v), mass
 
 
 def observed(

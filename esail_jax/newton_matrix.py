@@ -7,11 +7,13 @@ Assembled block by block: element blocks along every tether, clamped roots at th
 the border they share (`numerics/bordered.py`). With s = 0 it gives consistent accelerations.
 """
 
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax.array_types import Array, Float, Nodal, Scalar
+from esail_jax.array_types import Array, Float, Nodal, Rotation, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.numerics import block_tridiagonal, bordered
 from esail_jax.numerics.block_tridiagonal import ChainFactors
@@ -88,15 +90,26 @@ def mass_elements(system: System) -> Float[Array, "row col elem tether"]:
     return jnp.broadcast_to(elements, (*elements.shape[:2], system.tethers.elements, elements.shape[-1]))
 
 
-Inertia = tuple[ChainFactors, Array]
-"""Of a system: see `inertia_of`."""
+class Inertia(NamedTuple):
+    """What no state of motion changes in a factorisation of `mass`: factors of the tethers' mass matrices,
+    their Schur complements on the roots, and, unless clamped or released roots make them depend on the
+    state, the factors of the ports of a system whose hub has the attitude 1."""
+
+    chains: ChainFactors
+    schur: Float[Array, "row row tether"]
+    ports: bordered.PortFactors | None
 
 
 def inertia_of(system: System) -> Inertia:
-    """Factors of the tethers' mass matrices, and their Schur complements on the roots: the part of a
-    factorisation of `mass` that no state of motion changes."""
-    blocks = chain_blocks(system, mass_elements(system), system.tethers.point_masses())
-    return block_tridiagonal.factor(*blocks)
+    """The inertia of a system."""
+    elements, masses = mass_elements(system), system.tethers.point_masses()
+    chains, schur = block_tridiagonal.factor(*chain_blocks(system, elements, masses))
+    if system.clamped or (system.roots is not None and system.roots.releases.released is not None):
+        return Inertia(chains, schur, None)
+    tethers = system.tethers
+    nodal = jnp.zeros((tethers.coefs, 3, tethers.elements + 1, tethers.count))
+    q = Coordinates(nodal, None if system.hub is None else system.hub.base_points)
+    return Inertia(chains, schur, bordered.factor_ports(mass(system, jnp.zeros(()), q), schur))
 
 
 FactoredMass = tuple[bordered.Bordered, bordered.Factors]
@@ -108,8 +121,23 @@ def factor_mass(
 ) -> FactoredMass:
     """`mass` and its factors. inertia: that of the system, where many states share it."""
     matrix = mass(system, time, q)
-    chains, schur = inertia_of(system) if inertia is None else inertia
-    return matrix, bordered.Factors(chains, bordered.factor_ports(matrix, schur))
+    chains, schur, ports = inertia_of(system) if inertia is None else inertia
+    if ports is None:
+        ports = bordered.factor_ports(matrix, schur)
+    elif system.hub is not None:
+        ports = turned(ports, system.rotation(time, q))
+    return matrix, bordered.Factors(chains, ports)
+
+
+def turned(ports: bordered.PortFactors, attitude: Rotation) -> bordered.PortFactors:
+    """Those of a hub with another attitude: inertia is the same in all directions, the gradients of
+    rigidity turn with the hub."""
+
+    def rows(a):
+        points = attitude @ a[:12].reshape(4, 3, -1)
+        return jnp.concatenate([points.reshape(12, -1), a[12:]])
+
+    return ports._replace(border_inverse=rows(rows(ports.border_inverse).T).T)
 
 
 def assembled(

@@ -130,7 +130,7 @@ def replay(problem: Problem, progress: Progress, times: Float[Array, " row"], re
 
     _, records = lax.scan(one, progress.now, lax.stop_gradient(records))
     flat = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), records)
-    flat = work_again(problem.system, progress.now.work, flat)
+    flat = work_again(problem.system, progress.now, flat)
     # All at once: a row's share in the derivative of all records would be as large as they are.
     index = jax.vmap(lambda time: step_of(flat, time))(times)
     steps = jax.tree.map(lambda x: x[index], flat)

@@ -9,7 +9,7 @@ from test_golden import GOLDEN, SUMS, errors
 from whole_runs import check_derivative, check_going_on, numbers, tips_of_batch_and_loop
 
 import esail_jax as esail
-from esail_jax.numerics.radau import Radau
+from esail_jax.numerics.lobatto import Lobatto
 from esail_jax.pieces import SimulationError
 from esail_jax.scenes.scene import parse
 
@@ -32,33 +32,52 @@ def collocated(case: str, tolerance: float) -> esail.Solution:
 # ---- tables -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("stages", [1, 2, 3, 4, 5])
-def test_quadrature_of_radau(stages):
-    """Stages integrate polynomials of degree s - 1 exactly up to any node, the end 2 s - 2; and the kept
-    eigenvectors give the matrix and its square back. To rounding: 1e-13."""
-    table = Radau.of(stages)
+@pytest.mark.parametrize("stages", [2, 3, 4, 5])
+@pytest.mark.parametrize("spectral_radius", [1.0, 0.5, 0.1])
+def test_tables_of_lobatto(stages, spectral_radius):
+    """Values at 0 and at the stages integrate polynomials of degree s exactly up to any node, the end
+    2 s - 2, and one degree more, no further, without damping; what is infinitely stiff is multiplied by the
+    spectral radius; the kept eigenvectors give the matrix and its square back. To rounding: 1e-12."""
+    table = Lobatto.of(stages, spectral_radius)
     c = table.nodes
-    for n in range(stages):
-        assert np.allclose(table.matrix @ c**n, c ** (n + 1) / (n + 1), rtol=0, atol=1e-13)
-    for n in range(2 * stages - 1):
-        assert abs(table.matrix[-1] @ c**n - 1 / (n + 1)) < 1e-13
-    assert abs(table.matrix[-1] @ c ** (2 * stages - 1) - 1 / (2 * stages)) > 1e-6
+    for n in range(stages + 1):
+        found = table.matrix @ c**n + table.start * 0.0**n
+        assert np.allclose(found, c ** (n + 1) / (n + 1), rtol=0, atol=1e-12)
+    exact = 2 * stages if spectral_radius == 1.0 else 2 * stages - 1
+    for n in range(exact):
+        assert abs(table.matrix[-1] @ c**n + table.start[-1] * 0.0**n - 1 / (n + 1)) < 1e-12
+    assert abs(table.matrix[-1] @ c**exact - 1 / (exact + 1)) > 1e-6
+    stiff = -1e9
+    state = np.linalg.solve(np.eye(stages) - stiff * table.matrix, 1.0 + stiff * table.start)
+    assert abs(abs(state[-1]) - spectral_radius) < 1e-6
     for power, matrix in ((1, table.matrix), (2, table.squared)):
         again = (table.mix @ np.diag(table.rates**power) @ table.split).real
         assert np.allclose(again, matrix, rtol=0, atol=1e-12)
+    assert np.allclose(table.start_squared, table.matrix @ table.start, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("spectral_radius", [1.0, 0.5])
+def test_undamped_oscillations_do_not_grow(spectral_radius):
+    """Amplification of any undamped oscillation: modulus 1 for Lobatto IIIA, less with damping, least where
+    it is infinitely fast. Rounding: 1e-12."""
+    table = Lobatto.of(4, spectral_radius)
+    for z in 1j * np.logspace(-2, 5, 60):
+        state = np.linalg.solve(np.eye(4) - z * table.matrix, 1.0 + z * table.start)
+        assert spectral_radius - 1e-6 < abs(state[-1]) < 1.0 + 1e-12
 
 
 def test_polynomials_of_a_step():
-    """Integrals from the start to anywhere in the step, once and twice, of a cubic through four stages;
-    the divided difference sees x^4 and nothing below. To rounding."""
-    table, x = Radau.of(4), 0.37
-    for n in range(4):
-        values = table.nodes**n
-        for power, exact in ((1, x ** (n + 1) / (n + 1)), (2, x ** (n + 2) / (n + 1) / (n + 2))):
-            found = x**power * (x ** np.arange(4)) @ table.integrals(power) @ values
-            assert abs(found - exact) < 1e-14
-    full = np.append(0.0, table.nodes)
-    assert [abs(table.difference() @ full**n - (n == 4)) < 1e-10 for n in range(5)] == [True] * 5
+    """The value, and integrals from the start to anywhere in the step, once and twice, of a quartic through
+    the start and four stages; the divided difference sees x^4 and nothing below. To rounding."""
+    table, x = Lobatto.of(4, 0.5), 0.37
+    for n in range(5):
+        values = table.every_node**n
+        exact = (x**n, x ** (n + 1) / (n + 1), x ** (n + 2) / (n + 1) / (n + 2))
+        for power in range(3):
+            found = x**power * (x ** np.arange(5)) @ table.integrals(power) @ values
+            assert abs(found - exact[power]) < 1e-13
+    powers = [abs(table.difference() @ table.every_node**n - (n == 4)) for n in range(5)]
+    assert max(powers) < 1e-10
 
 
 # ---- accuracy -----------------------------------------------------------------------------------
@@ -129,16 +148,16 @@ def test_error_follows_the_tolerance():
 
 def test_reactions_of_a_stiff_sail_at_the_default_tolerance():
     """A thousand times the stiffness leaves a thousandth of the strain, which is a difference of positions:
-    the default tolerance follows it, and keeps the reactions to 2e-3 of their range throughout. With that
+    the default tolerance follows it, and keeps the reactions to 2e-4 of their range throughout. With that
     of the baseline they are ten times as far off."""
     stiff = SMALL | {"tethers.youngs_modulus": 70e12, "tethers.second_moment": 1.47e-21}
     stiff |= {"output.interval": 1.0, "integrator.t_end": 200.0}
     exact = esail.simulate("baseline", stiff | {"integrator.tolerance": 1e-13})["reaction_B"]
     found = []
-    for tolerance in ({}, {"integrator.tolerance": 2e-10}):
+    for tolerance in ({}, {"integrator.tolerance": 1e-9}):
         error = np.abs(esail.simulate("baseline", stiff | tolerance)["reaction_B"] - exact).max()
         found.append(error / np.ptp(exact, axis=0).max())
-    assert found[0] < 2e-3 < 10 * found[0] < found[1], found
+    assert found[0] < 2e-4 < 10 * found[0] < found[1], found
 
 
 # ---- output -------------------------------------------------------------------------------------
@@ -198,7 +217,7 @@ def test_derivative_of_a_run():
 
 @pytest.mark.slow
 def test_vmap_is_a_loop():
-    """Members of a batch make their own steps: 1e-9 of the range, the tolerance being 2e-10."""
+    """Members of a batch make their own steps: 1e-9 of the range, the tolerance being the same."""
     together, alone = tips_of_batch_and_loop(SMALL, [5e3, 2e4, 4e4])
     assert np.abs(together - alone).max() < 1e-9 * np.ptp(together)
 

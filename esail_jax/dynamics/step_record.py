@@ -6,7 +6,6 @@ import jax
 import jax.numpy as jnp
 
 from esail_jax.array_types import Array, Bool, Float, Int, Scalar
-from esail_jax.coordinates import Coordinates
 from esail_jax.dynamics.stages import STAGES, TABLE, Point, Unknowns
 from esail_jax.system import Power
 
@@ -55,18 +54,22 @@ class Record(NamedTuple):
         """Time [s] at the end of the step, or of several."""
         return self.start.time + self.h
 
-    def at(self, time: Scalar) -> tuple[Coordinates, Coordinates, Power]:
-        """q, v and work within the step, from the polynomial of the accelerations and of the powers."""
-        h, x = self.h, (time - self.start.time) / self.h
-        powers = x ** jnp.arange(STAGES)
-        once, twice = (x**n * (powers @ TABLE.integrals(n)) for n in (1, 2))
-        q = jax.tree.map(
-            lambda q, v, a: q + h * x * v + h**2 * jnp.tensordot(twice, a, 1),
-            self.start.q, self.start.v, self.stages.vdot,
-        )  # fmt: skip
-        v = jax.tree.map(lambda v, a: v + h * jnp.tensordot(once, a, 1), self.start.v, self.stages.vdot)
-        work = jax.tree.map(lambda w, p: w + h * once @ p, self.start.work, self.power)
-        return q, v, work
+    def at(self, time: Scalar) -> Point:
+        """Within the step, from the polynomials of the accelerations and of the powers."""
+        start, h, x = self.start, self.h, (time - self.start.time) / self.h
+        powers = x ** jnp.arange(STAGES + 1)
+        none, once, twice = (x**n * (powers @ TABLE.integrals(n)) for n in (0, 1, 2))
+
+        def sum_of(weights, first, stages):
+            return weights[0] * first + jnp.tensordot(weights[1:], stages, 1)
+
+        vdot = start.vdot, self.stages.vdot
+        q = jax.tree.map(lambda q, v, *a: q + h * x * v + h**2 * sum_of(twice, *a), start.q, start.v, *vdot)
+        v = jax.tree.map(lambda v, *a: v + h * sum_of(once, *a), start.v, *vdot)
+        vdot = jax.tree.map(lambda *a: sum_of(none, *a), *vdot)
+        power = start.power, self.power
+        work = jax.tree.map(lambda w, *p: w + h * sum_of(once, *p), start.work, *power)
+        return Point(time, q, v, vdot, work, jax.tree.map(lambda *p: sum_of(none, *p), *power))
 
 
 def no_record(state: Progress) -> Record:
