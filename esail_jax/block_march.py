@@ -9,7 +9,7 @@ import numpy as np
 from esail_jax.blocks import ROWS_PER_LOOK, Carry, standing
 from esail_jax.dynamics.step_record import Progress, Record
 from esail_jax.pieces import RESULTS, Checkpoint, Piece, SimulationError, join
-from esail_jax.schedule import save_times, stops
+from esail_jax.schedule import next_switch, save_times, stops
 
 NUMERICS = {
     "steps": "-",
@@ -67,7 +67,8 @@ class BlockMarch:
                 carry = carry._replace(counted=counted)
             if reached == stop < self.stops[-1]:
                 here = jnp.asarray(stop)
-                carry = compiled.go_on(problem, problem.since(here), carry, records, here)
+                until = np.asarray(next_switch(self.stops, stop))
+                carry = compiled.go_on(problem, problem.since(here), carry, records, here, until)
             self.carry, self.rows = carry, self.rows + len(times)
             self.steps = int(carry.progress.taken)
             if self.rows < len(self.times):

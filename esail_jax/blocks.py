@@ -164,18 +164,21 @@ def look(
     return rows, point, gaps
 
 
-def go_on(problem: Problem, after: Problem, carry: Carry, records: Record, time: Scalar) -> Carry:
-    """From an instant within the recorded steps, at which the problem becomes another one."""
+def go_on(
+    problem: Problem, after: Problem, carry: Carry, records: Record, time: Scalar, until: Scalar
+) -> Carry:
+    """From an instant within the recorded steps, at which the problem becomes another one; until: when it
+    does so again."""
     point, _ = point_at(problem, records, time)
     before = carry.progress
-    fresh = problem.method.start_again(after.system, point, before.taken, before.rejected)
+    fresh = problem.method.start_again(after.system, point, before.taken, before.rejected, until)
     return carry._replace(progress=fresh)
 
 
 class Programs(NamedTuple):
     """Compiled `start(numbers, step)`, `blocks(problem, carry, target)`,
     `look(problem, carry, records, times, count)` and, of a scene with events or switched voltages,
-    `go_on(problem, after, carry, records, time)`."""
+    `go_on(problem, after, carry, records, time, until)`."""
 
     start: Callable
     blocks: Callable
@@ -205,6 +208,6 @@ def programs(
         start = pool.submit(starting.compile, compiler_options=QUICK_COMPILE)
         switching = None
         if structure.has("event") or structure.has("voltage.on"):
-            going_on = jax.jit(go_on).lower(problem, problem, carry, stepping.out_info[1], number)
+            going_on = jax.jit(go_on).lower(problem, problem, carry, stepping.out_info[1], number, number)
             switching = pool.submit(going_on.compile, compiler_options=QUICK_COMPILE).result()
         return Programs(start.result(), blocks.result(), seeing.result(), switching)

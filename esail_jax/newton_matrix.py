@@ -119,9 +119,12 @@ FactoredMass = tuple[bordered.Bordered, bordered.Factors]
 def factor_mass(
     system: System, time: Scalar, q: Coordinates, inertia: Inertia | None = None
 ) -> FactoredMass:
-    """`mass` and its factors. inertia: that of the system, where many states share it."""
+    """`mass` and its factors. inertia: that of the system, where many states share it; the hub must have
+    its shape then."""
     matrix = mass(system, time, q)
-    chains, schur, ports = inertia_of(system) if inertia is None else inertia
+    if inertia is None:
+        return matrix, bordered.factor(matrix)
+    chains, schur, ports = inertia
     if ports is None:
         ports = bordered.factor_ports(matrix, schur)
     elif system.hub is not None:

@@ -122,6 +122,11 @@ def stops(t_end: float, event: Event | None, voltage: Voltage | None = None) -> 
     return (*sorted(time for time in times if 0.0 < time < t_end), t_end)
 
 
+def next_switch(stops: tuple[float, ...], time: float) -> float:
+    """When something is switched after `time`, infinite if never: a run's end is no such instant."""
+    return min((stop for stop in stops[:-1] if stop > time), default=np.inf)
+
+
 def is_multiple(time: float, step: float) -> bool:
     """Is a time a whole number of steps, to rounding?"""
     ratio = time / step

@@ -17,6 +17,7 @@ from esail_jax.numerics.loops import repeat
 from esail_jax.numerics.perturbed import jvp_of_perturbed
 from esail_jax.pieces import RESULTS
 from esail_jax.scenes.structure import Numbers, Structure
+from esail_jax.schedule import next_switch
 
 ROWS_TOGETHER = 32
 """Saved instants of a traced run in one batch."""
@@ -47,7 +48,8 @@ def traced_run(
         final = jax.tree.map(lambda x: x[-1], points)
         if stop != stops[-1]:
             after = problem.since(final.time).system
-            progress = problem.method.start_again(after, final, taken, progress.rejected)
+            until = jnp.asarray(next_switch(stops, stop))
+            progress = problem.method.start_again(after, final, taken, progress.rejected, until)
     rows = jax.tree.map(lambda *x: jnp.concatenate(x), *pieces)
     result = RESULTS.where(good, RESULTS.successful, RESULTS.newton_diverged)
     return rows, jax.tree.map(lambda x: jnp.where(good, x, jnp.nan), final), result, taken

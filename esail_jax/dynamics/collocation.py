@@ -89,11 +89,16 @@ class Collocation(eqx.Module):
         start = Point(time, q, v, vdot, Power(zero, zero), power)
         return Progress(start, history, h, zero, zero, time)
 
-    def start_again(self, system: System, at: Point, taken: Scalar, rejected: Scalar) -> Progress:
+    def start_again(
+        self, system: System, at: Point, taken: Scalar, rejected: Scalar, until: Scalar
+    ) -> Progress:
         """Where a run goes on from a point at which something was switched: accelerations before it say
-        nothing about those after. taken, rejected: steps until then."""
+        nothing about those after. taken, rejected: steps until then; until: when something is switched
+        again. A first step that went beyond would look at what comes after that only."""
         fresh = self.start(system, at.time, at.q, at.v)
         at = fresh.now._replace(work=at.work)
+        if self.step_size is None:
+            fresh = fresh._replace(h=jnp.minimum(fresh.h, until - at.time))
         origin = at.time if self.step_size is None else at.time - taken * self.step_size
         return fresh._replace(now=at, taken=taken, rejected=rejected, origin=origin)
 

@@ -31,7 +31,7 @@ EXPLICIT = "dopri8"
 TOLERANCE = 1e-9
 """Relative local error: tip positions of the built-in chains to nine digits or more."""
 
-COLLOCATION_TOLERANCE = 1e-9
+COLLOCATION_TOLERANCE = 5e-10
 """Local error of a sail's positions relative to its tethers: every observable of the built-in scenes to
 1e-3 of its range with a margin, and the energy of a free sail to less than 1e-9."""
 
