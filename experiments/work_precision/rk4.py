@@ -15,7 +15,6 @@ import esail_jax as esail
 from esail_jax import blocks
 from esail_jax.bench import Run, with_method
 from esail_jax.dynamics.consistent import consistent_acceleration
-from esail_jax.dynamics.stages import Point
 from esail_jax.scenes.structure import split
 
 WORKS = ("external_work", "dissipated_energy", "energy_balance_error")
@@ -75,7 +74,8 @@ def measure(scene: esail.Scene, h: float, span: float, runs: int = 2) -> Run:
         times = interval * jnp.arange(rows + 1)
 
         def one(x):
-            return blocks.observed(problem, carry.start_energy, Point(*x, start.work))
+            time, q, v = x
+            return blocks.observed(problem, carry.start_energy, start._replace(time=time, q=q, v=v))
 
         return jax.lax.map(one, (times, q, v), batch_size=32)
 

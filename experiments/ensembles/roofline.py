@@ -1,0 +1,96 @@
+"""What limits members in lockstep on a core: arithmetic, memory traffic and their speeds, by batch.
+
+taskset -c 0 python experiments/ensembles/roofline.py       # roofline.csv; two minutes on one core
+
+One iteration of a collocation step of the baseline (`stage_solution.py`), for 1 to 32 members at once: its
+time, the operations and the memory traffic that the compiler counts for the compiled program, and how fast
+the same core adds arrays as large as what that program works on. The iteration is what lockstep and one by
+one have in common: nothing waits for anything here.
+"""
+
+import csv
+import statistics
+import time
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+
+import esail_jax as esail
+from esail_jax.dynamics.collocation import first_guess
+from esail_jax.dynamics.stage_solution import stage_residuals
+from esail_jax.dynamics.stages import correction, factor, turns_to
+from esail_jax.prepare import prepare
+
+BATCHES = (1, 2, 4, 8, 16, 32)
+REPEATS = 15
+LOOPS = 100
+STEP = 5.0
+"""[s]"""
+
+
+def seconds(loop, *arguments) -> float:
+    """Median time of a compiled loop of LOOPS turns, per turn."""
+    jax.block_until_ready(loop(*arguments))
+    times = []
+    for _ in range(REPEATS):
+        began = time.perf_counter()
+        jax.block_until_ready(loop(*arguments))
+        times.append(time.perf_counter() - began)
+    return statistics.median(times) / LOOPS
+
+
+def iteration(system, now, h, kept, unknowns):
+    """One simplified Newton iteration."""
+    residual, axes = stage_residuals(system, now, h, unknowns)
+    change = correction(system, residual, turns_to(axes, kept), kept)
+    return jax.tree.map(jnp.add, unknowns, change)
+
+
+def of_batch(size: int) -> tuple:
+    """Time [s] of an iteration of `size` members, its operations and traffic [B], what it works on [B]."""
+    scene = esail.load_scene("baseline", {"integrator.t_end": 100.0})
+    prepared = prepare(scene)
+    system, progress = prepared.problem.system, prepared.carry.progress
+    h, lam = jnp.asarray(STEP), jax.tree.map(lambda x: x[-1], progress.history.values.lam)
+    kept, guess = factor(system, progress.now, h, lam), first_guess(system, progress)
+
+    def repeated(x):
+        return jax.tree.map(lambda x: jnp.broadcast_to(x, (size, *x.shape)) + 0.0, x)
+
+    now, kept, guess = repeated((progress.now, kept, guess))
+    once = jax.vmap(lambda *x: iteration(system, x[0], h, *x[1:]))
+    compiled = jax.jit(once).lower(now, kept, guess).compile()
+    counted, memory = compiled.cost_analysis(), compiled.memory_analysis()
+    works_on = memory.argument_size_in_bytes + memory.output_size_in_bytes + memory.temp_size_in_bytes
+    loop = jax.jit(lambda *x: jax.lax.fori_loop(0, LOOPS, lambda _, y: once(*x[:2], y), x[2]))
+    return seconds(loop, now, kept, guess), counted["flops"], counted["bytes accessed"], works_on
+
+
+def stream(size: float) -> float:
+    """Bytes per second of a <- a + s b, three arrays' worth, with both arrays in `size` bytes."""
+    n = max(int(size / 16), 64)
+    a, b = jnp.ones(n), jnp.full(n, 1e-9)
+    add = jax.jit(lambda a, b: jax.lax.fori_loop(0, LOOPS, lambda i, a: a + i * b, a))
+    return 24.0 * n / seconds(add, a, b)
+
+
+def main() -> None:
+    """Measure, print and write."""
+    with open(Path(__file__).with_name("roofline.csv"), "w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(
+            ("members", "us_per_member", "kflop_per_member", "kB_traffic_per_member", "kB_worked_on",
+             "GFLOP_per_s", "GB_per_s", "GB_per_s_of_adding")
+        )  # fmt: skip
+        for size in BATCHES:
+            took, flops, traffic, works_on = of_batch(size)
+            speed = stream(works_on)
+            row = (size, took / size * 1e6, flops / size / 1e3, traffic / size / 1e3, works_on / 1e3,
+                   flops / took / 1e9, traffic / took / 1e9, speed / 1e9)  # fmt: skip
+            table.writerow([f"{x:.4g}" for x in row])
+            print(*(f"{x:.4g}" for x in row), flush=True)
+
+
+if __name__ == "__main__":
+    main()
