@@ -122,6 +122,22 @@ def test_feedback_turns_the_axis_to_its_target():
     assert abs(ends[0]) > abs(ends[1]) > abs(ends[2])
 
 
+def test_feedback_keeps_its_slew_rate():
+    """A gain that would move 20 kV by 5.7 V/s, V_0 g omega sin(5 deg), is made smaller until 2 V/s
+    remain, to the 2 % by which the spin and the attitude change; one that needs no less is left alone."""
+    law = SMALL | {"voltage.law": "feedback", "voltage.gain": 0.82, "initial.sailing_angle_deg": 0.0}
+    law |= {"voltage.target_sailing_angle_deg": 5.0, "output.interval": 1.0, "integrator.t_end": 400.0}
+
+    def fastest(**limit):
+        given = {f"voltage.{key}": value for key, value in limit.items()}
+        return np.abs(np.diff(esail.simulate("baseline", law | given)["voltage"], axis=0)).max()
+
+    free = fastest()
+    assert free == pytest.approx(20e3 * 0.82 * 4e-3 * np.sin(np.deg2rad(5.0)), rel=0.02)
+    assert fastest(slew_rate=2.0) == pytest.approx(2.0, rel=0.02)
+    assert fastest(slew_rate=10.0) == pytest.approx(free, rel=1e-9)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("sailing", "coning"), [(20.0, 5.0), (35.0, 2.0)])
 def test_planar_cone_keeps_its_coning_angle(sailing, coning):

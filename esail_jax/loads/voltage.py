@@ -105,7 +105,7 @@ class Harmonic(VoltageLaw):
         orders = np.arange(1.0, len(self.cosine) + 1.0)
         amplitude = jnp.sqrt(self.cosine**2 + self.sine**2 + 1e-30)
         fastest = jnp.abs(self.value * self.spin_rate) * (orders[:, None] * amplitude).sum(0)
-        return jnp.minimum(1.0, self.slew_rate / jnp.maximum(fastest, 1e-30))
+        return slow_enough(fastest, self.slew_rate)
 
 
 class TimeTable(VoltageLaw):
@@ -150,12 +150,15 @@ class OnOff(VoltageLaw):
 class Feedback(VoltageLaw):
     """V = V_0 (1 + g (n . u) d . (e_i x n)): tethers whose thrust turns the spin axis n = X_B toward
     `target` (unit vector in I) pull more. d: what of the target lies in the spin plane; e_i: outward at
-    root i; u: along the wind. gain g [-]."""
+    root i; u: along the wind. gain g [-]; made smaller where V could change faster than slew_rate [V/s] as
+    the roots turn at the spin rate given."""
 
     value: PerTether
     gain: Scalar
     target: Vector
     maximum: Scalar | None
+    slew_rate: Scalar | None
+    spin_rate: Scalar
 
     name: ClassVar[str] = "attitude feedback"
     smooth: ClassVar[bool] = True
@@ -164,7 +167,11 @@ class Feedback(VoltageLaw):
         axis = sight.axis
         miss = self.target - axis * (axis @ self.target)
         lever = miss @ jnp.cross(sight.outward, axis[:, None], axis=0)
-        return self.value * (1.0 + self.gain * (axis @ sight.wind) * lever)
+        gain = self.gain * (axis @ sight.wind)
+        if self.slew_rate is not None:
+            fastest = jnp.abs(self.value * self.spin_rate * gain) * jnp.sqrt(miss @ miss + 1e-30)
+            gain = gain * slow_enough(fastest, self.slew_rate)
+        return self.value * (1.0 + gain * lever)
 
 
 class PlanarCone(VoltageLaw):
@@ -197,6 +204,11 @@ def cone_load(
 ) -> PerTether:
     """sigma_bar [N/m] of `PlanarCone`. inertia I [kg m^2] of a tether about its root; angles in rad."""
     return 2.0 * inertia * spin_rate**2 * jnp.sin(coning) / (length**2 * jnp.cos(sailing))
+
+
+def slow_enough(fastest: PerTether, slew_rate: Scalar) -> PerTether:
+    """Part of a modulation that a slew rate allows. fastest: what it could change by [V/s]."""
+    return jnp.minimum(1.0, slew_rate / jnp.maximum(fastest, 1e-30))
 
 
 def limited(volts: Volts, maximum: Scalar | None, smooth: bool) -> Volts:

@@ -6,7 +6,7 @@ Nodes are 0 and c_1 < ... < c_s = 1: a step begins on what the last one ended on
 They are the roots of x (x - 1) (J_{s-1} + a J_{s-2}), J being the Jacobi polynomials of weight x (1 - x).
 With a = 0 the method is Lobatto IIIA, of order 2 s, and does not damp at all: its amplification rho of what
 is infinitely stiff has modulus 1. a gives it a chosen rho, 0 < rho < 1, and order 2 s - 1. What is resolved
-is damped about (1 - rho) / (1 + rho) times as much as by Radau IIA, whose amplification is that of the limit
+is damped about (1 - rho) / (1 + rho) times as much as by Radau IIA, whose amplification is the limit
 rho = 0.
 """
 

@@ -44,7 +44,8 @@ def steering_of(structure: Structure, n: Numbers, load: CoulombThrust) -> voltag
         attitude, _ = starting_attitude(
             n | {"initial.sailing_angle_deg": n["voltage.target_sailing_angle_deg"]}
         )
-        return voltage.Feedback(value, n["voltage.gain"], attitude[:, 0], maximum)
+        gain, spin = n["voltage.gain"], n["initial.spin_rate"]
+        return voltage.Feedback(value, gain, attitude[:, 0], maximum, slew, spin)
     if law == "planar-cone":
         return planar_cone(n, load, maximum)
     return None

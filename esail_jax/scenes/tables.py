@@ -88,7 +88,7 @@ LAWS = {
     "harmonic": ("value", "cosine", "sine", "maximum", "slew_rate"),
     "piecewise-linear": ("value", "time", "table", "maximum"),
     "on-off": ("value", "on", "off", "rise_time", "maximum", "slew_rate"),
-    "feedback": ("value", "gain", "target_sailing_angle_deg", "maximum"),
+    "feedback": ("value", "gain", "target_sailing_angle_deg", "maximum", "slew_rate"),
     "planar-cone": ("coning_angle_deg", "spin_rate", "maximum"),
 }
 """Modulation laws and the keys of each."""
