@@ -263,14 +263,9 @@ def bench(options: argparse.Namespace) -> int:
 
 
 COMMANDS = {
-    "run": run,
-    "scenes": scenes,
-    "info": info,
-    "plot": plot,
-    "ensemble": ensemble,
-    "design": design,
+    "run": run, "scenes": scenes, "info": info, "plot": plot, "ensemble": ensemble, "design": design,
     "bench": bench,
-}
+}  # fmt: skip
 
 
 def complain(error: Exception) -> None:

@@ -9,9 +9,10 @@ from jax import lax
 
 from esail_jax.array_types import Array, Bool, Float, Scalar
 from esail_jax.blocks import Problem, observed, point_at, point_within, problem_of, step_of
-from esail_jax.dynamics.collocation import KEEP, taken_again, work_again
+from esail_jax.dynamics.collocation import KEEP
 from esail_jax.dynamics.stages import Point
 from esail_jax.dynamics.step_record import Progress, Record, no_record
+from esail_jax.dynamics.steps_again import taken_again, work_again
 from esail_jax.entry import along_rows
 from esail_jax.numerics.loops import repeat
 from esail_jax.numerics.perturbed import jvp_of_perturbed
