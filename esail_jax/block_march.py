@@ -36,6 +36,8 @@ class BlockMarch:
         scene = prepared.resolved
         self.times = save_times(scene.integrator.t_end, scene.output.interval)
         self.stops = stops(scene.integrator.t_end, scene.event, scene.voltage)
+        # Those after the end time too: a longer run must be the same until there.
+        self.switches = stops(np.inf, scene.event, scene.voltage)
 
     def pieces(self) -> Iterator[Piece]:
         """One piece per call. Raises SimulationError when the run is stuck, after a last piece with
@@ -67,7 +69,7 @@ class BlockMarch:
                 carry = carry._replace(counted=counted)
             if reached == stop < self.stops[-1]:
                 here = jnp.asarray(stop)
-                until = np.asarray(next_switch(self.stops, stop))
+                until = np.asarray(next_switch(self.switches, stop))
                 carry = compiled.go_on(problem, problem.since(here), carry, records, here, until)
             self.carry, self.rows = carry, self.rows + len(times)
             self.steps = int(carry.progress.taken)

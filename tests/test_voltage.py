@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from quick import jit
+from whole_runs import check_going_on
 
 import esail_jax as esail
 from esail_jax.environment.gusts import gusty_wind, write_wind
@@ -253,3 +254,10 @@ def test_bad_input(overrides, message):
     """One line that names the key, before anything is compiled."""
     with pytest.raises(esail.SceneError, match=message):
         esail.load_scene("baseline", overrides)
+
+
+def test_a_switch_after_the_end_is_known_to_a_run_that_goes_on(tmp_path):
+    """A run that ends within a pulse of 4 s, carried on, is the whole one bit for bit: the first step of a
+    pulse is not longer than it, wherever the run was to end."""
+    pulse = {"voltage.law": "on-off", "voltage.on": 100.0, "voltage.off": 104.0, "voltage.rise_time": 1.0}
+    check_going_on(SMALL | pulse | {"output.interval": 1.0}, 102, 160, tmp_path)
