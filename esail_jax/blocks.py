@@ -17,11 +17,12 @@ from jax import lax
 
 from esail_jax import observables
 from esail_jax.array_types import Array, Float, Int, Scalar, Vector
+from esail_jax.compiler import COMPILER_OPTIONS, QUICK_COMPILE
 from esail_jax.dynamics.collocation import KEEP, Collocation
 from esail_jax.dynamics.consistent import project
 from esail_jax.dynamics.stages import Point
 from esail_jax.dynamics.step_record import Progress, Record, no_record
-from esail_jax.entry import QUICK_COMPILE, origin_of
+from esail_jax.entry import origin_of
 from esail_jax.newton_matrix import FactoredMass, Inertia, factor_mass, inertia_of
 from esail_jax.scenes.build import Model, build
 from esail_jax.scenes.integration import COLLOCATION_TOLERANCE
@@ -197,9 +198,9 @@ def programs(
     _, problem, carry = jax.eval_shape(lambda n, s: problem_of(structure, n, s), numbers, step)
     with ThreadPoolExecutor() as pool:
         # The longest first, so that the others are traced while it compiles. It is worth a slower
-        # compilation (entry.QUICK_COMPILE): its steps take a third less time.
+        # compilation (compiler.QUICK_COMPILE): its steps take a third less time.
         stepping = jax.jit(run_blocks).lower(problem, carry, number)
-        blocks = pool.submit(stepping.compile)
+        blocks = pool.submit(stepping.compile, compiler_options=COMPILER_OPTIONS)
         times = jax.ShapeDtypeStruct((ROWS_PER_LOOK,), float)
         count = jax.ShapeDtypeStruct((), int)
         looking = jax.jit(look).lower(problem, carry, stepping.out_info[1], times, count)

@@ -8,7 +8,6 @@ every operation wants it, and nothing is solved for it.
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 
 from esail_jax.array_types import Array, Float, HubPoints, Nodal, Rotation
 
@@ -25,7 +24,8 @@ class Coordinates(NamedTuple):
 
     def rotate(self, rotation: Rotation) -> "Coordinates":
         """Every vector turned by `rotation`."""
-        tether = jnp.tensordot(rotation, self.tether, ((1,), (1,))).swapaxes(0, 1)
+        columns = rotation.T[:, None, :, None, None]
+        tether = sum(columns[j] * self.tether[:, j : j + 1] for j in range(3))
         return Coordinates(tether, None if self.hub is None else self.hub @ rotation.T)
 
 

@@ -18,7 +18,7 @@ from jax import lax
 
 from esail_jax import objectives
 from esail_jax.array_types import Array, Float, Scalar
-from esail_jax.entry import QUICK_COMPILE
+from esail_jax.compiler import QUICK_COMPILE
 from esail_jax.scenes.keys import SceneError
 from esail_jax.scenes.scene import Scene
 from esail_jax.simulate import Solution, simulate

@@ -17,6 +17,7 @@ import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 
 from esail_jax.array_types import Array, Bool, Float
+from esail_jax.compiler import COMPILER_OPTIONS
 from esail_jax.observables import listed, shape_of
 from esail_jax.observables.balance import TERMS, balance_warning
 from esail_jax.pieces import RESULTS
@@ -148,7 +149,9 @@ class Runner:
         devices = jax.local_devices()
         room = (devices[0].memory_stats() or {}).get("bytes_limit", MOST_BYTES)
         # Of each device's own share of the program.
-        memory = self._lowered(PROBE * len(devices)).compile().memory_analysis()
+        memory = (
+            self._lowered(PROBE * len(devices)).compile(compiler_options=COMPILER_OPTIONS).memory_analysis()
+        )
         each = max(each, (memory.temp_size_in_bytes + memory.output_size_in_bytes) / PROBE)
         return int(np.clip(SHARE * room / each, 1, GPU_BATCH)) * len(devices)
 
@@ -165,7 +168,7 @@ class Runner:
     def compile(self) -> None:
         """Do it now, unless it is done."""
         if self._compiled is None:
-            self._compiled = self._lowered(self.batch).compile()
+            self._compiled = self._lowered(self.batch).compile(compiler_options=COMPILER_OPTIONS)
 
     def __call__(self, members: np.ndarray) -> Ensemble:
         """These members, `batch` at most."""

@@ -10,6 +10,7 @@ from jax import lax
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 from esail_jax.array_types import Array, Scalar
+from esail_jax.compiler import COMPILER_OPTIONS
 from esail_jax.sampling import Inputs
 
 MEMBER = "member"
@@ -64,7 +65,8 @@ def mean_gradient(
 
     specs = (PartitionSpec(), PartitionSpec(MEMBER))
     evaluate = jax.jit(
-        jax.shard_map(of_share, mesh=mesh, in_specs=specs, out_specs=PartitionSpec(), check_vma=False)
+        jax.shard_map(of_share, mesh=mesh, in_specs=specs, out_specs=PartitionSpec(), check_vma=False),
+        compiler_options=COMPILER_OPTIONS,
     )
 
     def of_parameters(parameters: Any) -> MeanGradient:

@@ -13,6 +13,7 @@ from jax import lax
 
 from esail_jax import observables
 from esail_jax.array_types import Array, Float, Scalar, Vector
+from esail_jax.compiler import QUICK_COMPILE
 from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.coordinates import Coordinates
 from esail_jax.dynamics.consistent import project
@@ -23,11 +24,6 @@ from esail_jax.scenes.build import Model
 from esail_jax.scenes.structure import Numbers
 from esail_jax.schedule import Entry
 from esail_jax.system import Power, System
-
-QUICK_COMPILE = {"xla_cpu_use_fusion_emitters": False} if jax.__version_info__ < (0, 11) else None
-"""Compiler options. XLA's older way of writing loops for the CPU takes a third less compile time and
-makes the step a tenth slower (64 for 58 us on the baseline): a gain for every first run shorter than
-two hundred thousand steps. Later versions have one way only."""
 
 
 class Carry(NamedTuple):

@@ -16,9 +16,9 @@ from jax import lax
 
 from esail_jax import observables
 from esail_jax.array_types import Array, Float, Scalar
+from esail_jax.compiler import QUICK_COMPILE
 from esail_jax.dynamics.rod_chain import RodChain, RodState, energy_floor, error_scale
 from esail_jax.dynamics.runge_kutta import Progress, RungeKutta, advance
-from esail_jax.entry import QUICK_COMPILE
 from esail_jax.pieces import RESULTS, Checkpoint, Piece, SimulationError
 from esail_jax.scenes.build import build_chain
 from esail_jax.scenes.scene import Scene
@@ -31,12 +31,6 @@ ROWS_PER_CALL = 32
 
 ROD_STEPS_PER_CALL = 400_000
 """Steps times rods per call, about: some tenths of a second, between which the host may stop."""
-
-COMPILER_OPTIONS = (
-    None if QUICK_COMPILE is None else QUICK_COMPILE | {"xla_cpu_experimental_ynn_fusion_type": ""}
-)
-"""Compiler options: quick ones, and sums over the three components by the compiler's own loops. The
-library it would hand them to makes an acceleration of 10^5 rods half as slow again."""
 
 NUMERICS = {"steps": "-", "rejected_steps": "-", "last_step": "s"}
 """Names and units of what is kept per saved interval."""
@@ -140,9 +134,7 @@ def programs(
     times = jax.ShapeDtypeStruct((ROWS_PER_CALL,), float)
     rows = jax.jit(pass_rows).lower(*start.out_info, times, number)
     with ThreadPoolExecutor() as pool:
-        both = [
-            pool.submit(program.compile, compiler_options=COMPILER_OPTIONS) for program in (start, rows)
-        ]
+        both = [pool.submit(program.compile, compiler_options=QUICK_COMPILE) for program in (start, rows)]
         return Programs(*(program.result() for program in both))
 
 

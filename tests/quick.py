@@ -4,7 +4,7 @@ import functools
 
 import jax
 
-from esail_jax.entry import QUICK_COMPILE
+from esail_jax.compiler import QUICK_COMPILE
 
 QUICKLY = (QUICK_COMPILE or {}) | {
     "xla_backend_optimization_level": 0,

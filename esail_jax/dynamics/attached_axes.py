@@ -9,8 +9,9 @@ direction couples d^2 of the axial stiffness into the transverse motion.
 from typing import NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 
-from esail_jax.array_types import Array, Float, Nodal, Rotation, Scalar
+from esail_jax.array_types import Array, Float, Rotation, Scalar
 from esail_jax.coordinates import Coordinates
 from esail_jax.joints.roots import Releases
 from esail_jax.numerics.vectors import dot
@@ -33,33 +34,25 @@ class Axes(NamedTuple):
 
 
 class Turn(NamedTuple):
-    """From one set of axes to another: first with the hub, then every node but a held root by the shortest
-    turn between its directions, with the cosine and the vector (of the length of the sine)."""
+    """From one set of axes to another: the hub's rotation, and that of every node: first with the hub, then
+    by the shortest turn between its directions. A held root's position turns with the hub only."""
 
     hub: Rotation
-    cosine: Float[Array, "node tether"]
-    sine: Directions
+    nodes: Float[Array, "3 3 node tether"]
     releases: Releases = Releases()
 
     def forth(self, x: Coordinates) -> Coordinates:
         """Vectors turned."""
-        turned = x.rotate(self.hub)
-        return turned._replace(tether=self._at_nodes(turned.tether, self.sine))
+        coef, _, node, tether = x.tether.shape
+        root = (np.arange(coef)[:, None, None, None] == 0) & (np.arange(node)[:, None] == 0)
+        held = root & self.releases.free(jnp.zeros(tether, bool), jnp.ones(tether, bool))
+        rotation = jnp.where(held[:, None], self.hub[:, :, None, None], self.nodes)
+        turned = (rotation * x.tether[:, None]).sum(2)
+        return Coordinates(turned, None if x.hub is None else x.hub @ self.hub.T)
 
     def back(self, x: Coordinates) -> Coordinates:
         """The inverse."""
-        return x._replace(tether=self._at_nodes(x.tether, -self.sine)).rotate(self.hub.T)
-
-    def _at_nodes(self, nodal: Nodal, sine: Directions) -> Nodal:
-        halving = 1.0 / (1.0 + self.cosine)
-
-        def turned(x):
-            lever = dot(sine, x) * halving
-            return self.cosine * x + jnp.cross(sine, x, axis=0) + lever * sine
-
-        nodes = jnp.stack([turned(x) for x in nodal])
-        root = self.releases.free(nodes[0, :, 0], nodal[0, :, 0])
-        return nodes.at[0, :, 0].set(root)
+        return self._replace(hub=self.hub.T, nodes=jnp.swapaxes(self.nodes, 0, 1)).forth(x)
 
 
 def axes_of(system: System, time: Scalar, q: Coordinates) -> Axes:
@@ -76,11 +69,21 @@ def axes_of(system: System, time: Scalar, q: Coordinates) -> Axes:
 
 
 def turn(before: Axes, after: Axes) -> Turn:
-    """What leads from one set of axes to the other."""
+    """What leads from one set of axes to the other: R of the hub, and at the nodes
+
+        (c 1 + [s] + s s^T / (1 + c)) R,    c = a . b,  s = a x b,
+
+    from a, the direction before turned with the hub, to b, that after."""
     hub = after.hub @ before.hub.T
     start = jnp.tensordot(hub, before.along, 1)
     cosine = dot(start, after.along)
     sine = jnp.cross(start, after.along, axis=0)
     # Without a direction, at a node whose slope has vanished, both are zero.
     near = (1.0 + cosine > OPPOSITE) & (cosine**2 + dot(sine, sine) > 0.5)
-    return Turn(hub, jnp.where(near, cosine, 1.0), jnp.where(near, sine, 0.0), after.releases)
+    cosine, sine = jnp.where(near, cosine, 1.0), jnp.where(near, sine, 0.0)
+    x, y, z = sine
+    none = jnp.zeros_like(x)
+    skew = jnp.stack([jnp.stack([none, -z, y]), jnp.stack([z, none, -x]), jnp.stack([-y, x, none])])
+    unit = jnp.eye(3)[:, :, None, None]
+    own = cosine * unit + skew + sine[:, None] * sine / (1.0 + cosine)
+    return Turn(hub, (own[:, :, None] * hub[:, :, None, None]).sum(1), after.releases)

@@ -157,7 +157,7 @@ def port_loads(
         if rhs.local is not None:
             local = jnp.concatenate([local, rhs.local])
     if matrix.border is not None:
-        border = padded((matrix.weights @ port[:HELD].T).reshape(-1), rhs.border)
+        border = padded((matrix.weights[:, None] * port[None, :HELD]).sum(2).reshape(-1), rhs.border)
     return local, border
 
 
@@ -168,7 +168,7 @@ def port_displacement(
     held = jnp.zeros_like(port[: matrix.held])
     if border is not None:
         points = HELD * matrix.weights.shape[0]
-        held = border[:points].reshape(-1, HELD).T @ matrix.weights
+        held = (border[:points].reshape(-1, HELD)[:, :, None] * matrix.weights[:, None]).sum(0)
     if local is None:
         return held, None
     return jnp.concatenate([held, local[: matrix.free]]), local[matrix.free :]
@@ -182,7 +182,7 @@ def solve_ports(
     if border is not None:
         if local is not None:
             border = border - (factors.border_from_local * local).sum((1, 2))
-        border = factors.border_inverse @ border
+        border = matvec(factors.border_inverse, border)
     if local is not None:
         local = matvec(factors.local_inverse, local)
         if border is not None:

@@ -12,11 +12,12 @@ from jax import lax
 import esail_jax as esail
 from esail_jax import observables
 from esail_jax.array_types import PerPoint, PerTether
+from esail_jax.compiler import QUICK_COMPILE
 from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.dynamics.consistent import consistent_acceleration
 from esail_jax.dynamics.fixed_step import KEEP, StepInfo
 from esail_jax.dynamics.generalized_alpha import GeneralizedAlpha
-from esail_jax.entry import QUICK_COMPILE, fresh_state, with_jerk
+from esail_jax.entry import fresh_state, with_jerk
 from esail_jax.numerics.vectors import dot
 from esail_jax.scenes.build import build
 from esail_jax.scenes.integration import with_method

@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import esail_jax as esail
-from esail_jax.entry import QUICK_COMPILE
+from esail_jax.compiler import QUICK_COMPILE
 from esail_jax.objectives import plane_normals
 
 HERE = Path(__file__).parent

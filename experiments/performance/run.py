@@ -13,8 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 
 import esail_jax as esail
+from esail_jax.compiler import QUICK_COMPILE
 from esail_jax.dynamics.generalized_alpha import GeneralizedAlpha
-from esail_jax.entry import QUICK_COMPILE, entry_data, step_entry
+from esail_jax.entry import entry_data, step_entry
 from esail_jax.march import March
 from esail_jax.prepare import prepare
 

@@ -13,9 +13,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from esail_jax.compiler import QUICK_COMPILE
 from esail_jax.constants import ASTRONOMICAL_UNIT, PROTON_MASS, VACUUM_PERMITTIVITY
 from esail_jax.coordinates import Coordinates
-from esail_jax.entry import QUICK_COMPILE
 from esail_jax.observables import make_instant, observe
 from esail_jax.scenes.build import Model, build
 from esail_jax.scenes.scene import parse
