@@ -21,6 +21,9 @@ OPPOSITE = 0.1
 """1 + cos of the angle turned, below which a node's axes are turned with the hub only: the shortest turn to
 the opposite direction is not unique."""
 
+LEVI_CIVITA = -np.cross(np.eye(3)[:, None], np.eye(3))
+"""e_ijk with (s x x)_i = sum_jk e_ijk x_j s_k."""
+
 Directions = Float[Array, "3 node tether"]
 
 
@@ -81,9 +84,8 @@ def turn(before: Axes, after: Axes) -> Turn:
     # Without a direction, at a node whose slope has vanished, both are zero.
     near = (1.0 + cosine > OPPOSITE) & (cosine**2 + dot(sine, sine) > 0.5)
     cosine, sine = jnp.where(near, cosine, 1.0), jnp.where(near, sine, 0.0)
-    x, y, z = sine
-    none = jnp.zeros_like(x)
-    skew = jnp.stack([jnp.stack([none, -z, y]), jnp.stack([z, none, -x]), jnp.stack([-y, x, none])])
-    unit = jnp.eye(3)[:, :, None, None]
-    own = cosine * unit + skew + sine[:, None] * sine / (1.0 + cosine)
-    return Turn(hub, (own[:, :, None] * hub[:, :, None, None]).sum(1), after.releases)
+    # Term by term with R multiplied in, in one loop over the nodes.
+    crossed = jnp.tensordot(LEVI_CIVITA, hub, ((1,), (0,)))
+    back = jnp.tensordot(hub.T, sine / (1.0 + cosine), 1)
+    nodes = (crossed[..., None, None] * sine[:, None]).sum(1)
+    return Turn(hub, nodes + cosine * hub[:, :, None, None] + sine[:, None] * back, after.releases)
