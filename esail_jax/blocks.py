@@ -17,7 +17,7 @@ from jax import lax
 
 from esail_jax import observables
 from esail_jax.array_types import Array, Float, Int, Scalar, Vector
-from esail_jax.compiler import COMPILER_OPTIONS, QUICK_COMPILE
+from esail_jax.compiler import COMPILER_OPTIONS, ONCE_COMPILE, ROWS_COMPILE
 from esail_jax.dynamics.collocation import KEEP, Collocation
 from esail_jax.dynamics.consistent import project
 from esail_jax.dynamics.stages import Point
@@ -195,20 +195,20 @@ def programs(
     numbers = {key: jax.ShapeDtypeStruct(shape, float) for key, shape in shapes}
     number = jax.ShapeDtypeStruct((), float)
     step = number if fixed else None
-    _, problem, carry = jax.eval_shape(lambda n, s: problem_of(structure, n, s), numbers, step)
     with ThreadPoolExecutor() as pool:
-        # The longest first, so that the others are traced while it compiles. It is worth a slower
+        starting = jax.jit(problem_of, static_argnums=0).lower(structure, numbers, step)
+        start = pool.submit(starting.compile, compiler_options=ONCE_COMPILE)
+        _, problem, carry = starting.out_info
+        # Then the longest, so that the others are traced while it compiles. It is worth a slower
         # compilation (compiler.QUICK_COMPILE): its steps take a third less time.
         stepping = jax.jit(run_blocks).lower(problem, carry, number)
         blocks = pool.submit(stepping.compile, compiler_options=COMPILER_OPTIONS)
         times = jax.ShapeDtypeStruct((ROWS_PER_LOOK,), float)
         count = jax.ShapeDtypeStruct((), int)
         looking = jax.jit(look).lower(problem, carry, stepping.out_info[1], times, count)
-        seeing = pool.submit(looking.compile, compiler_options=QUICK_COMPILE)
-        starting = jax.jit(problem_of, static_argnums=0).lower(structure, numbers, step)
-        start = pool.submit(starting.compile, compiler_options=QUICK_COMPILE)
+        seeing = pool.submit(looking.compile, compiler_options=ROWS_COMPILE)
         switching = None
         if structure.has("event") or structure.has("voltage.on"):
             going_on = jax.jit(go_on).lower(problem, problem, carry, stepping.out_info[1], number, number)
-            switching = pool.submit(going_on.compile, compiler_options=QUICK_COMPILE).result()
+            switching = pool.submit(going_on.compile, compiler_options=ONCE_COMPILE).result()
         return Programs(start.result(), blocks.result(), seeing.result(), switching)

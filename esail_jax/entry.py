@@ -13,7 +13,7 @@ from jax import lax
 
 from esail_jax import observables
 from esail_jax.array_types import Array, Float, Scalar, Vector
-from esail_jax.compiler import QUICK_COMPILE
+from esail_jax.compiler import QUICK_COMPILE, ROWS_COMPILE
 from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.coordinates import Coordinates
 from esail_jax.dynamics.consistent import project
@@ -254,4 +254,4 @@ def with_jerk(stepper: FixedStep, state: State, v_next: Coordinates) -> State:
 
 
 step_entry_jitted = jax.jit(step_entry, static_argnums=(3, 4, 5), compiler_options=QUICK_COMPILE)
-look_at_entry_jitted = jax.jit(look_at_entry, static_argnums=6, compiler_options=QUICK_COMPILE)
+look_at_entry_jitted = jax.jit(look_at_entry, static_argnums=6, compiler_options=ROWS_COMPILE)

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 
 from esail_jax.array_types import Array, PerTether, Rotation
+from esail_jax.compiler import ONCE_COMPILE
 from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.coordinates import Coordinates
 from esail_jax.dynamics.rod_chain import RodChain, RodState
@@ -204,4 +205,4 @@ def build_chain(structure: Structure, n: Numbers) -> tuple[RodChain, RodState]:
     return chain, RodState(x, v, Power(zero, zero) if chain.works else None)
 
 
-build_jitted = jax.jit(build, static_argnums=0)
+build_jitted = jax.jit(build, static_argnums=0, compiler_options=ONCE_COMPILE)
