@@ -24,7 +24,8 @@ from jax import lax
 from esail_jax import newton_matrix
 from esail_jax.array_types import Float, Instants, PerPoint, Rotation, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
-from esail_jax.dynamics.fixed_step import FixedStep, KeptFactors, State, StepInfo, Unknowns, solve_step
+from esail_jax.dynamics.fixed_step import FixedStep, KeptFactors, State, StepInfo, Unknowns
+from esail_jax.dynamics.step_solution import solve_step
 from esail_jax.numerics import bordered
 from esail_jax.numerics.quadrature import gauss_legendre
 from esail_jax.system import Power, Residual, System

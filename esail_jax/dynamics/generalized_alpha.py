@@ -18,7 +18,9 @@ from jax import lax
 from esail_jax import newton_matrix
 from esail_jax.array_types import Float, Rotation, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
-from esail_jax.dynamics.fixed_step import FixedStep, KeptFactors, State, StepInfo, Unknowns, solve_step
+from esail_jax.dynamics.fixed_step import FixedStep, KeptFactors, State, StepInfo, Unknowns
+from esail_jax.dynamics.step_solution import solve_step
+from esail_jax.dynamics.transposable import Transposable
 from esail_jax.numerics import bordered
 from esail_jax.system import Power, Residual, System
 
@@ -148,6 +150,10 @@ class GeneralizedAlpha(FixedStep):
         """Factors of the exact derivative of the residual."""
         q, v = self.end_of_step(system, end, q0, v0, unknowns.vdot)
         return self.factor(system, end, q, v, unknowns.lam)
+
+    def transposable(self, system: System) -> System:
+        """Forces with a transpose of their own."""
+        return Transposable.of(system)
 
     def tolerances(self, system: System, q: Coordinates) -> Float[jax.Array, "2"]:
         """Largest last increments [m] of a step that has converged, of tether nodes and of the hub."""

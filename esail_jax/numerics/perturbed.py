@@ -9,14 +9,22 @@ from collections.abc import Callable
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
+
+from esail_jax.array_types import Array
 
 
 def jvp_of_perturbed(function: Callable, primals: tuple, tangents: tuple) -> tuple[Any, Any]:
     """`jax.jvp` with the tangents of a rule defined with `symbolic_zeros=True`."""
+    return jax.jvp(*perturbed(function, primals, tangents))
+
+
+def perturbed(function: Callable, primals: tuple, tangents: tuple) -> tuple[Callable, tuple, tuple]:
+    """The function of those numbers alone that something moves, with these and their tangents."""
     leaves, structure = jax.tree.flatten(primals)
-    moves = jax.tree.leaves(tangents, is_leaf=lambda x: isinstance(x, SymbolicZero))
-    moving = [i for i, move in enumerate(moves) if not isinstance(move, SymbolicZero)]
+    moves = jax.tree.leaves(tangents, is_leaf=is_symbolic)
+    moving = [i for i, move in enumerate(moves) if not is_symbolic(move)]
 
     def of_moving(*some):
         found = list(leaves)
@@ -24,8 +32,17 @@ def jvp_of_perturbed(function: Callable, primals: tuple, tangents: tuple) -> tup
             found[i] = x
         return function(*jax.tree.unflatten(structure, found))
 
-    some, along = (tuple(x[i] for i in moving) for x in (leaves, moves))
-    return jax.jvp(of_moving, some, along)
+    return of_moving, *(tuple(x[i] for i in moving) for x in (leaves, moves))
+
+
+def is_symbolic(tangent: Any) -> bool:
+    """Is it the zero of something that nothing moves?"""
+    return isinstance(tangent, SymbolicZero)
+
+
+def number_of(tangent: Any) -> Array:
+    """A tangent, a zero as numbers."""
+    return jnp.zeros(tangent.shape, tangent.dtype) if is_symbolic(tangent) else tangent
 
 
 @jax.custom_jvp
