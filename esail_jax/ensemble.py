@@ -18,6 +18,7 @@ from jax.sharding import Mesh, PartitionSpec
 
 from esail_jax.array_types import Array, Bool, Float
 from esail_jax.compiler import COMPILER_OPTIONS
+from esail_jax.numerics.loops import LOCKSTEP
 from esail_jax.observables import listed, shape_of
 from esail_jax.observables.balance import TERMS, balance_warning
 from esail_jax.pieces import RESULTS
@@ -253,12 +254,13 @@ def program(scene: Scene, names: tuple[str, ...], lockstep: bool) -> Callable:
 
     if not lockstep:
         return one
+    side_by_side = jax.vmap(one, axis_name=LOCKSTEP)
     devices = jax.local_devices()
     if len(devices) == 1:
-        return jax.vmap(one)
+        return side_by_side
     mesh = Mesh(np.array(devices), ("member",))
     shares = PartitionSpec("member")
-    return jax.shard_map(jax.vmap(one), mesh=mesh, in_specs=shares, out_specs=shares, check_vma=False)
+    return jax.shard_map(side_by_side, mesh=mesh, in_specs=shares, out_specs=shares, check_vma=False)
 
 
 @functools.lru_cache(maxsize=8)

@@ -14,7 +14,7 @@ from esail_jax.dynamics.stage_solution import known_stages
 from esail_jax.dynamics.stages import Point, factor, stage_powers
 from esail_jax.dynamics.step_record import Progress, Record, no_record
 from esail_jax.entry import along_rows
-from esail_jax.numerics.loops import repeat
+from esail_jax.numerics.loops import march, repeat, written
 from esail_jax.numerics.perturbed import jvp_of_perturbed, known
 from esail_jax.pieces import RESULTS
 from esail_jax.scenes.structure import Numbers, Structure
@@ -77,26 +77,23 @@ def states_at(
     rows = len(times)
 
     def going(state):
-        progress, row, _ = state
+        progress, row = state
         return (row < rows) & ~problem.method.stuck(progress)
 
-    def block(state):
-        progress, row, points = state
-        progress, records = problem.method.block(problem.system, progress)
+    def block(state, points, active):
+        progress, records = problem.method.block(problem.system, state[0])
 
-        def passed(inner):
-            return (inner[0] < rows) & (times[jnp.minimum(inner[0], rows - 1)] <= progress.now.time)
+        def passed(row):
+            return active & (row < rows) & (times[jnp.minimum(row, rows - 1)] <= progress.now.time)
 
-        def keep(inner):
-            row, points = inner
-            point = point_at(problem, records, times[row])[0]
-            return row + 1, jax.tree.map(lambda all, x: all.at[row].set(x), points, point)
+        def keep(row, points, active):
+            return row + 1, written(points, row, point_at(problem, records, times[row])[0], active)
 
-        row, points = lax.while_loop(passed, keep, (row, points))
-        return progress, row, points
+        row, points = march(passed, keep, state[1], points)
+        return (progress, row), points
 
     empty = jax.tree.map(lambda x: jnp.zeros((rows, *x.shape), x.dtype), progress.now)
-    progress, _, points = lax.while_loop(going, block, (progress, jnp.zeros((), int), empty))
+    (progress, _), points = march(going, block, (progress, jnp.zeros((), int)), empty)
     return points, progress.now.time, progress.taken
 
 
