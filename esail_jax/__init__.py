@@ -15,6 +15,7 @@ import jax
 
 jax.config.update("jax_enable_x64", True)
 
+from esail_jax.compiler import COMPILER_OPTIONS  # noqa: E402
 from esail_jax.pieces import RESULTS, SimulationError  # noqa: E402
 from esail_jax.scenes.keys import SceneError  # noqa: E402
 from esail_jax.scenes.scene import Scene, load_scene  # noqa: E402
@@ -24,6 +25,7 @@ from esail_jax.storage import RunFileError, load, save  # noqa: E402
 __version__ = "0.1.0"
 
 __all__ = [
+    "COMPILER_OPTIONS",
     "RESULTS",
     "RunFileError",
     "Scene",
