@@ -11,7 +11,7 @@ from whole_runs import check_going_on
 
 import esail_jax as esail
 from esail_jax.environment.gusts import gusty_wind, write_wind
-from esail_jax.loads.voltage import above_zero, limited, smooth_step
+from esail_jax.loads.voltage import above_zero, limited, modulation, smooth_step, within_slew_rate
 from esail_jax.scenes.presets import builtin_text
 from esail_jax.scenes.scene import parse, to_toml
 
@@ -86,6 +86,36 @@ def test_table_in_time():
     for i, column in enumerate(np.transpose(table)):
         expected = 20e3 * np.interp(run.time, [20.0, 100.0, 250.0], column)
         assert np.allclose(run["voltage"][:, i], expected, rtol=1e-12, atol=1e-9)
+
+
+def test_table_keeps_its_slew_rate():
+    """20 kV within 10 s and back within 40 s, at 500 V/s: as far as that reaches, then to what is left of
+    the way; a table that is slow enough is not touched. By hand."""
+    time = jnp.array([0.0, 10.0, 50.0, 60.0])
+    wanted = jnp.array([[0.0, 10.0], [20e3, 5e3], [0.0, 5e3], [1e3, 5e3]])
+    found = within_slew_rate(time, wanted, jnp.asarray(500.0))
+    assert np.allclose(found[:, 0], [0.0, 5e3, 0.0, 1e3], rtol=0, atol=1e-9)
+    assert np.allclose(found[:, 1], wanted[:, 1], rtol=0, atol=1e-9)
+    table = SMALL | {"voltage.law": "piecewise-linear", "voltage.time": [0.0, 10.0, 250.0]}
+    table |= {"voltage.table": [0.0, 1.0, 0.2], "integrator.t_end": 60.0, "output.interval": 1.0}
+    volts = esail.simulate("baseline", table | {"voltage.slew_rate": 100.0})["voltage"]
+    assert np.allclose(volts[:11, 0], 100.0 * np.arange(11), rtol=1e-9)
+
+
+def test_planar_cone_keeps_its_slew_rate():
+    """Phase by phase as the tethers turn by the law, dV/dphi omega_0 / (1 - x cos phi): what is allowed, to
+    Newton's method and the grid, and no more."""
+    bar, (per_volt, spin, allowed) = jnp.array([3e-4]), jnp.array([1e-8, 4e-3, 5.0])
+    x = modulation(jnp.array([0.2]), bar, per_volt, spin, allowed)
+    phi = jnp.linspace(0.0, 2.0 * np.pi, 2001)
+
+    def volts(phi):
+        return bar[0] / per_volt / (1.0 - x[0] * jnp.cos(phi)) ** 3
+
+    rate = jnp.abs(jax.vmap(jax.grad(volts))(phi)) * spin / (1.0 - x[0] * jnp.cos(phi))
+    assert allowed * (1.0 - 1e-5) < rate.max() <= allowed * (1.0 + 1e-12)
+    free = modulation(jnp.array([0.2]), bar, per_volt, spin, jnp.asarray(1e6))
+    assert np.allclose(free, 0.2, rtol=1e-15)
 
 
 def test_switching_on_and_off():

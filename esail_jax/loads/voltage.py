@@ -28,6 +28,9 @@ STEEPEST = 1.875
 """Largest slope of the smooth step, over that of a straight ramp."""
 
 
+NEWTON_STEPS = 6
+"""That bring a modulation down to a slew rate."""
+
 Volts = Float[Array, "*any"]
 
 
@@ -109,10 +112,9 @@ class Harmonic(VoltageLaw):
 
 
 class TimeTable(VoltageLaw):
-    """V_0 times what lies on straight lines between `table` (instant, tether) at increasing instants [s];
+    """Straight lines between the voltages `table` [V] (instant, tether) at increasing instants [s];
     constant before the first and after the last."""
 
-    value: PerTether
     time: Float[Array, " instant"]
     table: Float[Array, "instant tether"]
     maximum: Scalar | None
@@ -120,7 +122,7 @@ class TimeTable(VoltageLaw):
     name: ClassVar[str] = "voltage table"
 
     def wanted(self, sight: Sight) -> PerTether:
-        return self.value * jax.vmap(lambda x: jnp.interp(sight.time, self.time, x), 1)(self.table)
+        return jax.vmap(lambda x: jnp.interp(sight.time, self.time, x), 1)(self.table)
 
 
 class OnOff(VoltageLaw):
@@ -180,7 +182,8 @@ class PlanarCone(VoltageLaw):
     sigma = sigma_bar / (1 - x cos phi)^3,  x = tan alpha tan Lambda,
     sigma_bar = 2 I omega_0^2 sin Lambda / (L^2 cos alpha),
 
-    in the phase of the tether, which then turns with phi' = omega_0 / (1 - x cos phi).
+    in the phase of the tether, which then turns with phi' = omega_0 / (1 - x cos phi). `modulation` makes x
+    smaller where V could change faster than a slew rate.
 
     load_bar: sigma_bar [N/m]; cutoff_voltage V_1 and load_per_volt [N/(m V)] turn a load into a voltage.
     """
@@ -206,7 +209,44 @@ def cone_load(
     return 2.0 * inertia * spin_rate**2 * jnp.sin(coning) / (length**2 * jnp.cos(sailing))
 
 
-def slow_enough(fastest: PerTether, slew_rate: Scalar) -> PerTether:
+def within_slew_rate(
+    time: Float[Array, " instant"], table: Float[Array, "instant tether"], slew_rate: Scalar
+) -> Float[Array, "instant tether"]:
+    """Voltages at the instants of a table, one after the other no farther from the last than slew_rate
+    [V/s] allows."""
+
+    def reach(before, row):
+        wanted, most = row
+        here = before + jnp.clip(wanted - before, -most, most)
+        return here, here
+
+    _, others = lax.scan(reach, table[0], (table[1:], slew_rate * jnp.diff(time)))
+    return jnp.concatenate([table[:1], others])
+
+
+def modulation(
+    x: PerTether, load_bar: PerTether, load_per_volt: Scalar, spin_rate: Scalar, slew_rate: Scalar
+) -> PerTether:
+    """x of `PlanarCone`, made smaller where V would change faster than slew_rate [V/s] as the tethers turn:
+
+    |dV/dt| = sigma_bar omega_0 / load_per_volt  3 |x sin phi| / (1 - x cos phi)^5,
+
+    largest at 8 |x| cos phi = sqrt(1 + 80 x^2) - 1. That is convex in x, so that Newton's method comes down
+    to the rate allowed from above; the part of x that is then still too much is taken off."""
+    allowed = slew_rate * load_per_volt / jnp.abs(spin_rate * load_bar)
+
+    def fastest(x):
+        cosine = 10.0 * x / (1.0 + jnp.sqrt(1.0 + 80.0 * x**2))
+        return 3.0 * x * jnp.sqrt(1.0 - cosine**2) / (1.0 - x * cosine) ** 5
+
+    size = jnp.abs(x)
+    for _ in range(NEWTON_STEPS):
+        rate, slope = jax.jvp(fastest, (size,), (jnp.ones_like(size),))
+        size = jnp.where(rate > allowed, size - (rate - allowed) / slope, size)
+    return jnp.sign(x) * size * slow_enough(fastest(size), allowed)
+
+
+def slow_enough(fastest: PerTether, slew_rate: Scalar | PerTether) -> PerTether:
     """Part of a modulation that a slew rate allows. fastest: what it could change by [V/s]."""
     return jnp.minimum(1.0, slew_rate / jnp.maximum(fastest, 1e-30))
 

@@ -35,8 +35,10 @@ def steering_of(structure: Structure, n: Numbers, load: CoulombThrust) -> voltag
         waves = (per_tether(n.get(f"voltage.{x}", 0.0 * given[0]), value) for x in ("cosine", "sine"))
         return voltage.Harmonic(value, *waves, maximum, slew, n["initial.spin_rate"])
     if law == "piecewise-linear":
-        table = per_tether(n["voltage.table"], n["tethers.length"])
-        return voltage.TimeTable(value, n["voltage.time"], table, maximum)
+        time, table = n["voltage.time"], value * per_tether(n["voltage.table"], value)
+        if slew is not None:
+            table = voltage.within_slew_rate(time, table, slew)
+        return voltage.TimeTable(time, table, maximum)
     if law == "on-off":
         switched = (n.get(f"voltage.{x}") for x in ("on", "off", "rise_time"))
         return voltage.OnOff(value, *switched, maximum, slew)
@@ -47,11 +49,13 @@ def steering_of(structure: Structure, n: Numbers, load: CoulombThrust) -> voltag
         gain, spin = n["voltage.gain"], n["initial.spin_rate"]
         return voltage.Feedback(value, gain, attitude[:, 0], maximum, slew, spin)
     if law == "planar-cone":
-        return planar_cone(n, load, maximum)
+        return planar_cone(n, load, maximum, slew)
     return None
 
 
-def planar_cone(n: Numbers, load: CoulombThrust, maximum: Array | None) -> voltage.PlanarCone:
+def planar_cone(
+    n: Numbers, load: CoulombThrust, maximum: Array | None, slew: Array | None
+) -> voltage.PlanarCone:
     """The law for rigid tethers of the scene's lengths and masses at its sailing angle."""
     coning, sailing = (
         jnp.deg2rad(n[key]) for key in ("voltage.coning_angle_deg", "initial.sailing_angle_deg")
@@ -62,6 +66,8 @@ def planar_cone(n: Numbers, load: CoulombThrust, maximum: Array | None) -> volta
     per_volt = wind.speed * wind.thrust_per_speed(wind.cutoff_voltage + 1.0)
     bar = voltage.cone_load(inertia, n["voltage.spin_rate"], coning, sailing, length)
     x = jnp.broadcast_to(jnp.tan(sailing) * jnp.tan(coning), length.shape)
+    if slew is not None:
+        x = voltage.modulation(x, bar, per_volt, n["voltage.spin_rate"], slew)
     return voltage.PlanarCone(bar, x, wind.cutoff_voltage, per_volt, maximum)
 
 

@@ -86,10 +86,10 @@ class SolarWind:
 LAWS = {
     "constant": ("value",),
     "harmonic": ("value", "cosine", "sine", "maximum", "slew_rate"),
-    "piecewise-linear": ("value", "time", "table", "maximum"),
+    "piecewise-linear": ("value", "time", "table", "maximum", "slew_rate"),
     "on-off": ("value", "on", "off", "rise_time", "maximum", "slew_rate"),
     "feedback": ("value", "gain", "target_sailing_angle_deg", "maximum", "slew_rate"),
-    "planar-cone": ("coning_angle_deg", "spin_rate", "maximum"),
+    "planar-cone": ("coning_angle_deg", "spin_rate", "maximum", "slew_rate"),
 }
 """Modulation laws and the keys of each."""
 

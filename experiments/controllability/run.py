@@ -155,7 +155,7 @@ def draw(found: dict[float, Gramian]) -> Figure:
     costs.invert_yaxis()
     costs.set_xscale("log")
     costs.set_xlabel("rms voltage for one degree, or 1 % of spin [V]")
-    costs.legend(fontsize=6)
+    costs.legend(fontsize=6, loc="lower center", bbox_to_anchor=(0.4, 1.0), ncols=3)
     spectrum.set_xlabel("eigenvector of the Gramian")
     spectrum.set_ylabel("rms voltage for one unit [V]")
     spectrum.legend(fontsize=7)
