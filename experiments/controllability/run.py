@@ -147,15 +147,14 @@ def draw(found: dict[float, Gramian]) -> Figure:
     at = np.arange(len(OUTPUTS))
     for k, (sailing, one) in enumerate(found.items()):
         label = f"sailing angle {sailing:g} deg"
-        costs.barh(at + 0.4 * k - 0.2, one.others_held(), 0.4, label=label + ", others held", color=f"C{k}")
+        costs.barh(at + 0.4 * k - 0.2, one.others_held(), 0.4, label=label, color=f"C{k}")
         costs.plot(one.alone(), at + 0.4 * k - 0.2, "k|", ms=7.0)
         spectrum.semilogy(1 + at, one.directions()[0], "o-", color=f"C{k}", label=label)
-    costs.plot([], [], "k|", label="others free")
     costs.set_yticks(at, OUTPUTS, fontsize=7)
     costs.invert_yaxis()
     costs.set_xscale("log")
-    costs.set_xlabel("rms voltage for one degree, or 1 % of spin [V]")
-    costs.legend(fontsize=6, loc="lower center", bbox_to_anchor=(0.4, 1.0), ncols=3)
+    costs.set_xlabel("rms voltage for one degree, or 1 % of spin [V];\nbars: other outputs held, |: free")
+    costs.legend(fontsize=6, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
     spectrum.set_xlabel("eigenvector of the Gramian")
     spectrum.set_ylabel("rms voltage for one unit [V]")
     spectrum.legend(fontsize=7)

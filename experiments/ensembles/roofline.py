@@ -60,10 +60,13 @@ def of_batch(size: int) -> tuple:
 
     now, kept, guess = repeated((progress.now, kept, guess))
     once = jax.vmap(lambda *x: iteration(system, x[0], h, *x[1:]))
-    compiled = jax.jit(once).lower(now, kept, guess).compile()
+    compiled = jax.jit(once).lower(now, kept, guess).compile(esail.COMPILER_OPTIONS)
     counted, memory = compiled.cost_analysis(), compiled.memory_analysis()
     works_on = memory.argument_size_in_bytes + memory.output_size_in_bytes + memory.temp_size_in_bytes
-    loop = jax.jit(lambda *x: jax.lax.fori_loop(0, LOOPS, lambda _, y: once(*x[:2], y), x[2]))
+    loop = jax.jit(
+        lambda *x: jax.lax.fori_loop(0, LOOPS, lambda _, y: once(*x[:2], y), x[2]),
+        compiler_options=esail.COMPILER_OPTIONS,
+    )
     return seconds(loop, now, kept, guess), counted["flops"], counted["bytes accessed"], works_on
 
 
