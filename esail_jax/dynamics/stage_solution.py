@@ -29,7 +29,7 @@ from esail_jax.dynamics.stages import (
     turns_to,
 )
 from esail_jax.dynamics.transposable import Transposable
-from esail_jax.numerics.perturbed import jvp_of_perturbed
+from esail_jax.numerics.perturbed import any_matrix, jvp_of_perturbed
 from esail_jax.numerics.vectors import greatest
 from esail_jax.system import Residual, System
 
@@ -186,10 +186,6 @@ def linear_solution(
     linear, turns, kept = lax.stop_gradient((linear, turns, kept))
     nothing, zero = linear.nothing
 
-    def matrix(both):
-        moved, x = both
-        return moved, linear.forwards()(moved, x)
-
     def precondition(residual):
         residual = linear.without_roots(residual)
         vdot, lam = residual
@@ -220,7 +216,7 @@ def linear_solution(
     rhs = jax.tree.map(jnp.negative, equations(given))
     # As one: the rule for the transpose refuses a part that nothing perturbs beside others.
     both = lax.optimization_barrier((moved, rhs))
-    _, x = lax.custom_linear_solve(matrix, both, solve, solve_transposed)
+    _, x = lax.custom_linear_solve(any_matrix, both, solve, solve_transposed)
     return linear.with_roots(x)
 
 

@@ -16,7 +16,7 @@ from jax import lax
 from esail_jax.array_types import Float, Int, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.dynamics.fixed_step import FixedStep, KeptFactors, StepInfo, Unknowns
-from esail_jax.numerics.perturbed import is_symbolic, jvp_of_perturbed, number_of, perturbed
+from esail_jax.numerics.perturbed import any_matrix, is_symbolic, jvp_of_perturbed, number_of, perturbed
 from esail_jax.system import Power, Residual, System
 
 MARGIN = 10.0
@@ -146,10 +146,6 @@ def linear_solution(linear: Linearised, moved: Start, given: Residual) -> Unknow
     nothing, zero = linear.nothing
     steered = linear.system.steering is not None
 
-    def matrix(both):
-        moved, x = both
-        return moved, linear.forwards()(moved, x)
-
     def improved(product, inverse, rows):
         x = inverse(rows)
         if steered:
@@ -174,7 +170,7 @@ def linear_solution(linear: Linearised, moved: Start, given: Residual) -> Unknow
     rows = jax.tree.map(jnp.negative, Unknowns(*given))
     # As one: the rule for the transpose refuses a part that nothing perturbs beside others.
     both = lax.optimization_barrier((moved, rows))
-    return lax.custom_linear_solve(matrix, both, solve, solve_transposed)[1]
+    return lax.custom_linear_solve(any_matrix, both, solve, solve_transposed)[1]
 
 
 def jvp_if_wanted(function: Callable, primals: tuple, tangents: tuple) -> Any:
@@ -183,10 +179,6 @@ def jvp_if_wanted(function: Callable, primals: tuple, tangents: tuple) -> Any:
     function, at, moves = perturbed(function, primals, tangents)
     at = lax.stop_gradient(at)
     along = functools.partial(jax.jvp, function, at)
-
-    def matrix(both):
-        moves, y = both
-        return moves, jax.tree.map(jnp.subtract, y, along(moves)[1])
 
     def solve(_, both):
         moves, y = both
@@ -200,7 +192,7 @@ def jvp_if_wanted(function: Callable, primals: tuple, tangents: tuple) -> Any:
 
     nothing = nothing_of(jax.eval_shape(function, *at))
     both = lax.optimization_barrier((moves, nothing))
-    return lax.custom_linear_solve(matrix, both, solve, solve_transposed)[1]
+    return lax.custom_linear_solve(any_matrix, both, solve, solve_transposed)[1]
 
 
 def nothing_of(like: Any) -> Any:
