@@ -200,7 +200,7 @@ def programs(
         start = pool.submit(starting.compile, compiler_options=ONCE_COMPILE)
         _, problem, carry = starting.out_info
         # Then the longest, so that the others are traced while it compiles. It is worth a slower
-        # compilation (compiler.QUICK_COMPILE): its steps take a third less time.
+        # compilation (compiler.QUICK_COMPILE): its steps take a tenth less time.
         stepping = jax.jit(run_blocks).lower(problem, carry, number)
         blocks = pool.submit(stepping.compile, compiler_options=COMPILER_OPTIONS)
         times = jax.ShapeDtypeStruct((ROWS_PER_LOOK,), float)

@@ -1,7 +1,7 @@
 """Ensembles: many runs of one scene, with numbers of their own for every member.
 
 Members run in one compiled program. On a CPU every core takes one at a time, whose numbers then stay in its
-cache (in lockstep they take three times as long: `experiments/ensembles`); on a GPU all of a batch go in
+cache (in lockstep they take no less time: `experiments/ensembles`); on a GPU all of a batch go in
 lockstep, and several GPUs share a batch. Members that fail there are run again by themselves, where a run
 may repair its steps and say what went wrong.
 """
