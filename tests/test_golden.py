@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from quick import quickly
 
 import esail_jax as esail
 
@@ -54,7 +55,7 @@ def assert_within(found, tolerance):
         assert error < tolerance * (10 if loose else 1), (name, error)
 
 
-@pytest.mark.parametrize("case", ["unequal", "stiff_clamped", "stiff_pinned"])
+@pytest.mark.parametrize("case", quickly(["unequal", "stiff_clamped", "stiff_pinned"], 2))
 def test_sail_follows_the_time_exact_solution(case, validate):
     """h = 0.1 s, where the fastest transverse mode has omega h > 0.05: 5e-3 of range."""
     solution = esail.simulate(GOLDEN / f"{case}.toml")
@@ -64,6 +65,7 @@ def test_sail_follows_the_time_exact_solution(case, validate):
     enter(validate, case, f"{case.replace('_', ', ')} sail, h = 0.1 s", found, 5e-3)
 
 
+@pytest.mark.slow
 def test_undamped_turning_frame_follows_the_time_exact_solution(validate):
     """Undamped axial ringing at 59 rad/s is resolved at h = 2 ms only; there even the elongation
     and the reactions agree to 1e-2 of range."""
