@@ -363,6 +363,7 @@ def kill_and_resume(kills, t_end, seed, scene, tmp_path):
     return killed
 
 
+@pytest.mark.slow
 def test_kill_9_leaves_a_file_that_opens_and_resumes_bit_for_bit(scene, tmp_path):
     assert kill_and_resume(3, 1500.0, 1, scene, tmp_path) >= 2
 
