@@ -17,6 +17,6 @@ the time (measured: 17 for 38 s) and runs in twice that, which is some tenths of
 jit = functools.partial(jax.jit, compiler_options=QUICKLY)
 
 
-def quickly(cases, count=1):
-    """Cases for `parametrize`, all but the first `count` slow."""
-    return [pytest.param(case, marks=[pytest.mark.slow] * (i >= count)) for i, case in enumerate(cases)]
+def quickly(cases):
+    """Cases for `parametrize`, all but the first slow."""
+    return [pytest.param(case, marks=[pytest.mark.slow] * (i > 0)) for i, case in enumerate(cases)]

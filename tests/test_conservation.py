@@ -41,7 +41,7 @@ def test_energy_error_of_a_free_sail_falls_with_the_step(small):
 def test_roots_stay_on_the_hub(small):
     """Spherical joints hold by construction: 6000 steps leave the roots within rounding of 1 m. Where
     roots and hub are only stepped alike, their difference grows with time to the fourth."""
-    settings = {**small, "integrator.t_end": 600.0, "output.interval": 600.0}
+    settings = {**small, "integrator.t_end": 600.0}
     state = esail.simulate("baseline", settings).final_state
     roots = prepare(esail.load_scene("baseline", settings)).problem.system.roots
     for x, rounding in ((state.q, 1e-12), (state.v, 1e-14), (state.vdot, 1e-16)):
@@ -101,6 +101,7 @@ def test_energy_theorem_closes_for_a_turning_frame():
     assert run.stats["terms"][0] == "turning frame"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drop_hub", [False, True])
 def test_uniform_gravity_is_free_fall_and_does_work(small, drop_hub):
     """A free sail in uniform gravity falls as a point, r = g t^2/2, and turns as without. On a fixed

@@ -229,6 +229,7 @@ def test_vmap_is_a_loop():
     assert np.abs(together - alone).max() < 1e-11 * np.abs(alone).max()
 
 
+@pytest.mark.slow
 def test_a_longer_run_goes_on_bit_for_bit(tmp_path):
     """A run file carried on to a later end holds what one run to that end holds."""
     check_going_on(SHORT | {"output.interval": 4.0}, 1700, 2600, tmp_path)

@@ -11,7 +11,15 @@ from whole_runs import check_going_on
 
 import esail_jax as esail
 from esail_jax.environment.gusts import gusty_wind, write_wind
-from esail_jax.loads.voltage import above_zero, limited, modulation, smooth_step, within_slew_rate
+from esail_jax.loads.voltage import (
+    OnOff,
+    Sight,
+    above_zero,
+    limited,
+    modulation,
+    smooth_step,
+    within_slew_rate,
+)
 from esail_jax.scenes.presets import builtin_text
 from esail_jax.scenes.scene import parse, to_toml
 
@@ -54,9 +62,10 @@ def test_harmonics_of_the_phase():
     assert np.ptp(run["voltage"]) > 10e3
 
 
+@pytest.mark.slow
 def test_limits_hold():
-    """However large the amplitudes, voltages and their rates stay within limits; well within, a limit
-    changes nothing: so a rate that nothing reaches stands for none."""
+    """However large the amplitudes, voltages and their rates stay within limits; a rate that nothing
+    reaches stands for none."""
     wild = {"voltage.cosine": [3.0, -2.0], "voltage.maximum": 25e3, "output.interval": 1.0}
     wild = FIXED | HARMONIC | wild
     volts = esail.simulate("baseline", wild | {"voltage.slew_rate": 1e9})["voltage"]
@@ -64,6 +73,10 @@ def test_limits_hold():
     slow = esail.simulate("baseline", wild | {"voltage.slew_rate": 20.0})["voltage"]
     rate = np.abs(np.diff(slow, axis=0)).max()
     assert 10.0 < rate <= 20.2  # of the spin rate at the start, which the wind changes by a percent
+
+
+def test_well_within_a_limit_changes_nothing():
+    """Beyond, nothing passes it, and what is more stays more: all to rounding."""
     x = jnp.linspace(-10.0, 110.0, 1001)
     cut = limited(x, jnp.asarray(100.0), smooth=True)
     assert float(cut.min()) >= 0.0 and float(cut.max()) <= 100.0
@@ -78,6 +91,20 @@ def test_smooth_corners():
         for corner in corners:
             before, after = (jax.grad(function)(corner + e) for e in (-1e-7, 1e-7))
             assert abs(before - after) < 1e-6
+
+
+def test_a_pulse_rises_and_falls():
+    """Between `on` and `off`, along 10 s^3 - 15 s^4 + 6 s^5 within the rise time, to rounding; more slowly
+    where the steepest of it, 15/8 V_0 per rise time, would be faster than the limit."""
+    volts, on, off, rise_time = (jnp.asarray(x) for x in ([20e3], [100.0], [200.0], 5.0))
+    time, nowhere, no_axis = jnp.linspace(90.0, 250.0, 321), jnp.zeros((3, 1)), jnp.zeros(3)
+    sights = jax.vmap(lambda t: Sight(t, no_axis, no_axis, nowhere, nowhere))(time)
+    for limit, rise in ((None, 5.0), (jnp.asarray(1e3), 37.5)):
+        law = OnOff(volts, on, off, rise_time, None, limit)
+        found = jax.vmap(law.wanted)(sights)[:, 0]
+        up, down = (np.clip((time - x) / rise, 0.0, 1.0) for x in (100.0, 200.0))
+        expected = [10.0 * s**3 - 15.0 * s**4 + 6.0 * s**5 for s in (up, 1.0 - down)]
+        assert np.allclose(found, 20e3 * np.minimum(*expected), rtol=0, atol=1e-8)
 
 
 def test_table_in_time():
@@ -204,9 +231,8 @@ def test_a_constant_law_leaves_no_trace():
     assert "voltage" not in run.observables
 
 
-@pytest.mark.parametrize(
-    "method", ["collocation", pytest.param("generalized-alpha", marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["collocation", "generalized-alpha"])
 def test_derivative_of_a_steered_run(method):
     """Forward mode is the difference quotient of concrete runs in an amplitude that the attitude feeds back
     on, and reverse mode is forward mode."""
@@ -294,6 +320,7 @@ def test_bad_input(overrides, message):
         esail.load_scene("baseline", overrides)
 
 
+@pytest.mark.slow
 def test_a_switch_after_the_end_is_known_to_a_run_that_goes_on(tmp_path):
     """A run that ends within a pulse of 4 s, carried on, is the whole one bit for bit: the first step of a
     pulse is not longer than it, wherever the run was to end."""

@@ -74,7 +74,6 @@ def test_angular_momentum_about_the_centre(falling, validate):
     )
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("stepper", STEPPERS)
 def test_energy_band_without_constraints(stepper, validate):
     """A soft cable swinging from a fixed root at rho_inf = 1, 2000 steps: energy stays in a band of
