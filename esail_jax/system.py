@@ -12,17 +12,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from esail_jax.array_types import (
-    Array,
-    Float,
-    Instants,
-    Nodal,
-    PerElement,
-    PerTether,
-    Rotation,
-    Scalar,
-    Vector,
-)
+from esail_jax.array_types import Array, Float, Instants, Nodal, PerTether, Rotation, Scalar, Vector
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.elements.rigid_body import RigidBody
 from esail_jax.elements.tether import Tethers
@@ -157,7 +147,7 @@ class System(eqx.Module):
         wind, chords = (x / jnp.linalg.norm(x, axis=0) for x in (wind, chords))
         return self.steering.volts(Sight(time, axes[:, 0], wind, outward, chords))
 
-    def with_voltage(self, volts: PerElement) -> "System":
+    def with_voltage(self, volts: Float[Array, "*state element"]) -> "System":
         """Self, with these voltages."""
         return eqx.tree_at(lambda system: system.loads[0].voltage, self, volts)
 

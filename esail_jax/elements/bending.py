@@ -13,7 +13,7 @@ less than 1e-4 rad is not damped in bending.
 
 from typing import ClassVar
 
-from esail_jax.array_types import PerPoint, PerElement, VectorPerPoint
+from esail_jax.array_types import PerElement, PerPoint, VectorPerPoint
 from esail_jax.numerics.vectors import dot, reciprocal
 from esail_jax.terms import Dissipation, Energy, PointFields
 
