@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 
@@ -20,7 +21,8 @@ from esail_jax.array_types import Array, Bool, Float
 from esail_jax.compiler import COMPILER_OPTIONS
 from esail_jax.numerics.loops import LOCKSTEP
 from esail_jax.observables import listed, shape_of
-from esail_jax.observables.balance import TERMS, balance_warning
+from esail_jax.observables.balance import TERMS
+from esail_jax.observables.run_warning import STEP_ERRORS, joined_warnings
 from esail_jax.pieces import RESULTS
 from esail_jax.prepare import plan_of, require_64_bit
 from esail_jax.sampling import Inputs, of_members
@@ -182,10 +184,10 @@ class Runner:
         else:
             each = [self._one(member) for member in members]
             found = jax.tree.map(lambda *x: np.stack(x), *jax.device_get(each))
-        rows, complete, steps = jax.tree.map(lambda x: np.array(x[:count]), found)
+        rows, complete, steps, errors = jax.tree.map(lambda x: np.array(x[:count]), found)
         steps, messages = steps.astype(float), []
         for k, member in enumerate(members):
-            message = balance_warning({name: x[k] for name, x in rows.items()})
+            message = joined_warnings({name: x[k] for name, x in rows.items()}, errors[k].tolist())
             if not complete[k]:
                 alone, complete[k], steps[k], message = self.alone(int(member))
                 for name, values in alone.items():
@@ -243,14 +245,16 @@ def with_common_method(scene: Scene) -> Scene:
 
 
 def program(scene: Scene, names: tuple[str, ...], lockstep: bool) -> Callable:
-    """Of a member's number and inputs: the named observables, whether it reached its end, and its steps.
+    """Of a member's number and inputs: the named observables, whether it reached its end, its steps, and
+    what they may be off by (nothing where the method has control of them).
     Lockstep: of many members, side by side, shared out among the devices."""
 
     def one(member, inputs):
         run = simulate_traced(scene.replace(inputs))
         # A number of the member's own keeps the run a traced one where nothing is varied.
         steps = steps_of(scene, run.stats) + 0 * member
-        return {name: run[name] for name in names}, run.result == RESULTS.successful, steps
+        errors = run.stats.get("step_errors", jnp.zeros(len(STEP_ERRORS)))
+        return {name: run[name] for name in names}, run.result == RESULTS.successful, steps, errors
 
     if not lockstep:
         return one

@@ -20,6 +20,7 @@ from esail_jax.dynamics.consistent import project
 from esail_jax.dynamics.energy_momentum import EnergyMomentum
 from esail_jax.dynamics.fixed_step import FixedStep, State, StepInfo
 from esail_jax.dynamics.generalized_alpha import GeneralizedAlpha
+from esail_jax.dynamics.step_error import StepErrors, after_steps, no_errors
 from esail_jax.scenes.build import Model
 from esail_jax.scenes.structure import Numbers
 from esail_jax.schedule import Entry
@@ -27,11 +28,13 @@ from esail_jax.system import Power, System
 
 
 class Carry(NamedTuple):
-    """What one entry hands to the next; `failed` counts failed steps (of the part that counts)."""
+    """What one entry hands to the next; `failed` counts failed steps (of the part that counts), `errors`
+    is what the steps so far may have come to be off by."""
 
     state: State
     start_energy: Scalar
     failed: Scalar
+    errors: StepErrors
 
 
 class Problem(NamedTuple):
@@ -59,7 +62,7 @@ def starting_carry(q: Coordinates, v: Coordinates, system: System) -> Carry:
     nothing = Power(zero, zero)
     rest = jax.tree.map(jnp.zeros_like, q)
     state = fresh_state(q, v, rest, system.no_multipliers(), nothing, nothing)
-    return Carry(state, zero, jnp.zeros((), int))
+    return Carry(state, zero, jnp.zeros((), int), no_errors(system.tethers.count))
 
 
 def origin_of(numbers: Numbers) -> Vector:
@@ -208,7 +211,10 @@ def look_at_entry(
     first_bad = jnp.where(bad.any(), jnp.argmax(bad), steps)
     lost = (carry.failed > 0) | (data.row_step >= first_bad)
     seen = jax.tree.map(lambda x: jnp.where(along_rows(lost, x), jnp.nan, x), seen)
-    return Carry(state, start_energy, carry.failed + bad.sum()), seen
+    times = data.start + data.step * jnp.arange(steps + 1)
+    counted = jnp.where(data.kind == 2, data.take, 0)
+    errors = after_steps(carry.errors, system, times, record.q, counted, stepper.phase_error)
+    return Carry(state, start_energy, carry.failed + bad.sum(), errors), seen
 
 
 def run_entry(

@@ -13,6 +13,7 @@ from esail_jax.dynamics.fixed_step import KEEP, StepInfo
 from esail_jax.entry import Carry, entry_data, look_at_entry_jitted, step_entry_jitted
 from esail_jax.explicit import ExplicitMarch
 from esail_jax.observables import chain, is_chain
+from esail_jax.observables.run_warning import STEP_ERRORS
 from esail_jax.pieces import RESULTS, Checkpoint, Piece, SimulationError, join
 from esail_jax.prepare import Prepared
 from esail_jax.schedule import Entry, rows_per_entry, stretch
@@ -27,7 +28,8 @@ NUMERICS = {
     "residual": "N",
 }
 """Names and units of what is kept per saved interval: mean chord iterations of a step, and the
-largest last increment, constraint violation and unbalanced force of a node (`StepInfo`)."""
+largest last increment, constraint violation and unbalanced force of a node (`StepInfo`). Beside them
+stands what the steps may have come to be off by at the end of an instant's entry (`STEP_ERRORS`)."""
 
 
 def march_of(
@@ -42,7 +44,7 @@ def march_of(
 def numerics_of(prepared: Prepared) -> dict[str, str]:
     """Names and units of what a method keeps per saved interval."""
     if prepared.plan is not None:
-        return NUMERICS
+        return NUMERICS | dict.fromkeys(STEP_ERRORS, "-")
     return (block_march if prepared.collocated else explicit).NUMERICS
 
 
@@ -109,7 +111,9 @@ class March:
         time = np.array([row[0] for row in entry.rows])
         if count and is_chain(self.prepared.problem.system):
             rows, self.energy = chain.with_energy_error(rows, self.energy, np)
+        parts = np.asarray(self.carry.errors.parts)
         numerics = self.tally.add(entry, jax.tree.map(np.asarray, info))
+        numerics |= {name: np.full(count, part) for name, part in zip(STEP_ERRORS, parts, strict=True)}
         self.steps += entry.take if entry.kind == "march" else 0
         return rows, time, numerics
 

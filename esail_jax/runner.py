@@ -143,18 +143,19 @@ def check_output(scene: Scene, path: Path, resume: bool) -> str:
             )
         if "state" not in file:
             return "new"
-        check_checkpoint(before, scene, file["state"].attrs, path)
+        check_checkpoint(before, scene, file["state"], path)
         return "resume"
 
 
-def check_checkpoint(before: Scene, scene: Scene, state: Mapping[str, Any], path: Path) -> None:
+def check_checkpoint(before: Scene, scene: Scene, state: h5py.Group, path: Path) -> None:
     """Raise RunFileError unless the run of `scene` passes through the checkpoint of that of `before`."""
-    (old, new), position = (plan_of(with_method(s)) for s in (before, scene)), int(state["position"])
+    kept = state.attrs
+    (old, new), position = (plan_of(with_method(s)) for s in (before, scene)), int(kept["position"])
     if old is None and new is None:  # steps of the method's own making do not know the end time
         return
     if old is None or new is None:
         raise RunFileError("`--t-end` must not change the method of integration, but does")
-    if state.get("steps_per_entry", new.steps_per_entry) != new.steps_per_entry:
+    if kept.get("steps_per_entry", new.steps_per_entry) != new.steps_per_entry or "errors" not in state:
         raise RunFileError(
             f"`--resume` must continue a run of this version of esail_jax, but {path} is of another"
         )

@@ -20,7 +20,7 @@ from esail_jax.dynamics.stages import Point
 from esail_jax.entry import entry_data, problem_of, run_entry
 from esail_jax.march import march_of
 from esail_jax.observables import chain, is_chain
-from esail_jax.observables.balance import balance_warning
+from esail_jax.observables.run_warning import run_warning
 from esail_jax.pieces import RESULTS, Checkpoint, SimulationError, join
 from esail_jax.prepare import plan_of, prepare, require_64_bit
 from esail_jax.scenes.build import build
@@ -35,8 +35,8 @@ class Solution(eqx.Module):
 
     time [s]; `solution["coning_angle"]`: an observable, time first; result: an entry of `RESULTS`;
     final_state: State, of an explicit method RodState, of collocation Point; stats: steps, times, terms,
-    and a message if the run failed or its energy balance is off; numerics: per saved interval;
-    checkpoint: where a longer run could go on. `scene` and the last two are None under a trace.
+    and a message if the run failed, its energy balance is off or its step too long; numerics: per saved
+    interval; checkpoint: where a longer run could go on. `scene` and the last two are None under a trace.
     """
 
     time: Float[Array, " time"] | Float[np.ndarray, " time"]
@@ -96,16 +96,17 @@ def simulate_traced(scene: Scene) -> Solution:
         else:
             rows, state, result, steps = explicit.traced_run(structure, times, numbers, step)
         return Solution(jnp.asarray(times), rows, result, state, {"steps": steps})
-    rows, state, result, iterations = traced_run(structure, layout, numbers)
+    rows, state, result, iterations, errors = traced_run(structure, layout, numbers)
     times = jnp.asarray([time for entry in layout.entries for time, *_ in entry.rows])
-    return Solution(times, rows, result, state, {"newton_iterations": iterations})
+    return Solution(times, rows, result, state, {"newton_iterations": iterations, "step_errors": errors})
 
 
 @functools.partial(jax.jit, static_argnums=(0, 1))
 def traced_run(
     structure: Structure, layout: Plan, numbers: Numbers
-) -> tuple[dict[str, Array], State, RESULTS, Array]:
-    """Build, then one checkpointed scan over the plan's entries."""
+) -> tuple[dict[str, Array], State, RESULTS, Array, Array]:
+    """Build, then one checkpointed scan over the plan's entries: rows, last state, how it ended, iterations
+    and what the steps may be off by (`StepErrors.parts`)."""
     problem, carry = problem_of(numbers, build(structure, numbers))
     data = [entry_data(entry, layout.rows_per_entry) for entry in layout.entries]
     stacked = jax.tree.map(lambda *x: jnp.stack(x), *data)
@@ -124,7 +125,7 @@ def traced_run(
     finite = jnp.isfinite(carry.state.q.tether).all()
     cause = RESULTS.where(finite, RESULTS.newton_diverged, RESULTS.nonfinite)
     result = RESULTS.where(carry.failed > 0, cause, RESULTS.successful)
-    return seen, carry.state, result, iterations.sum()
+    return seen, carry.state, result, iterations.sum(), carry.errors.parts
 
 
 def simulate_concrete(scene: Scene, throw: bool) -> Solution:
@@ -149,7 +150,7 @@ def simulate_concrete(scene: Scene, throw: bool) -> Solution:
         "compile_time": ready - began,
         "wall_time": time.perf_counter() - ready,
         "terms": prepared.problem.terms,
-        "message": message or balance_warning(rows),
+        "message": message or run_warning(rows, numerics),
     }
     state = final_state(march.carry)
     return Solution(times, rows, result, state, stats, numerics, march.checkpoint, scene)

@@ -22,7 +22,7 @@ import numpy as np
 
 from esail_jax.march import numerics_of
 from esail_jax.observables import listed, shape_of
-from esail_jax.observables.balance import balance_warning
+from esail_jax.observables.run_warning import run_warning
 from esail_jax.pieces import RESULTS, Checkpoint, Piece, join, result_of
 from esail_jax.prepare import Prepared, empty_carry, prepare, require_64_bit
 from esail_jax.scenes.scene import Scene, parse, to_toml
@@ -150,7 +150,8 @@ class RunWriter:
             if self._pending:
                 self._append(file)
             if status == "complete":
-                message = balance_warning({name: x[()] for name, x in file["observables"].items()})
+                seen = ({name: x[()] for name, x in file[of].items()} for of in ("observables", "numerics"))
+                message = run_warning(*seen)
             save_checkpoint(file, progress.checkpoint)
             if self.prepared.plan is not None:
                 file["state"].attrs["steps_per_entry"] = self.prepared.plan.steps_per_entry
@@ -201,12 +202,14 @@ def save_checkpoint(file: h5py.File, checkpoint: Checkpoint) -> None:
 
 
 def load_checkpoint(file: h5py.File, like: Any) -> Checkpoint:
-    """The checkpoint of a run file, in the layout of the scene's carry (arrays or their shapes)."""
+    """The checkpoint of a run file, in the layout of the scene's carry (arrays or their shapes): zeros for
+    what an older version did not keep."""
     group = file["state"]
     leaves, structure = jax.tree_util.tree_flatten_with_path(like)
+    names = ("/".join(str(getattr(key, "name", key)) for key in path) for path, _ in leaves)
     values = [
-        jnp.asarray(group["/".join(str(getattr(key, "name", key)) for key in path)][()])
-        for path, _ in leaves
+        jnp.asarray(group[name][()]) if name in group else jnp.zeros(leaf.shape, leaf.dtype)
+        for name, (_, leaf) in zip(names, leaves, strict=True)
     ]
     carry = jax.tree_util.tree_unflatten(structure, values)
     counts = (int(group.attrs[name]) for name in ("position", "rows", "steps"))

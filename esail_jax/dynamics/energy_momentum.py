@@ -103,6 +103,11 @@ class EnergyMomentum(FixedStep):
     most_iterations: ClassVar[int] = 30
 
     @property
+    def phase_error(self) -> Scalar:
+        """That of the midpoint rule: 2 arctan(h omega/2) = h omega - (h omega)^3/12."""
+        return jnp.asarray(1.0 / 12.0)
+
+    @property
     def _q_share(self) -> Scalar:
         """s = d q_m / d w [s^2]; the iteration matrix is M + s K + ... ."""
         return 0.25 * self.step_size**2

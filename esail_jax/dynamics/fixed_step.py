@@ -106,6 +106,11 @@ class FixedStep(eqx.Module):
     """Tolerances that a last increment may have where so little of it is expected to be left. Above 1 the
     power of a step, that of the state before its last correction, is off by as much."""
 
+    @property
+    @abstractmethod
+    def phase_error(self) -> Scalar:
+        """c: the phase that an oscillation at omega loses in a step is c (h omega)^3."""
+
     @abstractmethod
     def factor(
         self, system: System, time: Scalar, q: Coordinates, v: Coordinates, lam: Multipliers

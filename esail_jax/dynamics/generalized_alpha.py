@@ -67,6 +67,15 @@ class GeneralizedAlpha(FixedStep):
         return Parameters.from_spectral_radius(self.spectral_radius)
 
     @property
+    def phase_error(self) -> Scalar:
+        """c = 1/12 + d (alpha_m - 1/2)/2 - 3 d^2/8 with d = alpha_m - alpha_f: of the modified equation
+        q'' = vdot + 2 c h^2 d^2 vdot/dt^2 that the expansion of the formulas above in h gives. 1/12 without
+        dissipation (trapezoidal rule), 11/24 at a spectral radius of 0 (Houbolt's)."""
+        c = self.parameters
+        d = c.alpha_m - c.alpha_f
+        return 1.0 / 12.0 + 0.5 * d * (c.alpha_m - 0.5) - 0.375 * d**2
+
+    @property
     def _vdot_share(self) -> Scalar:
         """d a_{n+1} / d vdot_{n+1}."""
         c = self.parameters

@@ -1,0 +1,99 @@
+"""What fixed steps of generalized-alpha are said to be off by, beside what they are off by.
+
+    python experiments/stability/step_errors.py                  # all groups; rewrites step_errors.csv
+    python experiments/stability/step_errors.py base truss       # groups of cases.py
+
+The truth is collocation's run: largest difference over all saved instants, in parts of the range.
+"""
+
+import csv
+import signal
+import sys
+from pathlib import Path
+
+import numpy as np
+from cases import GROUPS, Case
+from measure import AT_LEAST, GUARD, OutOfTimeError, largest, out_of_time, scene_of, spread
+from starts import with_start
+
+import esail_jax as esail
+from esail_jax.march import march_of
+from esail_jax.observables.balance import balance_warning
+from esail_jax.observables.run_warning import MOST_OFF, STEP_ERRORS
+from esail_jax.pieces import join
+from esail_jax.prepare import prepare
+
+PATH = Path(__file__).with_name("step_errors.csv")
+SIGNALS = dict(zip(("tip_position_I", "reaction_B"), STEP_ERRORS, strict=True))
+COLUMNS = (
+    "group",
+    "case",
+    "balance_warns",
+    "tips",
+    "tips_estimate",
+    "forces",
+    "forces_estimate",
+    "verdict",
+)
+
+RIGHT, OFF = 1e-3, 1e-2
+"""Parts of the range: below the first nothing should be said, above the second something must."""
+
+
+def rows_of(case: Case, variant: str) -> tuple[dict, dict] | None:
+    """Observables and numerics of a run, None if it does not come to its end."""
+    prepared, pieces = with_start(prepare(scene_of(case, variant)), case.start), []
+    signal.signal(signal.SIGPROF, out_of_time)
+    signal.setitimer(signal.ITIMER_PROF, GUARD)
+    try:
+        pieces = [piece for piece in march_of(prepared).pieces() if len(piece.time)]
+    except (esail.SimulationError, OutOfTimeError):
+        return None
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+    return join([piece.rows for piece in pieces]), join([piece.numerics for piece in pieces])
+
+
+def compared(case: Case) -> dict | None:
+    """Estimate and truth, as far as there are both."""
+    run, true = (rows_of(case, method) for method in ("generalized-alpha", "collocation"))
+    if run is None:
+        return None
+    rows, numerics = run
+    row = {"case": case.name, "balance_warns": bool(balance_warning(rows))}
+    for (name, estimate), column in zip(SIGNALS.items(), ("tips", "forces"), strict=True):
+        row[f"{column}_estimate"] = float(numerics[estimate][-1])
+        if true is not None:
+            size = max(spread(true[0][name]), AT_LEAST * largest(true[0][name]))
+            row[column] = largest(rows[name] - true[0][name]) / size if size > 0.0 else 0.0
+    return row | {"verdict": verdict(row)}
+
+
+def verdict(row: dict) -> str:
+    """Is the warning right, missed or false?"""
+    warned = not max(row["tips_estimate"], row["forces_estimate"]) <= MOST_OFF
+    if "tips" not in row:
+        return "warned, truth unknown" if warned else "truth unknown"
+    off = np.maximum(row["tips"], row["forces"])
+    if off >= OFF:
+        return "warned" if warned else "missed"
+    return ("false" if off < RIGHT else "warned, between") if warned else "silent"
+
+
+def main() -> None:
+    rows = []
+    for group in sys.argv[1:] or GROUPS:
+        for case in GROUPS[group]:
+            row = compared(case)
+            if row is not None:
+                rows.append({"group": group, **row})
+                print(rows[-1], flush=True)
+    with PATH.open("w", newline="") as file:
+        table = csv.DictWriter(file, COLUMNS, restval="", lineterminator="\n")
+        table.writeheader()
+        for row in rows:
+            table.writerow({k: f"{v:.2g}" if isinstance(v, float) else v for k, v in row.items()})
+
+
+if __name__ == "__main__":
+    main()
