@@ -12,7 +12,7 @@ from starts import with_start
 
 import esail_jax as esail
 from esail_jax.march import march_of
-from esail_jax.observables.balance import balance_warning
+from esail_jax.observables.run_warning import run_warning
 from esail_jax.pieces import join
 from esail_jax.prepare import prepare
 from esail_jax.scenes.keys import SceneError
@@ -115,7 +115,7 @@ def numbers(pieces: list) -> dict:
         "exchanged_J": max(largest(x) for x in exchanged),
         "elastic_J": largest(rows["elastic_energy"]),
         "balance_J": largest(rows["energy_balance_error"]),
-        "warning": balance_warning(rows),
+        "warning": run_warning(rows, numerics),
         "constraint_m": largest(numerics["constraint_violation"]),
         "iterations": float((weights * numerics["iterations_per_step"]).sum() / max(weights.sum(), 1)),
         "rejected": float(numerics.get("rejected_steps", np.zeros(1)).sum()),

@@ -131,7 +131,7 @@ def best_of(rows: list[dict], row: dict) -> dict | None:
 def judge(row: dict, other: dict | None) -> None:
     """Complete a row: relative errors, and how it ended where its run came to an end.
 
-    warned: its energy balance is off, and the package says so; off: it is apart from the finest run, and
+    warned: its energy balance or its step is off, and the package says so; off: it is apart from the finest run, and
     nobody says so."""
     if "balance_J" not in row:
         return
