@@ -63,9 +63,10 @@ def run() -> None:
 
 
 def test(options: list) -> None:
-    """The tests, on up to four cores: most of their time is compiling, which fills one each."""
+    """The tests, on up to four cores: most of their time is compiling, which fills one each. A process
+    starts with a stretch of neighbours, which share what was compiled, and then takes from the others'."""
     install(".[test]")
-    call(PYTHON, "-m", "pytest", "-n", "auto", "--maxprocesses", "4", *options)
+    call(PYTHON, "-m", "pytest", "-n", "auto", "--maxprocesses", "4", "--dist", "worksteal", *options)
 
 
 if __name__ == "__main__":

@@ -80,6 +80,7 @@ def tiny(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_table_and_lines(tiny, tmp_path, capsys, monkeypatch):
     """A row and a JSON line per setting, the reference first; and collocation is the more accurate, as
     orders 7 and 2 make it."""

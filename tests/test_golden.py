@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from quick import quickly
 
 import esail_jax as esail
 
@@ -54,7 +55,7 @@ def assert_within(found, tolerance):
         assert error < tolerance * (10 if loose else 1), (name, error)
 
 
-@pytest.mark.parametrize("case", ["unequal", "stiff_clamped", "stiff_pinned"])
+@pytest.mark.parametrize("case", quickly(["unequal", "stiff_clamped", "stiff_pinned"]))
 def test_sail_follows_the_time_exact_solution(case, validate):
     """h = 0.1 s, where the fastest transverse mode has omega h > 0.05: 5e-3 of range."""
     solution = esail.simulate(GOLDEN / f"{case}.toml")
@@ -64,6 +65,7 @@ def test_sail_follows_the_time_exact_solution(case, validate):
     enter(validate, case, f"{case.replace('_', ', ')} sail, h = 0.1 s", found, 5e-3)
 
 
+@pytest.mark.slow
 def test_undamped_turning_frame_follows_the_time_exact_solution(validate):
     """Undamped axial ringing at 59 rad/s is resolved at h = 2 ms only; there even the elongation
     and the reactions agree to 1e-2 of range."""
@@ -83,6 +85,7 @@ def test_error_falls_with_the_square_of_the_step():
     assert 3.5 < coarse["tip_position_I"] / fine["tip_position_I"] < 4.5
 
 
+@pytest.mark.slow
 def test_instants_between_steps_are_as_good_as_those_on_them():
     """Steps of 0.16 s, saved every 2 s: positions, rates and energies at instants between steps
     keep the method's accuracy (kinetic energy is the hard one: its range is 2e-4 of it)."""

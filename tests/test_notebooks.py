@@ -1,7 +1,4 @@
-"""Every notebook runs from its first cell to its last.
-
-The first one runs by default; it is what a reader tries first. The others are marked slow.
-"""
+"""Every notebook runs from its first cell to its last. By default only their form is looked at."""
 
 from pathlib import Path
 
@@ -14,13 +11,8 @@ NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
 SECONDS_PER_CELL = 300
 
 
-CASES = [
-    pytest.param(path, marks=() if path.name.startswith("01_") else pytest.mark.slow, id=path.stem)
-    for path in NOTEBOOKS
-]
-
-
-@pytest.mark.parametrize("path", CASES)
+@pytest.mark.slow
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_notebook_runs(path, tmp_path):
     notebook = nbformat.read(path, as_version=4)
     client = nbclient.NotebookClient(

@@ -21,6 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import small_sail
+from quick import quickly
 
 import esail_jax as esail
 import esail_jax.march
@@ -328,7 +329,7 @@ def wait_for_writing(running, path, before, deadline=60.0):
         time.sleep(0.002)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", quickly([signal.SIGINT, signal.SIGTERM]))
 def test_a_signal_to_the_process_ends_it_with_130_and_resumable(number, scene, tmp_path):
     path = tmp_path / "a.h5"
     with process(scene, path, "--t-end", 20000) as running:
@@ -368,6 +369,7 @@ def kill_and_resume(kills, t_end, seed, scene, tmp_path):
     return killed
 
 
+@pytest.mark.slow
 def test_kill_9_leaves_a_file_that_opens_and_resumes_bit_for_bit(scene, tmp_path):
     assert kill_and_resume(3, 1500.0, 1, scene, tmp_path) >= 2
 
@@ -495,6 +497,7 @@ def test_a_failed_run_keeps_what_was_good_and_says_why(scene, whole, tmp_path, m
     check_same(path, whole)
 
 
+@pytest.mark.slow
 def test_a_spin_that_nothing_holds_is_refused_before_anything_is_written(scene, tmp_path, capsys):
     """Elements of engineering strain run away at a finite spin: bad input, not a failed run."""
     options = ("--set", "tethers.strain=engineering", "--set", "initial.spin_rate=0.2")
@@ -504,6 +507,7 @@ def test_a_spin_that_nothing_holds_is_refused_before_anything_is_written(scene, 
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_a_spin_whose_only_equilibrium_is_folded_is_refused(scene):
     """Beyond the spin that a tether can hold, elements folded back on themselves balance too."""
     overrides = {"tethers.strain": "engineering", "initial.spin_rate": 0.5}

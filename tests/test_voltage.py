@@ -11,7 +11,15 @@ from whole_runs import check_going_on
 
 import esail_jax as esail
 from esail_jax.environment.gusts import gusty_wind, write_wind
-from esail_jax.loads.voltage import above_zero, limited, modulation, smooth_step, within_slew_rate
+from esail_jax.loads.voltage import (
+    OnOff,
+    Sight,
+    above_zero,
+    limited,
+    modulation,
+    smooth_step,
+    within_slew_rate,
+)
 from esail_jax.scenes.presets import builtin_text
 from esail_jax.scenes.scene import parse, to_toml
 
@@ -21,11 +29,15 @@ SMALL = {
     "integrator.t_end": 300.0,
     "output.interval": 10.0,
 }
-WAVES = SMALL | {
+FIXED = SMALL | {"integrator.method": "generalized-alpha"}
+"""Where only the law is asked for: programs of fixed steps compile in half the time."""
+
+HARMONIC = {
     "voltage.law": "harmonic",
     "voltage.cosine": [0.3, 0.1],
     "voltage.sine": [[0.2, -0.1, 0.0], [0.05, 0.1, 0.15]],
 }
+WAVES = SMALL | HARMONIC
 
 
 def phases(run, origin):
@@ -40,7 +52,7 @@ def phases(run, origin):
 def test_harmonics_of_the_phase():
     """V = V_0 (1 + sum a_k cos k phi + b_k sin k phi), phi from the attitude by another formula; to the
     fading at no angle of attack, 3e-7 here."""
-    scene = esail.load_scene("baseline", WAVES)
+    scene = esail.load_scene("baseline", FIXED | HARMONIC)
     run = esail.simulate(scene)
     phi = phases(run, np.array(scene.initial.heliocentric_position_au))
     expected = 1.0 + 0.3 * np.cos(phi) + 0.1 * np.cos(2 * phi)
@@ -50,15 +62,21 @@ def test_harmonics_of_the_phase():
     assert np.ptp(run["voltage"]) > 10e3
 
 
+@pytest.mark.slow
 def test_limits_hold():
-    """However large the amplitudes, voltages and their rates stay within limits; well within, a limit
-    changes nothing."""
-    wild = WAVES | {"voltage.cosine": [3.0, -2.0], "voltage.maximum": 25e3, "output.interval": 1.0}
-    volts = esail.simulate("baseline", wild)["voltage"]
+    """However large the amplitudes, voltages and their rates stay within limits; a rate that nothing
+    reaches stands for none."""
+    wild = {"voltage.cosine": [3.0, -2.0], "voltage.maximum": 25e3, "output.interval": 1.0}
+    wild = FIXED | HARMONIC | wild
+    volts = esail.simulate("baseline", wild | {"voltage.slew_rate": 1e9})["voltage"]
     assert volts.min() >= 0.0 and volts.max() <= 25e3 and np.ptp(volts) > 24e3
     slow = esail.simulate("baseline", wild | {"voltage.slew_rate": 20.0})["voltage"]
     rate = np.abs(np.diff(slow, axis=0)).max()
     assert 10.0 < rate <= 20.2  # of the spin rate at the start, which the wind changes by a percent
+
+
+def test_well_within_a_limit_changes_nothing():
+    """Beyond, nothing passes it, and what is more stays more: all to rounding."""
     x = jnp.linspace(-10.0, 110.0, 1001)
     cut = limited(x, jnp.asarray(100.0), smooth=True)
     assert float(cut.min()) >= 0.0 and float(cut.max()) <= 100.0
@@ -75,12 +93,26 @@ def test_smooth_corners():
             assert abs(before - after) < 1e-6
 
 
+def test_a_pulse_rises_and_falls():
+    """Between `on` and `off`, along 10 s^3 - 15 s^4 + 6 s^5 within the rise time, to rounding; more slowly
+    where the steepest of it, 15/8 V_0 per rise time, would be faster than the limit."""
+    volts, on, off, rise_time = (jnp.asarray(x) for x in ([20e3], [100.0], [200.0], 5.0))
+    time, nowhere, no_axis = jnp.linspace(90.0, 250.0, 321), jnp.zeros((3, 1)), jnp.zeros(3)
+    sights = jax.vmap(lambda t: Sight(t, no_axis, no_axis, nowhere, nowhere))(time)
+    for limit, rise in ((None, 5.0), (jnp.asarray(1e3), 37.5)):
+        law = OnOff(volts, on, off, rise_time, None, limit)
+        found = jax.vmap(law.wanted)(sights)[:, 0]
+        up, down = (np.clip((time - x) / rise, 0.0, 1.0) for x in (100.0, 200.0))
+        expected = [10.0 * s**3 - 15.0 * s**4 + 6.0 * s**5 for s in (up, 1.0 - down)]
+        assert np.allclose(found, 20e3 * np.minimum(*expected), rtol=0, atol=1e-8)
+
+
 def test_table_in_time():
     """Straight lines between the instants, a column for every tether."""
     table = [[1.0, 0.0, 0.5], [0.0, 1.0, 0.5], [0.5, 0.5, 1.0]]
     run = esail.simulate(
         "baseline",
-        SMALL
+        FIXED
         | {"voltage.law": "piecewise-linear", "voltage.time": [20.0, 100.0, 250.0], "voltage.table": table},
     )
     for i, column in enumerate(np.transpose(table)):
@@ -96,7 +128,7 @@ def test_table_keeps_its_slew_rate():
     found = within_slew_rate(time, wanted, jnp.asarray(500.0))
     assert np.allclose(found[:, 0], [0.0, 5e3, 0.0, 1e3], rtol=0, atol=1e-9)
     assert np.allclose(found[:, 1], wanted[:, 1], rtol=0, atol=1e-9)
-    table = SMALL | {"voltage.law": "piecewise-linear", "voltage.time": [0.0, 10.0, 250.0]}
+    table = FIXED | {"voltage.law": "piecewise-linear", "voltage.time": [0.0, 10.0, 250.0]}
     table |= {"voltage.table": [0.0, 1.0, 0.2], "integrator.t_end": 60.0, "output.interval": 1.0}
     volts = esail.simulate("baseline", table | {"voltage.slew_rate": 100.0})["voltage"]
     assert np.allclose(volts[:11, 0], 100.0 * np.arange(11), rtol=1e-9)
@@ -118,6 +150,7 @@ def test_planar_cone_keeps_its_slew_rate():
     assert np.allclose(free, 0.2, rtol=1e-15)
 
 
+@pytest.mark.slow
 def test_switching_on_and_off():
     """Before it rises a sail moves as without wind, and while it stays up as with constant voltage from
     there; a pulse shorter than a step is not stepped over: energy put in is what the balance says."""
@@ -144,7 +177,7 @@ def test_switching_on_and_off():
 def test_feedback_turns_the_axis_to_its_target():
     """After one turn the spin axis is nearer to where the law wants it than with the gain reversed, by the
     sign of the torque."""
-    turn = SMALL | {"integrator.t_end": 1570.0, "voltage.law": "feedback"}
+    turn = FIXED | {"integrator.t_end": 1570.0, "voltage.law": "feedback"}
     turn |= {"voltage.target_sailing_angle_deg": 20.0}
     ends = [
         esail.simulate("baseline", turn | {"voltage.gain": gain})["sailing_angle"][-1]
@@ -153,10 +186,11 @@ def test_feedback_turns_the_axis_to_its_target():
     assert abs(ends[0]) > abs(ends[1]) > abs(ends[2])
 
 
+@pytest.mark.slow
 def test_feedback_keeps_its_slew_rate():
     """A gain that would move 20 kV by 5.7 V/s, V_0 g omega sin(5 deg), is made smaller until 2 V/s
     remain, to the 2 % by which the spin and the attitude change; one that needs no less is left alone."""
-    law = SMALL | {"voltage.law": "feedback", "voltage.gain": 0.82, "initial.sailing_angle_deg": 0.0}
+    law = FIXED | {"voltage.law": "feedback", "voltage.gain": 0.82, "initial.sailing_angle_deg": 0.0}
     law |= {"voltage.target_sailing_angle_deg": 5.0, "output.interval": 1.0, "integrator.t_end": 400.0}
 
     def fastest(**limit):
@@ -193,13 +227,12 @@ def test_planar_cone_keeps_its_coning_angle(sailing, coning):
 
 def test_a_constant_law_leaves_no_trace():
     """Nothing of a law is built, or reported, where voltages are constant."""
-    run = esail.simulate("baseline", SMALL)
+    run = esail.simulate("baseline", FIXED)
     assert "voltage" not in run.observables
 
 
-@pytest.mark.parametrize(
-    "method", ["collocation", pytest.param("generalized-alpha", marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["collocation", "generalized-alpha"])
 def test_derivative_of_a_steered_run(method):
     """Forward mode is the difference quotient of concrete runs in an amplitude that the attitude feeds back
     on, and reverse mode is forward mode."""
@@ -221,12 +254,13 @@ def test_derivative_of_a_steered_run(method):
 def test_wind_in_time():
     """A series that does not change is the steady wind; thrust follows speed and the root of the density at
     the saved instants."""
-    steady = esail.simulate("baseline", SMALL)
+    steady = esail.simulate("baseline", FIXED)
     wind = {"solar_wind.time": [0.0, 100.0, 300.0]}
-    same = esail.simulate("baseline", SMALL | wind)
+    level = {"solar_wind.speed": [4e5] * 3, "solar_wind.number_density": [7.3e6] * 3}
+    same = esail.simulate("baseline", FIXED | wind | level)
     assert np.allclose(same["tip_position_I"], steady["tip_position_I"], rtol=0, atol=1e-7)
     speed, density = [4e5, 4e5, 6e5], [7.3e6, 14.6e6, 14.6e6]
-    varied = SMALL | wind | {"solar_wind.speed": speed, "solar_wind.number_density": density}
+    varied = FIXED | wind | {"solar_wind.speed": speed, "solar_wind.number_density": density}
     gusty = esail.simulate("baseline", varied)
     factor = np.interp(gusty.time, wind["solar_wind.time"], speed) / 4e5
     factor = factor * np.sqrt(np.interp(gusty.time, wind["solar_wind.time"], density) / 7.3e6)
@@ -286,6 +320,7 @@ def test_bad_input(overrides, message):
         esail.load_scene("baseline", overrides)
 
 
+@pytest.mark.slow
 def test_a_switch_after_the_end_is_known_to_a_run_that_goes_on(tmp_path):
     """A run that ends within a pulse of 4 s, carried on, is the whole one bit for bit: the first step of a
     pulse is not longer than it, wherever the run was to end."""
