@@ -55,26 +55,24 @@ def solve_stages(
     Guess and factors decide how fast, not where to."""
 
     def iterate(carry):
-        flat, count, before, _ = carry
-        unknowns = jax.tree.map(lambda x, like: x.reshape(like.shape), flat, guess)
+        unknowns, count, before, _ = carry
         residual, axes = stage_residuals(system, start, h, unknowns)
         change = correction(system, residual, turns_to(axes, kept), kept)
-        flat = jax.tree.map(lambda x, y: x + y.reshape(x.shape), flat, change)
+        unknowns = jax.tree.map(jnp.add, unknowns, change)
         moved = jax.tree.map(lambda x: h**2 * jnp.tensordot(TABLE.squared, x, 1), change.vdot)
         increment = largest(system, jax.tree.map(greatest, moved), enough)
         rate = jnp.where(count > 0, increment / before, 0.5)
         left = increment * jnp.where(rate < 1.0, rate / (1.0 - rate), jnp.inf)
-        return flat, count + 1, increment, left
+        return unknowns, count + 1, increment, left
 
     def unfinished(carry):
         *_, count, _, left = carry
         return ~(left <= 1.0) & (count < MAX_ITERATIONS) & (jnp.isfinite(left) | (count < 2))
 
     infinite = jnp.asarray(jnp.inf)
-    flat = jax.tree.map(lambda x: x.reshape(len(x), -1), guess)
-    carry = (flat, jnp.zeros((), int), infinite, infinite)
-    flat, count, _, left = lax.while_loop(unfinished, iterate, carry)
-    return jax.tree.map(lambda x, like: x.reshape(like.shape), flat, guess), count, left
+    carry = (guess, jnp.zeros((), int), infinite, infinite)
+    unknowns, count, _, left = lax.while_loop(unfinished, iterate, carry)
+    return unknowns, count, left
 
 
 @jax.custom_jvp
