@@ -78,7 +78,8 @@ class BlockMarch:
                 self.checkpoint = Checkpoint(carry, self.rows, self.rows, self.steps, (self.rejected, 0.0))
             if rows:
                 yield Piece(join(rows), times, numerics, reached)
-            if self.rows < len(self.times) and bool(problem.method.stuck(carry.progress)):
+            here = jax.tree.map(np.asarray, carry.progress)
+            if self.rows < len(self.times) and problem.method.stuck(here, np):
                 raise self._failure(carry.progress, tried)
 
     def _numerics(
@@ -86,10 +87,11 @@ class BlockMarch:
     ) -> dict[str, np.ndarray]:
         """Of the steps that ended since the saved instant before; rejections with the first instant of
         their call."""
-        progress, taken = carry.progress, np.asarray(records.taken)
-        ends, sizes = np.asarray(records.end)[taken], np.asarray(records.h)[taken]
+        progress, records = jax.tree.map(np.asarray, (carry.progress, records))
+        taken = records.taken
+        ends, sizes = records.end[taken], records.h[taken]
         cuts = np.searchsorted(ends, times, side="right")
-        iterations = np.append(0, np.cumsum(np.asarray(records.info.iterations)[taken]))
+        iterations = np.append(0, np.cumsum(records.info.iterations[taken]))
         before = float(progress.taken) - len(ends)
         steps = np.diff(before + cuts, prepend=float(carry.counted))
         of_call, work = np.diff(cuts, prepend=0), np.diff(iterations[cuts], prepend=0)

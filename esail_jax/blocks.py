@@ -29,11 +29,11 @@ from esail_jax.scenes.integration import COLLOCATION_TOLERANCE
 from esail_jax.scenes.structure import Numbers, Structure
 from esail_jax.system import System
 
-ROWS_PER_LOOK = 128
+ROWS_PER_LOOK = 256
 """Saved instants looked at together, at most."""
 
-BLOCKS_PER_CALL = 4
-"""Between two of which the host may stop: some tenths of a second."""
+BLOCKS_PER_CALL = 8
+"""Between two of which the host may stop: some tenths of a second. A call costs the host a millisecond."""
 
 
 class Problem(NamedTuple):

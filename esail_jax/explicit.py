@@ -221,7 +221,7 @@ class ExplicitMarch:
         """Least length of a rod, of its undeformed one."""
         chain = self.prepared.problem.chain
         lengths = np.linalg.norm(np.asarray(chain.rods(progress.now.y.x)), axis=0)
-        return float((lengths / np.asarray(chain.system.tethers.element_length[:, 0])).min())
+        return float((lengths / np.asarray(chain.system.tethers.lengths)).min())
 
 
 # ---- under a trace ----------------------------------------------------------------------------------

@@ -27,7 +27,7 @@ def point_jacobian(
     """d(point forces)/d(fields) along rates that move with the fields: dF/dx + factor dF/dv.
 
     By (row, column) field names, the pairs that some term couples: (direction, component,
-    point, elem, tether). One forward derivative per component a term depends on.
+    point, element). One forward derivative per component a term depends on.
     """
     blocks = {}
     for term in (*system.energies, *system.dissipations, *system.loads):

@@ -133,8 +133,8 @@ class System(eqx.Module):
         nodal = (jnp.moveaxis(x.tether, 0, 2) for x in (q, v, inertial))
         system = self
         if self.steering is not None:
-            system = self.with_voltage(jax.vmap(self.voltage)(times, q)[:, None])
-        tether, power = system.tether_forces(times[:, None, None], *nodal)
+            system = self.with_voltage(self.tethers.repeated(jax.vmap(self.voltage)(times, q)))
+        tether, power = system.tether_forces(times[:, None], *nodal)
         forces = Coordinates(jnp.moveaxis(tether, 2, 0), inertial.hub)
         return jax.vmap(self.joined)(times, q, v, forces, lam, power)
 
@@ -147,13 +147,15 @@ class System(eqx.Module):
         wind, chords = (x / jnp.linalg.norm(x, axis=0) for x in (wind, chords))
         return self.steering.volts(Sight(time, axes[:, 0], wind, outward, chords))
 
-    def with_voltage(self, volts: Float[Array, "*state tether"]) -> "System":
+    def with_voltage(self, volts: Float[Array, "*state element"]) -> "System":
         """Self, with these voltages."""
         return eqx.tree_at(lambda system: system.loads[0].voltage, self, volts)
 
     def steered(self, time: Scalar, q: Coordinates) -> "System":
         """Self, with the voltages of an instant."""
-        return self if self.steering is None else self.with_voltage(self.voltage(time, q))
+        if self.steering is None:
+            return self
+        return self.with_voltage(self.tethers.repeated(self.voltage(time, q)))
 
     def tether_forces(self, time: Instants, q: Nodal, v: Nodal, inertial: Nodal) -> tuple[Nodal, Power]:
         """M vdot - Q of the tethers, and the power of loads and dissipation, of one state or several."""
@@ -206,10 +208,9 @@ class System(eqx.Module):
             power = power + (lam.clamp * moving.clamp).sum()
         return power
 
-    def integrate(self, density: Float[Array, "point *state elem tether"]) -> Float[Array, "*state"]:
+    def integrate(self, density: Float[Array, "point *state element"]) -> Float[Array, "*state"]:
         """Integral over all tethers of a quantity per undeformed length."""
-        per_element = jnp.tensordot(self.tethers.weights, density, 1) * self.tethers.element_length
-        return per_element.sum((-2, -1))
+        return (jnp.tensordot(self.tethers.weights, density, 1) * self.tethers.lengths).sum(-1)
 
     def momenta(self, v: Coordinates) -> Coordinates:
         """M v: momenta [kg m/s] conjugate to the coordinates."""

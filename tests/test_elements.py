@@ -134,7 +134,7 @@ def test_interpolation_and_nodal_forces_are_transposes():
     q = jnp.asarray(rng.normal(size=(2, 3, 4, 2)))
     f = jax.tree.map(lambda x: jnp.asarray(rng.normal(size=x.shape)), chain.interpolate(q))
     at_points = sum((a * b).sum(0) for a, b in zip(f, chain.interpolate(q), strict=True))
-    work = (chain.weights[:, None, None] * at_points * chain.element_length).sum()
+    work = (chain.weights[:, None] * at_points * chain.lengths).sum()
     np.testing.assert_allclose((q * chain.nodal_forces(f)).sum(), work, rtol=1e-12)
 
 

@@ -150,9 +150,9 @@ def test_chain(links, batch):
     @jit
     def run(diag, upper, lower, rhs):
         factors, schur = block_tridiagonal.factor(diag, upper, lower)
-        reduced, port = block_tridiagonal.reduce_to_port(factors, rhs)
+        own, port = block_tridiagonal.reduce_to_port(factors, rhs)
         port = small_matrices.matvec(small_matrices.inverse(schur), port)
-        return schur, block_tridiagonal.substitute_from_port(factors, reduced, port)
+        return schur, block_tridiagonal.substitute_from_port(factors, own, port)
 
     schur, x = run(*on_device(diag, upper, lower, rhs))
     for index in np.ndindex(*batch):

@@ -1,6 +1,7 @@
 """Observables that the papers do not define; the others stand in `oracles/pgv_g_angles.py` to
 `pgv_k_text.py`."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from oracles.ledger import relative_error
@@ -22,6 +23,23 @@ from oracles.sail_states import (
     random_placement,
     states,
 )
+
+from esail_jax.numerics.angles import smallest_eigenvector
+
+
+def test_normal_of_a_symmetric_sail_has_a_derivative():
+    """dn = -(1 - n n^T) dA n / (mu - lambda) for a matrix with eigenvalues lambda, mu, mu: what the spread
+    of evenly placed tips has, and where the derivative of all three eigenvectors does not exist. Forward
+    and reverse mode to rounding."""
+    rng = np.random.default_rng(2)
+    axes, change = np.linalg.qr(rng.normal(size=(3, 3)))[0], rng.normal(size=(3, 3))
+    matrix, change = (jnp.asarray(x) for x in (axes @ np.diag([1.0, 5.0, 5.0]) @ axes.T, change + change.T))
+    normal, moved = jax.jvp(smallest_eigenvector, (matrix,), (change,))
+    np.testing.assert_allclose(abs(normal @ axes[:, 0]), 1.0, rtol=1e-14)
+    expected = (np.outer(normal, normal) - np.eye(3)) @ change @ normal / 4.0
+    np.testing.assert_allclose(moved, expected, atol=1e-14)
+    pulled = jax.vjp(smallest_eigenvector, matrix)[1](jnp.arange(3.0))[0]
+    np.testing.assert_allclose((pulled * change).sum(), jnp.arange(3.0) @ moved, rtol=1e-13)
 
 
 def test_smallest_distance_is_that_of_a_dense_search():

@@ -10,6 +10,8 @@ from the axes of the hub, vary slowly and are extrapolated for the first guess. 
 estimated, and the length of the next ones chosen.
 """
 
+from types import ModuleType
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -171,9 +173,10 @@ class Collocation(eqx.Module):
         beyond = jax.tree.map(beyond, now.vdot, vdot)
         return largest(system, beyond, self.tolerance * lengths(system))
 
-    def stuck(self, state: Progress) -> Array:
-        """Has the state become infinite, or the step too small to change the time?"""
-        finite = jnp.stack([jnp.isfinite(x).all() for x in jax.tree.leaves(state.now)]).all()
+    def stuck(self, state: Progress, xp: ModuleType = jnp) -> Array | np.bool:
+        """Has the state become infinite, or the step too small to change the time? xp: NumPy on the host,
+        where every operation of JAX costs more than all of these."""
+        finite = xp.stack([xp.isfinite(x).all() for x in jax.tree.leaves(state.now)]).all()
         return ~finite | ~(state.now.time + 0.25 * state.h > state.now.time)
 
 

@@ -160,25 +160,25 @@ class RodChain(eqx.Module):
         """Axial force vector of every rod [N], force of the loads on every joint [N] and power [W],
         the last two None where there are none."""
         system, tethers = self.system, self.system.tethers
-        length = tethers.element_length[:, 0]
+        length = tethers.lengths
         # Without loads everything is constant along a rod: one point is exact.
         weights = tethers.weights if system.loads else np.ones(1)
 
         def fields_of(c: Rods) -> PointFields:
-            slope = (self.rods(c) / length)[:, None, :, None]
+            slope = (self.rods(c) / length)[:, None]
             if not system.loads:
                 return PointFields(None, slope)
-            slope = jnp.broadcast_to(slope, (3, weights.size, *slope.shape[2:]))
+            slope = jnp.broadcast_to(slope, (3, weights.size, slope.shape[2]))
             return PointFields(between(tethers.table(0), self.joints(c)), slope)
 
         rates = fields_of(v)
         total, viscous, loads = system.point_forces(time, fields_of(x), rates)
-        stress = jnp.tensordot(weights, total.r_x[..., 0], (0, 1))
+        stress = jnp.tensordot(weights, total.r_x, (0, 1))
         if not self.works:
             return stress, None, None
         joint_force, external, dissipated = None, jnp.zeros(()), jnp.zeros(())
         if system.loads:
-            force = -loads.r[..., 0] * length  # (xyz, point, rod)
+            force = -loads.r * length  # (xyz, point, rod)
             near, far = (
                 jnp.tensordot(tethers.weights * shape, force, (0, 1)) for shape in tethers.table(0).T
             )
@@ -188,21 +188,21 @@ class RodChain(eqx.Module):
             q, rate = self.coordinates(RodState(x, v, None))
             external = external + (system.field(q, rate).tether * system.momenta(rate).tether).sum()
         if system.dissipations:
-            lost = weights @ dot(viscous.r_x, rates.r_x)[..., 0]
+            lost = weights @ dot(viscous.r_x, rates.r_x)
             dissipated = (lost * length).sum()
         return stress, joint_force, Power(external, dissipated)
 
 
 def between(shapes: np.ndarray, joints: Float[Array, "3 joint"]) -> VectorPerPoint:
-    """Values at the Gauss points of every rod: (xyz, point, rod, 1)."""
+    """Values at the Gauss points of every rod: (xyz, point, rod)."""
     ends = jnp.stack([joints[:, :-1], joints[:, 1:]])
-    return jnp.moveaxis(jnp.tensordot(shapes, ends, 1), 1, 0)[..., None]
+    return jnp.moveaxis(jnp.tensordot(shapes, ends, 1), 1, 0)
 
 
 def joint_masses(system: System) -> tuple[Float[Array, " joint"], Float[Array, " rod"]]:
     """G ([MW] Eq. 25) of all joints, end masses included: its diagonal and what is beside it."""
     tethers = system.tethers
-    mass = tethers.line_density[:, 0] * tethers.element_length[:, 0]
+    mass = tethers.masses
     table = tethers.mass_table
     diagonal = table[0, 0] * jnp.pad(mass, (0, 1)) + table[1, 1] * jnp.pad(mass, (1, 0))
     diagonal = diagonal.at[-1].add(tethers.tip_mass[0])
@@ -235,12 +235,12 @@ def error_scale(chain: RodChain, start: RodState) -> RodState:
     rate [m/s] that length times the rate at which rods turn, of work [J] the energy of all mass at such
     speeds."""
     tethers = chain.system.tethers
-    length = tethers.element_length[:, 0]
+    length = tethers.lengths
     rate = jnp.maximum(turning_rate(chain, start), 1e-4 * fastest_rate(chain))
     if chain.free:
         length = jnp.concatenate([length.mean()[None], length])
     x = jnp.broadcast_to(length, start.x.shape)
-    mass = (tethers.line_density * tethers.element_length).sum() + tethers.tip_mass.sum()
+    mass = tethers.masses.sum() + tethers.tip_mass.sum()
     energy = mass * (rate * length.sum()) ** 2
     return RodState(x, rate * x, None if start.work is None else Power(energy, energy))
 
@@ -248,7 +248,7 @@ def error_scale(chain: RodChain, start: RodState) -> RodState:
 def turning_rate(chain: RodChain, start: RodState) -> Scalar:
     """Estimate [rad/s] of how fast rods turn: from their initial rates, under gravity over their own
     length, and with the orbit."""
-    system, length = chain.system, chain.system.tethers.element_length[:, 0]
+    system, length = chain.system, chain.system.tethers.lengths
     speed = jnp.sqrt((chain.rods(start.v) ** 2).sum(0).max())
     rate = speed / length.min()
     if system.gravity is not None:
@@ -262,10 +262,10 @@ def turning_rate(chain: RodChain, start: RodState) -> Scalar:
 def energy_floor(chain: RodChain) -> Scalar:
     """Energy [J] that is nothing: rounding of a chain at rest, from all its stiffness and weight."""
     system, tethers = chain.system, chain.system.tethers
-    floor = 1e-20 * (system.energies[0].stiffness * tethers.element_length).sum()
+    floor = 1e-20 * (system.energies[0].stiffness * tethers.lengths).sum()
     if system.gravity is not None:
-        mass = (tethers.line_density * tethers.element_length).sum() + tethers.tip_mass.sum()
-        fall = jnp.abs(system.gravity).sum() * tethers.element_length.sum()
+        mass = tethers.masses.sum() + tethers.tip_mass.sum()
+        fall = jnp.abs(system.gravity).sum() * tethers.lengths.sum()
         floor = floor + 1e-13 * mass * fall
     return floor
 
@@ -278,11 +278,11 @@ def fastest_rate(chain: RodChain) -> Scalar:
     at most. Lumped masses only slow things down. Dissipation acts at gamma omega^2.
     """
     tethers = chain.system.tethers
-    length, mass = tethers.element_length[:, 0], tethers.line_density[:, 0] * tethers.element_length[:, 0]
-    squared = 12.0 * chain.system.energies[0].stiffness[:, 0] / (mass * length)
+    length, mass = tethers.lengths, tethers.masses
+    squared = 12.0 * chain.system.energies[0].stiffness / (mass * length)
     rate = jnp.sqrt(squared.max())
     for term in chain.system.dissipations:
-        rate = jnp.maximum(rate, (term.time[:, 0] * squared).max())
+        rate = jnp.maximum(rate, (term.time * squared).max())
     if chain.hinges is not None:
         lever, light = 1.0 / length, 1.0 / mass
         if chain.hinges.direction is not None:

@@ -65,7 +65,7 @@ def steady_line(
 
     def matrix(line: Line, spin_squared: Scalar) -> tuple[Array, Array, Array]:
         fields = tethers.interpolate(along(line, x_axis))
-        unit = jnp.broadcast_to(x_axis[:, None, None], fields.r_x.shape)
+        unit = jnp.zeros_like(fields.r_x).at[0].set(1.0)
         moved = jax.jvp(lambda r_x: stress(fields._replace(r_x=r_x)).r_x, (fields.r_x,), (unit,))[1]
         jacobian = {("r_x", "r_x"): moved[None, :1]}
         stiffness = tethers.tangent_elements(jacobian)
@@ -79,10 +79,10 @@ def steady_line(
         fixed = lax.stop_gradient(spin_squared)
         factors, root = chains.factor(*matrix(frozen, fixed))
         blocks = jnp.moveaxis(to_metres(tethers, -unbalanced(line, spin_squared), -1), 1, 0)
-        reduced, port = chains.reduce_to_port(factors, blocks)
+        own, port = chains.reduce_to_port(factors, blocks)
         # The root does not move; its slope, if it has one, is free.
         port = jnp.stack([jnp.zeros_like(port[0]), port[-1] / root[-1, -1]])[: tethers.coefs]
-        change = jnp.moveaxis(chains.substitute_from_port(factors, reduced, port), 0, 1)
+        change = jnp.moveaxis(chains.substitute_from_port(factors, own, port), 0, 1)
         return line + to_metres(tethers, change, -1)
 
     def ramped(i: Int[Array, ""], line: Line) -> Line:

@@ -114,11 +114,12 @@ def within(kept: Bool[Array, " time"], signal: Signal, other: float) -> Signal:
 def root_forces(system: System, times: Float[Array, " time"], q: Coordinates) -> Signal:
     """Elastic force [N] on the section at the root, in the hub's axes; 0 of a released tether, which then
     pulls at nothing."""
-    tethers, axial = jax.tree.map(of_first_element, (system.tethers, system.energies[0]))
+    tethers = system.tethers
+    axial = jax.tree.map(lambda x: x[: tethers.count] if x.ndim else x, system.energies[0])
     if tethers.coefs == 2:
         slope = q.tether[:, 1, :, 0]
     else:
-        slope = (q.tether[:, 0, :, 1] - q.tether[:, 0, :, 0]) / tethers.element_length
+        slope = (q.tether[:, 0, :, 1] - q.tether[:, 0, :, 0]) / tethers.lengths[: tethers.count]
     fields = PointFields(None, jnp.moveaxis(slope, 0, 1))
     force = axial.point_forces(times[0], fields, fields).r_x
     released = None if system.roots is None else system.roots.releases.released
@@ -126,11 +127,6 @@ def root_forces(system: System, times: Float[Array, " time"], q: Coordinates) ->
         force = jnp.where(released, 0.0, force)
     axes = jax.vmap(system.rotation)(times, q)
     return (axes.transpose(1, 2, 0)[..., None] * force[:, None]).sum(0)
-
-
-def of_first_element(number: Array) -> Array:
-    """A number per element at the root."""
-    return number[0] if number.ndim == 2 else number
 
 
 def growth_rates(
@@ -143,4 +139,5 @@ def growth_rates(
     tension = jnp.tensordot(tethers.weights, dot(force, fields.r_x) / norm(fields.r_x), 1)
     tension = tension.reshape(-1, KEEP // EVERY, *tension.shape[1:]).mean(1)
     pressure = jnp.maximum(-tension, 0.0)
-    return (jnp.sqrt(pressure / tethers.line_density) / tethers.element_length).max(1)
+    rate = jnp.sqrt(pressure / (tethers.masses * tethers.lengths))
+    return tethers.of_tethers(rate).max(1)

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from esail_jax.array_types import Array, Bool, Float, Int, Scalar
 from esail_jax.dynamics.stages import STAGES, TABLE, Point, Unknowns
@@ -50,7 +51,7 @@ class Record(NamedTuple):
     taken: Bool[Array, ""]
 
     @property
-    def end(self) -> Float[Array, "*step"]:
+    def end(self) -> Float[Array | np.ndarray, "*step"]:
         """Time [s] at the end of the step, or of several."""
         return self.start.time + self.h
 

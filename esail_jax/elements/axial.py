@@ -5,7 +5,7 @@ from typing import ClassVar, Literal
 import equinox as eqx
 import jax.numpy as jnp
 
-from esail_jax.array_types import PerMember, PerPoint, Scalar, VectorPerPoint
+from esail_jax.array_types import PerElement, PerPoint, Scalar, VectorPerPoint
 from esail_jax.numerics.vectors import dot, norm
 from esail_jax.terms import Dissipation, Energy, PointFields
 
@@ -20,9 +20,9 @@ def axial_strain(r_x: VectorPerPoint, measure: Strain) -> PerPoint:
 
 
 class AxialEnergy(Energy):
-    """W = EA eps^2 / 2 ([PGV] Eq. 23). EA [N] per tether or element."""
+    """W = EA eps^2 / 2 ([PGV] Eq. 23). EA [N] per element."""
 
-    stiffness: PerMember
+    stiffness: PerElement
     strain: Strain = eqx.field(static=True)
 
     name: ClassVar[str] = "axial"
@@ -41,10 +41,10 @@ class TensionOnlyEnergy(Energy):
     d^2W/deps^2 = EA clip((eps + w/2)/w, 0, 1),
 
     so that W is twice differentiable (Newton's method needs that), no force is left below
-    eps = -w/2, and above w/2 the force is EA eps exactly. EA [N] per tether or element, width w [-].
+    eps = -w/2, and above w/2 the force is EA eps exactly. EA [N] per element, width w [-].
     """
 
-    stiffness: PerMember
+    stiffness: PerElement
     width: Scalar
     strain: Strain = eqx.field(static=True)
 
@@ -66,10 +66,10 @@ class TensionOnlyEnergy(Energy):
 
 
 class AxialDissipation(Dissipation):
-    """R = gamma_x EA (deps/dt)^2 / 2 ([PGV] Eq. 36). gamma_x [s], EA [N] per tether or element."""
+    """R = gamma_x EA (deps/dt)^2 / 2 ([PGV] Eq. 36). gamma_x [s], EA [N] per element."""
 
-    stiffness: PerMember
-    time: PerMember
+    stiffness: PerElement
+    time: PerElement
     strain: Strain = eqx.field(static=True)
 
     name: ClassVar[str] = "axial damping"

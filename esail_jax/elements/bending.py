@@ -13,7 +13,7 @@ less than 1e-4 rad is not damped in bending.
 
 from typing import ClassVar
 
-from esail_jax.array_types import PerPoint, PerTether, VectorPerPoint
+from esail_jax.array_types import PerElement, PerPoint, VectorPerPoint
 from esail_jax.numerics.vectors import dot, reciprocal
 from esail_jax.terms import Dissipation, Energy, PointFields
 
@@ -33,9 +33,9 @@ def curvature_squared(r_x: VectorPerPoint, r_xx: VectorPerPoint) -> PerPoint:
 
 
 class BendingEnergy(Energy):
-    """W = EI kappa^2 / 2 ([PGV] Eq. 23). EI [N m^2] per tether."""
+    """W = EI kappa^2 / 2 ([PGV] Eq. 23). EI [N m^2] per element."""
 
-    stiffness: PerTether
+    stiffness: PerElement
 
     name: ClassVar[str] = "bending"
     depends_on: ClassVar[tuple[str, ...]] = ("r_x", "r_xx")
@@ -48,11 +48,11 @@ class BendingEnergy(Energy):
 
 
 class BendingDissipation(Dissipation):
-    """R of this file's head. gamma_b [s], EI [N m^2], kappa_0 [1/m] per tether."""
+    """R of this file's head. gamma_b [s], EI [N m^2], kappa_0 [1/m] per element."""
 
-    stiffness: PerTether
-    time: PerTether
-    straight_curvature: PerTether
+    stiffness: PerElement
+    time: PerElement
+    straight_curvature: PerElement
 
     name: ClassVar[str] = "bending damping"
     depends_on: ClassVar[tuple[str, ...]] = ("r_x", "r_xx")

@@ -1,8 +1,9 @@
 """All tethers of a sail as one batch of chains of elements: interpolation, mass, assembly.
 
 Nodal vectors are kept as (coef, xyz, node, tether): coef 0 the position, coef 1 the slope r_x of a
-cable. Several states of motion may stand between xyz and node. Every operation is one small matrix
-product over all elements of all tethers and states.
+cable. Several states of motion may stand between xyz and node. What belongs to elements has one axis for
+all elements of all tethers in place of the last two. Every operation is one small matrix product over all
+elements and states.
 """
 
 from typing import Literal
@@ -12,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from esail_jax.array_types import Array, Float, Nodal, PerMember, PerTether
+from esail_jax.array_types import Array, Float, Nodal, PerElement, PerMember, PerTether
 from esail_jax.elements import ancf_cable, truss
 from esail_jax.numerics.quadrature import gauss_legendre
 from esail_jax.terms import PointFields
@@ -36,6 +37,9 @@ class Tethers(eqx.Module):
     element_length l [m], line_density rho A [kg/m], tip_mass m_u [kg], each per tether (rods: the
     first two per element). The remote unit is a point mass at the last node; base_mass [kg] is one
     at the first, of a chain that nothing holds (None: no such mass).
+
+    lengths [m], masses [kg]: of every element, made once: made where they are needed, their repetition
+    would be part of every loop over the points.
     """
 
     element_length: PerMember
@@ -44,7 +48,25 @@ class Tethers(eqx.Module):
     elements: int = eqx.field(static=True)
     kind: Element = eqx.field(static=True)
     fields_used: tuple[str, ...] = eqx.field(static=True)
-    base_mass: PerTether | None = None
+    base_mass: PerTether | None
+    lengths: PerElement
+    masses: PerElement
+
+    def __init__(
+        self,
+        element_length: PerMember,
+        line_density: PerMember,
+        tip_mass: PerTether,
+        elements: int,
+        kind: Element,
+        fields_used: tuple[str, ...],
+        base_mass: PerTether | None = None,
+    ):
+        self.element_length, self.line_density = element_length, line_density
+        self.tip_mass, self.base_mass = tip_mass, base_mass
+        self.elements, self.kind, self.fields_used = elements, kind, fields_used
+        self.lengths = per_element(element_length, elements)
+        self.masses = per_element(line_density * element_length, elements)
 
     @property
     def count(self) -> int:
@@ -87,45 +109,59 @@ class Tethers(eqx.Module):
         slope = nodal[1] * self.element_length
         return jnp.stack([nodal[0], slope])
 
-    def element_vectors(self, nodal: Nodal) -> Float[Array, "coef2 3 *state elem tether"]:
+    def element_vectors(self, nodal: Nodal) -> Float[Array, "coef2 3 *state element"]:
         """(r_i, l r_x,i, r_j, l r_x,j) of every element."""
-        scaled = self.scale_slopes(nodal)
-        return jnp.concatenate([scaled[..., :-1, :], scaled[..., 1:, :]])
+        p = nodal.shape[-1]
+        flat = nodal.reshape(*nodal.shape[:-2], -1)
+        ends = [flat[k, ..., here] for here in (slice(-p), slice(p, None)) for k in range(self.coefs)]
+        return jnp.stack(self.with_slopes_scaled(ends))
 
-    def assemble(self, elementwise: Float[Array, "coef2 3 *state elem tether"]) -> Nodal:
+    def assemble(self, elementwise: Float[Array, "coef2 3 *state element"]) -> Nodal:
         """Transpose of `element_vectors`: sum element forces into nodal ones ([PGV] Eq. 9)."""
-        k = self.coefs
-        none = jnp.zeros_like(elementwise[:k, ..., :1, :])
-        left = jnp.concatenate([elementwise[:k], none], axis=-2)
-        right = jnp.concatenate([none, elementwise[k:]], axis=-2)
-        return self.scale_slopes(left + right)
+        k, p = self.coefs, self.count
+        scaled = self.with_slopes_scaled(list(elementwise))
+        before, after = ([(0, 0)] * (elementwise.ndim - 2) + [pad] for pad in ((0, p), (p, 0)))
+        flat = jnp.stack([jnp.pad(scaled[c], before) + jnp.pad(scaled[c + k], after) for c in range(k)])
+        return flat.reshape(*flat.shape[:-1], self.elements + 1, p)
+
+    def with_slopes_scaled(self, vectors: list[Array]) -> list[Array]:
+        """Of the vectors of every element, (xyz, *state, element) each, slopes in metres, or forces
+        conjugate to slopes for those conjugate to slopes in metres."""
+        return [x * self.lengths if c % self.coefs else x for c, x in enumerate(vectors)]
+
+    def repeated(self, x: Float[Array, "*state tether"]) -> Float[Array, "*state element"]:
+        """What elements have from their tethers."""
+        return jnp.tile(x, self.elements)
+
+    def of_tethers(self, x: Float[Array, "*batch element"]) -> Float[Array, "*batch elem tether"]:
+        """Element by element of every tether."""
+        return x.reshape(*x.shape[:-1], self.elements, self.count)
 
     def interpolate(self, nodal: Nodal) -> PointFields:
-        """The fields in use at every Gauss point: (xyz, point, *state, elem, tether) each."""
+        """The fields in use at every Gauss point: (xyz, point, *state, element) each."""
         vectors = self.element_vectors(nodal)
         values = [along_first(self.table(d), vectors) for d in self.derivatives]
         fields = {}
         for name, d, value in zip(self.fields_used, self.derivatives, values, strict=True):
             value = jnp.moveaxis(value, 1, 0)
-            fields[name] = value * self.element_length ** -float(d) if d else value
+            fields[name] = value * self.lengths ** -float(d) if d else value
         return PointFields(fields.get("r"), fields["r_x"], fields.get("r_xx"))
 
     def nodal_forces(self, conjugates: PointFields, acceleration: Nodal | None = None) -> Nodal:
         """Integral of S^T f + S_x^T n + S_xx^T m dx over all tethers, plus M `acceleration`.
 
-        conjugates: f [N/m], n [N], m [N m] at the Gauss points. One product serves both.
+        conjugates: f [N/m], n [N], m [N m] at the Gauss points.
         """
-        tables, values = [], []
+        parts = []
         for d, conjugate in enumerate(conjugates):
             if conjugate is not None:
-                tables.append(self.weights[:, None] * self.table(d))
-                scaled = conjugate * self.element_length ** (1 - d)
-                values.append(jnp.moveaxis(scaled, 0, 1))
+                table = (self.weights[:, None] * self.table(d)).T
+                scaled = conjugate * self.lengths ** (1 - d)
+                parts.append(along_first(table, jnp.moveaxis(scaled, 0, 1)))
         if acceleration is not None:
-            tables.append(self.mass_table)
-            scale = self.line_density * self.element_length
-            values.append(self.element_vectors(acceleration) * scale)
-        forces = self.assemble(along_first(np.concatenate(tables).T, stacked(values)))
+            vectors = self.element_vectors(acceleration) * self.masses
+            parts.append(along_first(self.mass_table, vectors))
+        forces = self.assemble(sum(parts[1:], parts[0]))
         if acceleration is not None:
             forces = self.add_point_masses(forces, acceleration)
         return forces
@@ -139,9 +175,8 @@ class Tethers(eqx.Module):
 
     def inertia(self, acceleration: Nodal) -> Nodal:
         """M `acceleration` ([PGV] Eq. 22), remote units included."""
-        scale = self.line_density * self.element_length
         vectors = self.element_vectors(acceleration)
-        product = jnp.tensordot(self.mass_table, vectors, 1) * scale
+        product = jnp.tensordot(self.mass_table, vectors, 1) * self.masses
         return self.add_point_masses(self.assemble(product), acceleration)
 
     def uniform(self, vector: Float[Array, "3"]) -> Nodal:
@@ -170,21 +205,21 @@ class Tethers(eqx.Module):
         """Element matrices from pointwise derivatives.
 
         jacobian: by (row, column) field, the derivative of the conjugate of `row` along each axis
-        of `column`: (direction, component, point, elem, tether). Rows and columns of the result
+        of `column`: (direction, component, point, element). Rows and columns of the result
         are ordered (coef, xyz), slopes in metres.
         """
         order = PointFields._fields.index
         tables, values = [], []
         for (row, column), block in jacobian.items():
-            scale = self.element_length ** (1 - order(row) - order(column))
+            scale = self.lengths ** (1 - order(row) - order(column))
             pair = (self.table(order(row)), self.table(order(column)))
             tables.append(np.einsum("q,qa,qb->abq", self.weights, *pair))
             values.append(jnp.moveaxis(block * scale, 2, 0))
         # a, b, direction, component, ...
         matrices = along_first(np.concatenate(tables, axis=2), stacked(values))
         coefs, axes = matrices.shape[0], matrices.shape[2]
-        rows_first = matrices.transpose(0, 3, 1, 2, 4, 5)
-        return rows_first.reshape(coefs * axes, coefs * axes, *matrices.shape[4:])
+        rows_first = matrices.transpose(0, 3, 1, 2, 4)
+        return self.of_tethers(rows_first.reshape(coefs * axes, coefs * axes, -1))
 
     def blocks(self, elementwise: Float[Array, "row col elem tether"]) -> tuple[Array, Array, Array]:
         """Node blocks of a block-tridiagonal matrix from element matrices: diagonal (node, row,
@@ -196,6 +231,11 @@ class Tethers(eqx.Module):
             [none, matrices[:, m:, m:]]
         )
         return diagonal, matrices[:, :m, m:], matrices[:, m:, :m]
+
+
+def per_element(numbers: PerMember, elements: int) -> Float[Array, " element"]:
+    """One number per element from one per tether, or from one per element of each."""
+    return jnp.broadcast_to(numbers, (elements, numbers.shape[-1])).reshape(-1)
 
 
 def stacked(parts: list[Array]) -> Array:

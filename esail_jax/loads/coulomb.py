@@ -2,7 +2,7 @@
 
 from typing import ClassVar
 
-from esail_jax.array_types import Instants, PerMember, VectorPerPoint
+from esail_jax.array_types import Instants, PerElement, VectorPerPoint
 from esail_jax.environment.solar_wind import SolarWind, WindSeries
 from esail_jax.numerics.vectors import dot, reciprocal
 from esail_jax.terms import Load, PointFields
@@ -15,7 +15,7 @@ class CoulombThrust(Load):
     """
 
     wind: SolarWind | WindSeries
-    voltage: PerMember
+    voltage: PerElement
 
     name: ClassVar[str] = "coulomb"
     depends_on: ClassVar[tuple[str, ...]] = ("r", "r_x")

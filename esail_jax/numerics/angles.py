@@ -2,7 +2,6 @@
 
 import jax
 import jax.numpy as jnp
-from jax import lax
 
 from esail_jax.array_types import Array, Float, Rotation, Vector
 
@@ -10,21 +9,23 @@ GIMBAL_LOCK = 1e-7
 """cos(theta) below which psi is set to zero: the two other angles are then one."""
 
 
+@jax.custom_jvp
 def smallest_eigenvector(matrix: Float[Array, "3 3"]) -> Vector:
     """Unit eigenvector of the smallest eigenvalue of a symmetric matrix.
 
-    The derivative is that of one Newton step on A n = lambda n, n . n = 1: the rule for `eigh`
+    The derivative is that of A n = lambda n, n . n = 1 for this n alone: the rule for `eigh`
     divides by the difference of the two other eigenvalues, which is zero for a symmetric sail.
     """
-    value, vector = jax.tree.map(lambda x: x[..., 0], jnp.linalg.eigh(lax.stop_gradient(matrix)))
-    defect = jnp.concatenate([matrix @ vector - value * vector, jnp.zeros(1)])
-    bordered = jnp.block(
-        [
-            [lax.stop_gradient(matrix) - value * jnp.eye(3), -vector[:, None]],
-            [-vector[None], jnp.zeros((1, 1))],
-        ]
-    )
-    return vector - jnp.linalg.solve(lax.stop_gradient(bordered), defect)[:3]
+    return jnp.linalg.eigh(matrix)[1][:, 0]
+
+
+@smallest_eigenvector.defjvp
+def _smallest_eigenvector_jvp(primals, tangents):
+    matrix, change = *primals, *tangents
+    vector = smallest_eigenvector(matrix)
+    stiffness = matrix - (vector @ matrix @ vector) * jnp.eye(3)
+    bordered = jnp.block([[stiffness, -vector[:, None]], [-vector[None], jnp.zeros((1, 1))]])
+    return vector, -jnp.linalg.solve(bordered, jnp.append(change @ vector, 0.0))[:3]
 
 
 def safe_length(x: Array, y: Array) -> Array:

@@ -61,22 +61,22 @@ def factor(diag: Blocks, upper: Links, lower: Links) -> tuple[ChainFactors, Arra
 
 
 def reduce_to_port(factors: ChainFactors, rhs: BlockVectors) -> tuple[LinkVectors, Array]:
-    """Right-hand sides of the blocks 1 ... N with everything beyond them eliminated, and that of
-    the port."""
+    """Solutions of the blocks 1 ... N whose neighbours towards the port do not move, with everything
+    beyond them eliminated, and the right-hand side of the port."""
 
     def carry_over(behind, row):
-        reduce_k, rhs_k = row
-        return rhs_k - matvec_transposed(reduce_k, behind), behind
+        inverse_k, reduce_k, rhs_k = row
+        return rhs_k - matvec_transposed(reduce_k, behind), matvec_transposed(inverse_k, behind)
 
-    port, reduced = lax.scan(carry_over, rhs[-1], (factors.reduce, rhs[:-1]), reverse=True, unroll=UNROLL)
-    return reduced, port
+    rows = (factors.inverse, factors.reduce, rhs[:-1])
+    port, own = lax.scan(carry_over, rhs[-1], rows, reverse=True, unroll=UNROLL)
+    return own, port
 
 
 def substitute_from_port(
-    factors: ChainFactors, reduced: LinkVectors, port: Inexact[Array, "row *batch"]
+    factors: ChainFactors, own: LinkVectors, port: Inexact[Array, "row *batch"]
 ) -> BlockVectors:
-    """Solution of the blocks 0 ... N once the port's is known."""
-    own = (factors.inverse * reduced[:, :, None]).sum(1)
+    """Solution of the blocks 0 ... N once the port's is known. own: as `reduce_to_port` gives them."""
 
     def carry_back(before, row):
         own_k, substitute_k = row

@@ -196,7 +196,7 @@ def solve_ports(
 
 def solve(matrix: Bordered, factors: Factors, rhs: Vector) -> Vector:
     """Solution of matrix x = rhs; of `matrix` only the weights and shapes are read."""
-    reduced, port = chains.reduce_to_port(factors.chains, rhs.blocks)
+    own, port = chains.reduce_to_port(factors.chains, rhs.blocks)
     displacement, local, border = solve_ports(matrix, factors.port, port, rhs)
-    blocks = chains.substitute_from_port(factors.chains, reduced, displacement)
+    blocks = chains.substitute_from_port(factors.chains, own, displacement)
     return Vector(blocks, local, border)

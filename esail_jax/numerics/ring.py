@@ -77,16 +77,16 @@ def factor_span(
     """Factors of a chain (diag, upper, lower) whose ends act on its blocks through `columns` and
     displace its port by `port`; with its share (row, end, ...) in the rows of port and far end."""
     chain, schur = chains.factor(*blocks)
-    reduced, carried = jax.vmap(partial(chains.reduce_to_port, chain), 2, (2, 1))(-columns)
-    response = jax.vmap(partial(chains.substitute_from_port, chain), (2, 1), 2)(reduced, port)
+    own, carried = jax.vmap(partial(chains.reduce_to_port, chain), 2, (2, 1))(-columns)
+    response = jax.vmap(partial(chains.substitute_from_port, chain), (2, 1), 2)(own, port)
     return Span(chain, response, far_row), matmul(schur, port) - carried, matmul(far_row, response[-1])
 
 
 def solve_span(span: Span, rhs: Float[Array, "block row *batch"]) -> tuple[Array, Array, Array]:
     """The blocks while the ends are at zero, the port's right-hand side, and what the blocks take from
     that of the far end."""
-    reduced, port = chains.reduce_to_port(span.chain, rhs)
-    blocks = chains.substitute_from_port(span.chain, reduced, jnp.zeros_like(port))
+    own, port = chains.reduce_to_port(span.chain, rhs)
+    blocks = chains.substitute_from_port(span.chain, own, jnp.zeros_like(port))
     return blocks, port, matvec(span.far_row, blocks[-1])
 
 

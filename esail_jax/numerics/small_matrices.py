@@ -1,6 +1,6 @@
 """Algebra of many small matrices at once: shape (rows, columns, ...) with the batch last.
 
-The batch (the tethers) is the contiguous axis, so every operation is one vectorised sweep over it.
+The batch (the tethers) is the contiguous axis, so every operation is one sweep over it.
 LAPACK would be called once per matrix. No pivoting: the callers' matrices are mass-dominated or
 arranged so that leading blocks are regular; their scaled condition numbers are documented there.
 """

@@ -35,7 +35,7 @@ def tension(i: Instant) -> Float[Array, " rod"]:
     fields, rates = tethers.interpolate(i.q.tether), tethers.interpolate(i.v.tether)
     stress = i.system.point_forces(i.time, fields, rates)[0].r_x
     force = dot(stress, fields.r_x) / norm(fields.r_x)
-    return force[0, :, 0]
+    return force[0]
 
 
 def stored_energy(system: System, hinges: Hinges | None, q: Coordinates) -> Scalar:

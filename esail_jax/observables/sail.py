@@ -51,9 +51,9 @@ def largest_strain(i: Instant) -> Float[Array, " tether"]:
     """Largest axial strain, in the scene's measure, over points that include the nodes."""
     tethers = i.system.tethers
     shapes = tethers.shape_table(np.linspace(0.0, 1.0, STRAIN_POINTS), 1)
-    r_x = jnp.tensordot(shapes, tethers.element_vectors(i.q.tether), 1) / tethers.element_length
+    r_x = jnp.tensordot(shapes, tethers.element_vectors(i.q.tether), 1) / tethers.lengths
     strain = axial_strain(jnp.moveaxis(r_x, 1, 0), i.system.energies[0].strain)
-    return strain.max((0, 1))
+    return tethers.of_tethers(strain.max(0)).max(0)
 
 
 def arc_length(i: Instant) -> Float[Array, " tether"]:
@@ -61,7 +61,7 @@ def arc_length(i: Instant) -> Float[Array, " tether"]:
     tethers = i.system.tethers
     r_x = tethers.interpolate(i.q.tether).r_x
     stretch = jnp.sqrt(dot(r_x, r_x))
-    return (tethers.weights[:, None, None] * stretch).sum((0, 1)) * tethers.element_length
+    return tethers.of_tethers(jnp.tensordot(tethers.weights, stretch, 1) * tethers.lengths).sum(0)
 
 
 def reaction_moments(i: Instant) -> Vector:

@@ -5,6 +5,7 @@
 
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 
@@ -18,12 +19,14 @@ from esail_jax.elements.axial import AxialDissipation, AxialEnergy, TensionOnlyE
 from esail_jax.elements.bending import STRAIGHT_TURN, BendingDissipation, BendingEnergy
 from esail_jax.elements.hinges import Hinges
 from esail_jax.elements.rigid_body import RigidBody
-from esail_jax.elements.tether import Tethers
+from esail_jax.elements.tether import Tethers, per_element
 from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.joints import roots as joints
+from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.scenes.structure import Numbers, Structure
 from esail_jax.scenes.surroundings import coulomb_thrust, starting_attitude, steering_of
 from esail_jax.system import Power, System
+from esail_jax.terms import Dissipation, Energy
 
 
 class Model(NamedTuple):
@@ -51,7 +54,7 @@ def build(structure: Structure, numbers: Numbers) -> Model:
     terms = material_terms(structure, n)
     loads, steering = (), None
     if structure.has("solar_wind"):
-        loads = (coulomb_thrust(n, origin),)
+        loads = (on_elements(coulomb_thrust(n, origin), structure["tethers.elements"]),)
         steering = steering_of(structure, n, loads[0])
     system = System(
         tethers=tethers_of(structure, n, bool(loads)),
@@ -71,7 +74,8 @@ def material_terms(structure: Structure, n: Numbers) -> tuple[tuple, tuple]:
     """Energies and dissipations of the tethers."""
     strain = structure["tethers.strain"]
     axial = n["tethers.youngs_modulus"] * n["tethers.area"]
-    energies, dissipations = [AxialEnergy(axial, strain)], []
+    energies: list[Energy] = [AxialEnergy(axial, strain)]
+    dissipations: list[Dissipation] = []
     if structure.has("tethers.axial_damping_time"):
         dissipations.append(AxialDissipation(axial, n["tethers.axial_damping_time"], strain))
     if structure["tethers.bending"]:
@@ -81,7 +85,13 @@ def material_terms(structure: Structure, n: Numbers) -> tuple[tuple, tuple]:
             straight = STRAIGHT_TURN / n["tethers.length"]
             time = n["tethers.bending_damping_time"]
             dissipations.append(BendingDissipation(bending, time, straight))
-    return tuple(energies), tuple(dissipations)
+    elements = structure["tethers.elements"]
+    return jax.tree.map(lambda x: per_element(x, elements), (tuple(energies), tuple(dissipations)))
+
+
+def on_elements(load: CoulombThrust, elements: int) -> CoulombThrust:
+    """The load with the voltages of elements, from those of tethers."""
+    return eqx.tree_at(lambda load: load.voltage, load, per_element(load.voltage, elements))
 
 
 def tethers_of(structure: Structure, n: Numbers, loaded: bool) -> Tethers:
@@ -166,22 +176,24 @@ def build_chain(structure: Structure, n: Numbers) -> tuple[RodChain, RodState]:
     """Rods and initial state ([MW] Sec. 3)."""
     column = {key: value[:, None] for key, value in n.items() if key.startswith("chain.") and value.ndim}
     length, free = column["chain.length"], structure["chain.anchor"] == "free"
-    axial = column["chain.youngs_modulus"] * column["chain.area"]
+    rods = structure["chain.rods"]
+    axial = per_element(column["chain.youngs_modulus"] * column["chain.area"], rods)
     strain = structure["chain.strain"]
     energy = AxialEnergy(axial, strain)
     if structure.has("chain.slack_strain"):
         energy = TensionOnlyEnergy(axial, n["chain.slack_strain"], strain)
     dissipations, loads = (), ()
     if structure.has("chain.axial_damping_time"):
-        dissipations = (AxialDissipation(axial, column["chain.axial_damping_time"], strain),)
+        time = per_element(column["chain.axial_damping_time"], rods)
+        dissipations = (AxialDissipation(axial, time, strain),)
     if structure.has("solar_wind"):
         origin = n["initial.heliocentric_position_au"] * ASTRONOMICAL_UNIT
-        loads = (coulomb_thrust(n | {"voltage.value": n["voltage.value"][:, None]}, origin),)
+        loads = (coulomb_thrust(n, origin),)
     tethers = Tethers(
         element_length=length,
         line_density=column["chain.mass"] / length,
         tip_mass=n["chain.tip_mass"][None],
-        elements=structure["chain.rods"],
+        elements=rods,
         kind="rod",
         fields_used=("r",) * bool(loads) + ("r_x",),
         base_mass=n.get("chain.base_mass", jnp.zeros(()))[None] if free else None,

@@ -50,7 +50,7 @@ def chain_of(rods: int) -> RodChain:
     ones = jnp.ones((rods, 1))
     tethers = Tethers(ones * LENGTH, ones * MASS / LENGTH, jnp.zeros(1), rods, "rod", ("r_x",))
     roots = FrameRoots(jnp.eye(3), jnp.zeros(()), jnp.zeros((3, 1)), None)
-    axial = AxialEnergy(ones * STIFFNESS, "engineering")
+    axial = AxialEnergy(ones[:, 0] * STIFFNESS, "engineering")
     return RodChain.of(System(tethers, roots, None, (axial,), (), (), jnp.array(GRAVITY)))
 
 

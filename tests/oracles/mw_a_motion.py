@@ -10,7 +10,7 @@ import numpy as np
 from esail_jax.coordinates import Coordinates
 from esail_jax.dynamics.consistent import consistent_acceleration
 from esail_jax.elements.axial import AxialEnergy
-from esail_jax.elements.tether import Tethers
+from esail_jax.elements.tether import Tethers, per_element
 from esail_jax.joints.roots import FrameRoots
 from esail_jax.system import System
 from oracles.ledger import Errors, fails, holds, relative_error
@@ -247,7 +247,7 @@ def hanging_trusses() -> tuple[list[Rods], np.ndarray, np.ndarray, np.ndarray]:
     def accelerations(length, density, axial, nodal):
         tethers = Tethers(length, density, 0.0 * length, n, "truss", ("r_x",))
         roots = FrameRoots(jnp.eye(3), jnp.zeros(()), jnp.zeros((3, count)), None)
-        energy = AxialEnergy(axial, "engineering")
+        energy = AxialEnergy(per_element(axial, n), "engineering")
         system = System(tethers, roots, None, (energy,), (), (), jnp.asarray(gravity))
         q, v = Coordinates(nodal, None), Coordinates(0.0 * nodal, None)
         return consistent_acceleration(system, jnp.zeros(()), q, v)[0].tether

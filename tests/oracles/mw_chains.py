@@ -88,7 +88,7 @@ def package(rods: Rods, x, v, a, load) -> dict:
     mass, length, axial = rods
     tethers = Tethers(length, mass / length, 0.0 * mass, 1, "truss", ("r", "r_x"))
     energy = AxialEnergy(axial, "engineering")
-    weights, zero = tethers.weights[:, None, None], jnp.zeros(())
+    weights, zero = tethers.weights[:, None], jnp.zeros(())
 
     def nodal(x):
         ends = jnp.cumsum(x, 0)
@@ -102,12 +102,12 @@ def package(rods: Rods, x, v, a, load) -> dict:
 
     def elastic(x, v):
         density = energy.density(tethers.interpolate(nodal(x)))
-        return (weights * density * tethers.element_length).sum((0, 1))
+        return (weights * density * tethers.lengths).sum(0)
 
     def per_undeformed_length(x):
         s = (np.polynomial.legendre.leggauss(2)[0] + 1) / 2  # the package's points; exact up to s^3
         density = jnp.einsum("irx,pr->xpi", load, s[:, None] ** np.arange(3))
-        return (density * (jnp.sqrt((x**2).sum(-1)) / length))[:, :, None]
+        return density * (jnp.sqrt((x**2).sum(-1)) / length)
 
     def force(x):
         return pull_back(tethers.nodal_forces(PointFields(per_undeformed_length(x), None)))

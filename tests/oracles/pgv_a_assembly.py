@@ -167,7 +167,8 @@ def point_matrix():
 def element_coordinates():
     """The package keeps slopes times l within an element."""
     q, kept = random_nodal()
-    vectors = np.asarray(sail.sail().tethers.element_vectors(kept.tether))
+    tethers = sail.sail().tethers
+    vectors = np.asarray(tethers.of_tethers(tethers.element_vectors(kept.tether)))
     pairs = [(i, j) for i in range(1, P + 1) for j in range(1, N)]
     printed = [forms.element_boolean(i, j, N, P) @ q for i, j in pairs]
     scale = np.array([[1.0, length, 1.0, length] for length in sail.LENGTHS])[:, :, None]
@@ -185,7 +186,7 @@ def assembled_forces():
         for j in range(1, N):
             force = (elementwise[:, :, j - 1, i - 1] * scale).reshape(-1)
             total = total + forms.element_boolean(i, j, N, P).T @ force
-    tether = sail.sail().tethers.assemble(jnp.asarray(elementwise))
+    tether = sail.sail().tethers.assemble(jnp.asarray(elementwise.reshape(4, 3, -1)))
     return relative_error(total, sail.flat(Coordinates(tether, jnp.asarray(hub.reshape(4, 3)))))
 
 

@@ -18,7 +18,7 @@ from esail_jax.dynamics.generalized_alpha import GeneralizedAlpha
 from esail_jax.elements.axial import AxialDissipation, AxialEnergy
 from esail_jax.elements.bending import BendingEnergy
 from esail_jax.elements.rigid_body import RigidBody
-from esail_jax.elements.tether import Tethers
+from esail_jax.elements.tether import Tethers, per_element
 from esail_jax.environment.solar_wind import SolarWind
 from esail_jax.joints.roots import HubRoots
 from esail_jax.loads.coulomb import CoulombThrust
@@ -66,7 +66,7 @@ def sail() -> System:
 
 def build() -> System:
     """Everything on but damped bending, whose derivatives have rows of their own."""
-    ones = jnp.ones(P)
+    ones = jnp.ones((N - 1) * P)
     hub = RigidBody(*(jnp.asarray(x) for x in HUB))
     wind = SolarWind(*(jnp.asarray(x) for x in (SPEED, DENSITY, CUTOFF, ORIGIN)))
     fields = ("r", "r_x", "r_xx")
@@ -78,7 +78,7 @@ def build() -> System:
         hub=hub,
         energies=(AxialEnergy(1.9 * ones, "green-lagrange"), BendingEnergy(0.7 * ones)),
         dissipations=(AxialDissipation(1.9 * ones, 0.6 * ones, "green-lagrange"),),
-        loads=(CoulombThrust(wind, jnp.asarray(VOLTAGE)),),
+        loads=(CoulombThrust(wind, per_element(jnp.asarray(VOLTAGE), N - 1)),),
         gravity=None,
     )
 

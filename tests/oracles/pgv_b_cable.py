@@ -30,7 +30,8 @@ def at_points() -> tuple[np.ndarray, np.ndarray]:
     """The package's r at the Gauss points, from q and from v: (element, point, xyz)."""
     found = []
     for x in sail.states()[0][:2]:
-        r = np.asarray(sail.sail().tethers.interpolate(sail.unflat(jnp.asarray(x)).tether).r)
+        tethers = sail.sail().tethers
+        r = np.asarray(tethers.of_tethers(tethers.interpolate(sail.unflat(jnp.asarray(x)).tether).r))
         found.append(np.array([r[:, :, j - 1, i - 1].T for i, j in ELEMENTS]))
     return tuple(found)
 

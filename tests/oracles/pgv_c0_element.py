@@ -128,7 +128,7 @@ def judge_of_points(system: System, e, v) -> dict:
         fields = system.tethers.interpolate(nodal(e))
         stretch, squared = dot(fields.r_x, fields.r_x), curvature_squared(fields.r_x, fields.r_xx)
         strain = axial_strain(fields.r_x, "green-lagrange")
-        return jnp.stack([strain, jnp.sqrt(squared), squared * stretch**3, stretch])[:, :, 0, 0]
+        return jnp.stack([strain, jnp.sqrt(squared), squared * stretch**3, stretch])[:, :, 0]
 
     def rate(e, v):
         return jax.jvp(quantities, (e,), (v,))[1]
@@ -144,7 +144,7 @@ def judge_of_points(system: System, e, v) -> dict:
     }
     found = {name + end: values[i] for end, values in all_of.items() for i, name in enumerate(names)}
     fields = system.tethers.interpolate(nodal(e))
-    slopes, seconds = fields.r_x[:, :, 0, 0].T, fields.r_xx[:, :, 0, 0].T
+    slopes, seconds = fields.r_x[:, :, 0].T, fields.r_xx[:, :, 0].T
     engineering = axial_strain(slopes.T, "engineering")[:, None, None]
 
     @jax.vmap
@@ -191,7 +191,7 @@ def judge_of_system(system: System, e, v) -> dict:
         return -tethers.nodal_forces(conjugates)[..., 0].transpose(2, 0, 1).reshape(12, 1)
 
     def at_points(field):
-        return field[:, :, 0, 0].T[:, :, None]
+        return field[:, :, 0].T[:, :, None]
 
     axial = system.energies[0], system.dissipations[0]
     elastic = jax.tree.map(jnp.subtract, total, viscous)

@@ -1,5 +1,6 @@
 """[PGV] Sec. 2.2.3: the Coulomb force of the solar wind on a tether and its Jacobian, Eq. 27-35."""
 
+import dataclasses
 import functools
 
 import jax.numpy as jnp
@@ -63,6 +64,7 @@ def package_points() -> dict[str, np.ndarray]:
     r, r_x = np.random.default_rng(6).normal(size=(2, 3, P))
     fields = PointFields(jnp.asarray(r), jnp.asarray(r_x))
     (load,) = sail.sail().loads
+    load = dataclasses.replace(load, voltage=load.voltage[:P])
     force = load.force(jnp.zeros(()), fields, fields)
     per_speed = load.wind.thrust_per_speed(load.voltage)
     found = {"r": r, "r_x": r_x, "u": load.wind.velocity(fields.r), "f": force}

@@ -100,7 +100,7 @@ def element_frequencies() -> tuple[float, float, float]:
 
     def stored(x):
         fields = tethers.interpolate(x.reshape(shape))
-        return (tethers.weights[:, None, None] * energy.density(fields) * tethers.element_length).sum()
+        return (tethers.weights[:, None] * energy.density(fields) * tethers.lengths).sum()
 
     def motion(x):
         return 0.5 * (x.reshape(shape) * tethers.inertia(x.reshape(shape))).sum()

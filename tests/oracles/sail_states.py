@@ -183,7 +183,7 @@ def looking():
         statics, _ = system.residual(zero, q, v, rest, system.no_multipliers())
         added = {
             "hub_acceleration": instant.vdot.hub,
-            "load": instant.load,
+            "load": instant.load if instant.load is None else system.tethers.of_tethers(instant.load),
             "root_slopes": first_slopes(system, q).T,
             "local": instant.local_frame(instant.tips - instant.roots).T,
             "sail_axes": instant.sail_axes(),
@@ -194,7 +194,8 @@ def looking():
     def first_slopes(system: System, q: Coordinates):
         tethers = system.tethers
         start = tethers.shape_table(np.zeros(1), 1)[0]
-        return jnp.tensordot(start, tethers.element_vectors(q.tether)[:, :, 0], 1) / tethers.element_length
+        first = tethers.of_tethers(tethers.element_vectors(q.tether))[:, :, 0]
+        return jnp.tensordot(start, first, 1) / tethers.element_length
 
     return jax.jit(jax.vmap(see, in_axes=(None, None, 0, 0)), compiler_options=COMPILER)
 

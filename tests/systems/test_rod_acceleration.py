@@ -63,7 +63,8 @@ CLAMP = np.array([0.6, 0.0, 0.8])
 
 def package(data, ends, free, parts):
     """The chain as the package has it."""
-    column = {key: jnp.asarray(data[key])[:, None] for key in ("mass", "length", "axial")}
+    column = {key: jnp.asarray(data[key])[:, None] for key in ("mass", "length")}
+    axial = jnp.asarray(data["axial"])
     base, tip = (jnp.asarray([end]) for end in ends)
     loads = (Shear(jnp.asarray(data["shear"])),) if "load" in parts else ()
     fields = ("r",) * bool(loads) + ("r_x",)
@@ -73,14 +74,12 @@ def package(data, ends, free, parts):
     )  # fmt: skip
     damping = ()
     if "damping" in parts:
-        damping = (
-            AxialDissipation(column["axial"], jnp.full_like(column["axial"], DAMPING), "engineering"),
-        )
+        damping = (AxialDissipation(axial, jnp.full_like(axial, DAMPING), "engineering"),)
     system = System(
         tethers=tethers,
         roots=None if free else FrameRoots(jnp.eye(3), jnp.zeros(()), jnp.zeros((3, 1)), None),
         hub=None,
-        energies=(AxialEnergy(column["axial"], "engineering"),),
+        energies=(AxialEnergy(axial, "engineering"),),
         dissipations=damping,
         loads=loads,
         gravity=jnp.asarray(GRAVITY) if "gravity" in parts else None,
