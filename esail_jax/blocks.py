@@ -17,7 +17,7 @@ from jax import lax
 
 from esail_jax import observables
 from esail_jax.array_types import Array, Float, Int, Scalar, Vector
-from esail_jax.compiler import COMPILER_OPTIONS, ONCE_COMPILE, ROWS_COMPILE
+from esail_jax.compiler import ONCE_COMPILE, ROWS_COMPILE, compiled
 from esail_jax.dynamics.collocation import KEEP, Collocation
 from esail_jax.dynamics.consistent import project
 from esail_jax.dynamics.stages import Point
@@ -202,11 +202,11 @@ def programs(
         # Then the longest, so that the others are traced while it compiles. It is worth a slower
         # compilation (compiler.QUICK_COMPILE): its steps take a tenth less time.
         stepping = jax.jit(run_blocks).lower(problem, carry, number)
-        blocks = pool.submit(stepping.compile, compiler_options=COMPILER_OPTIONS)
+        blocks = pool.submit(compiled, stepping)
         times = jax.ShapeDtypeStruct((ROWS_PER_LOOK,), float)
         count = jax.ShapeDtypeStruct((), int)
         looking = jax.jit(look).lower(problem, carry, stepping.out_info[1], times, count)
-        seeing = pool.submit(looking.compile, compiler_options=ROWS_COMPILE)
+        seeing = pool.submit(compiled, looking, ROWS_COMPILE)
         switching = None
         if structure.has("event") or structure.has("voltage.on"):
             going_on = jax.jit(go_on).lower(problem, problem, carry, stepping.out_info[1], number, number)

@@ -1,18 +1,28 @@
-"""Options of the compiler for the package's own programs on a CPU.
+"""How the package's own programs are compiled for a CPU.
 
-A `jax.jit` around `simulate` gets them by `jax.jit(f, compiler_options=esail_jax.COMPILER_OPTIONS)`.
+A `jax.jit` around `simulate` gets the same by `jax.jit(f, compiler_options=esail_jax.COMPILER_OPTIONS)`.
+
+The compiler hands matrix products to a library. Let that have the reshaping and copying around a product,
+too, and a step of the baseline takes a fifth less time. But the library of jaxlib 0.10.2 reads a right
+factor whose columns are all equal from beyond its end (`uniform_factor`): rarely part of a run, often of a
+derivative, where a tangent is zero. `compiled` looks whether a program has such a product.
 """
+
+import re
 
 import jax
 
-COMPILER_OPTIONS = (
-    {"xla_cpu_experimental_ynn_fusion_type": "LIBRARY_FUSION_TYPE_DOT"}
-    if jax.__version_info__ < (0, 11)
-    else None
-)
-"""Only matrix products go to the library of kernels. It takes sums over the three components too, with all
-that stands around them, and makes an iteration of sixteen sails in lockstep half as slow again as the
-compiler's own loops do. Later versions of JAX have options of other names."""
+FUSION_TYPE = "xla_cpu_experimental_ynn_fusion_type"
+NAMED = jax.__version_info__ < (0, 11)
+"""Later versions of JAX have options of other names."""
+
+COMPILER_OPTIONS = {FUSION_TYPE: "LIBRARY_FUSION_TYPE_INDIVIDUAL_DOT"} if NAMED else None
+"""Only matrix products go to the library, nothing around them. By default it takes sums over the three
+components, too: the baseline's run takes an eighth more time, and an iteration of sixteen sails in lockstep
+half as much again."""
+
+TOGETHER = {FUSION_TYPE: "LIBRARY_FUSION_TYPE_DOT"}
+"""Matrix products with what stands around them."""
 
 
 def with_options(**more: str | bool | int) -> dict[str, str | bool | int] | None:
@@ -22,10 +32,9 @@ def with_options(**more: str | bool | int) -> dict[str, str | bool | int] | None
 
 QUICK_COMPILE = with_options(xla_cpu_use_fusion_emitters=False)
 """XLA's older way of writing loops for the CPU takes a third less compile time and makes the step of
-generalized-alpha a tenth slower (64 for 58 us on the baseline): a gain for every first run shorter than
-two hundred thousand steps."""
+generalized-alpha a tenth slower: a gain for every first run shorter than two hundred thousand steps."""
 
-CHAIN_COMPILE = with_options(xla_cpu_use_fusion_emitters=False, xla_cpu_experimental_ynn_fusion_type="")
+CHAIN_COMPILE = with_options(xla_cpu_use_fusion_emitters=False, **{FUSION_TYPE: ""})
 """Of chains by explicit methods: nothing goes to the library, whose small products make a run of two
 bodies joined by ten rods 1.8 times as long."""
 
@@ -34,3 +43,34 @@ ROWS_COMPILE = with_options(xla_cpu_use_fusion_emitters=False, xla_backend_optim
 
 ONCE_COMPILE = with_options(xla_cpu_use_fusion_emitters=False, xla_backend_optimization_level=0)
 """Of what runs once, the start of a run: a quarter of the time, 0.8 for 3.1 s."""
+
+INSTRUCTION = re.compile(r"^ *(?:ROOT )?(%\S+) = \S+ ([\w-]+)\((.*?)\)", re.MULTILINE)
+"""Name, operation and inputs."""
+
+RESHAPING = ("bitcast", "reshape", "transpose", "copy")
+
+
+def compiled(
+    lowered: jax.stages.Lowered, options: dict[str, str | bool | int] | None = COMPILER_OPTIONS
+) -> jax.stages.Compiled:
+    """The program, with products and what stands around them in the library where that is right."""
+    if options is not None:
+        program = lowered.compile(compiler_options=options | TOGETHER)
+        if not uniform_factor(program.as_text()):
+            return program
+    return lowered.compile(compiler_options=options)
+
+
+def uniform_factor(program: str) -> bool:
+    """Has the text of a compiled program a product in the library whose right factor is a broadcast, seen
+    through reshaping? It errs on those whose rows are one number over and over; all are refused."""
+    for body in re.findall(r"^%\S+ \([^\n]*\{\n((?: [^\n]*\n)+)\}", program, re.MULTILINE):
+        made = {name: (op, inputs) for name, op, inputs in INSTRUCTION.findall(body)}
+        for op, inputs in made.values():
+            if op == "dot":
+                source = inputs
+                while op in ("dot", *RESHAPING):
+                    op, source = made[source.split(",")[-1].split()[-1]]
+                if op == "broadcast":
+                    return True
+    return False

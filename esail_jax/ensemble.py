@@ -18,7 +18,7 @@ import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 
 from esail_jax.array_types import Array, Bool, Float
-from esail_jax.compiler import COMPILER_OPTIONS
+from esail_jax.compiler import compiled
 from esail_jax.numerics.loops import LOCKSTEP
 from esail_jax.observables import listed, shape_of
 from esail_jax.observables.balance import TERMS
@@ -152,9 +152,7 @@ class Runner:
         devices = jax.local_devices()
         room = (devices[0].memory_stats() or {}).get("bytes_limit", MOST_BYTES)
         # Of each device's own share of the program.
-        memory = (
-            self._lowered(PROBE * len(devices)).compile(compiler_options=COMPILER_OPTIONS).memory_analysis()
-        )
+        memory = compiled(self._lowered(PROBE * len(devices))).memory_analysis()
         each = max(each, (memory.temp_size_in_bytes + memory.output_size_in_bytes) / PROBE)
         return int(np.clip(SHARE * room / each, 1, GPU_BATCH)) * len(devices)
 
@@ -171,7 +169,7 @@ class Runner:
     def compile(self) -> None:
         """Do it now, unless it is done."""
         if self._compiled is None:
-            self._compiled = self._lowered(self.batch).compile(compiler_options=COMPILER_OPTIONS)
+            self._compiled = compiled(self._lowered(self.batch))
 
     def __call__(self, members: np.ndarray) -> Ensemble:
         """These members, `batch` at most."""
