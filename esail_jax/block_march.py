@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.blocks import ROWS_PER_LOOK, Carry, standing
@@ -45,7 +44,7 @@ class BlockMarch:
         compiled = self.prepared.programs
         while self.rows < len(self.times):
             began = float(self.carry.progress.now.time)
-            problem = self.prepared.problem.since(jnp.asarray(began))
+            problem = self.prepared.problem.since(np.asarray(began))
             stop = next((time for time in self.stops if time > began), self.stops[-1])
             carry, records = compiled.blocks(problem, self.carry, np.asarray(stop))
             reached = min(float(carry.progress.now.time), stop)
@@ -68,7 +67,7 @@ class BlockMarch:
                 counted = carry.counted + numerics["steps"].sum()
                 carry = carry._replace(counted=counted)
             if reached == stop < self.stops[-1]:
-                here = jnp.asarray(stop)
+                here = np.asarray(stop)
                 until = np.asarray(next_switch(self.switches, stop))
                 carry = compiled.go_on(problem, problem.since(here), carry, records, here, until)
             self.carry, self.rows = carry, self.rows + len(times)
