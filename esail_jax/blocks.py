@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
 from esail_jax import observables
@@ -49,7 +50,7 @@ class Problem(NamedTuple):
         """Names of everything that was built."""
         return self.system.terms
 
-    def since(self, time: Scalar) -> "Problem":
+    def since(self, time: Scalar | np.ndarray) -> "Problem":
         """With the system as it is after `time`."""
         return self._replace(system=self.system.since(time))
 

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from esail_jax.array_types import Array, Float, Instants, Nodal, PerTether, Rotation, Scalar, Vector
 from esail_jax.coordinates import Coordinates, Multipliers
@@ -270,7 +271,7 @@ class System(eqx.Module):
             return jnp.eye(3)
         return self.roots.rotation(time) if self.hub is None else self.hub.rotation(q.hub)
 
-    def since(self, time: Scalar) -> "System":
+    def since(self, time: Scalar | np.ndarray) -> "System":
         """The system after `time`, with the roots released that nothing holds from then on."""
         if self.roots is None or self.roots.releases.release_time is None:
             return self

@@ -10,6 +10,7 @@ there, accelerations and reactions are not, so that a run goes on from such an i
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 
 from esail_jax.array_types import (
     Array,
@@ -51,7 +52,7 @@ class Releases(eqx.Module):
     release_time: PerTether | None = None
     released: Bool[Array, " tether"] | None = None
 
-    def since(self, time: Scalar) -> "Releases":
+    def since(self, time: Scalar | np.ndarray) -> "Releases":
         """As they are after `time`."""
         if self.release_time is None:
             return self
