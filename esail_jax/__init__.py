@@ -15,7 +15,7 @@ import jax
 
 jax.config.update("jax_enable_x64", True)
 
-from esail_jax.compiler import COMPILER_OPTIONS  # noqa: E402
+from esail_jax.compiler import COMPILER_OPTIONS, compiled  # noqa: E402
 from esail_jax.pieces import RESULTS, SimulationError  # noqa: E402
 from esail_jax.scenes.keys import SceneError  # noqa: E402
 from esail_jax.scenes.scene import Scene, load_scene  # noqa: E402
@@ -32,6 +32,7 @@ __all__ = [
     "SceneError",
     "SimulationError",
     "Solution",
+    "compiled",
     "load",
     "load_scene",
     "save",

@@ -1,6 +1,7 @@
 """How the package's own programs are compiled for a CPU.
 
-A `jax.jit` around `simulate` gets the same by `jax.jit(f, compiler_options=esail_jax.COMPILER_OPTIONS)`.
+A program around `simulate` gets the same by `esail_jax.compiled(jax.jit(f).lower(*arguments))`, a `jax.jit`
+most of it by `jax.jit(f, compiler_options=esail_jax.COMPILER_OPTIONS)`.
 
 The compiler hands matrix products to a library. Let that have the reshaping and copying around a product,
 too, and a step of the baseline takes a fifth less time. But the library of jaxlib 0.10.2 reads a right
@@ -56,7 +57,10 @@ RESHAPING = ("bitcast", "reshape", "transpose", "copy")
 def compiled(
     lowered: jax.stages.Lowered, options: dict[str, str | bool | int] | None = COMPILER_OPTIONS
 ) -> jax.stages.Compiled:
-    """The program, with products and what stands around them in the library where that is right."""
+    """A lowered program compiled: `compiled(jax.jit(f).lower(*arguments))(*arguments)`.
+
+    Products and what stands around them go to the library if that is right for all of them, products alone
+    if not (`uniform_factor`). options: beside that."""
     if options is not None:
         program = lowered.compile(compiler_options=options | TOGETHER)
         if not uniform_factor(program.as_text()):
