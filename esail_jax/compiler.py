@@ -52,6 +52,8 @@ INSTRUCTION = re.compile(r"^ *(?:ROOT )?(%\S+) = \S+ ([\w-]+)\((.*?)\)", re.MULT
 """Name, operation and inputs."""
 
 RESHAPING = ("bitcast", "reshape", "transpose", "copy")
+STORED = ("parameter", "constant", "dot")
+"""What stands in memory in full."""
 
 
 def compiled(
@@ -69,23 +71,28 @@ def compiled(
 
 
 def uniform_factor(program: str) -> bool:
-    """Has the text of a compiled program a product in the library whose right factor is a broadcast, seen
-    through reshaping? It errs on those whose rows are one number over and over; all are refused."""
+    """Has the text of a compiled program a product in the library whose right factor is, seen through
+    reshaping, not an array in memory? The library errs on some broadcasts; whatever else is refused too."""
     in_library = set(re.findall(r"kind=kCustom, calls=(%[\w.-]+).*__ynn_fusion", program))
     for name, body in COMPUTATION.findall(program):
-        if name in in_library and product_of_broadcast(body):
+        if name in in_library and product_of_unstored(body):
             return True
     return False
 
 
-def product_of_broadcast(body: str) -> bool:
-    """Is the right factor of a product a broadcast, in the text of one computation?"""
+def product_of_unstored(body: str) -> bool:
+    """Is the right factor of a product not an array in memory, in the text of one computation?"""
     made = {name: (op, inputs) for name, op, inputs in INSTRUCTION.findall(body)}
     for op, inputs in made.values():
         if op == "dot":
-            source = inputs
-            while op in ("dot", *RESHAPING):
-                op, source = made[source.split(",")[-1].split()[-1]]
-            if op == "broadcast":
+            op, inputs = made[last(inputs)]
+            while op in RESHAPING:
+                op, inputs = made[last(inputs)]
+            if op not in STORED:
                 return True
     return False
+
+
+def last(inputs: str) -> str:
+    """Name of the last input, which may follow its type."""
+    return inputs.split(",")[-1].split()[-1]

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from esail_jax.compiler import COMPILER_OPTIONS, TOGETHER, compiled, uniform_factor
+from esail_jax.compiler import COMPILER_OPTIONS, compiled, uniform_factor
 
 LEFT = np.random.default_rng(0).normal(size=(4, 4))
 
@@ -36,12 +36,38 @@ def test_product_with_any_right_factor(factor, how):
     np.testing.assert_allclose(program(LEFT, NUMBERS), expected, rtol=0, atol=1e-14)
 
 
-@pytest.mark.skipif(COMPILER_OPTIONS is None, reason="JAX 0.11 has options of other names")
-@pytest.mark.parametrize("factor", FACTORS)
-def test_uniform_factor_is_seen(factor):
-    """What the library would have to read from a broadcast is seen in the compiled program, and a product
-    of two arrays that stand in memory is not taken for it."""
-    lowered = jax.jit(lambda left, x: left @ FACTORS[factor](x)).lower(LEFT, NUMBERS)
-    text = lowered.compile(compiler_options=TOGETHER).as_text()
-    assert "__ynn_fusion" in text
-    assert uniform_factor(text) == (factor != "any")
+IN_LIBRARY = """
+%computation (left: f64[4,4], x: {given}) -> f64[4,12] {{
+  %left = f64[4,4]{{1,0}} parameter(0)
+  %x = {given}{{0}} parameter(1)
+{lines}
+  ROOT %product = f64[4,12]{{1,0}} dot(%left, %right), lhs_contracting_dims={{1}}
+}}
+
+ENTRY %main (l: f64[4,4], x.1: {given}) -> f64[4,12] {{
+  ROOT %made = f64[4,12]{{1,0}} fusion(%l, %x.1), kind={kind}, calls=%computation, backend_config={config}
+}}
+"""
+"""As jaxlib 0.10.2 writes a compiled program."""
+
+BROADCAST = "  %right = f64[4,12]{1,0} broadcast(%x), dimensions={0}"
+SPREAD = "  %y = f64[4,3,4]{2,1,0} broadcast(%x), dimensions={2}\n  %right = f64[4,12]{1,0} bitcast(%y)"
+ARRAY = "  %right = f64[4,12]{1,0} bitcast(%x)"
+LIBRARY = {"kind": "kCustom", "config": '{"fusion_config":{"kind":"__ynn_fusion"}}'}
+LOOP = {"kind": "kLoop", "config": "{}"}
+
+
+@pytest.mark.parametrize(
+    ("given", "lines", "place", "refused"),
+    [
+        ("f64[4]", BROADCAST, LIBRARY, True),
+        ("f64[4]", SPREAD, LIBRARY, True),
+        ("f64[48]", ARRAY, LIBRARY, False),
+        ("f64[4]", BROADCAST, LOOP, False),
+    ],
+    ids=["broadcast", "reshaped broadcast", "array", "outside the library"],
+)
+def test_uniform_factor_is_seen(given, lines, place, refused):
+    """What the library would have to read from a broadcast is seen in the text of a compiled program,
+    through reshaping too; an array in memory is not taken for it, nor a product outside the library."""
+    assert uniform_factor(IN_LIBRARY.format(given=given, lines=lines, **place)) == refused
