@@ -30,7 +30,7 @@ def point_jacobian(
     point, element). One forward derivative per component a term depends on.
     """
     blocks = {}
-    for term in (*system.energies, *system.dissipations, *system.loads):
+    for term in (*system.inner_terms, *system.loads):
         names = term.depends_on
 
         def shifted(*steps, term=term, names=names):

@@ -13,7 +13,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax.array_types import Array, Float, Instants, Nodal, PerTether, Rotation, Scalar, Vector
+from esail_jax.array_types import (
+    Array,
+    Float,
+    Instants,
+    Nodal,
+    PerPoint,
+    PerTether,
+    Rotation,
+    Scalar,
+    Vector,
+)
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.elements.rigid_body import RigidBody
 from esail_jax.elements.tether import Tethers
@@ -21,7 +31,7 @@ from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.joints.roots import FrameRoots, HubRoots
 from esail_jax.loads.voltage import Sight, VoltageLaw
 from esail_jax.numerics.vectors import dot
-from esail_jax.terms import Dissipation, Energy, Load, PointFields
+from esail_jax.terms import Deformation, Dissipation, Load, PointFields, Term, Together
 
 
 class Power(NamedTuple):
@@ -46,7 +56,7 @@ class System(eqx.Module):
     tethers: Tethers
     roots: HubRoots | FrameRoots | None
     hub: RigidBody | None
-    energies: tuple[Energy, ...]
+    energies: tuple[Term, ...]
     dissipations: tuple[Dissipation, ...]
     loads: tuple[Load, ...]
     gravity: Vector | None
@@ -84,13 +94,23 @@ class System(eqx.Module):
 
     def point_forces(
         self, time: Instants, fields: PointFields, rates: PointFields
-    ) -> tuple[PointFields, PointFields, PointFields]:
-        """At every quadrature point: what is conjugate to the fields (dW + dR - f), and of it the
-        viscous part and the loads' (with their sign), for the power."""
-        elastic = [term.point_forces(time, fields, rates) for term in self.energies]
-        viscous = [term.point_forces(time, fields, rates) for term in self.dissipations]
+    ) -> tuple[PointFields, PerPoint | None, PointFields]:
+        """At every quadrature point: what is conjugate to the fields (dW + dR - f), the power lost [W/m]
+        (None where nothing dissipates), and the loads' part of the first, with its sign."""
+        inner = [term.point_forces(time, fields, rates) for term in self.inner_terms]
         loads = [term.point_forces(time, fields, rates) for term in self.loads]
-        return add_fields(elastic + viscous + loads), add_fields(viscous), add_fields(loads)
+        lost = None
+        if self.dissipations:
+            lost = 2.0 * sum(term.density(fields, rates) for term in self.dissipations)
+        return add_fields(inner + loads), lost, add_fields(loads)
+
+    @property
+    def inner_terms(self) -> tuple[Term, ...]:
+        """Energies and dissipations, those of the shape together."""
+        terms = (*self.energies, *self.dissipations)
+        shaped = tuple(term for term in terms if isinstance(term, Deformation))
+        others = tuple(term for term in terms if not isinstance(term, Deformation))
+        return (Together(shaped), *others) if shaped else others
 
     def field(self, q: Coordinates, v: Coordinates) -> Coordinates:
         """Acceleration [m/s^2] of a free particle at every node and hub point: uniform gravity and
@@ -162,14 +182,13 @@ class System(eqx.Module):
         """M vdot - Q of the tethers, and the power of loads and dissipation, of one state or several."""
         tethers = self.tethers
         fields, rates = tethers.interpolate(q), tethers.interpolate(v)
-        total, viscous, loads = self.point_forces(time, fields, rates)
+        total, lost, loads = self.point_forces(time, fields, rates)
         forces = tethers.nodal_forces(total, inertial)
         external = dissipated = jnp.zeros(q.shape[2:-2])
         if self.loads:
             external = -self.integrate(dot(loads.r, rates.r))
-        if self.dissipations:
-            parts = [dot(f, rate) for f, rate in zip(viscous, rates, strict=True) if f is not None]
-            dissipated = self.integrate(sum(parts))
+        if lost is not None:
+            dissipated = self.integrate(lost)
         return forces, Power(external, dissipated)
 
     def joined(

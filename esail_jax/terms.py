@@ -3,22 +3,21 @@
     M q'' + Phi_q(q)^T lam = Q(t, q, q'),      Q = -dU/dq - dR/dq' + Q_load
 
 An energy is a density W(e) [J/m] with U = integral of W dx, a dissipation a Rayleigh density R(e, e')
-[W/m], where e is a measure of deformation such as a strain; a load is a force per undeformed length
-[N/m]. Each is written once, for one point; arrays are component
-first with any batch behind, so the same text acts on all quadrature points at once. Forces and
-tangents are derivatives of that text (`jax.grad`, `jax.jvp`): nothing else is ever written down.
+[W/m], where e is a measure of deformation such as a strain, a function of the `Shape`; a load is a force
+per undeformed length [N/m]. Each is written once, for one point; arrays are component first with any batch
+behind, so the same text acts on all quadrature points at once. Forces and tangents are derivatives of that
+text (`jax.grad`, `jax.jvp`): nothing else is ever written down.
 """
 
 from abc import abstractmethod
-from collections.abc import Callable
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 
 from esail_jax.array_types import Instants, PerPoint, VectorPerPoint
-from esail_jax.numerics.vectors import dot
+from esail_jax.numerics.vectors import dot, reciprocal, stacked
 
 
 class PointFields(NamedTuple):
@@ -32,6 +31,42 @@ class PointFields(NamedTuple):
     r: VectorPerPoint | None
     r_x: VectorPerPoint | None
     r_xx: VectorPerPoint | None = None
+
+
+class Shape(NamedTuple):
+    """What a slender member's deformation depends on, whichever way it points: s = |r_x|^2 [-], and
+    m = |n|^2 [1/m^2], n the part of r_xx normal to r_x (None where nothing uses curvature). Also its rate,
+    and what is conjugate to it."""
+
+    stretch_squared: PerPoint
+    normal_squared: PerPoint | None = None
+
+
+def shape_of(fields: PointFields) -> Shape:
+    """The shape at every point; the position does not matter to it."""
+    normal = None if fields.r_xx is None else normal_squared(fields.r_x, fields.r_xx)
+    return Shape(dot(fields.r_x, fields.r_x), normal)
+
+
+@jax.custom_jvp
+def normal_squared(r_x: VectorPerPoint, r_xx: VectorPerPoint) -> PerPoint:
+    """|n|^2, n = r_xx - a r_x, a = (r_x . r_xx) / (r_x . r_x). A difference of products of the two vectors
+    would lose all digits of a nearly straight cable."""
+    _, normal = along_and_normal(r_x, r_xx)
+    return dot(normal, normal)
+
+
+@normal_squared.defjvp
+def _normal_squared_jvp(primals, tangents):
+    """2 n . (dr_xx - a dr_x): n . r_x is zero, which no compiler knows."""
+    along, normal = along_and_normal(*primals)
+    return dot(normal, normal), 2.0 * dot(normal, tangents[1] - along * tangents[0])
+
+
+def along_and_normal(r_x: VectorPerPoint, r_xx: VectorPerPoint) -> tuple[PerPoint, VectorPerPoint]:
+    """a and n of r_xx = a r_x + n."""
+    along = dot(r_x, r_xx) * reciprocal(dot(r_x, r_x))
+    return along, r_xx - along * r_x
 
 
 class Term(eqx.Module):
@@ -63,12 +98,23 @@ class Term(eqx.Module):
         return transposed(w)
 
 
-class Energy(Term):
-    """Elastic energy per undeformed length, a function of one scalar measure of deformation."""
+class Deformation(Term):
+    """A function of one scalar measure of deformation: an energy or a dissipation."""
 
     @abstractmethod
-    def deformation(self, fields: PointFields) -> PerPoint:
+    def deformation(self, shape: Shape) -> PerPoint:
         """e: a strain, a curvature."""
+
+    @abstractmethod
+    def resultant(self, shape: Shape, rate: Shape | None) -> Shape:
+        """What is conjugate to the shape. rate: None if nothing depends on it."""
+
+    def point_forces(self, time: Instants, fields: PointFields, rates: PointFields) -> PointFields:
+        return Together((self,)).point_forces(time, fields, rates)
+
+
+class Energy(Deformation):
+    """Elastic energy per undeformed length."""
 
     @abstractmethod
     def stored(self, e: PerPoint) -> PerPoint:
@@ -76,75 +122,93 @@ class Energy(Term):
 
     def density(self, fields: PointFields) -> PerPoint:
         """W [J/m]."""
-        return self.stored(self.deformation(fields))
+        return self.stored(self.deformation(shape_of(fields)))
 
-    def point_forces(self, time: Instants, fields: PointFields, rates: PointFields) -> PointFields:
-        """dW/d(fields) = W'(e) grad e: the stress resultants."""
-        e, gradient = with_gradient(self.deformation, self.depends_on, fields)
-        stress = jax.grad(lambda e: self.stored(e).sum())(e)
-        return jax.tree.map(lambda g: stress * g, gradient)
-
-    def pull_back(
-        self, time: Instants, fields: PointFields, rates: PointFields, w: PointFields
-    ) -> tuple[PointFields, PointFields]:
-        """The Hessian of W is symmetric: what a change of the fields by w does to the forces."""
-        w = among(fields, self.depends_on, w)
-        _, moved = jax.jvp(lambda x: self.point_forces(time, x, rates), (fields,), (w,))
-        return among(fields, self.depends_on, moved), PointFields(None, None)
+    def resultant(self, shape: Shape, rate: Shape | None) -> Shape:
+        """dW/d(shape)."""
+        return jax.grad(lambda shape: self.stored(self.deformation(shape)).sum())(shape)
 
 
-class Dissipation(Term):
+class Dissipation(Deformation):
     """Rayleigh dissipation function per undeformed length; the power lost is 2 R."""
-
-    @abstractmethod
-    def deformation(self, fields: PointFields) -> PerPoint:
-        """e: what it costs power to change."""
 
     @abstractmethod
     def lost(self, e: PerPoint, rate: PerPoint) -> PerPoint:
         """R(e, e') [W/m], quadratic in the rate."""
 
-    def along(self, gradient: PointFields, rates: PointFields) -> PerPoint:
-        """g . x': the rate of e, or its change along any other vectors."""
-        return sum(dot(getattr(gradient, name), getattr(rates, name)) for name in self.depends_on)
-
     def density(self, fields: PointFields, rates: PointFields) -> PerPoint:
         """R [W/m]."""
-        return self.lost(*jax.jvp(self.deformation, (fields,), (rates,)))
+        return self.of_rate(*jax.jvp(shape_of, (fields,), (rates,)))
+
+    def of_rate(self, shape: Shape, rate: Shape) -> PerPoint:
+        """R of a shape and its rate."""
+        return self.lost(*jax.jvp(self.deformation, (shape,), (rate,)))
+
+    def resultant(self, shape: Shape, rate: Shape | None) -> Shape:
+        """dR/d(rate)."""
+        return jax.grad(lambda rate: self.of_rate(shape, rate).sum())(rate)
+
+
+class Together(Term):
+    """Several deformations: their resultants are added up as the two numbers they are at a point, before
+    these become vectors."""
+
+    terms: tuple[Deformation, ...]
+
+    name: ClassVar[str] = "together"
+
+    @property
+    def depends_on(self) -> tuple[str, ...]:
+        named = {name for term in self.terms for name in term.depends_on}
+        return tuple(name for name in PointFields._fields if name in named)
+
+    def of_mine(self, fields: PointFields) -> PointFields:
+        """Without the fields that nothing here depends on."""
+        mine = self.depends_on
+        return PointFields(*(x if name in mine else None for name, x in fields._asdict().items()))
+
+    def resultant(self, shape: Shape, rate: Shape | None) -> Shape:
+        """S(y, y') of the shape y."""
+        parts = [term.resultant(shape, rate) for term in self.terms]
+        return jax.tree.map(lambda *x: sum(x[1:], x[0]), *parts)
+
+    def rate_of(self, fields: PointFields, rates: PointFields) -> Shape | None:
+        """y' = J x', J = dy/dx, if anything depends on it."""
+        if not any(isinstance(term, Dissipation) for term in self.terms):
+            return None
+        return jax.jvp(shape_of, (fields,), (rates,))[1]
 
     def point_forces(self, time: Instants, fields: PointFields, rates: PointFields) -> PointFields:
-        """dR/d(rates) = (dR/de') grad e: the viscous stress resultants. The gradient is that of the
-        energy in the same measure, and computed once for both."""
-        e, gradient = with_gradient(self.deformation, self.depends_on, fields)
-        rate = self.along(gradient, rates)
-        stress = jax.grad(lambda rate: self.lost(e, rate).sum())(rate)
-        return jax.tree.map(lambda g: stress * g, gradient)
+        """J^T S: the stress resultants."""
+        fields, rates = self.of_mine(fields), self.of_mine(rates)
+        shape, turned = jax.vjp(shape_of, fields)
+        found = self.resultant(shape, self.rate_of(fields, rates))
+        if found.normal_squared is not None:
+            # Into memory: they would be computed again for every component of the vectors.
+            found = Shape(*stacked([x[None] for x in found]))
+        return turned(found)[0]
 
     def pull_back(
         self, time: Instants, fields: PointFields, rates: PointFields, w: PointFields
     ) -> tuple[PointFields, PointFields]:
-        """Of F = S(e, e') g with S = dR/de', g = grad e and H = grad g, which is symmetric:
+        """With a = (dS/dy)^T J w, b = (dS/dy')^T J w, and as second derivatives of the shape are symmetric,
 
-        (dF/dx)^T w = (g.w) dS/de g + H (S w + (g.w) dS/de' x'),      (dF/dx')^T w = (g.w) dS/de' g
+        (dF/dx)^T w = J^T a + dJ^T[w] S + dJ^T[x'] b,      (dF/dx')^T w = J^T b
         """
-        w = among(fields, self.depends_on, w)
-        e, g = with_gradient(self.deformation, self.depends_on, fields)
-        rate, along = (self.along(g, x) for x in (rates, w))
+        fields, rates, w = (self.of_mine(x) for x in (fields, rates, w))
+        shape, turned = jax.vjp(shape_of, fields)
+        along = jax.jvp(shape_of, (fields,), (w,))[1]
+        found, back = jax.vjp(self.resultant, shape, self.rate_of(fields, rates))
+        by_shape, by_rate = back(along)
 
-        def stress(e, rate):
-            return jax.grad(lambda rate: self.lost(e, rate).sum())(rate)
+        def bent(direction, force):
+            """dJ^T[direction] force."""
+            return jax.jvp(lambda x: jax.vjp(shape_of, x)[1](force)[0], (fields,), (direction,))[1]
 
-        ones, none = jnp.ones_like(e), jnp.zeros_like(e)
-        s, by_e = jax.jvp(stress, (e, rate), (ones, none))
-        _, by_rate = jax.jvp(stress, (e, rate), (none, ones))
-        turn = jax.tree.map(lambda w, v: s * w + along * by_rate * v, w, rates)
-        turn = among(fields, self.depends_on, turn)
-        _, bent = jax.jvp(
-            lambda x: with_gradient(self.deformation, self.depends_on, x)[1], (fields,), (turn,)
-        )
-        by_fields = jax.tree.map(lambda h, g: h + along * by_e * g, bent, g)
-        by_rates = jax.tree.map(lambda g: along * by_rate * g, g)
-        return among(fields, self.depends_on, by_fields), among(rates, self.depends_on, by_rates)
+        by_fields = [turned(by_shape)[0], bent(w, found)]
+        if by_rate is None:
+            return jax.tree.map(jnp.add, *by_fields), PointFields(None, None)
+        return jax.tree.map(lambda *x: sum(x), *by_fields, bent(rates, by_rate)), turned(by_rate)[0]
 
 
 class Load(Term):
@@ -161,27 +225,3 @@ class Load(Term):
     def point_forces(self, time: Instants, fields: PointFields, rates: PointFields) -> PointFields:
         """-f, conjugate to the position."""
         return PointFields(-self.force(time, fields, rates), None)
-
-
-def with_gradient(
-    function: Callable[[PointFields], PerPoint], names: tuple[str, ...], at: PointFields
-) -> tuple[PerPoint, PointFields]:
-    """A function of the fields at every point, and its gradient with respect to the named ones; None
-    for the others."""
-
-    def of_named(*values):
-        return function(at._replace(**dict(zip(names, values, strict=True))))
-
-    value, pull_back = jax.vjp(of_named, *(getattr(at, name) for name in names))
-    gradient = pull_back(jnp.ones_like(value))
-    return value, PointFields(None, None)._replace(**dict(zip(names, gradient, strict=True)))
-
-
-def among(like: PointFields, names: tuple[str, ...], values: PointFields) -> PointFields:
-    """The named values; zeros for the other fields there are."""
-    return PointFields(
-        *(
-            None if field is None else value if name in names else jnp.zeros_like(field)
-            for name, field, value in zip(PointFields._fields, like, values, strict=True)
-        )
-    )

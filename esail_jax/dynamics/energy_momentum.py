@@ -22,14 +22,14 @@ import numpy as np
 from jax import lax
 
 from esail_jax import newton_matrix
-from esail_jax.array_types import Float, Instants, PerPoint, Rotation, Scalar
+from esail_jax.array_types import Float, Instants, Rotation, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.dynamics.fixed_step import FixedStep, KeptFactors, State, StepInfo, Unknowns
 from esail_jax.dynamics.step_solution import solve_step
 from esail_jax.numerics import bordered
 from esail_jax.numerics.quadrature import gauss_legendre
 from esail_jax.system import Power, Residual, System
-from esail_jax.terms import Energy, PointFields
+from esail_jax.terms import Energy, PointFields, Term
 
 ROUNDING = 1e-13
 """Largest last increment of a step that has converged, in the size of the coordinates. A chord step takes
@@ -40,7 +40,7 @@ PATH_POINTS = 4
 of a tether whose r_x . r_x changes by less than a tenth within a step."""
 
 
-class Secant(Energy):
+class Secant(Term):
     """Discrete gradient of an energy between the fields at the start of a step and those at its end.
 
     W depends on scalar products c of the fields only. Its mean gradient on the straight way in c from
@@ -61,12 +61,6 @@ class Secant(Energy):
     @property
     def depends_on(self) -> tuple[str, ...]:
         return self.term.depends_on
-
-    def deformation(self, fields: PointFields) -> PerPoint:
-        return self.term.deformation(fields)
-
-    def stored(self, e: PerPoint) -> PerPoint:
-        return self.term.stored(e)
 
     def point_forces(self, time: Instants, fields: PointFields, rates: PointFields) -> PointFields:
         """Conjugate to the fields half way, from which those at the end follow."""

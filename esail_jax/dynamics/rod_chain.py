@@ -26,7 +26,6 @@ from jax import lax
 from esail_jax.array_types import Array, Float, Scalar, VectorPerPoint
 from esail_jax.coordinates import Coordinates
 from esail_jax.elements.hinges import Hinges
-from esail_jax.numerics.vectors import dot
 from esail_jax.system import Power, System
 from esail_jax.terms import PointFields
 
@@ -172,7 +171,7 @@ class RodChain(eqx.Module):
             return PointFields(between(tethers.table(0), self.joints(c)), slope)
 
         rates = fields_of(v)
-        total, viscous, loads = system.point_forces(time, fields_of(x), rates)
+        total, lost, loads = system.point_forces(time, fields_of(x), rates)
         stress = jnp.tensordot(weights, total.r_x, (0, 1))
         if not self.works:
             return stress, None, None
@@ -188,8 +187,7 @@ class RodChain(eqx.Module):
             q, rate = self.coordinates(RodState(x, v, None))
             external = external + (system.field(q, rate).tether * system.momenta(rate).tether).sum()
         if system.dissipations:
-            lost = weights @ dot(viscous.r_x, rates.r_x)
-            dissipated = (lost * length).sum()
+            dissipated = ((weights @ lost) * length).sum()
         return stress, joint_force, Power(external, dissipated)
 
 

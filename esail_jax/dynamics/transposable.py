@@ -47,8 +47,7 @@ def _forces_and_fields(system, volts, time, q, v, inertial):
 def _forces_pulled_back(at, nodal):
     system, volts, *at = at
     w = system.tethers.interpolate(nodal)
-    terms = (*system.energies, *system.dissipations, *system.loads)
-    parts = [term.pull_back(*at, w) for term in terms]
+    parts = [term.pull_back(*at, w) for term in (*system.inner_terms, *system.loads)]
     by_fields, by_rates = (add_fields(list(x)) for x in zip(*parts, strict=True))
 
     def virtual_power(volts):

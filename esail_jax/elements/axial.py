@@ -5,18 +5,18 @@ from typing import ClassVar, Literal
 import equinox as eqx
 import jax.numpy as jnp
 
-from esail_jax.array_types import PerElement, PerPoint, Scalar, VectorPerPoint
-from esail_jax.numerics.vectors import dot, norm
-from esail_jax.terms import Dissipation, Energy, PointFields
+from esail_jax.array_types import PerElement, PerPoint, Scalar
+from esail_jax.numerics.vectors import root
+from esail_jax.terms import Dissipation, Energy, Shape
 
 Strain = Literal["green-lagrange", "engineering"]
 
 
-def axial_strain(r_x: VectorPerPoint, measure: Strain) -> PerPoint:
-    """eps [-]: Green-Lagrange (r_x . r_x - 1)/2 ([PGV] Eq. 24), or engineering |r_x| - 1."""
+def axial_strain(stretch_squared: PerPoint, measure: Strain) -> PerPoint:
+    """eps [-] of s = r_x . r_x: Green-Lagrange (s - 1)/2 ([PGV] Eq. 24), or engineering |r_x| - 1."""
     if measure == "engineering":
-        return norm(r_x) - 1.0
-    return 0.5 * (dot(r_x, r_x) - 1.0)
+        return root(stretch_squared) - 1.0
+    return 0.5 * (stretch_squared - 1.0)
 
 
 class AxialEnergy(Energy):
@@ -28,8 +28,8 @@ class AxialEnergy(Energy):
     name: ClassVar[str] = "axial"
     depends_on: ClassVar[tuple[str, ...]] = ("r_x",)
 
-    def deformation(self, fields: PointFields) -> PerPoint:
-        return axial_strain(fields.r_x, self.strain)
+    def deformation(self, shape: Shape) -> PerPoint:
+        return axial_strain(shape.stretch_squared, self.strain)
 
     def stored(self, e: PerPoint) -> PerPoint:
         return 0.5 * self.stiffness * e**2
@@ -51,8 +51,8 @@ class TensionOnlyEnergy(Energy):
     name: ClassVar[str] = "tension only"
     depends_on: ClassVar[tuple[str, ...]] = ("r_x",)
 
-    def deformation(self, fields: PointFields) -> PerPoint:
-        return axial_strain(fields.r_x, self.strain)
+    def deformation(self, shape: Shape) -> PerPoint:
+        return axial_strain(shape.stretch_squared, self.strain)
 
     def stored(self, e: PerPoint) -> PerPoint:
         w = self.width
@@ -75,8 +75,8 @@ class AxialDissipation(Dissipation):
     name: ClassVar[str] = "axial damping"
     depends_on: ClassVar[tuple[str, ...]] = ("r_x",)
 
-    def deformation(self, fields: PointFields) -> PerPoint:
-        return axial_strain(fields.r_x, self.strain)
+    def deformation(self, shape: Shape) -> PerPoint:
+        return axial_strain(shape.stretch_squared, self.strain)
 
     def lost(self, e: PerPoint, rate: PerPoint) -> PerPoint:
         return 0.5 * self.time * self.stiffness * rate**2

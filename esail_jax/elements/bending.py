@@ -13,23 +13,17 @@ less than 1e-4 rad is not damped in bending.
 
 from typing import ClassVar
 
-from esail_jax.array_types import PerElement, PerPoint, VectorPerPoint
-from esail_jax.numerics.vectors import dot, reciprocal
-from esail_jax.terms import Dissipation, Energy, PointFields
+from esail_jax.array_types import PerElement, PerPoint
+from esail_jax.numerics.vectors import reciprocal
+from esail_jax.terms import Dissipation, Energy, Shape
 
 STRAIGHT_TURN = 1e-4
 """kappa_0 L [rad]: end-to-end turn of a tether below which bending dissipation fades out."""
 
 
-def curvature_squared(r_x: VectorPerPoint, r_xx: VectorPerPoint) -> PerPoint:
-    """kappa^2 [1/m^2] = (|r_x|^2 |r_xx|^2 - (r_x . r_xx)^2) / |r_x|^6 ([PGV] Eq. 24, 97, 101).
-
-    Written with the part of r_xx normal to r_x: the difference of the two products would lose all
-    digits of a nearly straight cable.
-    """
-    per_square = reciprocal(dot(r_x, r_x))
-    normal = r_xx - (dot(r_x, r_xx) * per_square) * r_x
-    return dot(normal, normal) * per_square**2
+def curvature_squared(shape: Shape) -> PerPoint:
+    """kappa^2 [1/m^2] = (|r_x|^2 |r_xx|^2 - (r_x . r_xx)^2) / |r_x|^6 = m / s^2 ([PGV] Eq. 24, 97, 101)."""
+    return shape.normal_squared * reciprocal(shape.stretch_squared) ** 2
 
 
 class BendingEnergy(Energy):
@@ -40,8 +34,8 @@ class BendingEnergy(Energy):
     name: ClassVar[str] = "bending"
     depends_on: ClassVar[tuple[str, ...]] = ("r_x", "r_xx")
 
-    def deformation(self, fields: PointFields) -> PerPoint:
-        return curvature_squared(fields.r_x, fields.r_xx)
+    def deformation(self, shape: Shape) -> PerPoint:
+        return curvature_squared(shape)
 
     def stored(self, e: PerPoint) -> PerPoint:
         return 0.5 * self.stiffness * e
@@ -57,8 +51,8 @@ class BendingDissipation(Dissipation):
     name: ClassVar[str] = "bending damping"
     depends_on: ClassVar[tuple[str, ...]] = ("r_x", "r_xx")
 
-    def deformation(self, fields: PointFields) -> PerPoint:
-        return curvature_squared(fields.r_x, fields.r_xx)
+    def deformation(self, shape: Shape) -> PerPoint:
+        return curvature_squared(shape)
 
     def lost(self, e: PerPoint, rate: PerPoint) -> PerPoint:
         rate_squared = 0.25 * rate**2 * reciprocal(e + self.straight_curvature**2)

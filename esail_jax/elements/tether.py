@@ -11,11 +11,11 @@ from typing import Literal
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jax import lax
 
 from esail_jax.array_types import Array, Float, Nodal, PerElement, PerMember, PerTether
 from esail_jax.elements import ancf_cable, truss
 from esail_jax.numerics.quadrature import gauss_legendre
+from esail_jax.numerics.vectors import stacked
 from esail_jax.terms import PointFields
 
 Element = Literal["cable", "truss", "rod"]
@@ -236,17 +236,6 @@ class Tethers(eqx.Module):
 def per_element(numbers: PerMember, elements: int) -> Float[Array, " element"]:
     """One number per element from one per tether, or from one per element of each."""
     return jnp.broadcast_to(numbers, (elements, numbers.shape[-1])).reshape(-1)
-
-
-def stacked(parts: list[Array]) -> Array:
-    """Concatenated along the first axis, part by part into one buffer: a concatenation would be compiled
-    as one loop over all rows, with the formulas of every part in it again and again."""
-    buffer = jnp.zeros((sum(len(part) for part in parts), *parts[0].shape[1:]), parts[0].dtype)
-    row = 0
-    for part in parts:
-        buffer = lax.dynamic_update_slice_in_dim(buffer, part, row, 0)
-        row += len(part)
-    return buffer
 
 
 def along_first(table: np.ndarray, values: Float[Array, "first *batch"]) -> Array:

@@ -8,6 +8,7 @@ import functools
 
 import jax
 import jax.numpy as jnp
+from jax import lax
 
 from esail_jax.array_types import Array, Float, PerPoint, VectorPerPoint
 
@@ -36,8 +37,24 @@ def greatest(x: Float[Array, "first *rest"]) -> Float[Array, "*rest"]:
 
 
 def norm(a: VectorPerPoint) -> PerPoint:
-    """Euclidean length |a|; its derivative is infinite at a = 0.
+    """Euclidean length |a|; its derivative is infinite at a = 0."""
+    return root(dot(a, a))
+
+
+def root(x: PerPoint) -> PerPoint:
+    """Square root of what is not negative.
 
     The maximum with zero changes nothing: without it the compiler makes sqrt and the division of its
     derivative one operation, which it then takes three times as long for."""
-    return jnp.maximum(jnp.sqrt(dot(a, a)), 0.0)
+    return jnp.maximum(jnp.sqrt(x), 0.0)
+
+
+def stacked(parts: list[Array]) -> Array:
+    """Concatenated along the first axis, part by part into one buffer: a concatenation would be compiled
+    as one loop over all rows, with the formulas of every part in it again and again."""
+    buffer = jnp.zeros((sum(len(part) for part in parts), *parts[0].shape[1:]), parts[0].dtype)
+    row = 0
+    for part in parts:
+        buffer = lax.dynamic_update_slice_in_dim(buffer, part, row, 0)
+        row += len(part)
+    return buffer

@@ -52,7 +52,8 @@ def largest_strain(i: Instant) -> Float[Array, " tether"]:
     tethers = i.system.tethers
     shapes = tethers.shape_table(np.linspace(0.0, 1.0, STRAIN_POINTS), 1)
     r_x = jnp.tensordot(shapes, tethers.element_vectors(i.q.tether), 1) / tethers.lengths
-    strain = axial_strain(jnp.moveaxis(r_x, 1, 0), i.system.energies[0].strain)
+    r_x = jnp.moveaxis(r_x, 1, 0)
+    strain = axial_strain(dot(r_x, r_x), i.system.energies[0].strain)
     return tethers.of_tethers(strain.max(0)).max(0)
 
 

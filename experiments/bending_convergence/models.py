@@ -11,7 +11,7 @@ from jax import lax
 
 import esail_jax as esail
 from esail_jax import observables
-from esail_jax.array_types import PerPoint, PerTether
+from esail_jax.array_types import Instants, PerPoint, PerTether
 from esail_jax.compiler import QUICK_COMPILE
 from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.dynamics.consistent import consistent_acceleration
@@ -23,7 +23,7 @@ from esail_jax.scenes.build import build
 from esail_jax.scenes.integration import with_method
 from esail_jax.scenes.structure import split
 from esail_jax.system import Power
-from esail_jax.terms import Energy, PointFields
+from esail_jax.terms import PointFields, Term
 
 STEP = 0.1
 """[s], for every mesh."""
@@ -43,7 +43,7 @@ KEPT = (
 )  # fmt: skip
 
 
-class LinearBending(Energy):
+class LinearBending(Term):
     """W = EI |r_xx|^2 / 2: the curvature of a cable of small strain, stretch gradients included."""
 
     stiffness: PerTether
@@ -51,11 +51,13 @@ class LinearBending(Energy):
     name: ClassVar[str] = "linear bending"
     depends_on: ClassVar[tuple[str, ...]] = ("r_xx",)
 
-    def deformation(self, fields: PointFields) -> PerPoint:
-        return dot(fields.r_xx, fields.r_xx)
+    def density(self, fields: PointFields) -> PerPoint:
+        """W [J/m]."""
+        return 0.5 * self.stiffness * dot(fields.r_xx, fields.r_xx)
 
-    def stored(self, e: PerPoint) -> PerPoint:
-        return 0.5 * self.stiffness * e
+    def point_forces(self, time: Instants, fields: PointFields, rates: PointFields) -> PointFields:
+        stress = jax.grad(lambda r_xx: self.density(fields._replace(r_xx=r_xx)).sum())(fields.r_xx)
+        return PointFields(None, None, stress)
 
 
 class Lane(NamedTuple):

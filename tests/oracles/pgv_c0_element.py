@@ -22,6 +22,7 @@ from esail_jax.elements.tether import Tethers
 from esail_jax.joints.roots import FrameRoots
 from esail_jax.numerics.vectors import dot
 from esail_jax.system import System
+from esail_jax.terms import PointFields, Together, shape_of
 from oracles.ledger import relative_error
 
 GAUSS = 5
@@ -126,8 +127,9 @@ def judge_of_points(system: System, e, v) -> dict:
 
     def quantities(e):
         fields = system.tethers.interpolate(nodal(e))
-        stretch, squared = dot(fields.r_x, fields.r_x), curvature_squared(fields.r_x, fields.r_xx)
-        strain = axial_strain(fields.r_x, "green-lagrange")
+        shape = shape_of(fields)
+        stretch, squared = shape.stretch_squared, curvature_squared(shape)
+        strain = axial_strain(stretch, "green-lagrange")
         return jnp.stack([strain, jnp.sqrt(squared), squared * stretch**3, stretch])[:, :, 0]
 
     def rate(e, v):
@@ -145,12 +147,16 @@ def judge_of_points(system: System, e, v) -> dict:
     found = {name + end: values[i] for end, values in all_of.items() for i, name in enumerate(names)}
     fields = system.tethers.interpolate(nodal(e))
     slopes, seconds = fields.r_x[:, :, 0].T, fields.r_xx[:, :, 0].T
-    engineering = axial_strain(slopes.T, "engineering")[:, None, None]
+    engineering = axial_strain(dot(slopes.T, slopes.T), "engineering")[:, None, None]
 
     @jax.vmap
     def half_hessian(slope, second):
         """Of Phi_1 in r_xx: the matrix whose quadratic form it is."""
-        return jax.hessian(lambda w: 0.5 * curvature_squared(slope, w) * dot(slope, slope) ** 3)(second)
+
+        def half(w):
+            return 0.5 * curvature_squared(shape_of(PointFields(None, slope, w))) * dot(slope, slope) ** 3
+
+        return jax.hessian(half)(second)
 
     found |= {"engineering": engineering, "phi1_matrix": half_hessian(slopes, seconds)}
     return found | {"cross": jnp.cross(slopes, seconds)[:, :, None]}
@@ -185,7 +191,8 @@ def judge_of_system(system: System, e, v) -> dict:
     """What the package runs with: assembled forces, tangent, power lost, stress resultants."""
     tethers, time = system.tethers, jnp.zeros(())
     fields, rates = tethers.interpolate(nodal(e)), tethers.interpolate(nodal(v))
-    total, viscous, _ = system.point_forces(time, fields, rates)
+    total, _, _ = system.point_forces(time, fields, rates)
+    viscous = Together(system.dissipations).point_forces(time, fields, rates)
 
     def generalised(conjugates):
         return -tethers.nodal_forces(conjugates)[..., 0].transpose(2, 0, 1).reshape(12, 1)
