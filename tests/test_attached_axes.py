@@ -9,8 +9,8 @@ from esail_jax.numerics.angles import rotation_by
 
 
 def unit_vectors(seed: int) -> np.ndarray:
-    """(3, node, tether)"""
-    vectors = np.random.default_rng(seed).normal(size=(3, 4, 2))
+    """One for every node of every tether."""
+    vectors = np.random.default_rng(seed).normal(size=(3, 8))
     return vectors / np.linalg.norm(vectors, axis=0)
 
 
@@ -21,18 +21,26 @@ def random_coordinates(seed: int) -> Coordinates:
 
 
 HUB = rotation_by(jnp.array([0.3, -0.8, 0.5]))
-BEFORE = Axes(jnp.eye(3), jnp.asarray(unit_vectors(0)))
-AFTER = Axes(HUB, jnp.asarray(unit_vectors(1)))
+LOOSE = np.array([[0.0] * 2 + [1.0] * 6, [1.0] * 8])
+"""Held are the positions of the roots, the first nodes of both tethers."""
+
+BEFORE = Axes(jnp.eye(3), jnp.asarray(unit_vectors(0)), LOOSE)
+AFTER = Axes(HUB, jnp.asarray(unit_vectors(1)), LOOSE)
+
+
+def nodal(along) -> jnp.ndarray:
+    """By node and tether."""
+    return along.reshape(3, 4, 2)
 
 
 def test_directions_are_taken_along():
     """What points along a tether before points along it after, at every node but the root, whose position
     belongs to the hub. To rounding."""
-    along = Coordinates(jnp.stack([BEFORE.along, BEFORE.along]), jnp.eye(4, 3))
-    turned = turn(BEFORE, AFTER).forth(along)
-    assert np.allclose(turned.tether[:, :, 1:], np.stack([AFTER.along] * 2)[:, :, 1:], rtol=0, atol=1e-14)
-    assert np.allclose(turned.tether[1, :, 0], AFTER.along[:, 0], rtol=0, atol=1e-14)
-    assert np.allclose(turned.tether[0, :, 0], HUB @ BEFORE.along[:, 0], rtol=0, atol=1e-14)
+    before, after = nodal(BEFORE.along), nodal(AFTER.along)
+    turned = turn(BEFORE, AFTER).forth(Coordinates(jnp.stack([before, before]), jnp.eye(4, 3)))
+    assert np.allclose(turned.tether[:, :, 1:], np.stack([after] * 2)[:, :, 1:], rtol=0, atol=1e-14)
+    assert np.allclose(turned.tether[1, :, 0], after[:, 0], rtol=0, atol=1e-14)
+    assert np.allclose(turned.tether[0, :, 0], HUB @ before[:, 0], rtol=0, atol=1e-14)
     assert np.allclose(turned.hub, jnp.eye(4, 3) @ HUB.T, rtol=0, atol=1e-14)
 
 
@@ -53,5 +61,5 @@ def test_no_shortest_turn_leaves_the_hub():
     """Where a direction is reversed, or is none, vectors turn with the hub only: still a rotation."""
     for other in (-jnp.tensordot(HUB, BEFORE.along, 1), jnp.zeros_like(BEFORE.along)):
         y = random_coordinates(4)
-        turned = turn(BEFORE, Axes(HUB, other)).forth(y)
+        turned = turn(BEFORE, Axes(HUB, other, LOOSE)).forth(y)
         assert np.allclose(turned.tether, y.rotate(HUB).tether, rtol=0, atol=1e-14)

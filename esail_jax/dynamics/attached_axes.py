@@ -13,7 +13,6 @@ import numpy as np
 
 from esail_jax.array_types import Array, Float, Rotation, Scalar
 from esail_jax.coordinates import Coordinates
-from esail_jax.joints.roots import Releases
 from esail_jax.numerics.vectors import dot
 from esail_jax.system import System
 
@@ -21,41 +20,43 @@ OPPOSITE = 0.1
 """1 + cos of the angle turned, below which a node's axes are turned with the hub only: the shortest turn to
 the opposite direction is not unique."""
 
-LEVI_CIVITA = -np.cross(np.eye(3)[:, None], np.eye(3))
-"""e_ijk with (s x x)_i = sum_jk e_ijk x_j s_k."""
-
-Directions = Float[Array, "3 node tether"]
+Directions = Float[Array, "3 place"]
+"""At every node of every tether."""
 
 
 class Axes(NamedTuple):
-    """Attitude of the hub or of the turning frame, unit vectors along the tethers, and which of these
-    are released."""
+    """Attitude of the hub or of the turning frame, unit vectors along the tethers, and 0 for the positions
+    of held roots, 1 for all other nodal vectors."""
 
     hub: Rotation
     along: Directions
-    releases: Releases = Releases()
+    loose: Float[Array | np.ndarray, "coef place"]
 
 
 class Turn(NamedTuple):
-    """From one set of axes to another: the hub's rotation, and that of every node: first with the hub, then
-    by the shortest turn between its directions. A held root's position turns with the hub only."""
+    """From one set of axes to another: the hub's rotation R, and that of every node: first with the hub, then
+    by the shortest turn between its directions,
+
+        R x + sum_k far_k (near_k . x).
+
+    A held root's position turns with the hub only: loose, 0 for it and 1 for all others."""
 
     hub: Rotation
-    nodes: Float[Array, "3 3 node tether"]
-    releases: Releases = Releases()
+    near: tuple[Directions, Directions]
+    far: tuple[Directions, Directions]
+    loose: Float[Array | np.ndarray, "coef place"]
 
     def forth(self, x: Coordinates) -> Coordinates:
         """Vectors turned."""
-        coef, _, node, tether = x.tether.shape
-        root = (np.arange(coef)[:, None, None, None] == 0) & (np.arange(node)[:, None] == 0)
-        held = root & self.releases.free(jnp.zeros(tether, bool), jnp.ones(tether, bool))
-        rotation = jnp.where(held[:, None], self.hub[:, :, None, None], self.nodes)
-        turned = (rotation * x.tether[:, None]).sum(2)
-        return Coordinates(turned, None if x.hub is None else x.hub @ self.hub.T)
+        flat = x.tether.reshape(*x.tether.shape[:2], -1)
+        turned = (self.hub[:, :, None] * flat[:, None]).sum(2)
+        for near, far in zip(self.near, self.far, strict=True):
+            turned = turned + far * (self.loose * (near * flat).sum(1))[:, None]
+        return Coordinates(turned.reshape(x.tether.shape), None if x.hub is None else x.hub @ self.hub.T)
 
     def back(self, x: Coordinates) -> Coordinates:
         """The inverse."""
-        return self._replace(hub=self.hub.T, nodes=jnp.swapaxes(self.nodes, 0, 1)).forth(x)
+        return self._replace(hub=self.hub.T, near=self.far, far=self.near).forth(x)
 
 
 def axes_of(system: System, time: Scalar, q: Coordinates) -> Axes:
@@ -65,27 +66,32 @@ def axes_of(system: System, time: Scalar, q: Coordinates) -> Axes:
     else:
         links = jnp.diff(q.tether[0], axis=1)
         along = jnp.concatenate([links, links[:, -1:]], axis=1)
+    along = along.reshape(3, -1)
     squared = dot(along, along)
     length = jnp.sqrt(jnp.where(squared > 0.0, squared, 1.0))
-    releases = Releases() if system.roots is None else system.roots.releases
-    return Axes(system.rotation(time, q), along / length, releases)
+    return Axes(system.rotation(time, q), along / length, loose(system))
+
+
+def loose(system: System) -> Float[Array | np.ndarray, "coef place"]:
+    """0 for the positions of held roots, 1 for all other nodal vectors."""
+    tethers = system.tethers
+    first = np.zeros((tethers.coefs, tethers.elements + 1, tethers.count))
+    first[0, 0] = 1.0
+    held = 1.0 if system.roots is None else system.roots.releases.free(0.0, jnp.ones(tethers.count))
+    return (1.0 - first * held).reshape(tethers.coefs, -1)
 
 
 def turn(before: Axes, after: Axes) -> Turn:
     """What leads from one set of axes to the other: R of the hub, and at the nodes
 
-        (c 1 + [s] + s s^T / (1 + c)) R,    c = a . b,  s = a x b,
+        (1 - (a + b) (a + b)^T / (1 + c) + 2 b a^T) R,    c = a . b,
 
-    from a, the direction before turned with the hub, to b, that after."""
+    from a, the direction before turned with the hub, to b, that after: two reflections."""
     hub = after.hub @ before.hub.T
-    start = jnp.tensordot(hub, before.along, 1)
+    start, back = hub @ before.along, hub.T @ after.along
     cosine = dot(start, after.along)
-    sine = jnp.cross(start, after.along, axis=0)
-    # Without a direction, at a node whose slope has vanished, both are zero.
-    near = (1.0 + cosine > OPPOSITE) & (cosine**2 + dot(sine, sine) > 0.5)
-    cosine, sine = jnp.where(near, cosine, 1.0), jnp.where(near, sine, 0.0)
-    # Term by term with R multiplied in, in one loop over the nodes.
-    crossed = jnp.tensordot(LEVI_CIVITA, hub, ((1,), (0,)))
-    back = jnp.tensordot(hub.T, sine / (1.0 + cosine), 1)
-    nodes = (crossed[..., None, None] * sine[:, None]).sum(1)
-    return Turn(hub, nodes + cosine * hub[:, :, None, None] + sine[:, None] * back, after.releases)
+    # Without a direction, at a node whose slope has vanished, they are zero.
+    turns = (1.0 + cosine > OPPOSITE) & (dot(start, start) * dot(back, back) > 0.5)
+    halved = jnp.where(turns, -1.0 / (1.0 + cosine), 0.0) * (start + after.along)
+    twice = jnp.where(turns, 2.0, 0.0) * after.along
+    return Turn(hub, (before.along + back, before.along), (halved, twice), after.loose)

@@ -56,9 +56,9 @@ def solve_stages(
 
     def iterate(carry):
         unknowns, count, before, _ = carry
-        residual, axes = stage_residuals(system, start, h, unknowns)
+        residual, axes = stage_residuals(system, start, h, jax.tree.map(reshaped, unknowns, guess))
         change = correction(system, residual, turns_to(axes, kept), kept)
-        unknowns = jax.tree.map(jnp.add, unknowns, change)
+        unknowns = jax.tree.map(lambda x, y: x + reshaped(y, x), unknowns, change)
         moved = jax.tree.map(lambda x: h**2 * jnp.tensordot(TABLE.squared, x, 1), change.vdot)
         increment = largest(system, jax.tree.map(greatest, moved), enough)
         rate = jnp.where(count > 0, increment / before, 0.5)
@@ -70,9 +70,17 @@ def solve_stages(
         return ~(left <= 1.0) & (count < MAX_ITERATIONS) & (jnp.isfinite(left) | (count < 2))
 
     infinite = jnp.asarray(jnp.inf)
-    carry = (guess, jnp.zeros((), int), infinite, infinite)
+    # All nodes of all tethers along one axis: loops over it are fast, over short axes they are not.
+    nodes = guess.vdot.tether.reshape(*guess.vdot.tether.shape[:-2], -1)
+    carried = guess._replace(vdot=guess.vdot._replace(tether=nodes))
+    carry = (carried, jnp.zeros((), int), infinite, infinite)
     unknowns, count, _, left = lax.while_loop(unfinished, iterate, carry)
-    return unknowns, count, left
+    return jax.tree.map(reshaped, unknowns, guess), count, left
+
+
+def reshaped(x: Array, like: Array) -> Array:
+    """With the shape of another array."""
+    return x.reshape(like.shape)
 
 
 @jax.custom_jvp
