@@ -25,6 +25,7 @@ from esail_jax.dynamics.stages import Point
 from esail_jax.dynamics.step_record import Progress, Record, no_record
 from esail_jax.entry import origin_of
 from esail_jax.newton_matrix import FactoredMass, Inertia, factor_mass, inertia_of
+from esail_jax.numerics.loops import written
 from esail_jax.scenes.build import Model, build
 from esail_jax.scenes.integration import COLLOCATION_TOLERANCE
 from esail_jax.scenes.structure import Numbers, Structure
@@ -88,7 +89,7 @@ def run_blocks(problem: Problem, carry: Carry, target: Scalar) -> tuple[Carry, R
     def block(state):
         count, progress, kept = state
         progress, records = method.block(system, progress)
-        return count + 1, progress, jax.tree.map(lambda all, new: all.at[count].set(new), kept, records)
+        return count + 1, progress, written(kept, count, records, True)
 
     empty = jax.tree.map(
         lambda x: jnp.zeros((BLOCKS_PER_CALL, KEEP, *x.shape), x.dtype), no_record(carry.progress)
@@ -112,7 +113,8 @@ def step_of(records: Record, time: Scalar) -> Int[Array, ""]:
 def point_at(problem: Problem, records: Record, time: Scalar) -> tuple[Point, FactoredMass]:
     """State at an instant within the recorded steps, on the constraints, and its mass matrix: that of
     the polynomial's state, which is off the constraints by less than the error of a step."""
-    step = jax.tree.map(lambda x: x[step_of(records, time)], records)
+    index = step_of(records, time)
+    step = jax.tree.map(lambda x: x[index], records)
     return point_within(problem, step, time)
 
 
@@ -156,8 +158,7 @@ def look(
     def keep(row, kept):
         rows, gaps, _ = kept
         seen, gap, point = one(times[row])
-        rows = jax.tree.map(lambda all, x: all.at[row].set(x), rows, seen)
-        return rows, gaps.at[row].set(gap), point
+        return *written((rows, gaps), row, (seen, gap), True), point
 
     # Row by row: one instant fits into the first cache, which makes them a third faster.
     seen = jax.eval_shape(lambda: one(times[0])[0])

@@ -230,7 +230,8 @@ class System(eqx.Module):
 
     def integrate(self, density: Float[Array, "point *state element"]) -> Float[Array, "*state"]:
         """Integral over all tethers of a quantity per undeformed length."""
-        return (jnp.tensordot(self.tethers.weights, density, 1) * self.tethers.lengths).sum(-1)
+        weights = self.tethers.weights.reshape(-1, *(1,) * (density.ndim - 1))
+        return (weights * density).sum(0) @ self.tethers.lengths
 
     def momenta(self, v: Coordinates) -> Coordinates:
         """M v: momenta [kg m/s] conjugate to the coordinates."""

@@ -34,8 +34,8 @@ class Axes(NamedTuple):
 
 
 class Turn(NamedTuple):
-    """From one set of axes to another: the hub's rotation R, and that of every node: first with the hub, then
-    by the shortest turn between its directions,
+    """From one set of axes to another: the hub's rotation R, and that of every node: first with the hub,
+    then by the shortest turn between its directions,
 
         R x + sum_k far_k (near_k . x).
 

@@ -18,6 +18,7 @@ from jax import lax
 from esail_jax.array_types import Array, Inexact
 from esail_jax.numerics.small_matrices import (
     inverse,
+    joined,
     matmul,
     matvec_transposed,
     transpose,
@@ -83,5 +84,10 @@ def substitute_from_port(
         here = own_k - matvec_transposed(substitute_k, before)
         return here, here
 
-    _, blocks = lax.scan(carry_back, port, (own, factors.substitute), unroll=UNROLL)
-    return jnp.concatenate([port[None], blocks])
+    if len(own) > UNROLL:
+        _, blocks = lax.scan(carry_back, port, (own, factors.substitute), unroll=UNROLL)
+        return jnp.concatenate([port[None], blocks])
+    blocks = [port]
+    for row in zip(own, factors.substitute, strict=True):
+        blocks.append(carry_back(blocks[-1], row)[0])
+    return joined([block[None] for block in blocks])

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 
 from esail_jax.array_types import Array, Bool, Inexact
 from esail_jax.numerics import block_tridiagonal as chains
-from esail_jax.numerics.small_matrices import inverse, matmul, matvec
+from esail_jax.numerics.small_matrices import inverse, joined, matmul, matvec_transposed, transpose
 
 HELD = 3
 """Rows of a port block that the border holds, unless it is loose."""
@@ -68,11 +68,12 @@ class Vector(NamedTuple):
 
 
 class PortFactors(NamedTuple):
-    """Elimination of the local unknowns and of the border, given the chains' Schur complements."""
+    """Elimination of the local unknowns and of the border, given the chains' Schur complements. Each stored
+    transposed (see `matvec_transposed`)."""
 
     local_inverse: Inexact[Array, "local local tether"] | None
-    local_from_border: Inexact[Array, "local border tether"] | None
-    border_from_local: Inexact[Array, "border local tether"] | None
+    local_from_border: Inexact[Array, "border local tether"] | None
+    border_from_local: Inexact[Array, "local tether border"] | None
     border_inverse: Inexact[Array, "border border"] | None
     released_inverse: Inexact[Array, "row row tether"] | None
 
@@ -129,15 +130,17 @@ def factor_ports(matrix: Bordered, schur: Inexact[Array, "row row tether"]) -> P
     local, local_border, border_local, border = project(matrix, schur)
     local_inverse = from_border = from_local = border_inverse = released_inverse = None
     if matrix.released is not None:
-        released_inverse = inverse(schur)
+        released_inverse = transpose(inverse(schur))
     if local is not None:
         local_inverse = inverse(local)
         if border is not None:
             from_border = matmul(local_inverse, local_border)
-            from_local = matmul(border_local, local_inverse)
             border = border - jnp.einsum("alt,lbt->ab", border_local, from_border)
+            from_border = transpose(from_border)
+            from_local = matmul(border_local, local_inverse).transpose(1, 2, 0)
+        local_inverse = transpose(local_inverse)
     if border is not None:
-        border_inverse = equilibrated_inverse(border)
+        border_inverse = equilibrated_inverse(border).T
     return PortFactors(local_inverse, from_border, from_local, border_inverse, released_inverse)
 
 
@@ -171,7 +174,7 @@ def port_displacement(
         held = (border[:points].reshape(-1, HELD)[:, :, None] * matrix.weights[:, None]).sum(0)
     if local is None:
         return held, None
-    return jnp.concatenate([held, local[: matrix.free]]), local[matrix.free :]
+    return joined([held, local[: matrix.free]]), local[matrix.free :]
 
 
 def solve_ports(
@@ -181,15 +184,16 @@ def solve_ports(
     local, border = port_loads(matrix, port, rhs)
     if border is not None:
         if local is not None:
-            border = border - (factors.border_from_local * local).sum((1, 2))
-        border = matvec(factors.border_inverse, border)
+            loads = factors.border_from_local.reshape(-1, border.shape[0])
+            border = border - matvec_transposed(loads, local.reshape(-1))
+        border = matvec_transposed(factors.border_inverse, border)
     if local is not None:
-        local = matvec(factors.local_inverse, local)
+        local = matvec_transposed(factors.local_inverse, local)
         if border is not None:
-            local = local - (factors.local_from_border * border[None, :, None]).sum(1)
+            local = local - matvec_transposed(factors.local_from_border, border[:, None])
     displacement, extra = port_displacement(matrix, port, local, border)
     if matrix.released is not None:
-        alone = matvec(factors.released_inverse, port)
+        alone = matvec_transposed(factors.released_inverse, port)
         displacement = jnp.where(matrix.released, alone, displacement)
     return displacement, extra, border
 

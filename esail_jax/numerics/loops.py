@@ -63,7 +63,8 @@ def chosen(active: Bool[Array, ""] | bool, new: Carry, old: Carry) -> Carry:
 def written(all_of: Result, index: Int[Array, ""], one: Result, active: Bool[Array, ""] | bool) -> Result:
     """One result at its index along the first axis of all, if active."""
     if active is True:
-        return jax.tree.map(lambda all, x: all.at[index].set(x), all_of, one)
+        # Not `at[index].set`, which looks whether the index is within.
+        return jax.tree.map(lambda all, x: lax.dynamic_update_index_in_dim(all, x, index, 0), all_of, one)
     return jax.tree.map(
         lambda all, x: all.at[jnp.where(active, index, len(all))].set(x, mode="drop"), all_of, one
     )
@@ -84,7 +85,7 @@ def repeat(
         active = going if lockstep else True
         after, goes_on, result = step(carry)
         after, result = chosen(active, (after, result), (carry, nothing))
-        results = jax.tree.map(lambda all, new: all.at[count].set(new), results, result)
+        results = written(results, count, result, True)
         return after, count + 1, goes_on & active, results
 
     empty = jax.tree.map(lambda x: jnp.broadcast_to(x, (most, *x.shape)), nothing)

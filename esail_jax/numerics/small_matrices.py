@@ -10,6 +10,9 @@ from jax import lax
 
 from esail_jax.array_types import Array, Inexact
 
+SHORT = 6
+"""Terms of a sum that is written out."""
+
 Matrices = Inexact[Array, "row col *batch"]
 Vectors = Inexact[Array, "row *batch"]
 
@@ -26,8 +29,17 @@ def matvec(a: Inexact[Array, "row col *batch"], x: Inexact[Array, "col *batch"])
 
 def matvec_transposed(a: Inexact[Array, "col row *batch"], x: Inexact[Array, "col *batch"]) -> Vectors:
     """Each transposed matrix times its vector: the reduction runs over the leading axis, which is
-    the fast one; kept factors are stored transposed for it."""
-    return (a * x[:, None]).sum(0)
+    the fast one; kept factors are stored transposed for it. A few rows at a time: only short sums does the
+    compiler write out, and with them makes the most of the batch."""
+    parts = [(a[k : k + SHORT] * x[k : k + SHORT, None]).sum(0) for k in range(0, len(a), SHORT)]
+    return sum(parts[1:], parts[0])
+
+
+def joined(parts: list[Inexact[Array, "_ *batch"]]) -> Inexact[Array, "_ *batch"]:
+    """Concatenated along the first axis; as flat arrays, so that the compiler does not take the formulas of
+    every part into one loop over all of them."""
+    flat = jnp.concatenate([part.reshape(-1) for part in parts])
+    return flat.reshape(-1, *parts[0].shape[1:])
 
 
 def transpose(a: Inexact[Array, "row col *batch"]) -> Inexact[Array, "col row *batch"]:
