@@ -10,6 +10,7 @@ from typing import NamedTuple
 import jax
 
 from esail_jax.array_types import Array, Float, HubPoints, Nodal, Rotation
+from esail_jax.numerics.small_matrices import matmul
 
 
 class Coordinates(NamedTuple):
@@ -26,7 +27,7 @@ class Coordinates(NamedTuple):
         """Every vector turned by `rotation`."""
         columns = rotation.T[:, None, :, None, None]
         tether = sum(columns[j] * self.tether[:, j : j + 1] for j in range(3))
-        return Coordinates(tether, None if self.hub is None else self.hub @ rotation.T)
+        return Coordinates(tether, None if self.hub is None else matmul(self.hub, rotation.T))
 
 
 class Multipliers(NamedTuple):

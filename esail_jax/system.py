@@ -30,6 +30,7 @@ from esail_jax.elements.tether import Tethers
 from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.joints.roots import FrameRoots, HubRoots
 from esail_jax.loads.voltage import Sight, VoltageLaw
+from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import dot
 from esail_jax.terms import Deformation, Dissipation, Load, PointFields, Term, Together
 
@@ -203,7 +204,7 @@ class System(eqx.Module):
         """The residual from the tethers' forces and the hub's accelerations: inertia of the hub,
         constraints, power of the frame and of the acceleration field."""
         if self.hub is not None:
-            forces = forces._replace(hub=self.hub.mass_matrix @ forces.hub)
+            forces = forces._replace(hub=matmul(self.hub.mass_matrix, forces.hub))
         constraints = Multipliers(None, None)
         if self.has_constraints:
             constraints, pull_back = jax.vjp(lambda q: self.constraints(time, q), q)
@@ -230,12 +231,11 @@ class System(eqx.Module):
 
     def integrate(self, density: Float[Array, "point *state element"]) -> Float[Array, "*state"]:
         """Integral over all tethers of a quantity per undeformed length."""
-        weights = self.tethers.weights.reshape(-1, *(1,) * (density.ndim - 1))
-        return (weights * density).sum(0) @ self.tethers.lengths
+        return (jnp.tensordot(self.tethers.weights, density, 1) * self.tethers.lengths).sum(-1)
 
     def momenta(self, v: Coordinates) -> Coordinates:
         """M v: momenta [kg m/s] conjugate to the coordinates."""
-        hub = None if self.hub is None else self.hub.mass_matrix @ v.hub
+        hub = None if self.hub is None else matmul(self.hub.mass_matrix, v.hub)
         return Coordinates(self.tethers.inertia(v.tether), hub)
 
     def momentum(self, v: Coordinates) -> Vector:

@@ -13,6 +13,7 @@ import numpy as np
 
 from esail_jax.array_types import Array, Float, Rotation, Scalar
 from esail_jax.coordinates import Coordinates
+from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import dot
 from esail_jax.system import System
 
@@ -52,7 +53,8 @@ class Turn(NamedTuple):
         turned = (self.hub[:, :, None] * flat[:, None]).sum(2)
         for near, far in zip(self.near, self.far, strict=True):
             turned = turned + far * (self.loose * (near * flat).sum(1))[:, None]
-        return Coordinates(turned.reshape(x.tether.shape), None if x.hub is None else x.hub @ self.hub.T)
+        hub = None if x.hub is None else matmul(x.hub, self.hub.T)
+        return Coordinates(turned.reshape(x.tether.shape), hub)
 
     def back(self, x: Coordinates) -> Coordinates:
         """The inverse."""
@@ -87,7 +89,7 @@ def turn(before: Axes, after: Axes) -> Turn:
         (1 - (a + b) (a + b)^T / (1 + c) + 2 b a^T) R,    c = a . b,
 
     from a, the direction before turned with the hub, to b, that after: two reflections."""
-    hub = after.hub @ before.hub.T
+    hub = matmul(after.hub, before.hub.T)
     start, back = hub @ before.along, hub.T @ after.along
     cosine = dot(start, after.along)
     # Without a direction, at a node whose slope has vanished, they are zero.

@@ -27,6 +27,7 @@ from esail_jax.dynamics.stages import (
     KeptFactors,
     Point,
     Unknowns,
+    combined,
     factor,
     largest,
     lengths,
@@ -38,6 +39,7 @@ from esail_jax.dynamics.stages import (
 from esail_jax.dynamics.step_record import History, Progress, Record, StepInfo, no_record
 from esail_jax.numerics.angles import rotation_by
 from esail_jax.numerics.loops import repeat
+from esail_jax.numerics.small_matrices import matmul
 from esail_jax.system import Power, System
 
 KEEP = 24
@@ -226,13 +228,13 @@ def first_guess(system: System, state: Progress) -> Unknowns:
     turning as they do now."""
     now, h = state.now, state.h
     x = 1.0 + TABLE.nodes * (h / state.history.h)
-    weights = jnp.vander(x, STAGES + 1, increasing=True) @ TABLE.extrapolation()
-    values = jax.tree.map(lambda old: jnp.tensordot(weights, old, 1), state.history.values)
+    weights = matmul(jnp.vander(x, STAGES + 1, increasing=True), TABLE.extrapolation())
+    values = jax.tree.map(lambda old: combined(weights, old), state.history.values)
     spin, attitude = angular_velocity(system, now), system.rotation(now.time, now.q)
     times = now.time + h * TABLE.nodes
 
     def outward(time, vdot):
-        turned = vdot.rotate(rotation_by(spin * (time - now.time)) @ attitude)
+        turned = vdot.rotate(matmul(rotation_by(spin * (time - now.time)), attitude))
         return system.place_roots(time, turned, derivative=2)
 
     return Unknowns(jax.vmap(outward)(times, values.vdot), values.lam)
@@ -261,5 +263,5 @@ def angular_velocity(system: System, now: Point) -> Vector:
         return system.rotation(now.time + tau, q)
 
     axes, rate = jax.jvp(attitude, (jnp.zeros(()),), (jnp.ones(()),))
-    skew = rate @ axes.T
+    skew = matmul(rate, axes.T)
     return 0.5 * jnp.stack([skew[2, 1] - skew[1, 2], skew[0, 2] - skew[2, 0], skew[1, 0] - skew[0, 1]])

@@ -31,6 +31,7 @@ from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.dynamics.attached_axes import Axes, Turn, axes_of, turn
 from esail_jax.numerics import bordered
 from esail_jax.numerics.lobatto import Lobatto
+from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import greatest
 from esail_jax.system import Power, Residual, System
 
@@ -43,6 +44,9 @@ SPECTRAL_RADIUS = 0.5
 stiff."""
 
 TABLE = Lobatto.of(STAGES, SPECTRAL_RADIUS)
+
+LIBRARY = 36
+"""Numbers of a stage beyond which a product is left to the library."""
 
 LAST_PLACES = 2e-15
 """Ten units in the last place, of the largest coordinate."""
@@ -79,6 +83,16 @@ class KeptFactors(NamedTuple):
     axes: Axes
 
 
+def combined(
+    table: Float[Array | np.ndarray, "row stage"], stages: Float[Array, "stage *x"]
+) -> Float[Array, "row *x"]:
+    """A table times the stages. What the hub has of them is written out: calling the library for a product
+    takes longer than so small a one."""
+    if stages[0].size > LIBRARY:
+        return jnp.tensordot(table, stages, 1)
+    return (table.reshape(*table.shape, *(1,) * (stages.ndim - 1)) * stages).sum(1)
+
+
 # ---- equations ----------------------------------------------------------------------------------
 
 
@@ -92,7 +106,7 @@ def stage_states(
 
     # Both integrals in one product.
     tables = np.concatenate([TABLE.squared, TABLE.matrix])
-    integrals = jax.tree.map(lambda a: jnp.tensordot(tables, a, 1), vdot)
+    integrals = jax.tree.map(lambda a: combined(tables, a), vdot)
 
     def positions(q, v, first, a):
         return q + along(TABLE.nodes, h * v) + h**2 * (along(TABLE.start_squared, first) + a[:STAGES])
@@ -180,14 +194,14 @@ def correction(system: System, residual: Residual, turns: Turn, kept: KeptFactor
 def split(stages: Float[Array, "stage *x"]) -> Complex[Array, "rate *x"]:
     """T^-1 times the stages, for the kept one of every pair; in real products, which are fast."""
     rates = len(TABLE.split)
-    parts = jnp.tensordot(np.concatenate([TABLE.split.real, TABLE.split.imag]), stages, 1)
+    parts = combined(np.concatenate([TABLE.split.real, TABLE.split.imag]), stages)
     return lax.complex(parts[:rates], parts[rates:])
 
 
 def mix(z: Complex[Array, "rate *x"]) -> Float[Array, "stage *x"]:
     """T z, both of every pair together."""
     table = np.concatenate([TABLE.mix.real, -TABLE.mix.imag], axis=1)
-    return jnp.tensordot(table, jnp.concatenate([z.real, z.imag]), 1)
+    return combined(table, jnp.concatenate([z.real, z.imag]))
 
 
 def turns_to(axes: Axes, kept: KeptFactors) -> Turn:
@@ -201,7 +215,7 @@ def on_constraints(
     """The nearest state on the constraints and their rates, by one Newton correction in the mass metric
     each: the stages miss them by the local error."""
     if system.has_constraints:
-        turned = lax.stop_gradient(system.rotation(time, q)) @ kept.axes.hub.T
+        turned = matmul(lax.stop_gradient(system.rotation(time, q)), kept.axes.hub.T)
         nothing = jax.tree.map(jnp.zeros_like, q)
 
         def corrected(x, defect):

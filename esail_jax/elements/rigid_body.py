@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.array_types import Array, Float, HubPoints, Rotation, Scalar, Vector
+from esail_jax.numerics.small_matrices import matmul
 
 EDGE_PAIRS = ((0, 0), (1, 1), (2, 2), (1, 0), (2, 0), (2, 1))
 """Pairs of edges (AB, AC, AD) whose products are kept, in the order of [PGV] Eq. 45."""
@@ -86,11 +87,11 @@ class RigidBody(eqx.Module):
         lengths = jnp.sqrt(jnp.diag(products))
         scale = jnp.sqrt(lengths[:, None] * lengths) * (1.0 + np.eye(3))
         now = self.edges(points)
-        return PICK_PAIRS @ ((now @ now.T - products) / scale).reshape(9)
+        return (PICK_PAIRS * ((matmul(now, now.T) - products) / scale).reshape(9)).sum(1)
 
     def rotation(self, points: HubPoints) -> Rotation:
         """C_B^I: columns i_B, j_B, k_B ([PGV] Eq. 41)."""
-        return points.T @ self._affine_inverse()[:, :3]
+        return matmul(points.T, self._affine_inverse()[:, :3])
 
     def centre(self, points: HubPoints) -> Vector:
         """Position of the hub centre O_B [m] ([PGV] Eq. 43)."""

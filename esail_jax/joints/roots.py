@@ -22,6 +22,7 @@ from esail_jax.array_types import (
     Scalar,
     Vector,
 )
+from esail_jax.numerics.small_matrices import matmul
 
 
 def radial_directions(azimuth: PerTether) -> Float[Array, "3 tether"]:
@@ -78,7 +79,7 @@ class HubRoots(eqx.Module):
 
     def positions(self, points: HubPoints) -> Float[Array, "3 tether"]:
         """Root positions, or velocities or accelerations from those of the base points."""
-        return points.T @ self.weights
+        return matmul(points.T, self.weights)
 
     def clamp_directions(self, points: HubPoints) -> Float[Array, "2 3 tether"]:
         """c_j of every tether."""

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 
 from esail_jax.array_types import Array, Float, Rotation, Vector
+from esail_jax.numerics.small_matrices import matmul
 
 GIMBAL_LOCK = 1e-7
 """cos(theta) below which psi is set to zero: the two other angles are then one."""
@@ -63,4 +64,4 @@ def rotation_by(vector: Vector) -> Rotation:
     zero = jnp.zeros_like(x)
     cross = jnp.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]])
     once, twice = jnp.sinc(angle / jnp.pi), 0.5 * jnp.sinc(0.5 * angle / jnp.pi) ** 2
-    return jnp.eye(3) + once * cross + twice * (cross @ cross)
+    return jnp.eye(3) + once * cross + twice * matmul(cross, cross)

@@ -190,7 +190,8 @@ def solve_ports(
     if local is not None:
         local = matvec_transposed(factors.local_inverse, local)
         if border is not None:
-            local = local - matvec_transposed(factors.local_from_border, border[:, None])
+            shared = jnp.broadcast_to(border[:, None], (len(border), local.shape[1]))
+            local = local - matvec_transposed(factors.local_from_border, shared)
     displacement, extra = port_displacement(matrix, port, local, border)
     if matrix.released is not None:
         alone = matvec_transposed(factors.released_inverse, port)

@@ -18,7 +18,8 @@ Vectors = Inexact[Array, "row *batch"]
 
 
 def matmul(a: Inexact[Array, "row mid *batch"], b: Inexact[Array, "mid col *batch"]) -> Matrices:
-    """Product of each pair of matrices."""
+    """Product of each pair of matrices; also of a single pair as small as the hub's, for which calling the
+    library would take longer."""
     return (a[:, :, None] * b[None]).sum(1)
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 from esail_jax.array_types import Array, Scalar
 from esail_jax.coordinates import Coordinates
+from esail_jax.numerics.small_matrices import matmul
 from esail_jax.system import System
 
 
@@ -29,7 +30,7 @@ def kinetic_energy(system: System, v: Coordinates) -> Scalar:
     """T [J] of tethers, remote units and hub ([PGV] Eq. 21, 51)."""
     energy = 0.5 * (v.tether * system.tethers.inertia(v.tether)).sum()
     if system.hub is not None:
-        energy = energy + 0.5 * (v.hub * (system.hub.mass_matrix @ v.hub)).sum()
+        energy = energy + 0.5 * (v.hub * matmul(system.hub.mass_matrix, v.hub)).sum()
     return energy
 
 

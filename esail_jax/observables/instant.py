@@ -12,6 +12,7 @@ from esail_jax.environment.orbit import orbital_frame
 from esail_jax.joints.roots import radial_directions
 from esail_jax.newton_matrix import FactoredMass
 from esail_jax.numerics.angles import smallest_eigenvector
+from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import dot
 from esail_jax.system import Power, System
 from esail_jax.terms import PointFields
@@ -54,7 +55,7 @@ class Instant(eqx.Module):
 
     @property
     def body_to_orbital(self) -> Rotation:
-        return self.orbital.T @ self.rotation
+        return matmul(self.orbital.T, self.rotation)
 
     @property
     def tips(self) -> Float[Array, "3 tether"]:
@@ -89,7 +90,7 @@ class Instant(eqx.Module):
     def local_frame(self, vectors: Float[Array, "3 tether"]) -> Float[Array, "3 tether"]:
         """Components in the frame Z of each tether's root: X_B, outward, azimuthal ([PGV]
         Eq. 57-58)."""
-        body = self.rotation.T @ vectors
+        body = matmul(self.rotation.T, vectors)
         azimuth = 2.0 * np.pi * np.arange(self.p) / self.p
         outward = radial_directions(jnp.asarray(azimuth))
         sideways = jnp.stack([0 * outward[0], -outward[2], outward[1]])

@@ -10,6 +10,7 @@ import numpy as np
 from esail_jax.array_types import Array, Float, Scalar, Vector
 from esail_jax.elements.axial import axial_strain
 from esail_jax.numerics.angles import euler_angles, safe_angle, safe_length
+from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import dot
 from esail_jax.observables.entry import Observable, elastic_energy, kinetic_energy
 from esail_jax.observables.instant import Instant
@@ -101,7 +102,7 @@ OBSERVABLES = (
     Observable("euler_hub", "rad", "psi, theta, phi", ("angle",), "[PGV] 65-66, derived",
                lambda i: euler_angles(i.body_to_orbital), needs="hub"),
     Observable("euler_sail", "rad", "Psi, Theta, Phi", ("angle",), "[PGV] 67-71, derived",
-               lambda i: euler_angles(i.orbital.T @ i.sail_axes())),
+               lambda i: euler_angles(matmul(i.orbital.T, i.sail_axes()))),
     Observable("sailing_angle", "rad", "alpha", (), "[PGV] Sec. 3.4",
                lambda i: transverse_angle(i.body_to_orbital[:, 0])),
     Observable("precession_angle", "rad", "delta", (), "[PGV] Sec. 3.4, derived",
@@ -118,11 +119,11 @@ OBSERVABLES = (
     Observable("reaction_moment_O", "N m", "M_lambda", XYZ, "[PGV] 78",
                lambda i: i.orbital.T @ reaction_moments(i)),
     Observable("thrust_B", "N", "F_c,i", ("tether", "xyz"), "[PGV] 73",
-               lambda i: (i.rotation.T @ i.thrusts()).T),
+               lambda i: matmul(i.rotation.T, i.thrusts()).T),
     Observable("thrust_moment_B", "N m", "M_c,i", ("tether", "xyz"), "[PGV] 75, derived",
-               lambda i: (i.rotation.T @ i.thrust_moments()).T),
+               lambda i: matmul(i.rotation.T, i.thrust_moments()).T),
     Observable("reaction_B", "N", "lambda_i", ("tether", "xyz"), "[PGV] 53",
-               lambda i: (i.rotation.T @ i.root_reactions).T),
+               lambda i: matmul(i.rotation.T, i.root_reactions).T),
     Observable("thrust_angle", "rad", "Gamma_c", (), "[PGV] after 74, derived",
                lambda i: transverse_angle(i.orbital.T @ i.thrusts().sum(1))),
     Observable("reaction_angle", "rad", "Gamma_lambda", (), "[PGV] after 77, derived",
