@@ -79,7 +79,9 @@ def loose(system: System) -> Float[Array | np.ndarray, "coef place"]:
     tethers = system.tethers
     first = np.zeros((tethers.coefs, tethers.elements + 1, tethers.count))
     first[0, 0] = 1.0
-    held = 1.0 if system.roots is None else system.roots.releases.free(0.0, jnp.ones(tethers.count))
+    held = jnp.zeros(tethers.count)
+    if system.roots is not None:
+        held = system.roots.releases.free(held, jnp.ones(tethers.count))
     return (1.0 - first * held).reshape(tethers.coefs, -1)
 
 

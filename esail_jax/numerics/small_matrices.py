@@ -6,6 +6,7 @@ arranged so that leading blocks are regular; their scaled condition numbers are 
 """
 
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
 from esail_jax.array_types import Array, Inexact
@@ -17,7 +18,9 @@ Matrices = Inexact[Array, "row col *batch"]
 Vectors = Inexact[Array, "row *batch"]
 
 
-def matmul(a: Inexact[Array, "row mid *batch"], b: Inexact[Array, "mid col *batch"]) -> Matrices:
+def matmul(
+    a: Inexact[Array, "row mid *batch"], b: Inexact[Array | np.ndarray, "mid col *batch"]
+) -> Matrices:
     """Product of each pair of matrices; also of a single pair as small as the hub's, for which calling the
     library would take longer."""
     return (a[:, :, None] * b[None]).sum(1)
