@@ -18,7 +18,7 @@ from esail_jax import observables
 from esail_jax.array_types import Array, Float, Scalar
 from esail_jax.compiler import CHAIN_COMPILE
 from esail_jax.dynamics.rod_chain import RodChain, RodState, energy_floor, error_scale
-from esail_jax.dynamics.runge_kutta import Progress, RungeKutta, advance
+from esail_jax.dynamics.runge_kutta import STEP_SIZES, Progress, RungeKutta, advance
 from esail_jax.pieces import RESULTS, Checkpoint, Piece, SimulationError
 from esail_jax.scenes.build import build_chain
 from esail_jax.scenes.scene import Scene
@@ -234,7 +234,7 @@ def traced_run(
     """The whole run as one scan over its saved instants."""
     problem, carry = problem_of(structure, numbers, step)
 
-    @jax.checkpoint
+    @functools.partial(jax.checkpoint, policy=jax.checkpoint_policies.save_only_these_names(STEP_SIZES))
     def body(progress, time):
         progress, y = advance(problem.method, problem.chain, progress, time)
         return progress, (y, progress.now.time >= time)

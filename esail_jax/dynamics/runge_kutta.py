@@ -18,6 +18,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
+from jax.ad_checkpoint import checkpoint_name
 
 from esail_jax.array_types import Array, Float, Scalar
 
@@ -31,6 +32,10 @@ axis, are stable up to 3.3 and more."""
 
 STEPS_PER_CHUNK = 64
 """Steps between the states that a reverse derivative keeps."""
+
+STEP_SIZES = "step sizes"
+"""Name of what `jax.checkpoint` around `advance` must keep: chosen once more they may differ by what rounding
+decides, and a derivative would go back through steps that end elsewhere."""
 
 MAX_STEPS = 2**14
 """Steps between two saved instants, at most, in a run under a trace."""
@@ -184,6 +189,7 @@ def advance(
 @advance.defjvp
 def _advance_jvp(primals, tangents):
     reached, sizes = lax.stop_gradient(accepted_steps(*lax.stop_gradient(primals)))
+    sizes = checkpoint_name(sizes, STEP_SIZES)
     points, moved = jax.jvp(lambda *x: replay(*x, sizes), primals, tangents)
     none = jax.tree.map(zero_tangent, reached)
     return (
