@@ -34,8 +34,8 @@ STEPS_PER_CHUNK = 64
 """Steps between the states that a reverse derivative keeps."""
 
 STEP_SIZES = "step sizes"
-"""Name of what `jax.checkpoint` around `advance` must keep: chosen once more they may differ by what rounding
-decides, and a derivative would go back through steps that end elsewhere."""
+"""Name of what `jax.checkpoint` around `advance` must keep: chosen once more they may differ by what
+rounding decides, and a derivative would go back through steps that end elsewhere."""
 
 MAX_STEPS = 2**14
 """Steps between two saved instants, at most, in a run under a trace."""
