@@ -182,7 +182,7 @@ class System(eqx.Module):
     def tether_forces(self, time: Instants, q: Nodal, v: Nodal, inertial: Nodal) -> tuple[Nodal, Power]:
         """M vdot - Q of the tethers, and the power of loads and dissipation, of one state or several."""
         tethers = self.tethers
-        fields, rates = tethers.interpolate(q), tethers.interpolate(v)
+        fields, rates = tethers.interpolate_motion(q, v)
         total, lost, loads = self.point_forces(time, fields, rates)
         forces = tethers.nodal_forces(total, inertial)
         external = dissipated = jnp.zeros(q.shape[2:-2])
@@ -231,7 +231,8 @@ class System(eqx.Module):
 
     def integrate(self, density: Float[Array, "point *state element"]) -> Float[Array, "*state"]:
         """Integral over all tethers of a quantity per undeformed length."""
-        return (jnp.tensordot(self.tethers.weights, density, 1) * self.tethers.lengths).sum(-1)
+        weights = self.tethers.weights.reshape(-1, *(1,) * (density.ndim - 1))
+        return ((weights * density).sum(0) * self.tethers.lengths).sum(-1)
 
     def momenta(self, v: Coordinates) -> Coordinates:
         """M v: momenta [kg m/s] conjugate to the coordinates."""

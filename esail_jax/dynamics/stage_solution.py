@@ -60,8 +60,8 @@ def solve_stages(
         residual, axes = stage_residuals(system, start, h, jax.tree.map(reshaped, unknowns, guess))
         change = correction(system, residual, turns_to(axes, kept), kept)
         unknowns = jax.tree.map(lambda x, y: x + reshaped(y, x), unknowns, change)
-        moved = jax.tree.map(lambda x: h**2 * combined(TABLE.squared, x), change.vdot)
-        increment = largest(system, jax.tree.map(greatest, moved), enough)
+        moved = jax.tree.map(lambda x: combined(TABLE.squared, x), change.vdot)
+        increment = h**2 * largest(system, jax.tree.map(greatest, moved), enough)
         rate = jnp.where(count > 0, increment / before, 0.5)
         left = increment * jnp.where(rate < 1.0, rate / (1.0 - rate), jnp.inf)
         return unknowns, count + 1, increment, left

@@ -31,6 +31,7 @@ from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.dynamics.attached_axes import Axes, Turn, axes_of, turn
 from esail_jax.numerics import bordered
 from esail_jax.numerics.lobatto import Lobatto
+from esail_jax.numerics.loops import one_each
 from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import greatest
 from esail_jax.system import Power, Residual, System
@@ -89,6 +90,7 @@ def combined(
     """A table times the stages. What the hub has of them is written out: calling the library for a product
     takes longer than so small a one."""
     if stages[0].size > LIBRARY:
+        table = one_each(table) if isinstance(table, np.ndarray) else table
         return jnp.tensordot(table, stages, 1)
     return (table.reshape(*table.shape, *(1,) * (stages.ndim - 1)) * stages).sum(1)
 
@@ -105,14 +107,14 @@ def stage_states(
         return weights.reshape(-1, *(1,) * x.ndim) * x
 
     # Both integrals in one product.
-    tables = np.concatenate([TABLE.squared, TABLE.matrix])
+    tables = jnp.concatenate([h**2 * TABLE.squared, h * TABLE.matrix])
     integrals = jax.tree.map(lambda a: combined(tables, a), vdot)
 
     def positions(q, v, first, a):
-        return q + along(TABLE.nodes, h * v) + h**2 * (along(TABLE.start_squared, first) + a[:STAGES])
+        return q + along(TABLE.nodes, h * v) + h**2 * along(TABLE.start_squared, first) + a[:STAGES]
 
     def velocities(v, first, a):
-        return v + h * (along(TABLE.start, first) + a[STAGES:])
+        return v + h * along(TABLE.start, first) + a[STAGES:]
 
     q = jax.tree.map(positions, start.q, start.v, start.vdot, integrals)
     v = jax.tree.map(velocities, start.v, start.vdot, integrals)

@@ -3,17 +3,21 @@
 Nodal vectors are kept as (coef, xyz, node, tether): coef 0 the position, coef 1 the slope r_x of a
 cable. Several states of motion may stand between xyz and node. What belongs to elements has one axis for
 all elements of all tethers in place of the last two. Every operation is one small matrix product over all
-elements and states.
+elements and states. Those with the shape functions are written as sums of as many terms as an element has
+coefficients or points: such short ones are faster than a library for matrix products, which must be handed
+the vectors in another order, and take one state or a batch of sails in lockstep as they come.
 """
 
 from typing import Literal
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.array_types import Array, Float, Nodal, PerElement, PerMember, PerTether
 from esail_jax.elements import ancf_cable, truss
+from esail_jax.numerics.loops import one_each
 from esail_jax.numerics.quadrature import gauss_legendre
 from esail_jax.numerics.vectors import stacked
 from esail_jax.terms import PointFields
@@ -140,31 +144,40 @@ class Tethers(eqx.Module):
     def interpolate(self, nodal: Nodal) -> PointFields:
         """The fields in use at every Gauss point: (xyz, point, *state, element) each."""
         vectors = self.element_vectors(nodal)
-        values = [along_first(self.table(d), vectors) for d in self.derivatives]
         fields = {}
-        for name, d, value in zip(self.fields_used, self.derivatives, values, strict=True):
-            value = jnp.moveaxis(value, 1, 0)
+        for name, d in zip(self.fields_used, self.derivatives, strict=True):
+            value = at_points(self.table(d), vectors)
             fields[name] = value * self.lengths ** -float(d) if d else value
         return PointFields(fields.get("r"), fields["r_x"], fields.get("r_xx"))
+
+    def interpolate_motion(self, q: Nodal, v: Nodal) -> tuple[PointFields, PointFields]:
+        """The fields and their rates. Together: a field with a single use would be computed within that,
+        again for every component."""
+        both = jax.vmap(self.interpolate)(jnp.stack([q, v]))
+        fields, rates = (jax.tree.map(lambda x, i=i: x[i], both) for i in (0, 1))
+        return fields, rates
 
     def nodal_forces(self, conjugates: PointFields, acceleration: Nodal | None = None) -> Nodal:
         """Integral of S^T f + S_x^T n + S_xx^T m dx over all tethers, plus M `acceleration`.
 
         conjugates: f [N/m], n [N], m [N m] at the Gauss points.
         """
-        parts = []
-        for d, conjugate in enumerate(conjugates):
-            if conjugate is not None:
-                table = (self.weights[:, None] * self.table(d)).T
-                scaled = conjugate * self.lengths ** (1 - d)
-                parts.append(along_first(table, jnp.moveaxis(scaled, 0, 1)))
+        scaled = {d: x * self.lengths ** (1 - d) for d, x in enumerate(conjugates) if x is not None}
+        # Into memory: they would be computed again for every coefficient.
+        values = stacked([x[None] for x in scaled.values()])
+        tables = [(self.weights[:, None] * self.table(d)).T for d in scaled]
+        parts = [integrated(table, value) for table, value in zip(tables, values, strict=True)]
         if acceleration is not None:
-            vectors = self.element_vectors(acceleration) * self.masses
-            parts.append(along_first(self.mass_table, vectors))
+            parts.append(self.inertial(acceleration))
         forces = self.assemble(sum(parts[1:], parts[0]))
         if acceleration is not None:
             forces = self.add_point_masses(forces, acceleration)
         return forces
+
+    def inertial(self, acceleration: Nodal) -> Float[Array, "coef2 3 *state element"]:
+        """M `acceleration` of every element by itself."""
+        vectors = self.element_vectors(acceleration) * self.masses
+        return integrated(self.mass_table, jnp.swapaxes(vectors, 0, 1))
 
     def add_point_masses(self, forces: Nodal, acceleration: Nodal) -> Nodal:
         """`forces` and the inertia of the masses at the ends."""
@@ -175,9 +188,7 @@ class Tethers(eqx.Module):
 
     def inertia(self, acceleration: Nodal) -> Nodal:
         """M `acceleration` ([PGV] Eq. 22), remote units included."""
-        vectors = self.element_vectors(acceleration)
-        product = jnp.tensordot(self.mass_table, vectors, 1) * self.masses
-        return self.add_point_masses(self.assemble(product), acceleration)
+        return self.add_point_masses(self.assemble(self.inertial(acceleration)), acceleration)
 
     def uniform(self, vector: Float[Array, "3"]) -> Nodal:
         """Nodal vectors of a field equal to `vector` everywhere: positions, no slopes."""
@@ -238,7 +249,23 @@ def per_element(numbers: PerMember, elements: int) -> Float[Array, " element"]:
     return jnp.broadcast_to(numbers, (elements, numbers.shape[-1])).reshape(-1)
 
 
+def at_points(
+    table: Float[np.ndarray, "point coef2"], vectors: Float[Array, "coef2 3 *batch"]
+) -> Float[Array, "3 point *batch"]:
+    """Sum of shape functions times vectors."""
+    weights = table.T.reshape(table.shape[1], 1, table.shape[0], *(1,) * (vectors.ndim - 2))
+    return (weights * vectors[:, :, None]).sum(0)
+
+
+def integrated(
+    table: Float[np.ndarray, "coef2 point"], values: Float[Array, "3 point *batch"]
+) -> Float[Array, "coef2 3 *batch"]:
+    """Transpose of `at_points`."""
+    weights = table.reshape(table.shape[0], 1, table.shape[1], *(1,) * (values.ndim - 2))
+    return (weights * values).sum(2)
+
+
 def along_first(table: np.ndarray, values: Float[Array, "first *batch"]) -> Array:
     """Product over the last axis of the table and the first of the values, as one of two matrices."""
-    flat = table.reshape(-1, table.shape[-1]) @ values.reshape(values.shape[0], -1)
+    flat = one_each(table.reshape(-1, table.shape[-1])) @ values.reshape(values.shape[0], -1)
     return flat.reshape(*table.shape[:-1], *values.shape[1:])

@@ -11,9 +11,10 @@ from typing import TypeVar
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
-from esail_jax.array_types import Array, Bool, Int
+from esail_jax.array_types import Array, Bool, Float, Int
 
 LOCKSTEP = "lockstep"
 """Name of the axis of members that go side by side."""
@@ -29,6 +30,12 @@ def in_lockstep() -> bool:
     except NameError:
         return False
     return True
+
+
+def one_each(table: Float[np.ndarray, "row col"]) -> Float[Array | np.ndarray, "row col"]:
+    """A table, or one for each of those side by side. Its product with what they have would otherwise put
+    its rows before the axis they go along, and turn all that stands around it."""
+    return jnp.where(lax.axis_index(LOCKSTEP) >= 0, table, table) if in_lockstep() else table
 
 
 def any_member(condition: Bool[Array, ""]) -> Bool[Array, ""]:

@@ -32,8 +32,9 @@ def _reciprocal_jvp(primals, tangents):
 
 def greatest(x: Float[Array, "first *rest"]) -> Float[Array, "*rest"]:
     """Largest absolute value along the first axis, which must be short. Term by term: the compiler
-    vectorises that, but goes through a maximum over everything one by one."""
-    return functools.reduce(jnp.maximum, jnp.abs(x))
+    vectorises that, but goes through a maximum over everything one by one; and absolute values last, as it
+    would take them in a product before it, slowly."""
+    return jnp.maximum(functools.reduce(jnp.maximum, x), -functools.reduce(jnp.minimum, x))
 
 
 def norm(a: VectorPerPoint) -> PerPoint:
@@ -41,12 +42,19 @@ def norm(a: VectorPerPoint) -> PerPoint:
     return root(dot(a, a))
 
 
+@jax.custom_jvp
 def root(x: PerPoint) -> PerPoint:
     """Square root of what is not negative.
 
     The maximum with zero changes nothing: without it the compiler makes sqrt and the division of its
     derivative one operation, which it then takes three times as long for."""
     return jnp.maximum(jnp.sqrt(x), 0.0)
+
+
+@root.defjvp
+def _root_jvp(primals, tangents):
+    y = root(*primals)
+    return y, 0.5 * reciprocal(y) * tangents[0]
 
 
 def stacked(parts: list[Array]) -> Array:
