@@ -201,8 +201,7 @@ def programs(
         starting = jax.jit(problem_of, static_argnums=0).lower(structure, numbers, step)
         start = pool.submit(starting.compile, compiler_options=ONCE_COMPILE)
         _, problem, carry = starting.out_info
-        # Then the longest, so that the others are traced while it compiles. It is worth a slower
-        # compilation (compiler.QUICK_COMPILE): its steps take a tenth less time.
+        # Then the longest, so that the others are traced while it compiles.
         stepping = jax.jit(run_blocks).lower(problem, carry, number)
         blocks = pool.submit(compiled, stepping)
         times = jax.ShapeDtypeStruct((ROWS_PER_LOOK,), float)

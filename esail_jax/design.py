@@ -18,7 +18,7 @@ from jax import lax
 
 from esail_jax import objectives
 from esail_jax.array_types import Array, Float, Scalar
-from esail_jax.compiler import QUICK_COMPILE
+from esail_jax.compiler import COMPILER_OPTIONS
 from esail_jax.scenes.keys import SceneError
 from esail_jax.scenes.scene import Scene
 from esail_jax.simulate import Solution, simulate
@@ -95,7 +95,7 @@ class Design:
         self.before = self.measured(self.plain)
         self.compared = self.before if not self.circumstances else self.before_each()
         each = jax.value_and_grad(self.objective)
-        self._evaluate = jax.jit(lambda x: lax.map(each, x), compiler_options=QUICK_COMPILE)
+        self._evaluate = jax.jit(lambda x: lax.map(each, x), compiler_options=COMPILER_OPTIONS)
 
     def measured(self, run: Solution) -> dict[str, float]:
         """The objectives of a run."""

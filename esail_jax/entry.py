@@ -13,7 +13,7 @@ from jax import lax
 
 from esail_jax import observables
 from esail_jax.array_types import Array, Float, Scalar, Vector
-from esail_jax.compiler import QUICK_COMPILE, ROWS_COMPILE
+from esail_jax.compiler import COMPILER_OPTIONS, ROWS_COMPILE
 from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.coordinates import Coordinates
 from esail_jax.dynamics.consistent import project
@@ -259,5 +259,5 @@ def with_jerk(stepper: FixedStep, state: State, v_next: Coordinates) -> State:
     return state._replace(a=state.vdot.axpy(c.alpha_m - c.alpha_f, rise), rise=rise)
 
 
-step_entry_jitted = jax.jit(step_entry, static_argnums=(3, 4, 5), compiler_options=QUICK_COMPILE)
+step_entry_jitted = jax.jit(step_entry, static_argnums=(3, 4, 5), compiler_options=COMPILER_OPTIONS)
 look_at_entry_jitted = jax.jit(look_at_entry, static_argnums=6, compiler_options=ROWS_COMPILE)

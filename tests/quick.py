@@ -5,9 +5,9 @@ import functools
 import jax
 import pytest
 
-from esail_jax.compiler import QUICK_COMPILE
+from esail_jax.compiler import COMPILER_OPTIONS
 
-QUICKLY = (QUICK_COMPILE or {}) | {
+QUICKLY = (COMPILER_OPTIONS or {}) | {
     "xla_backend_optimization_level": 0,
     "xla_llvm_disable_expensive_passes": True,
 }

@@ -83,6 +83,7 @@ def sail_tolerance(scene: Scene) -> float | Array:
     return tolerance if isinstance(tolerance, jax.core.Tracer) else float(tolerance)
 
 
+@jax.jit
 def smallest_strain(n: Numbers) -> Array:
     """Of the roots [-], (m_u + rho A L / 2) omega^2 L / EA by the spin or f L / EA across the wind, what
     is larger, of the tether that stretches least."""

@@ -12,7 +12,7 @@ from jax import lax
 import esail_jax as esail
 from esail_jax import observables
 from esail_jax.array_types import Instants, PerPoint, PerTether
-from esail_jax.compiler import QUICK_COMPILE
+from esail_jax.compiler import COMPILER_OPTIONS
 from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.dynamics.consistent import consistent_acceleration
 from esail_jax.dynamics.fixed_step import KEEP, StepInfo
@@ -173,7 +173,7 @@ def run(
         return history(variant, structure, numbers, lane, refine, SAVED)
 
     abstract = Lane(*[jax.ShapeDtypeStruct((), float)] * 3)
-    program = jax.jit(one_lane, compiler_options=QUICK_COMPILE).lower(abstract).compile()
+    program = jax.jit(one_lane, compiler_options=COMPILER_OPTIONS).lower(abstract).compile()
     found = []
     for lane in lanes:
         values = Lane(*map(jnp.asarray, map(float, lane)))

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import esail_jax as esail
-from esail_jax.compiler import QUICK_COMPILE
+from esail_jax.compiler import COMPILER_OPTIONS
 from esail_jax.dynamics.generalized_alpha import GeneralizedAlpha
 from esail_jax.entry import entry_data, step_entry
 from esail_jax.march import March
@@ -112,7 +112,7 @@ def leaving_out() -> None:
             prepared.problem, carry.state, data
         )
         begin = time.process_time()
-        compiled = lowered.compile(compiler_options=QUICK_COMPILE)
+        compiled = lowered.compile(compiler_options=COMPILER_OPTIONS)
         return compiled, time.process_time() - begin
 
     compiled = {name: [compile_once(*run)] for name, run in runs.items()}

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax.compiler import QUICK_COMPILE
+from esail_jax.compiler import COMPILER_OPTIONS
 from esail_jax.constants import ASTRONOMICAL_UNIT, PROTON_MASS, VACUUM_PERMITTIVITY
 from esail_jax.coordinates import Coordinates
 from esail_jax.observables import make_instant, observe
@@ -23,7 +23,7 @@ from esail_jax.scenes.structure import split
 from esail_jax.system import Power, System
 from oracles.ledger import Errors
 
-COMPILER = (QUICK_COMPILE or {}) | {"xla_backend_optimization_level": 0}
+COMPILER = (COMPILER_OPTIONS or {}) | {"xla_backend_optimization_level": 0}
 """These programs run once or twice: compiling is all they cost."""
 
 P, NODES, STATES = 4, 3, 3
