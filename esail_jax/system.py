@@ -31,7 +31,7 @@ from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.joints.roots import FrameRoots, HubRoots
 from esail_jax.loads.voltage import Sight, VoltageLaw
 from esail_jax.numerics.small_matrices import matmul
-from esail_jax.numerics.vectors import dot
+from esail_jax.numerics.vectors import dot, stacked
 from esail_jax.terms import Deformation, Dissipation, Load, PointFields, Term, Together
 
 
@@ -186,10 +186,16 @@ class System(eqx.Module):
         total, lost, loads = self.point_forces(time, fields, rates)
         forces = tethers.nodal_forces(total, inertial)
         external = dissipated = jnp.zeros(q.shape[2:-2])
+        densities = [dot(loads.r, rates.r)] if self.loads else []
+        densities += [] if lost is None else [lost]
+        if len(densities) > 1:
+            # Into memory: what is computed within a sum is not vectorised.
+            densities = list(stacked([x[None] for x in densities]))
+        powers = [self.integrate(x) for x in densities]
         if self.loads:
-            external = -self.integrate(dot(loads.r, rates.r))
+            external = -powers[0]
         if lost is not None:
-            dissipated = self.integrate(lost)
+            dissipated = powers[-1]
         return forces, Power(external, dissipated)
 
     def joined(

@@ -90,8 +90,7 @@ def combined(
     """A table times the stages. What the hub has of them is written out: calling the library for a product
     takes longer than so small a one."""
     if stages[0].size > LIBRARY:
-        table = one_each(table) if isinstance(table, np.ndarray) else table
-        return jnp.tensordot(table, stages, 1)
+        return jnp.tensordot(one_each(table), stages, 1)
     return (table.reshape(*table.shape, *(1,) * (stages.ndim - 1)) * stages).sum(1)
 
 
@@ -152,7 +151,8 @@ def factor(system: System, start: Point, h: Scalar, lam: Multipliers) -> KeptFac
         return newton_matrix.tangent(system, *now, start.v, lam, jnp.ones(()), rate)
 
     layout = {"weights": inert.weights, "released": inert.released}
-    both = jax.vmap(tangent)(jnp.array([0.0, 1.0]))
+    # One after the other: side by side, the table of shape functions would turn their axes about.
+    both = lax.map(tangent, jnp.array([0.0, 1.0]))
     stiff, moving = (jax.tree.map(lambda x, i=i: x[i], both) for i in (0, 1))
 
     def of_rate(mu):

@@ -32,10 +32,13 @@ def in_lockstep() -> bool:
     return True
 
 
-def one_each(table: Float[np.ndarray, "row col"]) -> Float[Array | np.ndarray, "row col"]:
+def one_each(table: Float[Array | np.ndarray, "row col"]) -> Float[Array | np.ndarray, "row col"]:
     """A table, or one for each of those side by side. Its product with what they have would otherwise put
     its rows before the axis they go along, and turn all that stands around it."""
-    return jnp.where(lax.axis_index(LOCKSTEP) >= 0, table, table) if in_lockstep() else table
+    if not in_lockstep():
+        return table
+    # Chosen by the number of each: so `vmap` takes it for theirs.
+    return jnp.where(lax.axis_index(LOCKSTEP) >= 0, table, table)
 
 
 def any_member(condition: Bool[Array, ""]) -> Bool[Array, ""]:

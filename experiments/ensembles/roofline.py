@@ -18,8 +18,9 @@ import jax.numpy as jnp
 
 import esail_jax as esail
 from esail_jax.dynamics.collocation import first_guess
-from esail_jax.dynamics.stage_solution import stage_residuals
+from esail_jax.dynamics.stage_solution import reshaped, stage_residuals
 from esail_jax.dynamics.stages import correction, factor, turns_to
+from esail_jax.numerics.loops import LOCKSTEP
 from esail_jax.prepare import prepare
 
 BATCHES = (1, 2, 4, 8, 16, 32)
@@ -40,11 +41,12 @@ def seconds(loop, *arguments) -> float:
     return statistics.median(times) / LOOPS
 
 
-def iteration(system, now, h, kept, unknowns):
-    """One simplified Newton iteration."""
-    residual, axes = stage_residuals(system, now, h, unknowns)
+def iteration(system, now, h, kept, nodes, like):
+    """One simplified Newton iteration. nodes: the unknowns, all nodes along one axis, as they are carried
+    there; like: what they look like elsewhere."""
+    residual, axes = stage_residuals(system, now, h, jax.tree.map(reshaped, nodes, like))
     change = correction(system, residual, turns_to(axes, kept), kept)
-    return jax.tree.map(jnp.add, unknowns, change)
+    return jax.tree.map(lambda x, y: x + reshaped(y, x), nodes, change)
 
 
 def of_batch(size: int) -> tuple:
@@ -52,22 +54,28 @@ def of_batch(size: int) -> tuple:
     scene = esail.load_scene("baseline", {"integrator.t_end": 100.0})
     prepared = prepare(scene)
     system, progress = prepared.problem.system, prepared.carry.progress
-    h, lam = jnp.asarray(STEP), jax.tree.map(lambda x: x[-1], progress.history.values.lam)
-    kept, guess = factor(system, progress.now, h, lam), first_guess(system, progress)
+    now, h = progress.now, jnp.asarray(STEP)
+    lam = jax.tree.map(lambda x: x[-1], progress.history.values.lam)
+    kept, guess = factor(system, now, h, lam), first_guess(system, progress)
+
+    tether = guess.vdot.tether
+    nodes = guess._replace(vdot=guess.vdot._replace(tether=tether.reshape(*tether.shape[:-2], -1)))
+
+    def once(now, kept, nodes):
+        return iteration(system, now, h, kept, nodes, guess)
 
     def repeated(x):
         return jax.tree.map(lambda x: jnp.broadcast_to(x, (size, *x.shape)) + 0.0, x)
 
-    now, kept, guess = repeated((progress.now, kept, guess))
-    once = jax.vmap(lambda *x: iteration(system, x[0], h, *x[1:]))
-    compiled = jax.jit(once).lower(now, kept, guess).compile(esail.COMPILER_OPTIONS)
-    counted, memory = compiled.cost_analysis(), compiled.memory_analysis()
+    if size > 1:
+        now, kept, nodes = repeated((now, kept, nodes))
+        once = jax.vmap(once, axis_name=LOCKSTEP)
+    program = esail.compiled(jax.jit(once).lower(now, kept, nodes))
+    counted, memory = program.cost_analysis(), program.memory_analysis()
     works_on = memory.argument_size_in_bytes + memory.output_size_in_bytes + memory.temp_size_in_bytes
-    loop = jax.jit(
-        lambda *x: jax.lax.fori_loop(0, LOOPS, lambda _, y: once(*x[:2], y), x[2]),
-        compiler_options=esail.COMPILER_OPTIONS,
-    )
-    return seconds(loop, now, kept, guess), counted["flops"], counted["bytes accessed"], works_on
+    many = jax.jit(lambda *x: jax.lax.fori_loop(0, LOOPS, lambda _, y: once(*x[:2], y), x[2]))
+    loop = esail.compiled(many.lower(now, kept, nodes))
+    return seconds(loop, now, kept, nodes), counted["flops"], counted["bytes accessed"], works_on
 
 
 def stream(size: float) -> float:
