@@ -168,13 +168,11 @@ class Tethers(eqx.Module):
         tables = [(self.weights[:, None] * self.table(d)).T for d in scaled]
         parts = [integrated(table, value) for table, value in zip(tables, values, strict=True)]
         if acceleration is not None:
-            parts.append(self.inertial(acceleration))
+            parts.append(self.element_inertia(acceleration))
         forces = self.assemble(sum(parts[1:], parts[0]))
-        if acceleration is not None:
-            forces = self.add_point_masses(forces, acceleration)
-        return forces
+        return forces if acceleration is None else self.add_point_masses(forces, acceleration)
 
-    def inertial(self, acceleration: Nodal) -> Float[Array, "coef2 3 *state element"]:
+    def element_inertia(self, acceleration: Nodal) -> Float[Array, "coef2 3 *state element"]:
         """M `acceleration` of every element by itself."""
         vectors = self.element_vectors(acceleration) * self.masses
         return integrated(self.mass_table, jnp.swapaxes(vectors, 0, 1))
@@ -188,7 +186,7 @@ class Tethers(eqx.Module):
 
     def inertia(self, acceleration: Nodal) -> Nodal:
         """M `acceleration` ([PGV] Eq. 22), remote units included."""
-        return self.add_point_masses(self.assemble(self.inertial(acceleration)), acceleration)
+        return self.add_point_masses(self.assemble(self.element_inertia(acceleration)), acceleration)
 
     def uniform(self, vector: Float[Array, "3"]) -> Nodal:
         """Nodal vectors of a field equal to `vector` everywhere: positions, no slopes."""
