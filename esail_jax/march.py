@@ -9,14 +9,14 @@ import numpy as np
 
 from esail_jax import block_march, explicit
 from esail_jax.block_march import BlockMarch
-from esail_jax.dynamics.fixed_step import KEEP, StepInfo
+from esail_jax.dynamics.fixed_step import StepInfo
 from esail_jax.entry import Carry, entry_data, look_at_entry_jitted, step_entry_jitted
 from esail_jax.explicit import ExplicitMarch
 from esail_jax.observables import chain, is_chain
 from esail_jax.observables.run_warning import STEP_ERRORS
 from esail_jax.pieces import RESULTS, Checkpoint, Piece, SimulationError, join
 from esail_jax.prepare import Prepared
-from esail_jax.schedule import Entry, rows_per_entry, stretch
+from esail_jax.schedule import Entry, stretch
 
 MAX_HALVINGS = 6
 """Times a stretch that does not converge is repeated with half the step before the run gives up."""
@@ -83,21 +83,20 @@ class March:
         whole_entry = entry.kind == "begin" or not entry.hand_over
         return whole_steps and whole_entry and self.position < len(self.plan.entries)
 
-    def _call(self, entry: Entry, carry: Carry, rows: int, keep: int):
-        data = entry_data(entry, rows)
-        steps = self.plan.steps_per_entry
+    def _call(self, entry: Entry, carry: Carry, *, repair: bool):
+        # Room for as many saved instants in a repair, whose steps hold fewer: one program for all of them.
+        data = entry_data(entry, self.plan.rows_per_entry)
         problem, compiled = self.prepared.problem, self.prepared.programs
-        if keep == KEEP and rows == self.plan.rows_per_entry:
+        if not repair:
             stepped = compiled.step(problem, carry.state, data)
             carry, seen = compiled.look(problem, carry, data, *stepped)
-        else:  # a repair: compiled when it is needed
-            stepped = step_entry_jitted(problem, carry.state, data, steps, keep, True)
+        else:  # compiled when it is needed
+            stepped = step_entry_jitted(problem, carry.state, data, self.plan.steps_per_entry, 1, True)
             carry, seen = look_at_entry_jitted(problem, carry, data, *stepped, True)
         return carry, (seen, stepped[2])
 
     def _entry(self, entry: Entry) -> tuple[dict, np.ndarray, dict]:
-        rows = self.plan.rows_per_entry
-        carry, (seen, info) = self._call(entry, self.carry, rows, KEEP)
+        carry, (seen, info) = self._call(entry, self.carry, repair=False)
         if int(carry.failed) and entry.kind == "march":
             return self._repair(entry, seen, info)
         if int(carry.failed):  # a trial step only improves the start: go on without it
@@ -132,9 +131,8 @@ class March:
         for attempt in attempts:
             carry, parts, failure = self.carry, [], None
             for part in attempt:
-                rows = rows_per_entry(steps, part.step, self.prepared.resolved.output.interval)
                 before = carry
-                carry, (found, how) = self._call(part, carry, rows, 1)
+                carry, (found, how) = self._call(part, carry, repair=True)
                 if int(carry.failed) and part.kind == "trial":
                     carry = before._replace(failed=jnp.zeros((), int))
                 elif int(carry.failed):

@@ -463,8 +463,8 @@ def break_from(monkeypatch, start):
     """Let every step from `start` on fail, as if the equations could not be solved."""
     original = esail_jax.march.March._call
 
-    def call(self, entry, carry, rows, keep):
-        carry, (seen, info) = original(self, entry, carry, self.plan.rows_per_entry, esail_jax.march.KEEP)
+    def call(self, entry, carry, *, repair):
+        carry, (seen, info) = original(self, entry, carry, repair=False)
         if entry.kind == "march" and entry.end > start:
             late = entry.start + entry.step * jnp.arange(1, self.plan.steps_per_entry + 1) > start + 1e-9
             bad = jnp.where(late[:, None], jnp.inf, info.increment)
@@ -495,6 +495,23 @@ def test_a_failed_run_keeps_what_was_good_and_says_why(scene, whole, tmp_path, m
     monkeypatch.undo()
     assert esail_run(scene, path, "--resume") == 0
     check_same(path, whole)
+
+
+def test_all_halvings_of_a_repair_share_their_programs(scene, tmp_path, monkeypatch, capsys):
+    """A stretch that fails with every step down to a 64th is given up after one more compilation each of
+    the steps and of the look at them, not one for every size."""
+    original = esail_jax.march.March._call
+
+    def call(self, entry, carry, *, repair):
+        carry, found = original(self, entry, carry, repair=repair)
+        return (carry._replace(failed=jnp.ones((), int)) if entry.kind == "march" else carry), found
+
+    monkeypatch.setattr(esail_jax.march.March, "_call", call)
+    programs = esail_jax.march.step_entry_jitted, esail_jax.march.look_at_entry_jitted
+    before = [program._cache_size() for program in programs]
+    assert esail_run(scene, tmp_path / "a.h5") == 3
+    assert "with steps of 0.00156 s" in capsys.readouterr().err
+    assert [program._cache_size() for program in programs] == [1 + size for size in before]
 
 
 @pytest.mark.slow
