@@ -197,6 +197,10 @@ def ensemble(options: argparse.Namespace) -> int:
     use_compilation_cache()
     if options.distributed:
         join_cluster(options)
+    else:
+        from esail_jax.cores import share_cores
+
+        share_cores(options.processes)
     from esail_jax.ensemble_run import run_distributed, run_here, task_of
     from esail_jax.sampling import VariationError, parse_variation
     from esail_jax.scenes.scene import load_scene

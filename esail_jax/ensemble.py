@@ -1,15 +1,16 @@
 """Ensembles: many runs of one scene, with numbers of their own for every member.
 
-Members run in one compiled program. On a CPU every core takes one at a time, whose numbers then stay in its
-cache (in lockstep they take no less time: `experiments/ensembles`); on a GPU all of a batch go in
-lockstep, and several GPUs share a batch. Members that fail there are run again by themselves, where a run
-may repair its steps and say what went wrong.
+Members run in one compiled program. On a CPU every core takes one at a time, from a thread of its own, and
+its numbers then stay in its cache (in lockstep they take no less time: `experiments/ensembles`); on a GPU
+all of a batch go in lockstep, and several GPUs share a batch. Members that fail there are run again by
+themselves, where a run may repair its steps and say what went wrong.
 """
 
 import dataclasses
 import functools
 import math
 from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import jax
@@ -19,6 +20,7 @@ from jax.sharding import Mesh, PartitionSpec
 
 from esail_jax.array_types import Array, Bool, Float
 from esail_jax.compiler import compiled
+from esail_jax.cores import cores
 from esail_jax.numerics.loops import LOCKSTEP
 from esail_jax.observables import listed, shape_of
 from esail_jax.observables.balance import TERMS
@@ -41,7 +43,7 @@ MOST_BYTES = 2**28
 """Of a batch's results."""
 
 CPU_BATCH = 8
-"""Members in one call, at most, on a CPU: some seconds, after which the host may stop."""
+"""Members of a core in one call, at most, on a CPU: some seconds, after which the host may stop."""
 
 PROBE, GPU_BATCH, SHARE = 8, 4096, 0.4
 """On a GPU: the batch whose memory is measured, the largest, and the part of the memory it may take."""
@@ -148,7 +150,7 @@ class Runner:
         """Members in one call: as many as memory holds, and on a CPU not more than take some seconds."""
         each = 8 * len(self.time) * sum(math.prod(self.shapes[name]) for name in self._wanted)
         if not self.lockstep:
-            return int(np.clip(MOST_BYTES // each, 1, CPU_BATCH))
+            return int(np.clip(MOST_BYTES // each, 1, CPU_BATCH * (1 if self.one_core else cores())))
         devices = jax.local_devices()
         room = (devices[0].memory_stats() or {}).get("bytes_limit", MOST_BYTES)
         # Of each device's own share of the program.
@@ -180,8 +182,7 @@ class Runner:
             padded = np.append(members, np.full(self.batch - count, members[-1]))
             found = jax.device_get(self._compiled(padded, of_members(self.inputs, padded)))
         else:
-            each = [self._one(member) for member in members]
-            found = jax.tree.map(lambda *x: np.stack(x), *jax.device_get(each))
+            found = jax.tree.map(lambda *x: np.stack(x), *self._each(members))
         rows, complete, steps, errors = jax.tree.map(lambda x: np.array(x[:count]), found)
         steps, messages = steps.astype(float), []
         for k, member in enumerate(members):
@@ -196,11 +197,20 @@ class Runner:
             {name: rows[name] for name in self.observables}, complete, tuple(messages), steps,
         )  # fmt: skip
 
+    def _each(self, members: np.ndarray) -> list[Any]:
+        """Results of members, as many of them at once as there are cores."""
+        if self.one_core:
+            return [self._one(member) for member in members]
+        # Called one after the other they would run so, too, although JAX's calls return at once.
+        pool = ThreadPoolExecutor(cores())
+        try:
+            return list(pool.map(self._one, members))
+        finally:
+            pool.shutdown(cancel_futures=True)
+
     def _one(self, member: np.integer) -> Any:
-        """Results of a member. JAX's calls return before they are done, and those under way share the
-        cores."""
-        found = self._compiled(member, of_members(self.inputs, member))
-        return jax.device_get(found) if self.one_core else found
+        """Results of a member."""
+        return jax.device_get(self._compiled(member, of_members(self.inputs, member)))
 
     def alone(self, member: int) -> tuple[dict[str, np.ndarray], bool, float, str]:
         """A member run by itself: its rows, NaN from a failure on, whether it is complete, its steps, and

@@ -18,6 +18,7 @@ import numpy as np
 from jax.experimental import multihost_utils
 
 from esail_jax import sampling as samples
+from esail_jax.cores import cores
 from esail_jax.ensemble import Runner, chosen, shapes_of
 from esail_jax.ensemble_file import (
     Task,
@@ -148,14 +149,9 @@ def still_missing(task: Task, folder: Path, resume: bool) -> np.ndarray | None:
     return None if held == task.count and not len(missing) and not pieces else missing
 
 
-def cores() -> int:
-    """Of this machine, as far as this process may use them."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def leave(task: Task, folder: Path, missing: np.ndarray, processes: int) -> list[np.ndarray]:
     """Leave the task in its folder, cut into pieces for so many processes: the pieces."""
-    most = Runner(task.scene, task.inputs, task.observables).batch
+    most = Runner(task.scene, task.inputs, task.observables, one_core=True).batch
     size = int(np.clip(len(missing) // (TURNS * processes), 1, most))
     pieces = [missing[first : first + size] for first in range(0, len(missing), size)]
     write_task(folder, task, pieces)

@@ -6,6 +6,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -14,8 +15,9 @@ import numpy as np
 import pytest
 
 import esail_jax as esail
+import esail_jax.cores
 from esail_jax.cli import main
-from esail_jax.ensemble import simulate_members
+from esail_jax.ensemble import Runner, simulate_members
 from esail_jax.ensemble_file import load_ensemble, pieces_in
 from esail_jax.ensemble_statistics import OUTCOMES, drivers, spread
 from esail_jax.plotting.ensemble import plot_ensemble
@@ -81,6 +83,35 @@ def test_members_are_single_runs(scene, inputs, ensemble):
             size = np.abs(run[name]).max()
             assert np.abs(run[name] - ensemble[name][member]).max() < 1e-12 * size, name
     assert np.ptp(ensemble["coning_angle"][:, -1, 0]) > 1e-6  # members differ
+
+
+def test_every_core_takes_a_member(scene, inputs, ensemble, monkeypatch):
+    """With two cores two members at a time: each waits for the other to begin, in vain if they went one by
+    one. Their numbers are the same."""
+    barrier, one = threading.Barrier(2, timeout=30.0), Runner._one
+
+    def together(self, member):
+        barrier.wait()
+        return one(self, member)
+
+    monkeypatch.setattr("esail_jax.ensemble.cores", lambda: 2)
+    monkeypatch.setattr(Runner, "_one", together)
+    found = simulate_members(scene, {key: x[:4] for key, x in inputs.items()})
+    assert all(np.array_equal(found[name], x[:4], equal_nan=True) for name, x in ensemble.rows.items())
+
+
+@pytest.mark.parametrize(
+    "processes, set_already, threads", [(None, None, "1"), (4, None, "1"), (2, None, "2"), (1, "3", "3")]
+)
+def test_processes_share_the_cores(processes, set_already, threads, monkeypatch):
+    """Four cores: as many threads for each of the processes as there are cores for it; what the user has
+    set stays."""
+    monkeypatch.setattr("esail_jax.cores.cores", lambda: 4)
+    monkeypatch.setenv("NPROC", set_already or "")
+    if set_already is None:
+        monkeypatch.delenv("NPROC")
+    esail_jax.cores.share_cores(processes)
+    assert os.environ["NPROC"] == threads
 
 
 @pytest.mark.slow
