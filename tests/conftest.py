@@ -1,6 +1,7 @@
 """Shared scenes. Compiling is most of a test's time: tests share structures where they can, and the
 processes of a session the compiled programs."""
 
+import gc
 import os
 import shutil
 import tempfile
@@ -21,10 +22,15 @@ CACHE = "JAX_COMPILATION_CACHE_DIR"
 LEAST_SECONDS = 0.3
 """Compile time from which a program is worth a file."""
 
+LESS_OFTEN = 100_000, 50, 100
+"""Collection of garbage: tracing makes millions of objects that live on, and looking through them every 700
+takes a tenth of a test's time."""
+
 
 def pytest_configure(config):
     """A cache of compiled programs that the processes of this session share, those which tests start
     included, and which ends with it: a session compiles each program once, and finds none of another's."""
+    gc.set_threshold(*LESS_OFTEN)
     if not hasattr(config, "workerinput") and CACHE not in os.environ:
         folder = tempfile.mkdtemp(prefix="esail_programs_")
         config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
