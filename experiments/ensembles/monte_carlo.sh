@@ -1,7 +1,7 @@
 #!/bin/sh
 # Ten thousand baseline sails over three spin periods, with uncertain lengths, masses, voltages, spin and wind.
 #
-#     sh experiments/ensembles/monte_carlo.sh FOLDER [--resume]     half an hour on two cores
+#     sh experiments/ensembles/monte_carlo.sh FOLDER [--resume]     twelve minutes on two cores
 set -e
 folder=$1
 shift
