@@ -5,10 +5,10 @@
 Inertias give M (`elements/tether.py`, `elements/rigid_body.py`), energies give U and dissipation
 functions R (`elements/axial.py`, `elements/bending.py`), loads give Q_load (`loads/`), rigidity and
 joints give Phi (`elements/rigid_body.py`, `joints/`). A *system* is the sum of the terms a scene
-lists (`system.py`); `newton_matrix.py` assembles the matrix of its implicit steps. A chain of rods is
-a system too, with coordinates of its own (`dynamics/rod_chain.py`). A *stepper* advances it
+lists (`system.py`); `iteration_matrix.py` assembles the matrix of its implicit steps. A chain of rods is
+a system too, with coordinates of its own (`rod_chain.py`). A *stepper* advances it
 (`dynamics/`), *observables* look at it (`observables/`), a *solution* keeps what was seen
-(`simulate.py`).
+(`simulation/simulate.py`).
 """
 
 import jax
@@ -16,11 +16,11 @@ import jax
 jax.config.update("jax_enable_x64", True)
 
 from esail_jax.compiler import COMPILER_OPTIONS, compiled  # noqa: E402
-from esail_jax.pieces import RESULTS, SimulationError  # noqa: E402
-from esail_jax.scenes.keys import SceneError  # noqa: E402
+from esail_jax.files.run_file import RunFileError, load, save  # noqa: E402
+from esail_jax.scenes.rules import SceneError  # noqa: E402
 from esail_jax.scenes.scene import Scene, load_scene  # noqa: E402
-from esail_jax.simulate import Solution, simulate  # noqa: E402
-from esail_jax.storage import RunFileError, load, save  # noqa: E402
+from esail_jax.simulation.results import RESULTS, SimulationError  # noqa: E402
+from esail_jax.simulation.simulate import Solution, simulate  # noqa: E402
 
 __version__ = "0.1.0"
 

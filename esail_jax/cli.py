@@ -116,7 +116,7 @@ def use_compilation_cache() -> None:
 
 def run(options: argparse.Namespace) -> int:
     """`esail run`."""
-    from esail_jax.runner import run_scene
+    from esail_jax.commands.run import run_scene
     from esail_jax.scenes.scene import load_scene
 
     use_compilation_cache()
@@ -126,7 +126,7 @@ def run(options: argparse.Namespace) -> int:
 
 def scenes(_: argparse.Namespace) -> int:
     """`esail scenes`."""
-    from esail_jax.scenes.presets import builtin_names, description
+    from esail_jax.scenes.builtin_scenes import builtin_names, description
 
     for name in builtin_names():
         print(f"{name:15s} {description(name)}")
@@ -135,11 +135,11 @@ def scenes(_: argparse.Namespace) -> int:
 
 def info(options: argparse.Namespace) -> int:
     """`esail info`."""
-    from esail_jax.runner import describe
-    from esail_jax.storage import holds_ensemble
+    from esail_jax.commands.run import describe
+    from esail_jax.files.run_file import holds_ensemble
 
     if holds_ensemble(options.run):
-        from esail_jax.ensemble_report import describe_ensemble
+        from esail_jax.commands.ensemble_report import describe_ensemble
 
         print(describe_ensemble(options.run))
         return DONE
@@ -149,12 +149,12 @@ def info(options: argparse.Namespace) -> int:
 
 def plot(options: argparse.Namespace) -> int:
     """`esail plot`."""
+    from esail_jax.files.run_file import holds_ensemble, load
     from esail_jax.plotting import plot_all
-    from esail_jax.storage import holds_ensemble, load
 
     use_compilation_cache()
     if holds_ensemble(options.run):
-        from esail_jax.ensemble_file import load_ensemble
+        from esail_jax.ensembles.ensemble_file import load_ensemble
         from esail_jax.plotting.ensemble import plot_ensemble
 
         paths = plot_ensemble(load_ensemble(options.run), options.output)
@@ -167,7 +167,7 @@ def plot(options: argparse.Namespace) -> int:
 
 def design(options: argparse.Namespace) -> int:
     """`esail design`."""
-    from esail_jax.design_run import design_scene
+    from esail_jax.commands.design import design_scene
     from esail_jax.scenes.scene import load_scene
 
     for name in ("iterations", "starts"):
@@ -201,8 +201,8 @@ def ensemble(options: argparse.Namespace) -> int:
         from esail_jax.cores import share_cores
 
         share_cores(options.processes)
-    from esail_jax.ensemble_run import run_distributed, run_here, task_of
-    from esail_jax.sampling import VariationError, parse_variation
+    from esail_jax.commands.ensemble import run_distributed, run_here, task_of
+    from esail_jax.ensembles.sampling import VariationError, parse_variation
     from esail_jax.scenes.scene import load_scene
 
     scene = load_scene(options.scene, settings(options))
@@ -218,7 +218,7 @@ def ensemble(options: argparse.Namespace) -> int:
         return run_distributed(task, options.output, options.resume, options.quiet)
     status = run_here(task, options.output, options.processes, options.resume, options.quiet)
     if status == DONE and not options.quiet:
-        from esail_jax.ensemble_report import describe_ensemble
+        from esail_jax.commands.ensemble_report import describe_ensemble
 
         print(describe_ensemble(options.output / "ensemble.h5"))
     return status
@@ -254,7 +254,7 @@ def join_cluster(options: argparse.Namespace) -> None:
 
 def bench(options: argparse.Namespace) -> int:
     """`esail bench`: without the cache, so that compiling is timed."""
-    from esail_jax.bench import NoReference, run_bench
+    from esail_jax.commands.bench import NoReference, run_bench
     from esail_jax.scenes.scene import load_scene
 
     scene = load_scene(options.scene, settings(options))
@@ -281,8 +281,8 @@ def main(arguments: list[str] | None = None) -> int:
     """Entry point; returns the exit status."""
     try:
         options = parser().parse_args(arguments)
-        from esail_jax.scenes.keys import SceneError
-        from esail_jax.storage import RunFileError
+        from esail_jax.files.run_file import RunFileError
+        from esail_jax.scenes.rules import SceneError
     except UsageError as error:
         complain(error)
         return BAD_INPUT

@@ -4,8 +4,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.coordinates import Coordinates
-from esail_jax.dynamics.attached_axes import Axes, turn
 from esail_jax.numerics.angles import rotation_by
+from esail_jax.steppers.corotational_axes import Axes, turn
 
 
 def unit_vectors(seed: int) -> np.ndarray:

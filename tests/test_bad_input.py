@@ -13,7 +13,7 @@ import h5py
 import pytest
 import small_sail
 
-import esail_jax.prepare
+import esail_jax.simulation.prepare
 from esail_jax import cli
 
 
@@ -22,7 +22,7 @@ def nothing_compiles(monkeypatch):
     def compile_nothing(*_):
         raise AssertionError("compiled before the input was checked")
 
-    monkeypatch.setattr(esail_jax.prepare, "programs", compile_nothing)
+    monkeypatch.setattr(esail_jax.simulation.prepare, "programs", compile_nothing)
     monkeypatch.setattr(cli, "use_compilation_cache", lambda: None)
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import small_sail
 
-from esail_jax import bench
 from esail_jax.cli import main
+from esail_jax.commands import bench
 from esail_jax.scenes.scene import parse
 
 

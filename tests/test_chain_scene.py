@@ -11,10 +11,11 @@ from quick import jit
 from test_run_file import check_same, esail_run, status_of
 
 import esail_jax as esail
-import esail_jax.explicit
-import esail_jax.prepare
-from esail_jax import cli, storage
-from esail_jax.scenes.keys import rule_of
+import esail_jax.simulation.explicit
+import esail_jax.simulation.prepare
+from esail_jax import cli
+from esail_jax.files import run_file
+from esail_jax.scenes.rules import rule_of
 from esail_jax.scenes.scene import load_scene, parse, to_toml
 from esail_jax.scenes.tables import CHAIN_TABLES, Initial
 
@@ -98,7 +99,7 @@ def test_every_number_may_be_traced(key, chain, monkeypatch):
         seen.append(numbers[key])
         raise StopIteration
 
-    monkeypatch.setattr(esail_jax.explicit, "traced_run", run)
+    monkeypatch.setattr(esail_jax.simulation.explicit, "traced_run", run)
     module = importlib.import_module("esail_jax.simulate")  # the package's `simulate` is the function
     monkeypatch.setattr(module, "traced_run", lambda s, p, numbers: run(s, p, numbers, None))
     with pytest.raises(StopIteration):
@@ -154,7 +155,7 @@ REFUSED = [
 def test_bad_input_is_refused_by_name(settings, key, word, chain, monkeypatch):
     """Before anything is compiled: there is nothing to compile with."""
     for name in ("explicit", "blocks", "programs", "with_method"):
-        monkeypatch.setattr(esail_jax.prepare, name, None)
+        monkeypatch.setattr(esail_jax.simulation.prepare, name, None)
     settings = {k: v for k, v in settings.items() if v is not None}
     with pytest.raises(esail.SceneError) as error:
         esail.simulate(chain, settings)
@@ -279,11 +280,11 @@ def test_a_run_cut_short_goes_on_bit_for_bit(file, whole, tmp_path, monkeypatch)
     for t_end in (0.42, 0.43):
         path = tmp_path / f"{t_end}.h5"
         assert esail_run(file, path, "--t-end", t_end) == 0
-        assert storage.load(path).time[-1] == t_end
+        assert run_file.load(path).time[-1] == t_end
         assert esail_run(file, path, "--resume") == 0
         check_same(path, whole)
     path = tmp_path / "interrupted.h5"
-    pieces = esail_jax.explicit.ExplicitMarch.pieces
+    pieces = esail_jax.simulation.explicit.ExplicitMarch.pieces
 
     def interrupted(self):
         for number, piece in enumerate(pieces(self)):
@@ -292,7 +293,7 @@ def test_a_run_cut_short_goes_on_bit_for_bit(file, whole, tmp_path, monkeypatch)
                 raise esail.SimulationError("stopped", esail.RESULTS.nonfinite, piece)
 
     with monkeypatch.context() as patch:
-        patch.setattr(esail_jax.explicit.ExplicitMarch, "pieces", interrupted)
+        patch.setattr(esail_jax.simulation.explicit.ExplicitMarch, "pieces", interrupted)
         assert esail_run(file, path) == 3
     assert status_of(path) == "failed"
     assert esail_run(file, path, "--resume") == 0

@@ -11,8 +11,8 @@ from whole_runs import check_derivative, check_going_on, numbers, tips_of_batch_
 
 import esail_jax as esail
 from esail_jax.numerics.lobatto import Lobatto
-from esail_jax.pieces import SimulationError
 from esail_jax.scenes.scene import parse
+from esail_jax.simulation.results import SimulationError
 
 METHOD = {"integrator.method": "collocation"}
 SMALL = METHOD | {

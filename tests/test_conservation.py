@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import esail_jax as esail
-from esail_jax.prepare import prepare
+from esail_jax.simulation.prepare import prepare
 
 
 def energy(run):

@@ -8,9 +8,9 @@ import pytest
 from quick import jit
 
 import esail_jax as esail
-from esail_jax import objectives
 from esail_jax.cli import main
-from esail_jax.design import Design, Variable, inward, outward
+from esail_jax.design import objectives
+from esail_jax.design.problem import Design, Variable, inward, outward
 
 SMALL = {
     "tethers.count": 3,

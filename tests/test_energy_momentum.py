@@ -12,11 +12,11 @@ from test_convergence import SOFT, STEPS, orders, stepped
 from whole_runs import check_derivative, check_going_on, numbers, tips_of_batch_and_loop
 
 import esail_jax as esail
-from esail_jax.dynamics.energy_momentum import Secant
 from esail_jax.elements.axial import AxialEnergy
 from esail_jax.elements.bending import BendingEnergy
 from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.structure import split
+from esail_jax.steppers.energy_momentum import Secant
 from esail_jax.terms import PointFields
 
 METHOD = {"integrator.method": "energy-momentum"}

@@ -17,11 +17,11 @@ import pytest
 import esail_jax as esail
 import esail_jax.cores
 from esail_jax.cli import main
-from esail_jax.ensemble import Runner, simulate_members
-from esail_jax.ensemble_file import load_ensemble, pieces_in
-from esail_jax.ensemble_statistics import OUTCOMES, drivers, spread
+from esail_jax.ensembles.ensemble_file import load_ensemble, pieces_in
+from esail_jax.ensembles.members import Runner, simulate_members
+from esail_jax.ensembles.sampling import draw, parse_variation
+from esail_jax.ensembles.statistics import OUTCOMES, drivers, spread
 from esail_jax.plotting.ensemble import plot_ensemble
-from esail_jax.sampling import draw, parse_variation
 
 SMALL = {
     "tethers.count": 3,

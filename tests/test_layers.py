@@ -18,33 +18,20 @@ LAYERS = (
     ("coordinates", "terms"),
     ("elements", "loads", "joints"),
     ("system",),
-    ("newton_matrix",),
-    ("dynamics",),
-    ("observables", "scenes", "schedule", "pieces"),
-    ("entry", "explicit", "blocks"),
-    ("block_march", "traced_blocks"),
-    ("programs",),
-    ("prepare",),
-    ("march",),
-    ("simulate",),
-    ("objectives",),
-    ("design", "sampling"),
-    ("ensemble", "ensemble_gradient"),
-    ("ensemble_statistics",),
-    ("storage", "plotting", "progress"),
-    ("runner", "bench", "design_run", "ensemble_file"),
-    ("ensemble_run", "ensemble_report"),
-    ("ensemble_worker",),
-    ("__init__",),
-    ("cli",),
-    ("__main__",),
+    ("iteration_matrix", "rod_chain"),
+    ("steppers", "equilibria"),
+    ("observables", "scenes"),
+    ("simulation",),
+    ("files", "ensembles", "design", "plotting"),
+    ("__init__", "commands"),
+    ("cli", "__main__"),
 )
 """Lowest first. A name stands for a module, or for a folder with all its modules."""
 
 ONLY_IN = {
     "matplotlib": {"plotting"},
     "mpl_toolkits": {"plotting"},
-    "h5py": {"storage", "runner", "design_run", "ensemble_file"},
+    "h5py": {"files", "ensembles", "commands"},
 }
 """Who may import what is slow to import or tied to a file format."""
 
@@ -119,15 +106,15 @@ def test_only_the_command_line_draws():
 def test_a_wrong_import_is_seen(tmp_path):
     # Of every form an import can take, one inside a function too.
     text = """
-import esail_jax.storage
-from esail_jax import schedule
-from esail_jax.scenes import keys
+import esail_jax.cores
+from esail_jax import terms
+from esail_jax.scenes import rules
 from esail_jax import simulate, Scene
 def later():
-    from esail_jax.dynamics.consistent import project
+    from esail_jax.steppers.consistent import project
 """
     file = tmp_path / "wrong.py"
     file.write_text(text)
     assert modules_used(file) == {
-        "storage", "schedule", "scenes.keys", "simulate", "__init__", "dynamics.consistent",
+        "cores", "terms", "scenes.rules", "__init__", "steppers.consistent",
     }  # fmt: skip

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 import esail_jax as esail
-from esail_jax.entry import problem_of
 from esail_jax.scenes.build import build_jitted
-from esail_jax.scenes.integration import with_method
+from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.structure import split
+from esail_jax.simulation.entry import problem_of
 
 SCRIPT = Path(__file__).parents[1] / "experiments" / "performance" / "run.py"
 

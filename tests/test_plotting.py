@@ -13,9 +13,9 @@ from matplotlib.mathtext import MathTextParser
 from scipy.integrate import solve_ivp
 
 from esail_jax import plotting, simulate
+from esail_jax.observables.rigid_pendulum import hinge_moments, inertia, rigid_pendulum, swing
 from esail_jax.plotting.chain import libration_angles
 from esail_jax.plotting.data import power_spectrum, readable
-from esail_jax.plotting.pendulum import hinge_moments, inertia, rigid_pendulum, swing
 from esail_jax.scenes.scene import RemoteUnits, load_scene
 
 INTERVAL = 20.0

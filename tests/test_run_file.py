@@ -24,11 +24,12 @@ import small_sail
 from quick import quickly
 
 import esail_jax as esail
-import esail_jax.march
-import esail_jax.runner
-from esail_jax import cli, storage
+import esail_jax.commands.run
+import esail_jax.simulation.march
+from esail_jax import cli
+from esail_jax.files import run_file
 from esail_jax.observables.run_warning import STEP_ERRORS
-from esail_jax.scenes.presets import builtin_names
+from esail_jax.scenes.builtin_scenes import builtin_names
 from esail_jax.scenes.scene import parse
 
 OBSERVABLES = {
@@ -269,12 +270,12 @@ def test_ctrl_c_anywhere_leaves_a_file_that_resumes_bit_for_bit(
     """The signal comes while an entry is collected, written, or shown, at the `number`-th time."""
     path, left = tmp_path / "a.h5", [number]
     owner, name = {
-        "progress": (esail_jax.runner.Progress, "update"),
-        "collect": (esail_jax.march.March, "_collect"),
-        "write": (storage.RunWriter, "_append"),
+        "progress": (esail_jax.commands.run.Progress, "update"),
+        "collect": (esail_jax.simulation.march.March, "_collect"),
+        "write": (run_file.RunWriter, "_append"),
     }[place]
-    monkeypatch.setattr(storage, "CHECKPOINT_SECONDS", 0.0)
-    monkeypatch.setattr(storage, "COPY_SHARE", 1e9)
+    monkeypatch.setattr(run_file, "CHECKPOINT_SECONDS", 0.0)
+    monkeypatch.setattr(run_file, "COPY_SHARE", 1e9)
     original = getattr(owner, name)
 
     def interrupted(*arguments):
@@ -301,7 +302,7 @@ def test_signal_handlers_are_put_back(scene, tmp_path):
 
 
 OFTEN = (
-    "import sys, esail_jax.storage as storage; storage.CHECKPOINT_SECONDS = 0.0; "
+    "import sys, esail_jax.storage as storage; run_file.CHECKPOINT_SECONDS = 0.0; "
     "storage.COPY_SHARE = 1e9; from esail_jax.cli import main; sys.exit(main(sys.argv[1:]))"
 )
 """The command, writing after every entry: kills come while it writes."""
@@ -375,7 +376,7 @@ def test_kill_9_leaves_a_file_that_opens_and_resumes_bit_for_bit(scene, tmp_path
 
 
 MIDST = (
-    "import os, signal, esail_jax.storage as storage; append, left = storage.append, [100]\n"
+    "import os, signal, esail_jax.storage as storage; append, left = run_file.append, [100]\n"
     "def kill(data, values):\n"
     "    append(data, values)\n"
     "    left[0] -= 1\n"
@@ -461,7 +462,7 @@ def test_fifty_moments_of_kill_9_leave_a_file_that_opens_and_resumes_bit_for_bit
 
 def break_from(monkeypatch, start):
     """Let every step from `start` on fail, as if the equations could not be solved."""
-    original = esail_jax.march.March._call
+    original = esail_jax.simulation.march.March._call
 
     def call(self, entry, carry, *, repair):
         carry, (seen, info) = original(self, entry, carry, repair=False)
@@ -473,8 +474,8 @@ def break_from(monkeypatch, start):
             seen = {name: x.at[count:].set(jnp.nan) for name, x in seen.items()}
         return carry, (seen, info)
 
-    monkeypatch.setattr(esail_jax.march, "MAX_HALVINGS", 0)
-    monkeypatch.setattr(esail_jax.march.March, "_call", call)
+    monkeypatch.setattr(esail_jax.simulation.march, "MAX_HALVINGS", 0)
+    monkeypatch.setattr(esail_jax.simulation.march.March, "_call", call)
 
 
 def test_a_failed_run_keeps_what_was_good_and_says_why(scene, whole, tmp_path, monkeypatch, capsys):
@@ -500,14 +501,14 @@ def test_a_failed_run_keeps_what_was_good_and_says_why(scene, whole, tmp_path, m
 def test_all_halvings_of_a_repair_share_their_programs(scene, tmp_path, monkeypatch, capsys):
     """A stretch that fails with every step down to a 64th is given up after one more compilation each of
     the steps and of the look at them, not one for every size."""
-    original = esail_jax.march.March._call
+    original = esail_jax.simulation.march.March._call
 
     def call(self, entry, carry, *, repair):
         carry, found = original(self, entry, carry, repair=repair)
         return (carry._replace(failed=jnp.ones((), int)) if entry.kind == "march" else carry), found
 
-    monkeypatch.setattr(esail_jax.march.March, "_call", call)
-    programs = esail_jax.march.step_entry_jitted, esail_jax.march.look_at_entry_jitted
+    monkeypatch.setattr(esail_jax.simulation.march.March, "_call", call)
+    programs = esail_jax.simulation.march.step_entry_jitted, esail_jax.simulation.march.look_at_entry_jitted
     before = [program._cache_size() for program in programs]
     assert esail_run(scene, tmp_path / "a.h5") == 3
     assert "with steps of 0.00156 s" in capsys.readouterr().err
@@ -529,7 +530,7 @@ def test_a_spin_whose_only_equilibrium_is_folded_is_refused(scene):
     """Beyond the spin that a tether can hold, elements folded back on themselves balance too."""
     overrides = {"tethers.strain": "engineering", "initial.spin_rate": 0.5}
     with pytest.raises(esail.SceneError, match=r"initial\.spin_rate"):
-        esail_jax.runner.prepare(esail.load_scene(scene, overrides))
+        esail_jax.commands.run.prepare(esail.load_scene(scene, overrides))
 
 
 # Python
@@ -566,7 +567,7 @@ def test_load_compiles_nothing(whole, monkeypatch):
     def compile_nothing(*_):
         raise AssertionError("compiled to read a file")
 
-    monkeypatch.setattr("esail_jax.prepare.programs", compile_nothing)
+    monkeypatch.setattr("esail_jax.simulation.prepare.programs", compile_nothing)
     assert esail.load(whole)["kinetic_energy"].shape == (230,)
 
 

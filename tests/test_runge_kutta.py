@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from esail_jax.dynamics.runge_kutta import METHODS, RungeKutta, advance
+from esail_jax.steppers.runge_kutta import METHODS, RungeKutta, advance
 
 
 class Decay(eqx.Module):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import esail_jax as esail
-from esail_jax.sampling import VariationError, draw, parse_variation
-from esail_jax.scenes.keys import SceneError
+from esail_jax.ensembles.sampling import VariationError, draw, parse_variation
+from esail_jax.scenes.rules import SceneError
 
 
 @pytest.fixture(scope="module")

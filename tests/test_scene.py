@@ -9,8 +9,8 @@ import pytest
 import small_sail
 
 import esail_jax as esail
-from esail_jax.scenes.integration import with_method
-from esail_jax.scenes.presets import builtin_names, builtin_text, description
+from esail_jax.scenes.builtin_scenes import builtin_names, builtin_text, description
+from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.scene import Scene, load_scene, parse, to_toml
 from esail_jax.scenes.tables import SAIL_TABLES, names_of
 

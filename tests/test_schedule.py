@@ -8,7 +8,7 @@ import itertools
 import numpy as np
 import pytest
 
-from esail_jax.schedule import SNAP, beginning, plan, save_times, steps_per_entry
+from esail_jax.simulation.schedule import SNAP, beginning, plan, save_times, steps_per_entry
 
 RNG = np.random.default_rng(7)
 

@@ -9,13 +9,13 @@ import pytest
 
 import esail_jax as esail
 from esail_jax.coordinates import Coordinates
-from esail_jax.dynamics.energy_momentum import EnergyMomentum
-from esail_jax.dynamics.fixed_step import KEEP
-from esail_jax.dynamics.generalized_alpha import GeneralizedAlpha
-from esail_jax.dynamics.step_error import Course, StepErrors, after_steps, no_errors
-from esail_jax.ensemble import simulate_members
+from esail_jax.ensembles.members import simulate_members
 from esail_jax.observables.run_warning import run_warning, step_warning
-from esail_jax.prepare import prepare
+from esail_jax.simulation.prepare import prepare
+from esail_jax.steppers.energy_momentum import EnergyMomentum
+from esail_jax.steppers.fixed_step import KEEP
+from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
+from esail_jax.steppers.step_error import Course, StepErrors, after_steps, no_errors
 
 LONG, SHORT = 5.0, 0.5
 """Steps [s]: the whole sail's slowest axial vibration, 0.12 rad/s, is 0.6 and 0.06 of a radian a step."""

@@ -14,14 +14,14 @@ import pytest
 from oracles.dense import Dense
 from quick import jit
 
-from esail_jax import newton_matrix
+from esail_jax import iteration_matrix
 from esail_jax.coordinates import Coordinates
-from esail_jax.dynamics.generalized_alpha import GeneralizedAlpha
 from esail_jax.numerics import bordered
 from esail_jax.numerics.angles import rotation_by
 from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.scene import load_scene
 from esail_jax.scenes.structure import split
+from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
 
 TOLERANCE = 1e-10
 """Relative error of every column. Measured: at most 1e-15."""
@@ -58,7 +58,7 @@ def random_state(system, q, v):
 # Every scene is a program of its own, run once.
 @jit
 def assembled(system, q, v, lam):
-    return newton_matrix.tangent(system, TIME, q, v, lam, S, C)
+    return iteration_matrix.tangent(system, TIME, q, v, lam, S, C)
 
 
 @jit
@@ -72,11 +72,11 @@ def derivatives(system, state, columns):
         return pull_back(residual.forces)[0], residual.constraints
 
     def along(column):
-        dq, dlam = newton_matrix.from_vector(system, column)
+        dq, dlam = iteration_matrix.from_vector(system, column)
         tangents = dq, *(jax.tree.map(lambda x, f=f: f * x, dq) for f in (C, 1 / S))
         tangents = *tangents, jax.tree.map(lambda x: x / S, dlam)
         _, (forces, constraints) = jax.jvp(equations, state, tangents)
-        return newton_matrix.to_vector(system, jax.tree.map(lambda x: S * x, forces), constraints)
+        return iteration_matrix.to_vector(system, jax.tree.map(lambda x: S * x, forces), constraints)
 
     return jax.vmap(along)(columns)
 
@@ -112,18 +112,18 @@ def test_one_factorisation_of_the_mass_serves_every_attitude():
     system = model.system
     turn = rotation_by(jnp.array([0.3, -0.7, 0.6]))
     q = model.q.rotate(turn)
-    loads = newton_matrix.to_vector(
+    loads = iteration_matrix.to_vector(
         system, jax.tree.map(jnp.ones_like, q), jax.tree.map(jnp.ones_like, system.no_multipliers())
     )
 
     @jit
     def solved(inertia):
-        matrix, factors = newton_matrix.factor_mass(system, TIME, q, inertia)
+        matrix, factors = iteration_matrix.factor_mass(system, TIME, q, inertia)
         return jnp.concatenate(
             [jnp.ravel(x) for x in jax.tree.leaves(bordered.solve(matrix, factors, loads))]
         )
 
-    there, turned = solved(None), solved(jit(newton_matrix.inertia_of)(system))
+    there, turned = solved(None), solved(jit(iteration_matrix.inertia_of)(system))
     assert np.abs(turned - there).max() < 1e-9 * np.abs(there).max()
 
 

@@ -20,7 +20,7 @@ from esail_jax.loads.voltage import (
     smooth_step,
     within_slew_rate,
 )
-from esail_jax.scenes.presets import builtin_text
+from esail_jax.scenes.builtin_scenes import builtin_text
 from esail_jax.scenes.scene import parse, to_toml
 
 SMALL = {

@@ -17,7 +17,7 @@ import numpy as np
 
 from esail_jax.array_types import Array, Float, Nodal, PerElement, PerMember, PerTether
 from esail_jax.elements import ancf_cable, truss
-from esail_jax.numerics.loops import one_each
+from esail_jax.numerics.lockstep import one_each
 from esail_jax.numerics.quadrature import gauss_legendre
 from esail_jax.numerics.vectors import stacked
 from esail_jax.terms import PointFields

@@ -12,16 +12,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax.array_types import (
-    Array,
-    Bool,
-    Float,
-    HubPoints,
-    PerTether,
-    Rotation,
-    Scalar,
-    Vector,
-)
+from esail_jax.array_types import Array, Bool, Float, HubPoints, PerTether, Rotation, Scalar, Vector
 from esail_jax.numerics.small_matrices import matmul
 
 

@@ -16,13 +16,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from esail_jax.array_types import Array, Inexact
-from esail_jax.numerics.small_matrices import (
-    inverse,
-    joined,
-    matmul,
-    matvec_transposed,
-    transpose,
-)
+from esail_jax.numerics.small_matrices import inverse, joined, matmul, matvec_transposed, transpose
 
 Blocks = Inexact[Array, "block row row *batch"]
 Links = Inexact[Array, "link row row *batch"]

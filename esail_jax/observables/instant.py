@@ -7,13 +7,13 @@ import numpy as np
 
 from esail_jax.array_types import Array, Float, Rotation, Scalar, Vector, VectorPerPoint
 from esail_jax.coordinates import Coordinates, Multipliers
-from esail_jax.dynamics.consistent import consistent_motion
 from esail_jax.environment.orbit import orbital_frame
+from esail_jax.iteration_matrix import FactoredMass
 from esail_jax.joints.roots import radial_directions
-from esail_jax.newton_matrix import FactoredMass
 from esail_jax.numerics.angles import smallest_eigenvector
 from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import dot
+from esail_jax.steppers.consistent import consistent_motion
 from esail_jax.system import Power, System
 from esail_jax.terms import PointFields
 

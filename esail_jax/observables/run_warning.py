@@ -11,7 +11,7 @@ MOST_OFF = 7e-3
 estimate of runs right to 1e-3 (5e-3) and the least of those off by 1e-2 (`experiments/stability`)."""
 
 STEP_ERRORS = {"tip_error": "the tips", "root_force_error": "the forces at the roots"}
-"""What methods of fixed steps estimate (`dynamics/step_error.py`), in parts of ranges: names and words."""
+"""What methods of fixed steps estimate (`steppers/step_error.py`), in parts of ranges: names and words."""
 
 
 def run_warning(rows: Mapping[str, np.ndarray], numerics: Mapping[str, np.ndarray]) -> str:

@@ -10,13 +10,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from esail_jax.plotting.chain import (
-    chain_energies,
-    chain_libration,
-    chain_shapes,
-    chain_tension,
-    chain_tip,
-)
+from esail_jax.plotting.chain import chain_energies, chain_libration, chain_shapes, chain_tension, chain_tip
 from esail_jax.plotting.picture import sail_picture
 from esail_jax.plotting.sail import attitude, energies, sail_forces
 from esail_jax.plotting.tether import all_tethers, tether_forces, tether_motion

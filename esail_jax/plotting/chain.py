@@ -9,7 +9,8 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 
-from esail_jax.plotting.data import change, leading_finite, observable, orbital_period, readable
+from esail_jax.observables.saved_rows import leading_finite, observable
+from esail_jax.plotting.data import change, orbital_period, readable
 from esail_jax.plotting.panels import Curve, assemble, components, history, time_unit, unwrapped_degrees
 
 TIME_COLOURS = ListedColormap(colormaps["viridis"](np.linspace(0.0, 0.92, 256)))

@@ -5,6 +5,8 @@ from typing import Any
 import numpy as np
 from scipy.signal import periodogram
 
+from esail_jax.observables.saved_rows import leading_finite
+
 DEGREES = 180.0 / np.pi
 """In a radian."""
 
@@ -21,22 +23,9 @@ ROUNDING = 1e-13
 """Variation, relative to the largest value, below which a signal is constant."""
 
 
-def observable(run: Any, name: str, factor: float = 1.0) -> np.ndarray | None:
-    """A factor times an observable, time first; None if the run lacks it or all of it is NaN."""
-    if name not in run.observables:
-        return None
-    values = np.asarray(run[name])
-    return factor * values if np.isfinite(values).any() else None
-
-
 def change(values: np.ndarray | None) -> np.ndarray | None:
     """Values less the first."""
     return None if values is None else values - values[0]
-
-
-def per_tether(value: Any, count: int) -> np.ndarray:
-    """A number for all tethers, or one per tether, as an array (tether)."""
-    return np.broadcast_to(np.asarray(value, float), (count,))
 
 
 def spin_period(run: Any) -> float | None:
@@ -59,15 +48,6 @@ def readable(unit: str, *signals: np.ndarray) -> tuple[float, str]:
         if largest >= size:
             return 1.0 / size, prefix + unit
     return 1.0, unit
-
-
-def leading_finite(*signals: np.ndarray) -> int:
-    """Number of leading instants at which all signals (time, ...) are finite: a failed run is NaN
-    from the failure on."""
-    finite = np.ones(len(signals[0]), bool)
-    for signal in signals:
-        finite &= np.isfinite(signal).reshape(len(signal), -1).all(1)
-    return len(finite) if finite.all() else int(np.argmin(finite))
 
 
 def power_spectrum(times: np.ndarray, signal: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:

@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from esail_jax.ensemble import Ensemble
-from esail_jax.ensemble_statistics import DEGREES, drivers, outcomes_of
+from esail_jax.ensembles.members import Ensemble
+from esail_jax.ensembles.statistics import DEGREES, drivers, outcomes_of
 
 FANS = (
     ("coning angle [deg]", "coning_angle", DEGREES, None),

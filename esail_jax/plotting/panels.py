@@ -12,7 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import hsv_to_rgb
 from matplotlib.figure import Figure
 
-from esail_jax.plotting.data import leading_finite, orbital_period, power_spectrum, spin_period
+from esail_jax.observables.saved_rows import leading_finite
+from esail_jax.plotting.data import orbital_period, power_spectrum, spin_period
 
 LEAST_WIDTH = 7.0
 """Of a figure [inch]: room for its title and the legends."""

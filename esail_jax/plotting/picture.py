@@ -7,7 +7,8 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d import Axes3D
 
 from esail_jax.constants import ASTRONOMICAL_UNIT
-from esail_jax.plotting.data import KILOMETRE, leading_finite, observable, spin_period
+from esail_jax.observables.saved_rows import leading_finite, observable
+from esail_jax.plotting.data import KILOMETRE, spin_period
 from esail_jax.plotting.panels import LEAST_WIDTH, tether_colours
 
 VIEW_OFF_WIND_DEG, VIEW_ELEVATION_DEG = 25.0, 25.0

@@ -5,15 +5,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from esail_jax.plotting.data import DEGREES, change, observable
-from esail_jax.plotting.panels import (
-    Curve,
-    Panel,
-    assemble,
-    components,
-    history,
-    unwrapped_degrees,
-)
+from esail_jax.observables.saved_rows import observable
+from esail_jax.plotting.data import DEGREES, change
+from esail_jax.plotting.panels import Curve, Panel, assemble, components, history, unwrapped_degrees
 
 
 def energies(run: Any) -> Figure:

@@ -7,17 +7,10 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
-from esail_jax.plotting.data import DEGREES, KILOMETRE, observable, per_tether
-from esail_jax.plotting.panels import (
-    Curve,
-    Panel,
-    assemble,
-    components,
-    history,
-    spectrum,
-    tether_colours,
-)
-from esail_jax.plotting.pendulum import rigid_pendulum
+from esail_jax.observables.rigid_pendulum import rigid_pendulum
+from esail_jax.observables.saved_rows import observable, per_tether
+from esail_jax.plotting.data import DEGREES, KILOMETRE
+from esail_jax.plotting.panels import Curve, Panel, assemble, components, history, spectrum, tether_colours
 
 KEY_TICKS = 12
 """Most numbers beside the bar of tether colours."""

@@ -13,18 +13,18 @@ from esail_jax.array_types import Array, PerTether, Rotation
 from esail_jax.compiler import ONCE_COMPILE
 from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.coordinates import Coordinates
-from esail_jax.dynamics.rod_chain import RodChain, RodState
-from esail_jax.dynamics.steady_stretch import Line, along, steady_line, unstretched_line
 from esail_jax.elements.axial import AxialDissipation, AxialEnergy, TensionOnlyEnergy
 from esail_jax.elements.bending import STRAIGHT_TURN, BendingDissipation, BendingEnergy
 from esail_jax.elements.hinges import Hinges
 from esail_jax.elements.rigid_body import RigidBody
 from esail_jax.elements.tether import Tethers, per_element
 from esail_jax.environment.circular_orbit import CircularOrbit
+from esail_jax.equilibria.steady_stretch import Line, along, steady_line, unstretched_line
 from esail_jax.joints import roots as joints
 from esail_jax.loads.coulomb import CoulombThrust
+from esail_jax.rod_chain import RodChain, RodState
+from esail_jax.scenes.build_loads import coulomb_thrust, starting_attitude, steering_of
 from esail_jax.scenes.structure import Numbers, Structure
-from esail_jax.scenes.surroundings import coulomb_thrust, starting_attitude, steering_of
 from esail_jax.system import Power, System
 from esail_jax.terms import Dissipation, Energy
 

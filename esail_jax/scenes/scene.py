@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from esail_jax.scenes import keys
-from esail_jax.scenes.keys import SceneError
-from esail_jax.scenes.series import with_wind_file
+from esail_jax.scenes import rules
+from esail_jax.scenes.consistency import check_together
+from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.tables import (
     REPEATED,
     TABLES,
@@ -39,7 +39,7 @@ from esail_jax.scenes.tables import (
     names_of,
     tables_of,
 )
-from esail_jax.scenes.together import check_together
+from esail_jax.scenes.wind_file import with_wind_file
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -87,11 +87,11 @@ class Scene:
         return "tethers" if self.chain is None else "chain"
 
     @property
-    def members(self) -> keys.Members:
+    def members(self) -> rules.Members:
         """What a list may have one number for each of."""
         if self.chain is None:
-            return keys.Members(self.tethers.count, "tether", "tethers.count")
-        return keys.Members(self.chain.rods, "rod", "chain.rods")
+            return rules.Members(self.tethers.count, "tether", "tethers.count")
+        return rules.Members(self.chain.rods, "rod", "chain.rods")
 
     def replace(self, overrides: Mapping[str, Any]) -> "Scene":
         """The scene with other values, by key; a table that was absent comes into being."""
@@ -109,13 +109,13 @@ def unknown(key: str, tables: Mapping[str, type]) -> SceneError:
     return SceneError(key, "be a known key" + hint, "is not")
 
 
-def checked(table: str, content: Any, members: keys.Members | None) -> Any:
+def checked(table: str, content: Any, members: rules.Members | None) -> Any:
     """The table with every value checked."""
     values = {}
     for field in dataclasses.fields(content):
         value = getattr(content, field.name)
         if value is not None:
-            value = keys.check_value(f"{table}.{field.name}", value, keys.rule_of(field), members)
+            value = rules.check_value(f"{table}.{field.name}", value, rules.rule_of(field), members)
         elif field.default is dataclasses.MISSING:
             raise SceneError(f"{table}.{field.name}", "be given", "is missing")
         values[field.name] = value
@@ -134,7 +134,7 @@ def from_tables(tables: Mapping[str, Any]) -> Scene:
         if table not in kinds:
             raise unknown(table, kinds)
         if not isinstance(content, Mapping):
-            raise SceneError(table, "be a table", keys.describe(content))
+            raise SceneError(table, "be a table", rules.describe(content))
         for name in content:
             if name not in names_of(kinds[table]):
                 raise unknown(f"{table}.{name}", kinds)
@@ -175,7 +175,7 @@ def merged(tables: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str,
             raise unknown(key, kinds)
         content = result.setdefault(table, {})
         if not isinstance(content, dict):
-            raise SceneError(table, "be a table", keys.describe(content))
+            raise SceneError(table, "be a table", rules.describe(content))
         content[name] = value
         if value is None:
             del content[name]
@@ -183,8 +183,8 @@ def merged(tables: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str,
             del result[table]
     schedule = tables.get("integrator")
     if "output" not in result and isinstance(schedule, Mapping) and "t_end" in schedule:
-        rule = keys.rule_of(Integrator.__dataclass_fields__["t_end"])
-        t_end = keys.check_value("integrator.t_end", schedule["t_end"], rule, None)
+        rule = rules.rule_of(Integrator.__dataclass_fields__["t_end"])
+        t_end = rules.check_value("integrator.t_end", schedule["t_end"], rule, None)
         result["output"] = {"interval": t_end / 1000.0}
     return result
 
@@ -232,7 +232,7 @@ def toml_value(value: Any) -> str:
 def load_scene(source: "str | os.PathLike | Scene", overrides: Mapping[str, Any] | None = None) -> Scene:
     """A built-in scene by name, a TOML file by path, or a Scene as it is; `overrides` by scene key
     may also give what the file lacks. Raises SceneError."""
-    from esail_jax.scenes.presets import builtin_text
+    from esail_jax.scenes.builtin_scenes import builtin_text
 
     if isinstance(source, Scene):
         return source.replace(overrides or {})

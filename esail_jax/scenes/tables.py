@@ -10,36 +10,36 @@ from typing import Any
 
 import numpy as np
 
-from esail_jax.scenes import keys
-from esail_jax.scenes.keys import declare
+from esail_jax.scenes import rules
+from esail_jax.scenes.rules import declare
 
 
 @dataclasses.dataclass(frozen=True)
 class Hub:
     """Rigid cylinder about X_B ([PGV] Table 1)."""
 
-    height: Any = declare(keys.positive())  # m
-    radius: Any = declare(keys.positive())  # m
-    density: Any = declare(keys.positive())  # kg/m^3
+    height: Any = declare(rules.positive())  # m
+    radius: Any = declare(rules.positive())  # m
+    density: Any = declare(rules.positive())  # kg/m^3
 
 
 @dataclasses.dataclass(frozen=True)
 class Tethers:
     """Main tethers, one number for all or a list with one per tether."""
 
-    count: Any = declare(keys.count())
-    length: Any = declare(keys.positive("member"))  # m, undeformed
-    area: Any = declare(keys.positive("member"))  # m^2
-    density: Any = declare(keys.positive("member"))  # kg/m^3
-    youngs_modulus: Any = declare(keys.positive("member"))  # Pa
-    second_moment: Any = declare(keys.positive("member"), None)  # m^4, needed for bending
-    element: Any = declare(keys.choice("cable", "truss"), "cable")
-    elements: Any = declare(keys.count(), 5)
-    strain: Any = declare(keys.choice("green-lagrange", "engineering"), "green-lagrange")
-    bending: Any = declare(keys.switch(), False)
-    axial_damping_time: Any = declare(keys.non_negative("member"), None)  # s
-    bending_damping_time: Any = declare(keys.non_negative("member"), None)  # s, with bending
-    root: Any = declare(keys.choice("pinned", "clamped"), "pinned")
+    count: Any = declare(rules.count())
+    length: Any = declare(rules.positive("member"))  # m, undeformed
+    area: Any = declare(rules.positive("member"))  # m^2
+    density: Any = declare(rules.positive("member"))  # kg/m^3
+    youngs_modulus: Any = declare(rules.positive("member"))  # Pa
+    second_moment: Any = declare(rules.positive("member"), None)  # m^4, needed for bending
+    element: Any = declare(rules.choice("cable", "truss"), "cable")
+    elements: Any = declare(rules.count(), 5)
+    strain: Any = declare(rules.choice("green-lagrange", "engineering"), "green-lagrange")
+    bending: Any = declare(rules.switch(), False)
+    axial_damping_time: Any = declare(rules.non_negative("member"), None)  # s
+    bending_damping_time: Any = declare(rules.non_negative("member"), None)  # s, with bending
+    root: Any = declare(rules.choice("pinned", "clamped"), "pinned")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,40 +47,40 @@ class Chain:
     """Elastic rods joined end to end ([MW]): instead of hub and tethers. One number for all rods or
     a list with one per rod."""
 
-    rods: Any = declare(keys.count())
-    mass: Any = declare(keys.positive("member"))  # kg of a rod
-    length: Any = declare(keys.positive("member"))  # m, undeformed
-    area: Any = declare(keys.positive("member"))  # m^2
-    youngs_modulus: Any = declare(keys.positive("member"))  # Pa
-    second_moment: Any = declare(keys.positive("member"), None)  # m^4, needed for bending
-    tip_mass: Any = declare(keys.non_negative(), 0.0)  # kg
-    base_mass: Any = declare(keys.non_negative(), None)  # kg, at the first joint of a free chain
-    anchor: Any = declare(keys.choice("fixed", "free"), "fixed")
-    strain: Any = declare(keys.choice("green-lagrange", "engineering"), "engineering")
+    rods: Any = declare(rules.count())
+    mass: Any = declare(rules.positive("member"))  # kg of a rod
+    length: Any = declare(rules.positive("member"))  # m, undeformed
+    area: Any = declare(rules.positive("member"))  # m^2
+    youngs_modulus: Any = declare(rules.positive("member"))  # Pa
+    second_moment: Any = declare(rules.positive("member"), None)  # m^4, needed for bending
+    tip_mass: Any = declare(rules.non_negative(), 0.0)  # kg
+    base_mass: Any = declare(rules.non_negative(), None)  # kg, at the first joint of a free chain
+    anchor: Any = declare(rules.choice("fixed", "free"), "fixed")
+    strain: Any = declare(rules.choice("green-lagrange", "engineering"), "engineering")
     slack_strain: Any = declare(
-        keys.between("lie in (0, 1)", lambda x: bool(((x > 0.0) & (x < 1.0)).all())), None
+        rules.between("lie in (0, 1)", lambda x: bool(((x > 0.0) & (x < 1.0)).all())), None
     )  # rods that do not push: `TensionOnlyEnergy`
-    axial_damping_time: Any = declare(keys.non_negative("member"), None)  # s
-    bending: Any = declare(keys.switch(), False)
-    root: Any = declare(keys.choice("pinned", "clamped"), "pinned")  # clamped: needs bending
+    axial_damping_time: Any = declare(rules.non_negative("member"), None)  # s
+    bending: Any = declare(rules.switch(), False)
+    root: Any = declare(rules.choice("pinned", "clamped"), "pinned")  # clamped: needs bending
 
 
 @dataclasses.dataclass(frozen=True)
 class RemoteUnits:
     """Point masses at the tips."""
 
-    mass: Any = declare(keys.non_negative("member"))  # kg
+    mass: Any = declare(rules.non_negative("member"))  # kg
 
 
 @dataclasses.dataclass(frozen=True)
 class SolarWind:
     """Local values at the sail ([PGV] after Eq. 28); with `time`, speed and density at those instants. In a
-    file, `file` may name a CSV file with these three columns (`scenes/series.py`)."""
+    file, `file` may name a CSV file with these three columns (`scenes/wind_file.py`)."""
 
-    speed: Any = declare(keys.positive("series"))  # m/s
-    number_density: Any = declare(keys.non_negative("series"))  # 1/m^3
-    cutoff_voltage: Any = declare(keys.any_number())  # V, V_1
-    time: Any = declare(keys.increasing(), None)  # s
+    speed: Any = declare(rules.positive("series"))  # m/s
+    number_density: Any = declare(rules.non_negative("series"))  # 1/m^3
+    cutoff_voltage: Any = declare(rules.any_number())  # V, V_1
+    time: Any = declare(rules.increasing(), None)  # s
 
 
 LAWS = {
@@ -101,70 +101,70 @@ MAY_LACK = ("cosine", "sine", "off", "maximum", "slew_rate")
 class Voltage:
     """Tether voltage V_0, and its modulation (`loads/voltage.py`)."""
 
-    value: Any = declare(keys.any_number("member"), None)  # V
-    law: Any = declare(keys.choice(*LAWS), "constant")
-    maximum: Any = declare(keys.positive(), None)  # V
-    slew_rate: Any = declare(keys.positive(), None)  # V/s
-    cosine: Any = declare(keys.any_number("grid"), None)  # parts of V_0, a row per harmonic
-    sine: Any = declare(keys.any_number("grid"), None)
-    time: Any = declare(keys.increasing(), None)  # s
-    table: Any = declare(keys.non_negative("grid"), None)  # parts of V_0, a row per instant
-    on: Any = declare(keys.any_number("member"), None)  # s
-    off: Any = declare(keys.any_number("member"), None)  # s
-    rise_time: Any = declare(keys.positive(), None)  # s
-    gain: Any = declare(keys.any_number(), None)
-    target_sailing_angle_deg: Any = declare(keys.any_number(), None)
+    value: Any = declare(rules.any_number("member"), None)  # V
+    law: Any = declare(rules.choice(*LAWS), "constant")
+    maximum: Any = declare(rules.positive(), None)  # V
+    slew_rate: Any = declare(rules.positive(), None)  # V/s
+    cosine: Any = declare(rules.any_number("grid"), None)  # parts of V_0, a row per harmonic
+    sine: Any = declare(rules.any_number("grid"), None)
+    time: Any = declare(rules.increasing(), None)  # s
+    table: Any = declare(rules.non_negative("grid"), None)  # parts of V_0, a row per instant
+    on: Any = declare(rules.any_number("member"), None)  # s
+    off: Any = declare(rules.any_number("member"), None)  # s
+    rise_time: Any = declare(rules.positive(), None)  # s
+    gain: Any = declare(rules.any_number(), None)
+    target_sailing_angle_deg: Any = declare(rules.any_number(), None)
     coning_angle_deg: Any = declare(
-        keys.between("lie in (-90, 90)", lambda x: bool((np.abs(x) < 90.0).all())), None
+        rules.between("lie in (-90, 90)", lambda x: bool((np.abs(x) < 90.0).all())), None
     )
-    spin_rate: Any = declare(keys.any_number(), None)  # rad/s
+    spin_rate: Any = declare(rules.any_number(), None)  # rad/s
 
 
 @dataclasses.dataclass(frozen=True)
 class ChainWind:
     """The wind on a chain: steady."""
 
-    speed: Any = declare(keys.positive())  # m/s
-    number_density: Any = declare(keys.non_negative())  # 1/m^3
-    cutoff_voltage: Any = declare(keys.any_number())  # V, V_1
+    speed: Any = declare(rules.positive())  # m/s
+    number_density: Any = declare(rules.non_negative())  # 1/m^3
+    cutoff_voltage: Any = declare(rules.any_number())  # V, V_1
 
 
 @dataclasses.dataclass(frozen=True)
 class ChainVoltage:
     """The voltage of a chain: constant."""
 
-    value: Any = declare(keys.any_number("member"))  # V
+    value: Any = declare(rules.any_number("member"))  # V
 
 
 @dataclasses.dataclass(frozen=True)
 class Gravity:
     """Uniform gravity in the inertial frame."""
 
-    acceleration: Any = declare(keys.any_number("vector"))  # m/s^2
+    acceleration: Any = declare(rules.any_number("vector"))  # m/s^2
 
 
 @dataclasses.dataclass(frozen=True)
 class Orbit:
     """Circular orbit about a centre of attraction; the chain moves in its turning axes."""
 
-    mean_motion: Any = declare(keys.positive())  # rad/s
+    mean_motion: Any = declare(rules.positive())  # rad/s
 
 
 @dataclasses.dataclass(frozen=True)
 class Initial:
     """State at t = 0 ([PGV] Sec. 4.1)."""
 
-    spin_rate: Any = declare(keys.any_number())  # rad/s about X_B
+    spin_rate: Any = declare(rules.any_number())  # rad/s about X_B
     sailing_angle_deg: Any = declare(
-        keys.between("lie in (-180, 180]", lambda x: bool(((x > -180.0) & (x <= 180.0)).all())),
+        rules.between("lie in (-180, 180]", lambda x: bool(((x > -180.0) & (x <= 180.0)).all())),
         0.0,
     )
     heliocentric_position_au: Any = declare(
-        keys.any_number("vector"), (0.7071067811865476, 0.7071067811865476, 0.0)
+        rules.any_number("vector"), (0.7071067811865476, 0.7071067811865476, 0.0)
     )
-    elongation: Any = declare(keys.choice("steady", "paper"), "steady")
+    elongation: Any = declare(rules.choice("steady", "paper"), "steady")
     coning_angle_deg: Any = declare(
-        keys.between("lie in (-90, 90)", lambda x: bool((np.abs(x) < 90.0).all())), 0.0
+        rules.between("lie in (-90, 90)", lambda x: bool((np.abs(x) < 90.0).all())), 0.0
     )
 
 
@@ -172,28 +172,28 @@ class Initial:
 class ChainInitial:
     """State of a chain at t = 0: one vector for all rods, or one per rod."""
 
-    rod_vector: Any = declare(keys.nonzero_vectors())  # m
-    rod_rate: Any = declare(keys.any_number("vectors"), (0.0, 0.0, 0.0))  # m/s
-    position: Any = declare(keys.any_number("vector"), None)  # m, first joint of a free chain
-    velocity: Any = declare(keys.any_number("vector"), None)  # m/s
-    heliocentric_position_au: Any = declare(keys.any_number("vector"), None)  # of the origin
+    rod_vector: Any = declare(rules.nonzero_vectors())  # m
+    rod_rate: Any = declare(rules.any_number("vectors"), (0.0, 0.0, 0.0))  # m/s
+    position: Any = declare(rules.any_number("vector"), None)  # m, first joint of a free chain
+    velocity: Any = declare(rules.any_number("vector"), None)  # m/s
+    heliocentric_position_au: Any = declare(rules.any_number("vector"), None)  # of the origin
 
 
 @dataclasses.dataclass(frozen=True)
 class Integrator:
-    """Time integration. What is not given is chosen: `scenes/integration.py`."""
+    """Time integration. What is not given is chosen: `scenes/method_choice.py`."""
 
-    t_end: Any = declare(keys.positive(structure=True))  # s
+    t_end: Any = declare(rules.positive(structure=True))  # s
     method: Any = declare(
-        keys.choice("generalized-alpha", "energy-momentum", "collocation", "tsit5", "dopri5", "dopri8"),
+        rules.choice("generalized-alpha", "energy-momentum", "collocation", "tsit5", "dopri5", "dopri8"),
         None,
     )
-    step: Any = declare(keys.positive(structure=True), None)  # s
+    step: Any = declare(rules.positive(structure=True), None)  # s
     spectral_radius: Any = declare(
-        keys.between("lie in [0, 1]", lambda x: bool(((x >= 0.0) & (x <= 1.0)).all())), None
+        rules.between("lie in [0, 1]", lambda x: bool(((x >= 0.0) & (x <= 1.0)).all())), None
     )
     tolerance: Any = declare(
-        keys.between("lie in (0, 1)", lambda x: bool(((x > 0.0) & (x < 1.0)).all())), None
+        rules.between("lie in (0, 1)", lambda x: bool(((x > 0.0) & (x < 1.0)).all())), None
     )
 
 
@@ -202,15 +202,15 @@ class Event:
     """What happens in the midst of a run, an entry each: at `time` the tether `release` is let go at its
     root (tethers count from 1). In a file: [[event]] tables."""
 
-    time: Any = declare(keys.listed(keys.positive()))  # s
-    release: Any = declare(keys.listed(keys.count()))
+    time: Any = declare(rules.listed(rules.positive()))  # s
+    release: Any = declare(rules.listed(rules.count()))
 
 
 @dataclasses.dataclass(frozen=True)
 class Output:
     """What is kept."""
 
-    interval: Any = declare(keys.positive(structure=True))  # s
+    interval: Any = declare(rules.positive(structure=True))  # s
 
 
 SAIL_TABLES = {

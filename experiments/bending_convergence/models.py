@@ -14,14 +14,14 @@ from esail_jax import observables
 from esail_jax.array_types import Instants, PerPoint, PerTether
 from esail_jax.compiler import COMPILER_OPTIONS
 from esail_jax.constants import ASTRONOMICAL_UNIT
-from esail_jax.dynamics.consistent import consistent_acceleration
-from esail_jax.dynamics.fixed_step import KEEP, StepInfo
-from esail_jax.dynamics.generalized_alpha import GeneralizedAlpha
-from esail_jax.entry import fresh_state, with_jerk
 from esail_jax.numerics.vectors import dot
 from esail_jax.scenes.build import build
-from esail_jax.scenes.integration import with_method
+from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.structure import split
+from esail_jax.simulation.entry import fresh_state, with_jerk
+from esail_jax.steppers.consistent import consistent_acceleration
+from esail_jax.steppers.fixed_step import KEEP, StepInfo
+from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
 from esail_jax.system import Power
 from esail_jax.terms import PointFields, Term
 

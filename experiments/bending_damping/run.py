@@ -4,8 +4,8 @@ import jax
 import numpy as np
 
 import esail_jax as esail
-from esail_jax import programs
 from esail_jax.scenes import build
+from esail_jax.simulation import programs
 
 STIFF = {
     "tethers.count": 2,

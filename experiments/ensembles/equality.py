@@ -11,11 +11,11 @@ import jax
 import numpy as np
 
 import esail_jax as esail
-from esail_jax.blocks import observed
-from esail_jax.ensemble import simulate_members
-from esail_jax.march import march_of
-from esail_jax.prepare import prepare
-from esail_jax.sampling import draw, of_members, parse_variation
+from esail_jax.ensembles.members import simulate_members
+from esail_jax.ensembles.sampling import draw, of_members, parse_variation
+from esail_jax.simulation.blocks import observed
+from esail_jax.simulation.march import march_of
+from esail_jax.simulation.prepare import prepare
 
 HERE = Path(__file__).parent
 MEMBERS = 256

@@ -17,11 +17,11 @@ import jax
 import jax.numpy as jnp
 
 import esail_jax as esail
-from esail_jax.dynamics.collocation import first_guess
-from esail_jax.dynamics.stage_solution import reshaped, stage_residuals
-from esail_jax.dynamics.stages import correction, factor, turns_to
-from esail_jax.numerics.loops import LOCKSTEP
-from esail_jax.prepare import prepare
+from esail_jax.numerics.lockstep import LOCKSTEP
+from esail_jax.simulation.prepare import prepare
+from esail_jax.steppers.collocation import first_guess
+from esail_jax.steppers.collocation_solution import reshaped, stage_residuals
+from esail_jax.steppers.collocation_stages import correction, factor, turns_to
 
 BATCHES = (1, 2, 4, 8, 16, 32)
 REPEATS = 15

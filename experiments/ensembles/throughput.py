@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 import esail_jax as esail
-from esail_jax.ensemble import Runner
-from esail_jax.sampling import draw, of_members, parse_variation
+from esail_jax.ensembles.members import Runner
+from esail_jax.ensembles.sampling import draw, of_members, parse_variation
 
 HERE = Path(__file__).parent
 VARY = (

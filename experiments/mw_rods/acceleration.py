@@ -32,10 +32,10 @@ from jax import lax
 
 import esail_jax  # noqa: F401, for double precision
 from esail_jax.compiler import CHAIN_COMPILE
-from esail_jax.dynamics.rod_chain import RodChain, RodState
 from esail_jax.elements.axial import AxialEnergy
 from esail_jax.elements.tether import Tethers
 from esail_jax.joints.roots import FrameRoots
+from esail_jax.rod_chain import RodChain, RodState
 from esail_jax.system import System
 
 RODS = (2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10**4, 10**5, 10**6)

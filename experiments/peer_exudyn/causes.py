@@ -14,7 +14,7 @@ from run import INTERVAL, scene_of
 from signals import signals
 
 import esail_jax as esail
-from esail_jax import entry, programs
+from esail_jax.simulation import entry, programs
 
 T_END = 600.0
 LOOKED_AT = ("tip_position_I", "kinetic_energy", "root_coning_angle", "angular_velocity_B", "reaction_B")

@@ -11,12 +11,12 @@ import jax.numpy as jnp
 import numpy as np
 
 import esail_jax as esail
-from esail_jax import newton_matrix
-from esail_jax.dynamics.consistent import consistent_acceleration
-from esail_jax.dynamics.generalized_alpha import GeneralizedAlpha
+from esail_jax import iteration_matrix
 from esail_jax.numerics import bordered
 from esail_jax.scenes.build import build
 from esail_jax.scenes.structure import split
+from esail_jax.steppers.consistent import consistent_acceleration
+from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
 
 STEPS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0)
 
@@ -56,7 +56,7 @@ def main() -> None:
     for h in STEPS:
         stepper = GeneralizedAlpha(jnp.asarray(h), jnp.asarray(0.25))
         c = stepper.parameters
-        made = newton_matrix.tangent(
+        made = iteration_matrix.tangent(
             model.system, zero, model.q, model.v, lam, stepper._q_share, c.gamma / (h * c.beta)
         )
         print(f"h = {h:7.0e} s   condition number {condition(dense(made)):.3g}", flush=True)

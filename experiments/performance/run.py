@@ -14,10 +14,10 @@ import numpy as np
 
 import esail_jax as esail
 from esail_jax.compiler import COMPILER_OPTIONS
-from esail_jax.dynamics.generalized_alpha import GeneralizedAlpha
-from esail_jax.entry import entry_data, step_entry
-from esail_jax.march import March
-from esail_jax.prepare import prepare
+from esail_jax.simulation.entry import entry_data, step_entry
+from esail_jax.simulation.march import March
+from esail_jax.simulation.prepare import prepare
+from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
 
 METHOD = {"integrator.method": "generalized-alpha"}
 """What is timed here; `experiments/work_precision` compares the methods."""

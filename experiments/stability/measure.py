@@ -11,11 +11,11 @@ from cases import GROUPS, SMALL, Case
 from starts import with_start
 
 import esail_jax as esail
-from esail_jax.march import march_of
 from esail_jax.observables.run_warning import run_warning
-from esail_jax.pieces import join
-from esail_jax.prepare import prepare
-from esail_jax.scenes.keys import SceneError
+from esail_jax.scenes.rules import SceneError
+from esail_jax.simulation.march import march_of
+from esail_jax.simulation.prepare import prepare
+from esail_jax.simulation.results import join
 
 GUARD = 20.0
 """Processor seconds after which a run is stopped, compiling excluded: what else the machine does changes

@@ -3,9 +3,9 @@
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax import blocks, entry
 from esail_jax.coordinates import Coordinates
-from esail_jax.prepare import Prepared
+from esail_jax.simulation import blocks, entry
+from esail_jax.simulation.prepare import Prepared
 
 
 def with_start(prepared: Prepared, start: str) -> Prepared:

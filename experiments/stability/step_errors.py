@@ -17,11 +17,11 @@ from measure import AT_LEAST, GUARD, OutOfTimeError, largest, out_of_time, scene
 from starts import with_start
 
 import esail_jax as esail
-from esail_jax.march import march_of
 from esail_jax.observables.balance import balance_warning
 from esail_jax.observables.run_warning import MOST_OFF, STEP_ERRORS
-from esail_jax.pieces import join
-from esail_jax.prepare import prepare
+from esail_jax.simulation.march import march_of
+from esail_jax.simulation.prepare import prepare
+from esail_jax.simulation.results import join
 
 PATH = Path(__file__).with_name("step_errors.csv")
 SIGNALS = dict(zip(("tip_position_I", "reaction_B"), STEP_ERRORS, strict=True))

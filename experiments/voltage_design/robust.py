@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 from run import TORQUE, TURN, WAVES, finer, plain, planar_cone_harmonic
 
 import esail_jax as esail
-from esail_jax import objectives
-from esail_jax.design import Design
+from esail_jax.design import objectives
+from esail_jax.design.problem import Design
 from esail_jax.environment.gusts import gusty_wind
 from esail_jax.scenes.scene import Scene, to_toml
 

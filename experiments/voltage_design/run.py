@@ -16,8 +16,8 @@ import jax
 import numpy as np
 
 import esail_jax as esail
-from esail_jax import objectives
-from esail_jax.design import Design, Variable
+from esail_jax.design import objectives
+from esail_jax.design.problem import Design, Variable
 from esail_jax.environment.solar_wind import SolarWind
 from esail_jax.loads import voltage
 from esail_jax.plotting.design import design_figure

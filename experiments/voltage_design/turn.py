@@ -16,10 +16,10 @@ from run import COARSE, TURN, finer
 
 import esail_jax as esail
 from esail_jax.constants import PROTON_MASS, THRUST_FACTOR, VACUUM_PERMITTIVITY
-from esail_jax.design import Design, Variable
-from esail_jax.objectives import plane_normals
+from esail_jax.design.objectives import plane_normals
+from esail_jax.design.problem import Design, Variable
 from esail_jax.scenes.scene import Scene
-from esail_jax.simulate import Solution
+from esail_jax.simulation.simulate import Solution
 
 HERE = Path(__file__).parent
 SPIN, VOLTS, MAXIMUM = 4e-3, 20e3, 40e3

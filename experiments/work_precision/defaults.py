@@ -11,9 +11,9 @@ import sys
 from pathlib import Path
 
 import esail_jax as esail
-from esail_jax import bench
-from esail_jax.scenes.integration import with_method
-from esail_jax.scenes.presets import builtin_names
+from esail_jax.commands import bench
+from esail_jax.scenes.builtin_scenes import builtin_names
+from esail_jax.scenes.method_choice import with_method
 
 TABLE = Path(__file__).with_name("defaults.csv")
 COLUMNS = ("scene", "method", "steps", "compared", "worst", "error", "doubt")

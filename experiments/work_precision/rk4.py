@@ -12,10 +12,10 @@ import jax.numpy as jnp
 import numpy as np
 
 import esail_jax as esail
-from esail_jax import blocks
-from esail_jax.bench import Run, with_method
-from esail_jax.dynamics.consistent import consistent_acceleration
+from esail_jax.commands.bench import Run, with_method
 from esail_jax.scenes.structure import split
+from esail_jax.simulation import blocks
+from esail_jax.steppers.consistent import consistent_acceleration
 
 WORKS = ("external_work", "dissipated_energy", "energy_balance_error")
 """Observables that need integrals along the run, which are not taken here."""

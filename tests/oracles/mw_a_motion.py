@@ -8,10 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.coordinates import Coordinates
-from esail_jax.dynamics.consistent import consistent_acceleration
 from esail_jax.elements.axial import AxialEnergy
 from esail_jax.elements.tether import Tethers, per_element
 from esail_jax.joints.roots import FrameRoots
+from esail_jax.steppers.consistent import consistent_acceleration
 from esail_jax.system import System
 from oracles.ledger import Errors, fails, holds, relative_error
 from oracles.mw_chains import FRACTIONS, SIZES, Chain, chains, judge, on_every_chain, q_f, worst

@@ -6,10 +6,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.coordinates import Coordinates, Multipliers
-from esail_jax.dynamics.fixed_step import State
-from esail_jax.dynamics.generalized_alpha import GeneralizedAlpha
-from esail_jax.scenes.integration import with_method
+from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.scene import load_scene
+from esail_jax.steppers.fixed_step import State
+from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
 from esail_jax.system import Power
 
 from . import pgv_a_forms as forms

@@ -13,8 +13,6 @@ import numpy as np
 
 from esail_jax.constants import PROTON_MASS, VACUUM_PERMITTIVITY
 from esail_jax.coordinates import Coordinates, Multipliers
-from esail_jax.dynamics.consistent import consistent_acceleration
-from esail_jax.dynamics.generalized_alpha import GeneralizedAlpha
 from esail_jax.elements.axial import AxialDissipation, AxialEnergy
 from esail_jax.elements.bending import BendingEnergy
 from esail_jax.elements.rigid_body import RigidBody
@@ -22,6 +20,8 @@ from esail_jax.elements.tether import Tethers, per_element
 from esail_jax.environment.solar_wind import SolarWind
 from esail_jax.joints.roots import HubRoots
 from esail_jax.loads.coulomb import CoulombThrust
+from esail_jax.steppers.consistent import consistent_acceleration
+from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
 from esail_jax.system import System
 
 from . import pgv_a_forms as forms

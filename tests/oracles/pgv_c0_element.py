@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax import newton_matrix
+from esail_jax import iteration_matrix
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.elements.axial import AxialDissipation, AxialEnergy, axial_strain
 from esail_jax.elements.bending import BendingDissipation, BendingEnergy, curvature_squared
@@ -208,7 +208,7 @@ def judge_of_system(system: System, e, v) -> dict:
     def jacobian(moving, rate_factor):
         """Elastic alone at rest; with the viscous dQ/de; with dQ/de + dQ/dv."""
         moved = jax.tree.map(lambda x: moving * x, rates)
-        blocks = newton_matrix.point_jacobian(system, time, fields, moved, rate_factor)
+        blocks = iteration_matrix.point_jacobian(system, time, fields, moved, rate_factor)
         return -tethers.tangent_elements(blocks)[..., 0, 0] * in_metres[:, None] * in_metres
 
     at_rest, by_e, by_both = jacobian(jnp.array([0.0, 1.0, 1.0]), jnp.array([0.0, 0.0, 1.0]))

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax import newton_matrix
+from esail_jax import iteration_matrix
 from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.coordinates import Multipliers
 from esail_jax.environment.orbit import orbital_frame
@@ -63,7 +63,7 @@ def _observed(points, lam, locations):
         "base": hub.base_points,
     }
     q = sail.unflat(jnp.zeros(M))._replace(hub=points)
-    return found | {"border": newton_matrix.hub_border(sail.sail(), q, Multipliers(lam, None))}
+    return found | {"border": iteration_matrix.hub_border(sail.sail(), q, Multipliers(lam, None))}
 
 
 @functools.cache

@@ -2,7 +2,7 @@
 
 Judge: moment of momentum of a uniform rod with a tip mass, hinged at R from the axis, exact in both
 angles, and its derivatives at rest by complex steps. The package's own pendulum
-(`plotting/pendulum.py`) is compared with the same.
+(`observables/rigid_pendulum.py`) is compared with the same.
 """
 
 import functools
@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from esail_jax.plotting import pendulum
+from esail_jax.observables import rigid_pendulum
 from esail_jax.scenes.scene import parse
 from oracles.ledger import Errors, fails, holds, relative_error
 from oracles.sail_states import (
@@ -117,7 +117,7 @@ def coning_equation():
 def centrifugal_contribution():
     """From the exact coning stiffness, and as the package has it."""
     scene = parse(TEXT, "oracles")
-    seen = np.array([pendulum.inertia(scene, k) for k in range(P)])
+    seen = np.array([rigid_pendulum.inertia(scene, k) for k in range(P)])
     exact = np.array([-linear.angles[0, 0] / SPIN**2 - 1.0 for linear in linearised()])
     return max(
         relative_error(epsilon(), exact),
@@ -165,7 +165,7 @@ def moments_in_tether_axes():
     for k, exact in enumerate(linearised()):
         moment = rng.normal(size=(2, 3))
         local = moment @ body_to_local(azimuth(k + 1)).T
-        seen = np.stack(pendulum.hinge_moments(moment, azimuth(k + 1)), axis=1) / REDUCED[k]
+        seen = np.stack(rigid_pendulum.hinge_moments(moment, azimuth(k + 1)), axis=1) / REDUCED[k]
         found.append(relative_error(seen, local @ exact.moment.T))
     return max(found)
 
@@ -185,7 +185,7 @@ def lagging_under_constant_thrust():
     spin, eps, flap = 0.7, 0.3, 0.01
     nu, slow = spin * np.sqrt(1 + eps), spin * np.sqrt(eps)
     amplitude, times = flap / nu**2, np.linspace(0.0, 25.0, 101)
-    coning, lagging = pendulum.swing(times, spin, eps, lambda t: np.array([flap, 0.0]), (0.0, 0.0))
+    coning, lagging = rigid_pendulum.swing(times, spin, eps, lambda t: np.array([flap, 0.0]), (0.0, 0.0))
 
     def forced(frequency):
         """Response from rest to sin(frequency t)."""

@@ -13,18 +13,18 @@ from jax import lax
 from quick import jit
 
 from esail_jax.coordinates import Coordinates
-from esail_jax.dynamics.collocation import KEEP as BLOCK
-from esail_jax.dynamics.collocation import Collocation
-from esail_jax.dynamics.consistent import consistent_acceleration
-from esail_jax.dynamics.energy_momentum import EnergyMomentum
-from esail_jax.dynamics.fixed_step import KEEP, StepInfo
-from esail_jax.dynamics.generalized_alpha import GeneralizedAlpha
-from esail_jax.dynamics.steady_stretch import along, unstretched_line
 from esail_jax.elements.axial import AxialDissipation, AxialEnergy
 from esail_jax.elements.bending import BendingEnergy
 from esail_jax.elements.tether import Tethers
-from esail_jax.entry import fresh_state, with_jerk
+from esail_jax.equilibria.steady_stretch import along, unstretched_line
 from esail_jax.joints.roots import FrameRoots, HubRoots, clamp_normals
+from esail_jax.simulation.entry import fresh_state, with_jerk
+from esail_jax.steppers.collocation import KEEP as BLOCK
+from esail_jax.steppers.collocation import Collocation
+from esail_jax.steppers.consistent import consistent_acceleration
+from esail_jax.steppers.energy_momentum import EnergyMomentum
+from esail_jax.steppers.fixed_step import KEEP, StepInfo
+from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
 from esail_jax.system import Power, System
 
 AZIMUTH = jnp.zeros(1)

@@ -1,4 +1,4 @@
-"""Natural frequencies of one tether, `dynamics/modes.py`, against beam, string and chain theory."""
+"""Natural frequencies of one tether, `equilibria/modes.py`, against beam, string and chain theory."""
 
 import itertools
 
@@ -10,10 +10,10 @@ from quick import jit
 from scipy.optimize import brentq
 from scipy.special import jn_zeros
 
-from esail_jax.dynamics.equilibrium import equilibrium
-from esail_jax.dynamics.modes import modes
-from esail_jax.dynamics.steady_stretch import steady_line, unstretched_line
 from esail_jax.elements.rigid_body import RigidBody
+from esail_jax.equilibria.equilibrium import equilibrium
+from esail_jax.equilibria.modes import modes
+from esail_jax.equilibria.steady_stretch import steady_line, unstretched_line
 from systems.drive import one_tether, straight
 
 quick_equilibrium = jit(equilibrium)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from quick import jit
 
-from esail_jax.dynamics.equilibrium import equilibrium
-from esail_jax.dynamics.modes import modes
-from esail_jax.dynamics.moving_frame import expanded
-from esail_jax.dynamics.steady_stretch import steady_line, unstretched_line
 from esail_jax.environment.solar_wind import SolarWind
+from esail_jax.equilibria.equilibrium import equilibrium
+from esail_jax.equilibria.modes import modes
+from esail_jax.equilibria.moving_frame import expanded
+from esail_jax.equilibria.steady_stretch import steady_line, unstretched_line
 from esail_jax.loads.coulomb import CoulombThrust
 from systems.drive import STEPPERS, march, one_tether, straight, turning
 from systems.test_catenary import Pulled

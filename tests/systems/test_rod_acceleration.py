@@ -1,6 +1,6 @@
 """The O(n) acceleration of a rod chain against a dense solution of Lagrange's equations.
 
-The judge shares nothing with `dynamics/rod_chain.py` but the numbers: T and V are written for rods in
+The judge shares nothing with `rod_chain.py` but the numbers: T and V are written for rods in
 rod vectors, differentiated, and solved with a full mass matrix. Random chains of unequal rods, one to
 seven, strained by up to a half; every number of order one.
 """
@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 from quick import jit
 
-from esail_jax import newton_matrix
+from esail_jax import iteration_matrix
 from esail_jax.coordinates import Coordinates
-from esail_jax.dynamics.consistent import consistent_acceleration
-from esail_jax.dynamics.rod_chain import RodChain, RodState
 from esail_jax.elements.axial import AxialDissipation, AxialEnergy
 from esail_jax.elements.hinges import Hinges
 from esail_jax.elements.tether import Tethers
 from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.joints.roots import FrameRoots
 from esail_jax.numerics import bordered
+from esail_jax.rod_chain import RodChain, RodState
+from esail_jax.steppers.consistent import consistent_acceleration
 from esail_jax.system import Power, System
 from esail_jax.terms import Load
 
@@ -284,9 +284,9 @@ def test_tangent_of_the_implicit_method_is_the_derivative_of_the_residual(free):
         return jax.jvp(lambda *x: system.residual(time, *x, none)[0].forces, start, moved)[1]
 
     def solved(system, q, v, change):
-        matrix = newton_matrix.tangent(system, time, q, v, none, s, c)
-        rhs = newton_matrix.to_vector(system, derivative(system, q, v, change), none)
-        return newton_matrix.from_vector(system, bordered.solve(matrix, bordered.factor(matrix), rhs))[0]
+        matrix = iteration_matrix.tangent(system, time, q, v, none, s, c)
+        rhs = iteration_matrix.to_vector(system, derivative(system, q, v, change), none)
+        return iteration_matrix.from_vector(system, bordered.solve(matrix, bordered.factor(matrix), rhs))[0]
 
     found = jit(solved)(system, q, v, change)
     np.testing.assert_allclose(found.tether, change.tether, atol=1e-10)

@@ -67,7 +67,7 @@ def test_the_implicit_method_resolves_the_stretch_of_steel():
 
 def test_the_chosen_method_depends_on_the_stiffness_and_on_the_step():
     """Explicit while its steps are affordable; implicit beyond, and for a given step that is too long."""
-    from esail_jax.scenes.integration import with_method
+    from esail_jax.scenes.method_choice import with_method
 
     def chosen(**settings):
         overrides = {key.replace("__", "."): value for key, value in settings.items()}

@@ -7,8 +7,8 @@ import pytest
 from quick import jit
 from scipy.optimize import brentq
 
-from esail_jax.dynamics.rod_chain import RodState, fastest_rate
 from esail_jax.elements.axial import AxialEnergy, TensionOnlyEnergy
+from esail_jax.rod_chain import RodState, fastest_rate
 from esail_jax.scenes.build import build_chain
 from esail_jax.scenes.scene import parse
 from esail_jax.scenes.structure import split

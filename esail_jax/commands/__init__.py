@@ -1,0 +1,1 @@
+"""The commands of `esail`, one module each."""

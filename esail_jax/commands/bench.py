@@ -1,0 +1,263 @@
+"""Error against run time on this machine: `esail bench`, and the core of `experiments/work_precision`.
+
+Every method runs a scene at several steps or tolerances. The reference is the most accurate method at a
+tolerance near rounding; how far it can be believed is told by a second run, at ten times that tolerance.
+"""
+
+import dataclasses
+import importlib.metadata
+import json
+import os
+import platform
+import re
+import statistics
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from esail_jax.observables import chain, sail
+from esail_jax.scenes.scene import Scene
+from esail_jax.simulation.simulate import Solution, simulate
+
+Curve = tuple[str, str, tuple[float, ...]]
+"""A method, `step` [s] or `tolerance`, and its values."""
+
+SAIL: tuple[Curve, ...] = (
+    ("generalized-alpha", "step", (0.4, 0.1)),
+    ("collocation", "tolerance", (1e-6, 1e-8, 1e-10)),
+)
+CHAIN: tuple[Curve, ...] = (
+    ("tsit5", "tolerance", (1e-6, 1e-8, 1e-10)),
+    ("dopri8", "tolerance", (1e-6, 1e-8, 1e-10)),
+)
+"""What `esail bench` runs: one to two minutes for the baseline, half of it compiling."""
+
+REFERENCE = {"tethers": ("collocation", 1e-13), "chain": ("dopri8", 1e-13)}
+"""Method and tolerance, by the table that says what moves."""
+
+DOUBT = 1e-4
+"""Part of its range to which the reference must know an observable for it to be compared. What is zero
+by symmetry is not known: its range is rounding."""
+
+FLOOR = 1e-3
+"""Smallest range over the largest magnitude: a nearly constant signal is not divided by its noise."""
+
+ANGLES = {entry.name for entry in (*sail.OBSERVABLES, *chain.OBSERVABLES) if entry.unit == "rad"}
+"""Compared modulo a turn."""
+
+OWN_ERRORS = ("energy_balance_error", "energy_error")
+"""Observables that are errors of a run, not its motion."""
+
+RUNS = 3
+"""Whose median is the run time. Compiling is apart from it in the first one, too."""
+
+
+class NoReference(RuntimeError):
+    """The scene could not be run accurately enough to compare with."""
+
+
+# ---- error --------------------------------------------------------------------------------------
+
+
+def errors(found: Mapping[str, Any], exact: Mapping[str, Any], names: Iterable[str]) -> dict[str, float]:
+    """Largest difference of observables over time and components, over the range of the exact one
+    over both. NaN where a run did not get to the end."""
+    result = {}
+    for name in names:
+        difference, y = np.asarray(found[name]) - exact[name], np.asarray(exact[name])
+        if name in ANGLES:
+            difference = (difference + np.pi) % (2.0 * np.pi) - np.pi
+        width = max(np.ptp(y), FLOOR * np.abs(y).max(), np.finfo(float).tiny)
+        result[name] = float(np.abs(difference).max() / width)
+    return result
+
+
+def worst(found: Mapping[str, float]) -> str:
+    """Name of the largest error; of one that is not a number, if there is any."""
+    return max(found, key=lambda name: np.inf if np.isnan(found[name]) else found[name])
+
+
+# ---- time ---------------------------------------------------------------------------------------
+
+
+def yardstick() -> float:
+    """Speed of a 400 x 400 float64 product in this process [GFLOP/s], median of 25."""
+    matrix = jax.random.normal(jax.random.key(0), (400, 400), float)
+    product = jax.jit(lambda a: a @ a)
+    jax.block_until_ready(product(matrix))
+    seconds = statistics.median(seconds_of(lambda: product(matrix)) for _ in range(25))
+    return 2.0 * 400**3 / seconds / 1e9
+
+
+def seconds_of(call: Callable[[], Any]) -> float:
+    """Wall time of a call."""
+    began = time.perf_counter()
+    jax.block_until_ready(call())
+    return time.perf_counter() - began
+
+
+def machine() -> dict[str, Any]:
+    """What the times depend on."""
+    info = Path("/proc/cpuinfo")
+    model = re.search(r"model name\s*: (.*)", info.read_text()) if info.exists() else None
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    packages = ("esail_jax", "jax", "jaxlib", "numpy")
+    return {
+        "device": f"{jax.devices()[0].platform}: {model[1] if model else platform.machine()}",
+        "cores": cores,
+        "versions": {"python": platform.python_version()}
+        | {name: importlib.metadata.version(name) for name in packages},
+    }
+
+
+class Run(NamedTuple):
+    """A method at one setting. seconds: of every repetition, compiling apart; processor: of this process
+    in those after the first, which on a shared core say more; message: what `Solution.stats` says."""
+
+    method: str
+    key: str
+    value: float
+    rows: Mapping[str, Any]
+    steps: int
+    compile_s: float
+    seconds: tuple[float, ...]
+    processor: tuple[float, ...] = ()
+    message: str = ""
+
+
+def with_method(scene: Scene, method: str, key: str, value: float) -> Scene:
+    """The scene, integrated so, whatever it says itself."""
+    table = dict.fromkeys(("step", "tolerance", "spectral_radius")) | {"method": method, key: value}
+    return dataclasses.replace(scene, integrator=dataclasses.replace(scene.integrator, **table))
+
+
+def measure(scene: Scene, method: str, key: str, value: float, runs: int = RUNS) -> Run:
+    """Run a scene several times."""
+    scene = with_method(scene, method, key, value)
+    first, seconds, processor = simulate(scene, throw=False), [], []
+    seconds.append(first.stats["wall_time"])
+    for _ in range(runs - 1):
+        began = time.process_time()
+        seconds.append(simulate(scene, throw=False).stats["wall_time"])
+        processor.append(time.process_time() - began)
+    compile_s, message = first.stats["compile_time"], first.stats["message"]
+    times = tuple(seconds), tuple(processor)
+    return Run(method, key, value, rows_of(first), first.steps, compile_s, *times, message)
+
+
+def rows_of(solution: Solution) -> dict[str, Any]:
+    """Observables by name."""
+    return {name: solution[name] for name in solution.observables}
+
+
+# ---- both ---------------------------------------------------------------------------------------
+
+
+class Reference(NamedTuple):
+    """What is taken for exact. names: observables it knows well enough; doubt: errors of the second run."""
+
+    rows: Mapping[str, Any]
+    names: tuple[str, ...]
+    doubt: dict[str, float]
+
+
+def reference_of(best: Run, second: Run) -> Reference:
+    """The better of two runs, as far as they agree."""
+    doubt = errors(second.rows, best.rows, [name for name in best.rows if name not in OWN_ERRORS])
+    names = tuple(name for name, error in doubt.items() if error < DOUBT)
+    return Reference(best.rows, names, doubt)
+
+
+def line(run: Run, found: Mapping[str, float], **more: Any) -> dict[str, Any]:
+    """A run as it is written down, with the speed of the machine just after it. Errors of what failed are
+    None."""
+    name = worst(found)
+    known = {signal: error if np.isfinite(error) else None for signal, error in found.items()}
+    typical = statistics.median(run.seconds)
+    return more | {
+        "method": run.method,
+        run.key: run.value,
+        "steps": run.steps,
+        "compile_s": run.compile_s,
+        "run_s": typical,
+        "runs_s": run.seconds,
+        "processor_s": statistics.median(run.processor) if run.processor else None,
+        "us_per_step": 1e6 * typical / max(run.steps, 1),
+        "worst_error": known[name],
+        "worst_observable": name,
+        "errors": known,
+        "message": run.message,
+        "yardstick_gflops": yardstick(),
+    }
+
+
+def reference_line(scene: Scene) -> tuple[Reference, dict[str, Any]]:
+    """The reference of a scene, and its line; the error there is that of the second run.
+
+    Raises NoReference if it failed."""
+    method, tolerance = REFERENCE[scene.main]
+    best, second = (measure(scene, method, "tolerance", t, 1) for t in (tolerance, 10.0 * tolerance))
+    reference = reference_of(best, second)
+    if not reference.names:
+        reason = best.message or second.message or "two runs agree on nothing"
+        raise NoReference(f"no reference by {method} at {tolerance:g}: {reason}")
+    kept = {name: reference.doubt[name] for name in reference.names}
+    left_out = [name for name in reference.doubt if name not in kept]
+    return reference, line(best, kept, role="reference", left_out=left_out)
+
+
+def bench(scene: Scene, curves: Iterable[Curve], runs: int = RUNS) -> Iterator[dict[str, Any]]:
+    """Lines of a scene: the reference, then every method at every setting."""
+    reference, first = reference_line(scene)
+    yield first
+    for method, key, values in curves:
+        for value in values:
+            run = measure(scene, method, key, value, runs)
+            yield line(run, errors(run.rows, reference.rows, reference.names), role="run")
+
+
+# ---- the command --------------------------------------------------------------------------------
+
+COLUMNS = ("method", "setting", "steps", "compile s", "run s", "us/step", "median", "worst error/range")
+
+
+def table_row(entry: Mapping[str, Any]) -> tuple[str, ...]:
+    """A line in the table's columns."""
+    key = "step" if "step" in entry else "tolerance"
+    times = f"{entry['compile_s']:.2f}", f"{entry['run_s']:.3f}", f"{entry['us_per_step']:.1f}"
+    if entry["worst_error"] is None:
+        median, worst = "-", entry["message"]
+    else:
+        median = f"{statistics.median(entry['errors'].values()):.1e}"
+        worst = f"{entry['worst_error']:.1e} {entry['worst_observable']}"
+    if entry["role"] == "reference":
+        worst += " (reference, in itself)"
+    return entry["method"], f"{key} {entry[key]:g}", str(entry["steps"]), *times, median, worst
+
+
+def text_of(cells: tuple[str, ...]) -> str:
+    """Cells of a row, aligned."""
+    widths = (-18, -16, 8, 9, 8, 8, 8)
+    fixed = [f"{x:<{-w}}" if w < 0 else f"{x:>{w}}" for x, w in zip(cells, widths, strict=False)]
+    return "  ".join([*fixed, cells[-1]])
+
+
+def run_bench(scene: Scene, json_file: Path | None = None) -> None:
+    """Print the table line by line, and write the lines to a file if there is one."""
+    about = {"t_end": scene.integrator.t_end, "interval": scene.output.interval} | machine()
+    speeds = []
+    with open(json_file or os.devnull, "w", encoding="utf-8") as file:
+        print(f"{about['t_end']:g} s, saved every {about['interval']:g} s; run s: median of {RUNS}")
+        print(text_of(COLUMNS), flush=True)
+        for entry in bench(scene, SAIL if scene.chain is None else CHAIN):
+            print(text_of(table_row(entry)), flush=True)
+            print(json.dumps(entry | about), file=file, flush=True)
+            speeds.append(entry["yardstick_gflops"])
+            if entry.get("left_out"):
+                print(f"not compared, unknown to {DOUBT:g} of the range: {', '.join(entry['left_out'])}")
+    print(f"{about['device']}, {about['cores']} cores; ", end="")
+    print(f"400 x 400 product at {min(speeds):.0f} to {max(speeds):.0f} GFLOP/s")

@@ -1,0 +1,233 @@
+"""A run from the command line: file, progress, interruption, summary."""
+
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from esail_jax.commands.progress import Progress
+from esail_jax.files.run_file import (
+    RunFileError,
+    RunWriter,
+    load_checkpoint,
+    open_run,
+    open_single,
+    plain,
+    scene_of_run,
+)
+from esail_jax.scenes.method_choice import with_method
+from esail_jax.scenes.scene import Scene, parse
+from esail_jax.simulation.block_march import BlockMarch
+from esail_jax.simulation.explicit import ExplicitMarch
+from esail_jax.simulation.march import March, march_of
+from esail_jax.simulation.prepare import plan_of, prepare
+from esail_jax.simulation.results import SimulationError
+
+
+def run_scene(scene: Scene, path: Path, resume: bool, quiet: bool) -> int:
+    """Run `scene` into the run file `path`; returns the exit status.
+
+    Raises SceneError or RunFileError before anything is written.
+    """
+    began = time.perf_counter()
+    going_on = check_output(scene, path, resume)
+    if going_on == "complete":
+        return 0
+    progress = Progress(scene.integrator.t_end, quiet=quiet)
+    try:
+        prepared = prepare(scene)
+        ready = time.perf_counter()
+        checkpoint = None
+        if going_on == "resume":
+            with open_run(path) as file:
+                checkpoint = load_checkpoint(file, prepared.carry)
+        with Interrupts() as interrupts:
+            message, code = march_on(
+                march_of(prepared, checkpoint),
+                RunWriter(path, prepared, resume=going_on == "resume"),
+                progress,
+                interrupts,
+                lambda: (ready - began, time.perf_counter() - ready),
+            )
+    finally:
+        progress.close()
+    if code:
+        print(message, file=sys.stderr)
+    elif not quiet:
+        print(describe(path))
+    return code
+
+
+def march_on(
+    march: March | ExplicitMarch | BlockMarch,
+    writer: RunWriter,
+    progress: Progress,
+    interrupts: "Interrupts",
+    times: Callable[[], tuple[float, float]],
+) -> tuple[str, int]:
+    """Run to the end, or to what stops it: message and exit status. `times()`: seconds of
+    compiling and of running."""
+    status, message, code = "complete", "", 0
+    try:
+        for piece in march.pieces():
+            writer.add(piece, march, times())
+            progress.update(piece.reached)
+            if interrupts.asked:
+                status, message, code = "interrupted", "Interrupted; --resume continues.", 130
+                break
+    except SimulationError as error:
+        status, message, code = "failed", str(error), 3
+    writer.write(march, times(), status, message)
+    return message, code
+
+
+class Interrupts:
+    """Ctrl-C and SIGTERM wait until an entry is done and kept: in the midst of one, rows and the
+    checkpoint would not belong together. A second one does not wait; the file stays as last
+    written.
+
+    asked: has one come?
+    """
+
+    def __init__(self):
+        self.asked = False
+        self._before: dict[int, Any] = {}
+
+    def __enter__(self) -> "Interrupts":
+        if threading.current_thread() is threading.main_thread():
+            self._before = {n: signal.signal(n, self._ask) for n in (signal.SIGINT, signal.SIGTERM)}
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def _ask(self, *_: object) -> None:
+        if self.asked:
+            raise KeyboardInterrupt
+        self.asked = True
+
+
+def check_output(scene: Scene, path: Path, resume: bool) -> str:
+    """ "new", "resume" or "complete": what there is to do for this file. Raises RunFileError."""
+    if not path.parent.is_dir():
+        raise RunFileError(f"`-o` must be in an existing directory, but {path.parent} is none")
+    if not os.access(path.parent, os.W_OK):
+        raise RunFileError(f"`-o` must be in a writable directory, but {path.parent} is not")
+    if path.is_dir():
+        raise RunFileError(f"`-o` must be a file, but {path} is a directory")
+    if not path.exists():
+        return "new"
+    if not resume:
+        raise RunFileError(f"`-o` must not exist yet (or use --resume), but {path} does")
+    with open_single(path) as file:
+        before = parse(file["scene"][()].decode(), str(path))
+        if scene_of_run(before) != scene_of_run(scene):
+            raise RunFileError(
+                f"`--resume` must continue the same scene (t_end apart), but {path} holds another"
+            )
+        done = file["time"].shape[0] and float(file["time"][-1]) == scene.integrator.t_end
+        if file.attrs["status"] == "complete" and done:
+            return "complete"
+        if file.attrs["status"] == "complete" and scene.integrator.t_end < before.integrator.t_end:
+            raise RunFileError(
+                f"`--t-end` must not end before the finished run ({before.integrator.t_end:g} s), "
+                f"but is {scene.integrator.t_end:g}"
+            )
+        if "state" not in file:
+            return "new"
+        check_checkpoint(before, scene, file["state"], path)
+        return "resume"
+
+
+def check_checkpoint(before: Scene, scene: Scene, state: h5py.Group, path: Path) -> None:
+    """Raise RunFileError unless the run of `scene` passes through the checkpoint of that of `before`."""
+    kept = state.attrs
+    (old, new), position = (plan_of(with_method(s)) for s in (before, scene)), int(kept["position"])
+    if old is None and new is None:  # steps of the method's own making do not know the end time
+        return
+    if old is None or new is None:
+        raise RunFileError("`--t-end` must not change the method of integration, but does")
+    if kept.get("steps_per_entry", new.steps_per_entry) != new.steps_per_entry or "errors" not in state:
+        raise RunFileError(
+            f"`--resume` must continue a run of this version of esail_jax, but {path} is of another"
+        )
+    if old.entries[:position] != new.entries[:position]:
+        raise RunFileError(
+            f"`--t-end` must let the run go on from the state in {path}, but is {scene.integrator.t_end:g}"
+        )
+
+
+def describe(path: Path) -> str:
+    """What was run, how it ended and how fast: a few lines."""
+    with open_run(path) as file:
+        attributes = {name: plain(value) for name, value in file.attrs.items()}
+        scene = parse(file["scene"][()].decode(), str(path))
+        times = file["time"][()]
+        terms = ", ".join(file["numerics"].attrs["terms"])
+        balance = balance_text(file)
+    reached = times[-1] if len(times) else 0.0
+    wall = max(attributes["wall_time"], 1e-9)
+    steps = attributes["steps"]
+    lines = [
+        *heading(path, attributes, scene, terms),
+        f"  time       {reached:g} of {scene.integrator.t_end:g} s, {len(times)} saved instants",
+        f"  speed      {steps} steps in {wall:.2f} s ({1e6 * wall / max(steps, 1):.0f} us a step, "
+        f"{reached / wall:.0f} x real time), compiling {attributes['compile_time']:.2f} s",
+        balance,
+        f"  device     {attributes['device']}, jax {attributes['version_jax']}, "
+        f"Python {attributes['version_python']}, esail_jax {attributes['version_esail_jax']}",
+    ]
+    return "\n".join(line for line in lines if line)
+
+
+def heading(path: Path, attributes: Mapping[str, Any], scene: Scene, terms: str) -> list[str]:
+    """Lines that runs and ensembles begin with: how it ended, model and method."""
+    return [
+        f"{path}: {attributes['status']}",
+        f"  {attributes['message']}" if attributes["message"] else "",
+        f"  model      {size_of(scene)}: {terms}",
+        f"  method     {method_of(scene)}",
+    ]
+
+
+def size_of(scene: Scene) -> str:
+    """How many of what."""
+    if scene.chain is not None:
+        return f"{scene.chain.rods} rods"
+    return f"{scene.tethers.count} tethers x {scene.tethers.elements} elements"
+
+
+def method_of(scene: Scene) -> str:
+    """The method a scene is run with, and who chose it."""
+    table = with_method(scene).integrator
+    size = f"tolerance {table.tolerance:g}" if table.step is None else f"step {table.step:g} s"
+    return f"{table.method}, {size}" + (" (chosen)" if scene.integrator.method is None else "")
+
+
+def balance_text(file: h5py.File) -> str:
+    """Largest energy error, beside the energies it is an error of."""
+    seen = file["observables"]
+    if "energy_balance_error" not in seen:
+        error, kinetic = seen["energy_error"][()], seen["kinetic_energy"][()]
+        good = np.isfinite(error)
+        if not good.any():
+            return ""
+        largest, energy = abs(error[good]).max(), kinetic[good].max()
+        return f"  balance    |E - E_0| <= {largest:.2e} of max(|E_0|, T), T up to {energy:.5g} J"
+    good = np.isfinite(seen["energy_balance_error"][()])  # rows after a failure are NaN
+    if not good.any():
+        return ""
+    error = abs(seen["energy_balance_error"][()][good]).max()
+    energy = (seen["kinetic_energy"][()] + seen["elastic_energy"][()])[good].max()
+    text = f"  balance    |dE - W + D| <= {error:.2e} J of {energy:.5g} J"
+    if "constraint_violation" in file["numerics"]:
+        text += f"; constraints within {file['numerics/constraint_violation'][()][good].max():.1e} m"
+    return text

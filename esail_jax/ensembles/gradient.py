@@ -1,0 +1,76 @@
+"""The mean of an objective over an ensemble, and its gradient, on all devices of all processes."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
+
+from esail_jax.array_types import Array, Scalar
+from esail_jax.compiler import COMPILER_OPTIONS
+from esail_jax.ensembles.sampling import Inputs
+
+MEMBER = "member"
+
+
+class MeanGradient(NamedTuple):
+    """Of an objective over the members for which it, and its gradient, are finite: `counted` of them."""
+
+    mean: Scalar
+    gradient: Any
+    counted: Scalar
+
+
+def mean_gradient(
+    objective: Callable[[Any, dict[str, Array]], Scalar], inputs: Inputs
+) -> Callable[[Any], MeanGradient]:
+    """J(p) = sum_m objective(p, inputs of m) / M and dJ/dp, as a function of the parameters p (a tree of
+    arrays).
+
+    objective: differentiable, made of `simulate`. Members are shared out evenly among all devices that JAX
+    knows, those of other processes included (`jax.distributed`); every device takes its own one after the
+    other, and the sums are put together by one collective reduction. Under several processes each calls
+    this with the same arguments, and all get the same result."""
+    devices = np.array(jax.devices())
+    mesh = Mesh(devices, (MEMBER,))
+    members = len(next(iter(inputs.values())))
+    padding = -members % len(devices)
+    # Members that fill up count nothing.
+    weights = np.append(np.ones(members), np.zeros(padding))
+    filled = {key: np.concatenate([x, x[:1].repeat(padding, 0)]) for key, x in inputs.items()}
+
+    def placed(value: Any, spec: PartitionSpec) -> Array:
+        value = np.asarray(value)
+        return jax.make_array_from_callback(
+            value.shape, NamedSharding(mesh, spec), lambda index: value[index]
+        )
+
+    shares = jax.tree.map(lambda x: placed(x, PartitionSpec(MEMBER)), (filled, weights))
+
+    def of_share(parameters, share):
+        def one(member):
+            own, weight = member
+            value, gradient = jax.value_and_grad(objective)(parameters, own)
+            leaves = [value, *jax.tree.leaves(gradient)]
+            good = jnp.stack([jnp.isfinite(x).all() for x in leaves]).all() & (weight > 0.0)
+            found = jax.tree.map(lambda x: jnp.where(good, x, 0.0), (value, gradient))
+            return *found, jnp.where(good, 1.0, 0.0)
+
+        sums = jax.tree.map(lambda x: x.sum(0), lax.map(one, share))
+        value, gradient, counted = lax.psum(sums, MEMBER)
+        return MeanGradient(value / counted, jax.tree.map(lambda x: x / counted, gradient), counted)
+
+    specs = (PartitionSpec(), PartitionSpec(MEMBER))
+    evaluate = jax.jit(
+        jax.shard_map(of_share, mesh=mesh, in_specs=specs, out_specs=PartitionSpec(), check_vma=False),
+        compiler_options=COMPILER_OPTIONS,
+    )
+
+    def of_parameters(parameters: Any) -> MeanGradient:
+        everywhere = jax.tree.map(lambda x: placed(x, PartitionSpec()), parameters)
+        return jax.tree.map(lambda x: np.asarray(x), evaluate(everywhere, shares))
+
+    return of_parameters

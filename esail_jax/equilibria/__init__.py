@@ -1,0 +1,1 @@
+"""Equilibria: the steady start, the steady flight of a spinning sail, and the vibration modes about it."""

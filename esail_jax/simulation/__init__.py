@@ -1,0 +1,1 @@
+"""The run of a scene: from its tables to a solution."""

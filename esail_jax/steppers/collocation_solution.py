@@ -1,0 +1,240 @@
+"""The stages of a collocation step solved, and the derivative of their solution.
+
+Simplified Newton iterations with the factors of `stages.py`; the derivative follows from the implicit
+function theorem, by the same factors and the exact derivative of the equations. It is that of a solution
+that is known already: nothing is solved twice for it.
+"""
+
+import functools
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+from esail_jax.array_types import Array, Float, Int, Scalar
+from esail_jax.coordinates import Coordinates
+from esail_jax.numerics.symbolic_zeros import any_matrix, jvp_of_perturbed
+from esail_jax.numerics.vectors import greatest
+from esail_jax.steppers.collocation_stages import (
+    TABLE,
+    KeptFactors,
+    Point,
+    Unknowns,
+    combined,
+    correction,
+    largest,
+    residuals_at,
+    stage_residuals,
+    stage_states,
+    turns_to,
+)
+from esail_jax.steppers.corotational_axes import Turn, axes_of
+from esail_jax.steppers.transposable import Transposable
+from esail_jax.system import Residual, System
+
+MAX_ITERATIONS = 10
+"""After which a step has failed: what converges so slowly is cheaper with half the step."""
+
+MORE_ITERATIONS = 2
+"""What the linear equations of a derivative take beyond the iterations of the step itself: seven digits of
+a gradient through three periods of the baseline, where one would leave six. A number fixed in advance,
+so that reverse mode is the exact transpose of forward mode."""
+
+
+def solve_stages(
+    system: System,
+    start: Point,
+    h: Scalar,
+    guess: Unknowns,
+    kept: KeptFactors,
+    enough: Float[Array, "2"],
+) -> tuple[Unknowns, Int[Array, ""], Scalar]:
+    """Simplified Newton iterations, until what is left, judged by the last two increments of the
+    positions, is `enough` [m] (of tethers and hub): unknowns, iterations, and what is left over that.
+    Guess and factors decide how fast, not where to."""
+
+    def iterate(carry):
+        unknowns, count, before, _ = carry
+        residual, axes = stage_residuals(system, start, h, jax.tree.map(reshaped, unknowns, guess))
+        change = correction(system, residual, turns_to(axes, kept), kept)
+        unknowns = jax.tree.map(lambda x, y: x + reshaped(y, x), unknowns, change)
+        moved = jax.tree.map(lambda x: combined(TABLE.squared, x), change.vdot)
+        increment = h**2 * largest(system, jax.tree.map(greatest, moved), enough)
+        rate = jnp.where(count > 0, increment / before, 0.5)
+        left = increment * jnp.where(rate < 1.0, rate / (1.0 - rate), jnp.inf)
+        return unknowns, count + 1, increment, left
+
+    def unfinished(carry):
+        *_, count, _, left = carry
+        return ~(left <= 1.0) & (count < MAX_ITERATIONS) & (jnp.isfinite(left) | (count < 2))
+
+    infinite = jnp.asarray(jnp.inf)
+    # All nodes of all tethers along one axis: loops over it are fast, over short axes they are not.
+    nodes = guess.vdot.tether.reshape(*guess.vdot.tether.shape[:-2], -1)
+    carried = guess._replace(vdot=guess.vdot._replace(tether=nodes))
+    carry = (carried, jnp.zeros((), int), infinite, infinite)
+    unknowns, count, _, left = lax.while_loop(unfinished, iterate, carry)
+    return jax.tree.map(reshaped, unknowns, guess), count, left
+
+
+def reshaped(x: Array, like: Array) -> Array:
+    """With the shape of another array."""
+    return x.reshape(like.shape)
+
+
+@jax.custom_jvp
+def known_stages(
+    system: System,
+    start: Point,
+    h: Scalar,
+    unknowns: Unknowns,
+    kept: KeptFactors,
+    iterations: Int[Array, ""],
+) -> Unknowns:
+    """The solution itself, with its derivative with respect to system, start and h. The factors decide how
+    fast that is found: they carry no derivative. iterations: that solved the stages."""
+    return unknowns
+
+
+@functools.partial(known_stages.defjvp, symbolic_zeros=True)
+def _known_stages_jvp(primals, tangents):
+    """d(unknowns) = -J^-1 d(residual): implicit function theorem, J being that of all stages together."""
+    system, start, h, unknowns, kept, iterations = primals
+    times, q, v = stage_states(start, h, unknowns.vdot)
+
+    def carried(start, h):
+        return Motion(*stage_states(start, h, unknowns.vdot)[1:])
+
+    def at_rest(system, time, h):
+        return residuals_at(system, time + h * TABLE.nodes, q, v, unknowns)
+
+    _, moved = jvp_of_perturbed(carried, (start, h), tangents[1:3])
+    given = (system, start.time, h)
+    _, short = jvp_of_perturbed(at_rest, given, (tangents[0], tangents[1].time, tangents[2]))
+    axes = jax.vmap(lambda time, q: axes_of(system, time, q))(times, q)
+    linear = Linearised(system, times, h, Motion(q, v), unknowns)
+    count = iterations + MORE_ITERATIONS
+    return unknowns, linear_solution(linear, moved, short, turns_to(axes, kept), kept, count)
+
+
+class Motion(NamedTuple):
+    """States of the stages, or what a change of the step's start does to them while the accelerations
+    stay."""
+
+    q: Coordinates
+    v: Coordinates
+
+
+class Linearised(NamedTuple):
+    """The equations of all stages at a solution, for changes of the motion and of the unknowns.
+
+    Roots move with the hub: in the square system that is solved, their rows are added to the hub's and
+    their columns are taken out."""
+
+    system: System
+    times: Float[Array, " stage"]
+    h: Scalar
+    motion: Motion
+    unknowns: Unknowns
+
+    def with_roots(self, x: Unknowns) -> Unknowns:
+        """The roots where the hub takes them."""
+        return x._replace(vdot=jax.vmap(lambda a: on_roots(self.system, a))(x.vdot))
+
+    def without_roots(self, x: Unknowns) -> Unknowns:
+        """Zeros for what moves with the hub."""
+        roots = self.system.roots
+        if roots is None:
+            return x
+        held = roots.releases.free(x.vdot.tether[:, 0, :, 0], jnp.zeros(()))
+        return x._replace(vdot=x.vdot._replace(tether=x.vdot.tether.at[:, 0, :, 0].set(held)))
+
+    def folded(self, residual: Residual) -> Unknowns:
+        """The rows of the square system."""
+        rows = Unknowns(residual.forces, residual.constraints)
+        return jax.linear_transpose(self.with_roots, rows)(rows)[0]
+
+    def rows(self, system: System, moved: Motion, x: Unknowns) -> Unknowns:
+        """Left-hand sides after changes of the motion and of the unknowns."""
+        change = self.with_roots(x)
+        once = jax.tree.map(lambda a: jnp.tensordot(TABLE.matrix, a, 1), change.vdot)
+        twice = jax.tree.map(lambda a: jnp.tensordot(TABLE.squared, a, 1), change.vdot)
+        q = jax.tree.map(lambda q, m, a: q + m + self.h**2 * a, self.motion.q, moved.q, twice)
+        v = jax.tree.map(lambda v, m, a: v + m + self.h * a, self.motion.v, moved.v, once)
+        unknowns = jax.tree.map(jnp.add, self.unknowns, change)
+        found = self.folded(residuals_at(system, self.times, q, v, unknowns))
+        return jax.tree.map(lambda f, x, y: f + x - y, found, x, self.without_roots(x))
+
+    @property
+    def nothing(self) -> tuple[Motion, Unknowns]:
+        """No change."""
+        return jax.tree.map(jnp.zeros_like, (self.motion, self.unknowns))
+
+    def forwards(self) -> Callable[[Motion, Unknowns], Unknowns]:
+        """The derivative of `rows`."""
+        return jax.linearize(lambda *x: self.rows(self.system, *x), *self.nothing)[1]
+
+    def backwards(self) -> Callable[[Unknowns], tuple[Motion, Unknowns]]:
+        """Its transpose."""
+        return jax.vjp(lambda *x: self.rows(Transposable.of(self.system), *x), *self.nothing)[1]
+
+
+def linear_solution(
+    linear: Linearised,
+    moved: Motion,
+    given: Residual,
+    turns: Turn,
+    kept: KeptFactors,
+    count: Int[Array, ""],
+) -> Unknowns:
+    """x with A_1 moved + A_2 x + given = 0, by `count` of the same iterations, and their transpose for
+    reverse mode. A_1 moved is part of the solution, as (1, 0; A_1, A_2) (moved, x) = (moved, -given): so
+    that reverse mode has the transpose of A_1 with that of A_2, not the one the compiler would be given."""
+    linear, turns, kept = lax.stop_gradient((linear, turns, kept))
+    nothing, zero = linear.nothing
+
+    def precondition(residual):
+        residual = linear.without_roots(residual)
+        vdot, lam = residual
+        return linear.without_roots(correction(linear.system, Residual(vdot, lam), turns, kept))
+
+    def improved(product, precondition, rhs):
+        def improve(_, x):
+            left = jax.tree.map(jnp.subtract, product(x), rhs)
+            return jax.tree.map(jnp.add, x, precondition(left))
+
+        first = jax.tree.map(jnp.negative, precondition(rhs))
+        return lax.fori_loop(1, count, improve, first)
+
+    def solve(_, rhs):
+        moved, rhs = rhs
+        along = linear.forwards()
+        rhs = jax.tree.map(jnp.subtract, rhs, along(moved, zero))
+        return moved, improved(lambda x: along(nothing, x), precondition, rhs)
+
+    def solve_transposed(_, rhs):
+        moved, rhs = rhs
+        back = linear.backwards()
+        back_precondition = jax.linear_transpose(precondition, zero)
+        x = improved(lambda x: back(x)[1], lambda x: back_precondition(x)[0], rhs)
+        return jax.tree.map(jnp.subtract, moved, back(x)[0]), x
+
+    equations = linear.folded
+    rhs = jax.tree.map(jnp.negative, equations(given))
+    # As one: the rule for the transpose refuses a part that nothing perturbs beside others.
+    both = lax.optimization_barrier((moved, rhs))
+    _, x = lax.custom_linear_solve(any_matrix, both, solve, solve_transposed)
+    return linear.with_roots(x)
+
+
+def on_roots(system: System, vdot: Coordinates) -> Coordinates:
+    """A change of the accelerations with the roots where the hub's takes them; a frame's do not change."""
+    if system.roots is None:
+        return vdot
+    root = jnp.zeros_like(vdot.tether[0, :, 0])
+    if system.hub is not None:
+        root = system.roots.positions(vdot.hub)
+    root = system.roots.releases.free(vdot.tether[0, :, 0], root)
+    return vdot._replace(tether=vdot.tether.at[0, :, 0].set(root))

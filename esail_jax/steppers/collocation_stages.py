@@ -1,0 +1,255 @@
+"""The equations of all stages of a collocation step, and the linear ones that correct them.
+
+On a step of length h the accelerations are a polynomial through that of its start and s stages
+i = 1 ... s at t + c_i h (`numerics/lobatto.py`):
+
+    q_i = q + c_i h v + h^2 [(A b)_i vdot + sum_j (A^2)_ij vdot_j]
+    v_i = v + h [b_i vdot + sum_j A_ij vdot_j]
+    M vdot_i + Phi_q^T lam_i = Q(t_i, q_i, v_i),        d^2 Phi / dt^2 = 0 at every stage
+
+All stages are solved together by simplified Newton iterations. With A = T diag(mu) T^-1 the linear system
+of all stages falls apart into one of the size of a single stage for each mu,
+
+    M + (h mu)^2 K + h mu C    and the constraint gradients,
+
+complex, with half of them the conjugates of the others. Factors are kept for many steps: residuals are
+turned back into the axes, attached to hub and nodes, in which the factors were made, solutions forth
+(`attached_axes.py`). The first iteration gains a factor of several hundred, the next 20 to 60, as long as
+tethers are taut.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from esail_jax import iteration_matrix
+from esail_jax.array_types import Array, Complex, Float, Scalar
+from esail_jax.coordinates import Coordinates, Multipliers
+from esail_jax.numerics import bordered
+from esail_jax.numerics.lobatto import Lobatto
+from esail_jax.numerics.lockstep import one_each
+from esail_jax.numerics.small_matrices import matmul
+from esail_jax.numerics.vectors import greatest
+from esail_jax.steppers.corotational_axes import Axes, Turn, axes_of, turn
+from esail_jax.system import Power, Residual, System
+
+STAGES = 4
+"""Order 7. For 1e-3 of every observable of the baseline five take 0.56 of the steps, and a third more
+time."""
+
+SPECTRAL_RADIUS = 0.5
+"""Of what is infinitely stiff; 0.8 takes as many steps, and rejects twice as many of a sail 1e5 times as
+stiff."""
+
+TABLE = Lobatto.of(STAGES, SPECTRAL_RADIUS)
+
+LIBRARY = 36
+"""Numbers of a stage beyond which a product is left to the library."""
+
+LAST_PLACES = 2e-15
+"""Ten units in the last place, of the largest coordinate."""
+
+HUB_SHARE = 0.1
+"""Errors of the hub's points count ten times: they turn everything."""
+
+
+class Unknowns(NamedTuple):
+    """What is solved for, one entry per stage (in a `History` one more, for the start of the step)."""
+
+    vdot: Coordinates
+    lam: Multipliers
+
+
+class Point(NamedTuple):
+    """An instant: what a step starts from and ends on. work [J] since the start of the run; power [W]."""
+
+    time: Scalar
+    q: Coordinates
+    v: Coordinates
+    vdot: Coordinates
+    work: Power
+    power: Power
+
+
+class KeptFactors(NamedTuple):
+    """Factors for every mu (leading axis), of the mass matrix for the projection, and the axes they were
+    made in. shape: a matrix of theirs, read for its layout."""
+
+    stages: bordered.Factors
+    mass: bordered.Factors
+    shape: bordered.Bordered
+    axes: Axes
+
+
+def combined(
+    table: Float[Array | np.ndarray, "row stage"], stages: Float[Array, "stage *x"]
+) -> Float[Array, "row *x"]:
+    """A table times the stages. What the hub has of them is written out: calling the library for a product
+    takes longer than so small a one."""
+    if stages[0].size > LIBRARY:
+        return jnp.tensordot(one_each(table), stages, 1)
+    return (table.reshape(*table.shape, *(1,) * (stages.ndim - 1)) * stages).sum(1)
+
+
+# ---- equations ----------------------------------------------------------------------------------
+
+
+def stage_states(
+    start: Point, h: Scalar, vdot: Coordinates
+) -> tuple[Float[Array, " stage"], Coordinates, Coordinates]:
+    """Times, q and v of the stages."""
+
+    def along(weights, x):
+        return weights.reshape(-1, *(1,) * x.ndim) * x
+
+    # Both integrals in one product.
+    tables = jnp.concatenate([h**2 * TABLE.squared, h * TABLE.matrix])
+    integrals = jax.tree.map(lambda a: combined(tables, a), vdot)
+
+    def positions(q, v, first, a):
+        return q + along(TABLE.nodes, h * v) + h**2 * along(TABLE.start_squared, first) + a[:STAGES]
+
+    def velocities(v, first, a):
+        return v + h * along(TABLE.start, first) + a[STAGES:]
+
+    q = jax.tree.map(positions, start.q, start.v, start.vdot, integrals)
+    v = jax.tree.map(velocities, start.v, start.vdot, integrals)
+    return start.time + h * TABLE.nodes, q, v
+
+
+def stage_residuals(system: System, start: Point, h: Scalar, unknowns: Unknowns) -> tuple[Residual, Axes]:
+    """Of every stage: what the equations of motion and the constraints' second derivatives [m/s^2] are
+    short of, and the axes."""
+    times, q, v = stage_states(start, h, unknowns.vdot)
+    axes = jax.vmap(lambda time, q: axes_of(system, time, q))(times, q)
+    return residuals_at(system, times, q, v, unknowns), axes
+
+
+def residuals_at(
+    system: System, times: Float[Array, " stage"], q: Coordinates, v: Coordinates, unknowns: Unknowns
+) -> Residual:
+    """The same at given states of the stages."""
+    found, _ = system.residuals(times, q, v, *unknowns)
+    bend = jax.vmap(system.constraint_acceleration)(times, q, v, unknowns.vdot)
+    return Residual(found.forces, bend)
+
+
+def stage_powers(system: System, start: Point, h: Scalar, unknowns: Unknowns) -> Power:
+    """Powers at every stage."""
+    return system.residuals(*stage_states(start, h, unknowns.vdot), *unknowns)[1]
+
+
+def factor(system: System, start: Point, h: Scalar, lam: Multipliers) -> KeptFactors:
+    """Iteration matrices of a step of length h at its start, and their factors."""
+    now = (start.time, start.q)
+    inert = iteration_matrix.mass(system, *now)
+
+    def tangent(rate):
+        return iteration_matrix.tangent(system, *now, start.v, lam, jnp.ones(()), rate)
+
+    layout = {"weights": inert.weights, "released": inert.released}
+    # One after the other: side by side, the table of shape functions would turn their axes about.
+    both = lax.map(tangent, jnp.array([0.0, 1.0]))
+    stiff, moving = (jax.tree.map(lambda x, i=i: x[i], both) for i in (0, 1))
+
+    def of_rate(mu):
+        s = h * mu
+
+        def combined(m, mk, mkc):
+            return m + s**2 * (mk - m) + s * (mkc - mk)
+
+        matrices = (x._replace(weights=None, released=None) for x in (inert, stiff, moving))
+        return bordered.factor(jax.tree.map(combined, *matrices)._replace(**layout))
+
+    # The mass matrix is that of mu = 0.
+    factors = jax.vmap(of_rate)(jnp.asarray(np.append(TABLE.rates, 0.0)))
+    stages = jax.tree.map(lambda x: x[:-1], factors)
+    mass = jax.tree.map(lambda x: x[-1].real, factors)
+    return KeptFactors(stages, mass, inert, axes_of(system, *now))
+
+
+# ---- linear equations ---------------------------------------------------------------------------
+
+
+def correction(system: System, residual: Residual, turns: Turn, kept: KeptFactors) -> Unknowns:
+    """Change of the unknowns that a simplified Newton step asks for. turns: of every stage, from the
+    axes of the factors."""
+
+    def to_rhs(residual, turn):
+        forces, constraints = jax.tree.map(jnp.negative, (residual.forces, residual.constraints))
+        return iteration_matrix.to_vector(system, turn.back(forces), constraints)
+
+    rhs = jax.tree.map(split, jax.vmap(to_rhs)(residual, turns))
+    solution = jax.vmap(lambda factors, rhs: bordered.solve(kept.shape, factors, rhs))(kept.stages, rhs)
+    solution = jax.tree.map(mix, solution)
+
+    def from_solution(solution, turn):
+        vdot, lam = iteration_matrix.from_vector(system, solution)
+        return Unknowns(turn.forth(vdot), lam)
+
+    return jax.vmap(from_solution)(solution, turns)
+
+
+def split(stages: Float[Array, "stage *x"]) -> Complex[Array, "rate *x"]:
+    """T^-1 times the stages, for the kept one of every pair; in real products, which are fast."""
+    rates = len(TABLE.split)
+    parts = combined(np.concatenate([TABLE.split.real, TABLE.split.imag]), stages)
+    return lax.complex(parts[:rates], parts[rates:])
+
+
+def mix(z: Complex[Array, "rate *x"]) -> Float[Array, "stage *x"]:
+    """T z, both of every pair together."""
+    table = np.concatenate([TABLE.mix.real, -TABLE.mix.imag], axis=1)
+    return combined(table, jnp.concatenate([z.real, z.imag]))
+
+
+def turns_to(axes: Axes, kept: KeptFactors) -> Turn:
+    """From the axes of the factors to those of every stage."""
+    return jax.vmap(lambda axes: turn(kept.axes, axes))(axes)
+
+
+def on_constraints(
+    system: System, kept: KeptFactors, time: Scalar, q: Coordinates, v: Coordinates
+) -> tuple[Coordinates, Coordinates]:
+    """The nearest state on the constraints and their rates, by one Newton correction in the mass metric
+    each: the stages miss them by the local error."""
+    if system.has_constraints:
+        turned = matmul(lax.stop_gradient(system.rotation(time, q)), kept.axes.hub.T)
+        nothing = jax.tree.map(jnp.zeros_like, q)
+
+        def corrected(x, defect):
+            rhs = iteration_matrix.to_vector(system, nothing, jax.tree.map(jnp.negative, defect))
+            change, _ = iteration_matrix.from_vector(system, bordered.solve(kept.shape, kept.mass, rhs))
+            return jax.tree.map(jnp.add, x, change.rotate(turned))
+
+        q = corrected(q, system.constraints(time, q))
+        _, rate = jax.jvp(lambda t, q: system.constraints(t, q), (time, q), (jnp.ones(()), v))
+        v = corrected(v, rate)
+    return system.place_roots(time, q), system.place_roots(time, v, derivative=1)
+
+
+# ---- sizes --------------------------------------------------------------------------------------
+
+
+def lengths(system: System) -> Float[Array, "2"]:
+    """What errors are measured by [m]: the shortest tether's length, and the hub's size."""
+    tethers = system.tethers
+    total = jnp.broadcast_to(tethers.element_length, (tethers.elements, tethers.count)).sum(0).min()
+    hub = total if system.hub is None else HUB_SHARE * system.hub.radius
+    return lax.stop_gradient(jnp.stack([total, hub]))
+
+
+def rounding(q: Coordinates) -> Float[Array, "2"]:
+    """What iterations cannot improve on [m], for tethers and hub: some units in the last place."""
+    parts = [q.tether[0], q.tether[0] if q.hub is None else q.hub]
+    return lax.stop_gradient(LAST_PLACES * jnp.stack([jnp.abs(x).max() for x in parts]))
+
+
+def largest(system: System, change: Coordinates, unit: Float[Array, "2"]) -> Scalar:
+    """Largest change of a position (slopes times l) in units of tether's and hub's."""
+    nodes = greatest(greatest(system.tethers.scale_slopes(change.tether)))
+    size = nodes.max() / unit[0]
+    return size if change.hub is None else jnp.maximum(size, jnp.abs(change.hub).max() / unit[1])

@@ -1,0 +1,88 @@
+"""Accelerations and multipliers that fit a given state.
+
+    [ M      Phi_q^T ] [ vdot ]   [ Q                          ]
+    [ Phi_q  0       ] [ lam  ] = [ -d^2 Phi / dt^2 at vdot = 0 ]        ([PGV] Eq. 1-3)
+
+Used for the start of a run and for every saved instant, so that output never interpolates them.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from esail_jax import iteration_matrix
+from esail_jax.array_types import Scalar
+from esail_jax.coordinates import Coordinates, Multipliers
+from esail_jax.iteration_matrix import FactoredMass
+from esail_jax.numerics import bordered
+from esail_jax.system import Power, System
+
+
+class Motion(NamedTuple):
+    """Accelerations and multipliers of a state, and what acts: forces with the reactions of the root
+    joints left out (`system.Residual`), and power."""
+
+    vdot: Coordinates
+    lam: Multipliers
+    forces: Coordinates
+    power: Power
+
+
+def consistent_motion(
+    system: System,
+    time: Scalar,
+    q: Coordinates,
+    v: Coordinates,
+    mass: FactoredMass | None = None,
+) -> Motion:
+    """Of the state (q, v), which must satisfy the constraints and their rates. mass: its mass matrix,
+    where that is known."""
+    rest = jax.tree.map(jnp.zeros_like, q)
+    if system.hub is None:
+        rest = system.place_roots(time, rest, derivative=2)
+    at_rest = system.inertial(q, v, rest)
+    tether, power = system.steered(time, q).tether_forces(time, q.tether, v.tether, at_rest.tether)
+    loads = Coordinates(tether, at_rest.hub)
+    residual, _ = system.joined(time, q, v, loads, system.no_multipliers(), power)
+    bend = system.constraint_acceleration(time, q, v, rest)
+    matrix, factors = iteration_matrix.factor_mass(system, time, q) if mass is None else mass
+    rhs = iteration_matrix.to_vector(system, *jax.tree.map(jnp.negative, (residual.forces, bend)))
+    vdot, lam = iteration_matrix.from_vector(system, bordered.solve(matrix, factors, rhs))
+    moving = loads.axpy(1.0, Coordinates(system.tethers.inertia(vdot.tether), vdot.hub))
+    residual, power = system.joined(time, q, v, moving, lam, power)
+    return Motion(jax.tree.map(jnp.add, rest, vdot), lam, residual.forces, power)
+
+
+def consistent_acceleration(
+    system: System, time: Scalar, q: Coordinates, v: Coordinates
+) -> tuple[Coordinates, Multipliers]:
+    """vdot and lam of the state (q, v), which must satisfy the constraints and their rates."""
+    motion = consistent_motion(system, time, q, v)
+    return motion.vdot, motion.lam
+
+
+def project(
+    system: System,
+    time: Scalar,
+    q: Coordinates,
+    v: Coordinates,
+    mass: FactoredMass | None = None,
+) -> tuple[Coordinates, Coordinates]:
+    """The nearest state (in the mass metric, one Newton correction) on the constraints and their
+    rates. Interpolation errors are of fourth order, so one correction reaches rounding. mass: as in
+    `consistent_motion`."""
+    q, v = system.place_roots(time, q), system.place_roots(time, v, derivative=1)
+    if not system.has_constraints:
+        return q, v
+    matrix, factors = iteration_matrix.factor_mass(system, time, q) if mass is None else mass
+    nothing = jax.tree.map(jnp.zeros_like, q)
+
+    def corrected(x, defect):
+        rhs = iteration_matrix.to_vector(system, nothing, jax.tree.map(jnp.negative, defect))
+        step, _ = iteration_matrix.from_vector(system, bordered.solve(matrix, factors, rhs))
+        return jax.tree.map(jnp.add, x, step)
+
+    q = corrected(q, system.constraints(time, q))
+    _, rate = jax.jvp(lambda t, q: system.constraints(t, q), (time, q), (jnp.ones(()), v))
+    return q, corrected(v, rate)

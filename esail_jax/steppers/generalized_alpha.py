@@ -1,0 +1,203 @@
+"""Generalized-alpha for the index-3 equations (Arnold & Brüls 2007; [PGV] Eq. 12-15).
+
+    M vdot_{n+1} + Phi_q^T lam_{n+1} = Q(t, q, v)_{n+1},      Phi(q_{n+1}) = 0
+    (1 - alpha_m) a_{n+1} + alpha_m a_n = (1 - alpha_f) vdot_{n+1} + alpha_f vdot_n
+    q_{n+1} = q_n + h v_n + h^2 ((1/2 - beta) a_n + beta a_{n+1})
+    v_{n+1} = v_n + h ((1 - gamma) a_n + gamma a_{n+1})
+
+The unknowns are vdot_{n+1} and lam_{n+1}, found by the chord iterations of `fixed_step.py`. With vdot
+extrapolated quadratically for the first guess, one iteration per step is enough on a smooth motion.
+"""
+
+from typing import ClassVar, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+from esail_jax import iteration_matrix
+from esail_jax.array_types import Float, Rotation, Scalar
+from esail_jax.coordinates import Coordinates, Multipliers
+from esail_jax.numerics import bordered
+from esail_jax.steppers.fixed_step import FixedStep, KeptFactors, State, StepInfo, Unknowns
+from esail_jax.steppers.fixed_step_solution import solve_step
+from esail_jax.steppers.transposable import Transposable
+from esail_jax.system import Power, Residual, System
+
+POSITION_TOLERANCE = 1e-8
+"""[m] largest last increment of a nodal position (or of l r_x)."""
+
+HUB_TOLERANCE = 1e-10
+"""[m] the same for the hub's base points: 1e-8 m would be an attitude error of 1e-8 rad."""
+
+ROD_TOLERANCE, ROUNDING = 1e-11, 1e-14
+"""For rods, which may be short: part of the shortest one's length, but not below this part of the
+chain's, which positions are rounded to. 1e-8 m of a steel rod of 0.1 m would be a twentieth of its
+stretch under its own weight."""
+
+
+class Parameters(NamedTuple):
+    """Coefficients of the method for one spectral radius rho_inf at infinite frequency."""
+
+    alpha_m: Scalar
+    alpha_f: Scalar
+    beta: Scalar
+    gamma: Scalar
+
+    @classmethod
+    def from_spectral_radius(cls, rho: Scalar) -> "Parameters":
+        """[PGV] after Eq. 15 (there mu is gamma and nu is beta)."""
+        alpha_m = (2.0 * rho - 1.0) / (rho + 1.0)
+        alpha_f = rho / (rho + 1.0)
+        gamma = 0.5 + alpha_f - alpha_m
+        return cls(alpha_m, alpha_f, 0.25 * (gamma + 0.5) ** 2, gamma)
+
+
+class GeneralizedAlpha(FixedStep):
+    """The stepper."""
+
+    spectral_radius: Scalar
+
+    trusted: ClassVar[float] = 1000.0
+    """At 40 elements a tether, where guesses are off by so much, work then changes by 1e-10 of itself and
+    the dissipated energy by 4e-7; half the iterations are saved."""
+
+    @property
+    def parameters(self) -> Parameters:
+        return Parameters.from_spectral_radius(self.spectral_radius)
+
+    @property
+    def phase_error(self) -> Scalar:
+        """c = 1/12 + d (alpha_m - 1/2)/2 - 3 d^2/8 with d = alpha_m - alpha_f: of the modified equation
+        q'' = vdot + 2 c h^2 d^2 vdot/dt^2 that the expansion of the formulas above in h gives. 1/12 without
+        dissipation (trapezoidal rule), 11/24 at a spectral radius of 0 (Houbolt's)."""
+        c = self.parameters
+        d = c.alpha_m - c.alpha_f
+        return 1.0 / 12.0 + 0.5 * d * (c.alpha_m - 0.5) - 0.375 * d**2
+
+    @property
+    def _vdot_share(self) -> Scalar:
+        """d a_{n+1} / d vdot_{n+1}."""
+        c = self.parameters
+        return (1.0 - c.alpha_f) / (1.0 - c.alpha_m)
+
+    @property
+    def _q_share(self) -> Scalar:
+        """s = d q_{n+1} / d vdot_{n+1} [s^2]; the iteration matrix is M + s K + ... ."""
+        return self.step_size**2 * self.parameters.beta * self._vdot_share
+
+    def factor(
+        self, system: System, time: Scalar, q: Coordinates, v: Coordinates, lam: Multipliers
+    ) -> KeptFactors:
+        """Iteration matrix ([PGV] Eq. 13, scaled by s) at a state, and its factors."""
+        c = self.parameters
+        rate_factor = c.gamma / (self.step_size * c.beta)
+        matrix = iteration_matrix.tangent(system, time, q, v, lam, self._q_share, rate_factor)
+        return KeptFactors(matrix, bordered.factor(matrix), system.rotation(time, q))
+
+    def predict(self, state: State) -> tuple[Coordinates, Coordinates, Coordinates]:
+        """q, v and a at the end of the step without the share of vdot_{n+1}."""
+        c, h = self.parameters, self.step_size
+        known = jax.tree.map(
+            lambda vdot, a: (c.alpha_f * vdot - c.alpha_m * a) / (1.0 - c.alpha_m),
+            state.vdot,
+            state.a,
+        )
+        q = jax.tree.map(
+            lambda q, v, a, k: q + h * v + h**2 * ((0.5 - c.beta) * a + c.beta * k),
+            state.q, state.v, state.a, known,
+        )  # fmt: skip
+        v = jax.tree.map(
+            lambda v, a, k: v + h * ((1.0 - c.gamma) * a + c.gamma * k), state.v, state.a, known
+        )
+        return q, v, known
+
+    def end_of_step(
+        self,
+        system: System,
+        end: Scalar,
+        q0: Coordinates,
+        v0: Coordinates,
+        vdot: Coordinates,
+    ) -> tuple[Coordinates, Coordinates]:
+        """q and v at the end of the step for a given vdot there.
+
+        Roots are put where they belong: no equation compares them with the hub, and what rounding
+        parts would drift away with the fourth power of time.
+        """
+        v_share = self.step_size * self.parameters.gamma * self._vdot_share
+        q, v = q0.axpy(self._q_share, vdot), v0.axpy(v_share, vdot)
+        return system.place_roots(end, q), system.place_roots(end, v, derivative=1)
+
+    def attitude(
+        self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, vdot: Coordinates
+    ) -> Rotation:
+        """Where the factors are turned to, near the step's end."""
+        q, _ = self.end_of_step(system, end, q0, v0, vdot)
+        return system.rotation(end, q)
+
+    def residual(
+        self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, unknowns: Unknowns
+    ) -> tuple[Residual, Power]:
+        """Residual of the equations at the end of the step, and the power of its forces."""
+        q, v = self.end_of_step(system, end, q0, v0, unknowns.vdot)
+        return system.residual(end, q, v, unknowns.vdot, unknowns.lam)
+
+    def correct(
+        self, system: System, residual: Residual, kept: KeptFactors, turned: Rotation
+    ) -> tuple[Unknowns, Coordinates]:
+        """Change of the unknowns that a chord step asks for, and the change of q that goes with it."""
+        s = self._q_share
+        forces = jax.tree.map(lambda r: -s * r, residual.forces)
+        constraints = jax.tree.map(jnp.negative, residual.constraints)
+        dq, dlam = kept.solve(system, turned, forces, constraints)
+        return jax.tree.map(lambda x: x / s, Unknowns(dq, dlam)), dq
+
+    def tangent(
+        self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, unknowns: Unknowns
+    ) -> KeptFactors:
+        """Factors of the exact derivative of the residual."""
+        q, v = self.end_of_step(system, end, q0, v0, unknowns.vdot)
+        return self.factor(system, end, q, v, unknowns.lam)
+
+    def transposable(self, system: System) -> System:
+        """Forces with a transpose of their own."""
+        return Transposable.of(system)
+
+    def tolerances(self, system: System, q: Coordinates) -> Float[jax.Array, "2"]:
+        """Largest last increments [m] of a step that has converged, of tether nodes and of the hub."""
+        position = jnp.asarray(POSITION_TOLERANCE)
+        if system.tethers.kind == "rod":
+            lengths = system.tethers.element_length
+            rods = jnp.maximum(ROD_TOLERANCE * lengths.min(), ROUNDING * lengths.sum())
+            position = jnp.minimum(position, rods)
+        return lax.stop_gradient(jnp.stack([position, jnp.asarray(HUB_TOLERANCE)]))
+
+    def step(
+        self, system: System, time: Scalar, state: State, kept: KeptFactors, rate: Scalar
+    ) -> tuple[State, StepInfo]:
+        """From t to t + h, until what chord iterations leave is within tolerance."""
+        h = self.step_size
+        end = time + h
+        q0, v0, a0 = self.predict(state)
+        guess = jax.tree.map(lambda *x: x[0] + x[1] + x[2], state.vdot, state.rise, state.bend)
+        unknowns = Unknowns(system.place_roots(end, guess, derivative=2), state.lam)
+        unknowns, power, info = solve_step(self, system, end, q0, v0, unknowns, kept, rate)
+        vdot, lam = unknowns
+        q, v = self.end_of_step(system, end, q0, v0, vdot)
+        rise = jax.tree.map(jnp.subtract, vdot, state.vdot)
+        work = jax.tree.map(
+            lambda w, before, after: w + 0.5 * h * (before + after), state.work, state.power, power
+        )
+        state = State(
+            q=q,
+            v=v,
+            vdot=vdot,
+            a=a0.axpy(self._vdot_share, vdot),
+            lam=lam,
+            rise=rise,
+            bend=jax.tree.map(jnp.subtract, rise, state.rise),
+            work=work,
+            power=power,
+        )
+        return state, info
