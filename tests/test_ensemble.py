@@ -94,7 +94,7 @@ def test_every_core_takes_a_member(scene, inputs, ensemble, monkeypatch):
         barrier.wait()
         return one(self, member)
 
-    monkeypatch.setattr("esail_jax.ensemble.cores", lambda: 2)
+    monkeypatch.setattr("esail_jax.ensembles.members.cores", lambda: 2)
     monkeypatch.setattr(Runner, "_one", together)
     found = simulate_members(scene, {key: x[:4] for key, x in inputs.items()})
     assert all(np.array_equal(found[name], x[:4], equal_nan=True) for name, x in ensemble.rows.items())
@@ -355,7 +355,7 @@ import jax
 jax.config.update("jax_num_cpu_devices", 2)
 import numpy as np
 import esail_jax as esail
-from esail_jax.ensemble import simulate_members
+from esail_jax.ensembles.members import simulate_members
 scene = esail.load_scene("baseline", eval(sys.argv[1]))
 inputs = {"initial.spin_rate": np.array([3.9e-3, 4.0e-3, 4.1e-3])}
 found = simulate_members(scene, inputs, ["coning_angle"], batch=3, lockstep=True)

@@ -302,8 +302,8 @@ def test_signal_handlers_are_put_back(scene, tmp_path):
 
 
 OFTEN = (
-    "import sys, esail_jax.storage as storage; run_file.CHECKPOINT_SECONDS = 0.0; "
-    "storage.COPY_SHARE = 1e9; from esail_jax.cli import main; sys.exit(main(sys.argv[1:]))"
+    "import sys, esail_jax.files.run_file as run_file; run_file.CHECKPOINT_SECONDS = 0.0; "
+    "run_file.COPY_SHARE = 1e9; from esail_jax.cli import main; sys.exit(main(sys.argv[1:]))"
 )
 """The command, writing after every entry: kills come while it writes."""
 
@@ -376,14 +376,14 @@ def test_kill_9_leaves_a_file_that_opens_and_resumes_bit_for_bit(scene, tmp_path
 
 
 MIDST = (
-    "import os, signal, esail_jax.storage as storage; append, left = run_file.append, [100]\n"
+    "import os, signal, esail_jax.files.run_file as run_file; append, left = run_file.append, [100]\n"
     "def kill(data, values):\n"
     "    append(data, values)\n"
     "    left[0] -= 1\n"
     "    if left[0] == 0:\n"
     "        data.file.flush()\n"
     "        os.kill(os.getpid(), signal.SIGKILL)\n"
-    "storage.append = kill\n"
+    "run_file.append = kill\n"
 )
 """Kill itself in the third write, when part of the datasets have grown."""
 
