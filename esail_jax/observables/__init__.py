@@ -10,9 +10,11 @@ __all__ = [
     "Instant",
     "Observable",
     "chain",
+    "described",
     "elastic_energy",
     "is_chain",
     "kinetic_energy",
+    "known_names",
     "listed",
     "make_instant",
     "observe",
@@ -29,6 +31,20 @@ def is_chain(system: System) -> bool:
 def listed(system: System) -> list[Observable]:
     """The observables of a system, in their order."""
     return chain.listed(system) if is_chain(system) else sail.listed(system)
+
+
+def known_names(of_chain: bool) -> tuple[str, ...]:
+    """Names of all observables that a sail, or a chain, may have."""
+    entries = (*chain.OBSERVABLES, chain.ENERGY_ERROR) if of_chain else sail.OBSERVABLES
+    return tuple(entry.name for entry in entries)
+
+
+def described(name: str) -> Observable:
+    """The entry of an observable, from its name. Raises KeyError."""
+    for entry in (*sail.OBSERVABLES, *chain.OBSERVABLES, chain.ENERGY_ERROR):
+        if entry.name == name:
+            return entry
+    raise KeyError(name)
 
 
 def observe(instant: Instant) -> dict[str, Array]:

@@ -49,6 +49,8 @@ def split(scene: Scene) -> tuple[Structure, Numbers]:
                 tail = {"member": (), "vectors": (3,)}.get(rule.shape)
                 shape = value.shape if tail is None else (scene.members.count, *tail)
                 numbers[key] = jnp.broadcast_to(value, shape)
+    if scene.integrator.step is not None:
+        numbers["integrator.step"] = jnp.asarray(scene.integrator.step, float)
     if scene.event is not None:
         numbers["event.release_time"] = release_times(scene)
     return Structure(tuple(choices), frozenset(numbers)), numbers

@@ -22,7 +22,7 @@ from esail_jax.numerics.symbolic_zeros import (
     number_of,
     perturbed,
 )
-from esail_jax.steppers.fixed_step import FixedStep, KeptFactors, StepInfo, Unknowns
+from esail_jax.steppers.fixed_step import FixedStep, FrozenFactors, IterationInfo, Unknowns
 from esail_jax.system import Power, Residual, System
 
 MARGIN = 10.0
@@ -37,9 +37,9 @@ def solve_step(
     q0: Coordinates,
     v0: Coordinates,
     guess: Unknowns,
-    kept: KeptFactors,
+    kept: FrozenFactors,
     rate: Scalar,
-) -> tuple[Unknowns, Power, StepInfo]:
+) -> tuple[Unknowns, Power, IterationInfo]:
     """Chord iterations. Guess and factors decide how fast they converge, not where to: they carry
     no derivative. rate: as in `FixedStep.step`."""
     turned = stepper.attitude(system, end, q0, v0, guess.vdot) @ kept.rotation.T
@@ -53,7 +53,7 @@ def solve_step(
         size, before = ((x / info.tolerance).max() for x in (norms, info.increment))
         rate = jnp.where(info.iterations > 0, size / before, info.rate)
         part = jnp.where(size <= stepper.trusted, jnp.minimum(1.0, MARGIN * rate), 1.0)
-        info = StepInfo(
+        info = IterationInfo(
             iterations=info.iterations + 1,
             increment=norms,
             left=part * norms,
@@ -71,7 +71,7 @@ def solve_step(
 
     zero, none = jnp.zeros(()), jnp.zeros((), int)
     infinite = jnp.full(2, jnp.inf)
-    start = StepInfo(none, infinite, infinite, rate, stepper.tolerances(system, q0), zero, zero, none)
+    start = IterationInfo(none, infinite, infinite, rate, stepper.tolerances(system, q0), zero, zero, none)
     return lax.while_loop(unfinished, iterate, (guess, Power(zero, zero), start))
 
 
@@ -93,7 +93,7 @@ def _solve_step_jvp(primals, tangents):
     power_dot = jvp_if_wanted(lambda *x: equations(*x)[1], at, (*tangents[:5], unknowns_dot))
     none = np.zeros((), jax.dtypes.float0)
     zero = jnp.zeros(())
-    info_dot = StepInfo(none, *(jnp.zeros(2),) * 2, zero, jnp.zeros(2), zero, zero, none)
+    info_dot = IterationInfo(none, *(jnp.zeros(2),) * 2, zero, jnp.zeros(2), zero, zero, none)
     return (unknowns, power, info), (unknowns_dot, power_dot, info_dot)
 
 
