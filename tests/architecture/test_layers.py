@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-PACKAGE = Path(__file__).parents[1] / "esail_jax"
+PACKAGE = Path(__file__).parents[2] / "esail_jax"
 
 LAYERS = (
     ("constants", "array_types", "compiler", "cores"),

@@ -1,5 +1,7 @@
-"""The list of perturbations (`tests/mutations/`) fits the package and its table. Running them takes
-twenty minutes and is an experiment of its own: `python experiments/mutations/run.py`."""
+"""The lists of perturbations (`mutations/*.toml`) fit the package and the table of results.
+
+Running the perturbations takes twenty minutes and is no test: `python tests/tools/mutations.py`.
+"""
 
 import csv
 import tomllib
@@ -7,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
-LISTS = sorted((ROOT / "tests" / "mutations").glob("*.toml"))
+ROOT = Path(__file__).parents[2]
+LISTS = sorted(Path(__file__).with_name("mutations").glob("*.toml"))
 MUTATIONS = [m for path in LISTS for m in tomllib.loads(path.read_text(encoding="utf-8"))["mutation"]]
 
 

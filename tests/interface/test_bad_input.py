@@ -11,10 +11,10 @@ from pathlib import Path
 
 import h5py
 import pytest
-import small_sail
 
 import esail_jax.simulation.prepare
 from esail_jax import cli
+from support import small_sail
 
 
 @pytest.fixture(autouse=True)

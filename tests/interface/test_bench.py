@@ -4,11 +4,11 @@ import json
 
 import numpy as np
 import pytest
-import small_sail
 
 from esail_jax.cli import main
 from esail_jax.commands import bench
 from esail_jax.scenes.scene import parse
+from support import small_sail
 
 
 def test_error_is_relative_to_the_range_over_time_and_components():

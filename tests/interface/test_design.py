@@ -5,12 +5,12 @@ import dataclasses
 import jax
 import numpy as np
 import pytest
-from quick import jit
 
 import esail_jax as esail
 from esail_jax.cli import main
 from esail_jax.design import objectives
 from esail_jax.design.problem import Design, Variable, inward, outward
+from support.quick import jit
 
 SMALL = {
     "tethers.count": 3,

@@ -20,8 +20,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-import small_sail
-from quick import quickly
 
 import esail_jax as esail
 import esail_jax.commands.run
@@ -31,6 +29,9 @@ from esail_jax.files import run_file
 from esail_jax.observables.run_warning import STEP_ERRORS
 from esail_jax.scenes.builtin_scenes import builtin_names
 from esail_jax.scenes.scene import parse
+from support import small_sail
+from support.bits import check_same, esail_run, status_of
+from support.quick import quickly
 
 OBSERVABLES = {
     "coning_angle": "tether", "lagging_angle": "tether", "root_coning_angle": "tether",
@@ -70,30 +71,6 @@ def whole(scene, tmp_path_factory):
     path = tmp_path_factory.mktemp("whole") / "whole.h5"
     assert esail_run(scene, path) == 0
     return path
-
-
-def esail_run(scene, path, *more):
-    return cli.main(["run", str(scene), "-o", str(path), "--quiet", *map(str, more)])
-
-
-def status_of(path):
-    with h5py.File(path, "r") as file:
-        return file.attrs["status"]
-
-
-def check_same(path, other):
-    """Same names, shapes and bits in /time, /observables, /numerics and /state."""
-    with h5py.File(path, "r") as a, h5py.File(other, "r") as b:
-        names = ([], [])
-        for file, found in zip((a, b), names, strict=True):
-            file.visit(found.append)
-        assert names[0] == names[1]
-        for name in names[0]:
-            if isinstance(a[name], h5py.Dataset) and name != "scene":
-                assert a[name].shape == b[name].shape, name
-                assert a[name][()].tobytes() == b[name][()].tobytes(), f"{name} differs"
-        assert dict(a["state"].attrs) == dict(b["state"].attrs)
-        assert (a.attrs["status"], a.attrs["steps"]) == (b.attrs["status"], b.attrs["steps"])
 
 
 def check_start_of(path, other, failed=False):

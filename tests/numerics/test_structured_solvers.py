@@ -6,10 +6,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from oracles.dense import Dense
-from quick import jit
 
 from esail_jax.numerics import block_tridiagonal, bordered, ring, small_matrices
+from oracles.dense import Dense
+from support.quick import jit
 
 TOLERANCE = 1e-10
 """Relative error of a solution. Measured: at most 1.4e-13, over every combination below."""

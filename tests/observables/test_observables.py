@@ -4,6 +4,8 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+
+from esail_jax.numerics.angles import smallest_eigenvector
 from oracles.ledger import relative_error
 from oracles.pgv_h_roots import hub_force_and_torque
 from oracles.sail_matrices import ELEMENT, WEIGHTS, XI, shapes
@@ -23,8 +25,6 @@ from oracles.sail_states import (
     random_placement,
     states,
 )
-
-from esail_jax.numerics.angles import smallest_eigenvector
 
 
 def test_normal_of_a_symmetric_sail_has_a_derivative():

@@ -1,13 +1,16 @@
-"""Every equation of both papers, as printed, against automatic differentiation or a derivation of its
-own. The entries stand in `tests/oracles/`; what is wrong in print is in `experiments/paper_errata`."""
+"""Every equation of both papers, as printed, is compared with automatic differentiation or a derivation.
+
+The entries are in `oracles/`; `experiments/paper_errata` lists the equations that are printed wrongly.
+"""
 
 import importlib
 import pkgutil
 import re
 
 import numpy as np
-import oracles
 import pytest
+
+import oracles
 from oracles.ledger import ENTRIES
 
 VISIBLE = 1e-6

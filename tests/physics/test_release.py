@@ -3,12 +3,12 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from whole_runs import check_derivative, check_going_on, numbers
 
 import esail_jax as esail
 from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.scene import Scene, load_scene, parse, to_toml
 from esail_jax.scenes.structure import split
+from support.whole_runs import check_derivative, check_going_on, numbers
 
 RELEASE = {"event.time": [100.3], "event.release": [2]}
 SMALL = RELEASE | {

@@ -6,8 +6,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from quick import jit
-from whole_runs import check_going_on
 
 import esail_jax as esail
 from esail_jax.environment.gusts import gusty_wind, write_wind
@@ -22,6 +20,8 @@ from esail_jax.loads.voltage import (
 )
 from esail_jax.scenes.builtin_scenes import builtin_text
 from esail_jax.scenes.scene import parse, to_toml
+from support.quick import jit
+from support.whole_runs import check_going_on
 
 SMALL = {
     "tethers.count": 3,

@@ -7,8 +7,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from quick import jit
-from test_run_file import check_same, esail_run, status_of
 
 import esail_jax as esail
 import esail_jax.simulation.explicit
@@ -18,6 +16,8 @@ from esail_jax.files import run_file
 from esail_jax.scenes.rules import rule_of
 from esail_jax.scenes.scene import load_scene, parse, to_toml
 from esail_jax.scenes.tables import CHAIN_TABLES, Initial
+from support.bits import check_same, esail_run, status_of
+from support.quick import jit
 
 TEXT = """
 [chain]
@@ -100,7 +100,8 @@ def test_every_number_may_be_traced(key, chain, monkeypatch):
         raise StopIteration
 
     monkeypatch.setattr(esail_jax.simulation.explicit, "traced_run", run)
-    module = importlib.import_module("esail_jax.simulation.simulate")  # the package's `simulate` is the function
+    # In the package the name `simulate` is the function, not the module.
+    module = importlib.import_module("esail_jax.simulation.simulate")
     monkeypatch.setattr(module, "traced_run", lambda s, p, numbers: run(s, p, numbers, None))
     with pytest.raises(StopIteration):
         jax.make_jaxpr(lambda x: esail.simulate(chain, with_key(key, x)).time)(like)

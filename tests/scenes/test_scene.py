@@ -6,13 +6,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-import small_sail
 
 import esail_jax as esail
 from esail_jax.scenes.builtin_scenes import builtin_names, builtin_text, description
 from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.scene import Scene, load_scene, parse, to_toml
 from esail_jax.scenes.tables import SAIL_TABLES, names_of
+from support import small_sail
 
 SAIL_KEYS = [f"{table}.{name}" for table, content in SAIL_TABLES.items() for name in names_of(content)]
 SAIL_KEYS.remove("integrator.tolerance")  # of the explicit methods, which run chains only

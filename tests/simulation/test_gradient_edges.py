@@ -5,10 +5,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from quick import jit
 
 import esail_jax as esail
 from esail_jax.scenes import build
+from support.quick import jit
 
 METHODS = ("collocation", "generalized-alpha", "energy-momentum")
 SMALL = {"tethers.count": 3, "tethers.elements": 2}

@@ -4,9 +4,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from quick import jit
 
 import esail_jax as esail
+from support.quick import jit
 
 KEYS = {
     "voltage.value": (20e3, 100.0),

@@ -5,14 +5,14 @@ import re
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from quick import quickly
-from test_golden import GOLDEN, SUMS, errors
-from whole_runs import check_derivative, check_going_on, numbers, tips_of_batch_and_loop
 
 import esail_jax as esail
 from esail_jax.numerics.lobatto import Lobatto
 from esail_jax.scenes.scene import parse
 from esail_jax.simulation.results import SimulationError
+from support.golden import GOLDEN, REFERENCE, SUMS, errors
+from support.quick import quickly
+from support.whole_runs import check_derivative, check_going_on, numbers, tips_of_batch_and_loop
 
 METHOD = {"integrator.method": "collocation"}
 SMALL = METHOD | {
@@ -92,9 +92,8 @@ def test_sail_follows_the_time_exact_solution(case, validate):
     rough = {*SUMS, "root_coning_angle", "root_lagging_angle"}
     smooth = max(error for name, error in found.items() if name not in rough)
     what = f"{case.replace('_', ', ')} sail, collocation"
-    reference = "independent code, quaternion hub, Runge-Kutta of order 8"
-    validate(f"COL-{case}-1", what, reference, "worst smooth signal / range", smooth, 1e-5)
-    validate(f"COL-{case}-2", what, reference, "worst signal / range", max(found.values()), 1e-3)
+    validate(f"COL-{case}-1", what, REFERENCE, "worst smooth signal / range", smooth, 1e-5)
+    validate(f"COL-{case}-2", what, REFERENCE, "worst signal / range", max(found.values()), 1e-3)
 
 
 @pytest.mark.slow

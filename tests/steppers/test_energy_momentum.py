@@ -6,10 +6,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from quick import jit, quickly
-from systems.drive import march
-from test_convergence import SOFT, STEPS, orders, stepped
-from whole_runs import check_derivative, check_going_on, numbers, tips_of_batch_and_loop
 
 import esail_jax as esail
 from esail_jax.elements.axial import AxialEnergy
@@ -18,6 +14,10 @@ from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.structure import split
 from esail_jax.steppers.energy_momentum import Secant
 from esail_jax.terms import PointFields
+from support.one_tether import march
+from support.quick import jit, quickly
+from support.soft_sail import SOFT, STEPS, orders, stepped
+from support.whole_runs import check_derivative, check_going_on, numbers, tips_of_batch_and_loop
 
 METHOD = {"integrator.method": "energy-momentum"}
 ZERO = jnp.zeros(())
@@ -186,7 +186,7 @@ def test_energy_balance_closes(case, validate):
 
 @pytest.mark.slow
 def test_second_order(validate):
-    """As `test_convergence.py`: errors fall by 2^(2.0 +- 0.1) at every halving. The stepper's own
+    """As `test_generalized_alpha.py`: errors fall by 2^(2.0 +- 0.1) at every halving. The stepper's own
     multipliers alternate and are left out; reactions are those of the saved states."""
     settings = SOFT | METHOD
     runs = {h: esail.simulate("baseline", settings | stepped(h)) for h in (*STEPS, 0.2 / 64)}

@@ -11,8 +11,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from oracles.dense import Dense
-from quick import jit
 
 from esail_jax import iteration_matrix
 from esail_jax.coordinates import Coordinates
@@ -22,6 +20,8 @@ from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.scene import load_scene
 from esail_jax.scenes.structure import split
 from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
+from oracles.dense import Dense
+from support.quick import jit
 
 TOLERANCE = 1e-10
 """Relative error of every column. Measured: at most 1e-15."""

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-FILE = Path(__file__).parents[1] / "VALIDATION.md"
+FILE = Path(__file__).parents[2] / "VALIDATION.md"
 COLUMNS = ("id", "case", "reference", "quantity", "result", "acceptance", "status", "test")
 
 HEAD = """\
@@ -23,10 +23,10 @@ and is made anew by
 
     python3 bootstrap.py test -m "" --validation write
 
-Results are relative errors where no unit stands beside them. A row passes if its result is not above
-its acceptance. `tests/systems/` holds the exact cases, `tests/golden/` the independent reference code;
-what the two papers print is in `experiments/paper_errata/`, the comparison with another multibody code
-in `experiments/peer_exudyn/`.
+Results without a unit are relative errors. A row passes if its result is not above its acceptance.
+`tests/physics/systems/` holds the exact cases and `tests/physics/golden/` the independent reference code.
+`experiments/paper_errata/` lists the errors of the two papers, and `experiments/peer_exudyn/` compares
+with another multibody code.
 
 """
 

@@ -3,10 +3,10 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-from quick import jit
 
 import esail_jax as esail
 from esail_jax.cli import main
+from support.quick import jit
 
 
 def numbers(x):

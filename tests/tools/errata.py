@@ -1,7 +1,7 @@
-"""Write errata.csv and ERRATA.md from the ledger of equations (`tests/oracles/`).
+"""Write errata.csv and ERRATA.md from the ledger of equations (`tests/physics/oracles/`).
 
-python experiments/paper_errata/run.py              write both
-python experiments/paper_errata/run.py --check      status 1 if they are not what would be written
+python tests/tools/errata.py              write both
+python tests/tools/errata.py --check      status 1 if they are not what would be written
                                                     (but for the digits of errors)
 """
 
@@ -13,8 +13,9 @@ import re
 import sys
 from pathlib import Path
 
-HERE = Path(__file__).parent
-sys.path.insert(0, str(HERE.parents[1] / "tests"))
+ROOT = Path(__file__).parents[2]
+FOLDER = ROOT / "experiments" / "paper_errata"
+sys.path.insert(0, str(ROOT / "tests" / "physics"))
 
 import oracles  # noqa: E402  (found on the path made above)
 from oracles.ledger import ENTRIES, Entry, Errors  # noqa: E402
@@ -33,8 +34,8 @@ HEAD = """\
 
 Every equation that states a formula, and the numbers and claims of the text that follow from them,
 transcribed as printed and compared with automatic differentiation of the energies or with a derivation
-of its own (`tests/oracles/`). {count} entries, of which {wrong} do not hold as printed; some of these
-share a cause, and a few entries check what this package does in place of a printed form. Errors are
+of its own (`tests/physics/oracles/`). {count} entries, of which {wrong} do not hold as printed; some of
+these share a cause, and a few entries check what this package does in place of a printed form. Errors are
 relative, on random states of order one, "inf" where the printed form cannot be evaluated (shapes that do
 not fit, 0/0, or no formula printed). What is *right* is what this package computes. Right forms agree
 with the judge to 1e-10; numbers of the text to what their digits carry (half a unit of the last, unless the
@@ -43,7 +44,7 @@ consequences were measured once, on the baseline or on a cantilever bent by 45 d
 which this command does not repeat.
 
 All entries, also those that hold, are in [errata.csv](errata.csv). This page is written by
-`python experiments/paper_errata/run.py`.
+`python tests/tools/errata.py`.
 """
 
 
@@ -124,7 +125,7 @@ def name(entry: Entry) -> str:
 def main(arguments: list[str]) -> int:
     """Write, or compare."""
     found = evaluated()
-    written = {HERE / "errata.csv": table(found), HERE / "ERRATA.md": page(found)}
+    written = {FOLDER / "errata.csv": table(found), FOLDER / "ERRATA.md": page(found)}
     if arguments == ["--check"]:
         stale = [
             str(p.name) for p, text in written.items() if not same(p.read_text(encoding="utf-8"), text)

@@ -1,6 +1,6 @@
 """Perturb the physics one coefficient at a time, and record which tests notice.
 
-    python experiments/mutations/run.py [NAME ...]      all mutations, or those whose name contains NAME
+    python tests/tools/mutations.py [NAME ...]      all mutations, or those whose name contains NAME
 
 A mutation replaces one piece of text in a copy of the package; the listed tests then run against the
 copy, until three have failed; before, all of them must pass on a copy that is whole. Enters the outcome in
@@ -19,8 +19,8 @@ import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-LISTS = ROOT / "tests" / "mutations"
-TABLE = Path(__file__).with_name("mutations.csv")
+LISTS = ROOT / "tests" / "architecture" / "mutations"
+TABLE = ROOT / "experiments" / "mutations" / "mutations.csv"
 
 # -P: the working directory would come before PYTHONPATH, and the package there is whole.
 PYTEST = [sys.executable, "-P", "-m", "pytest", "-q", "--tb=no", "--maxfail=3"]

@@ -8,35 +8,17 @@ Linear elastic, T = EA (|r_x| - 1): with H and V(s) = V_L + w (L - s) the compon
 (Irvine, Cable Structures, 1981), z downwards from the support.
 """
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from quick import jit
 
-from esail_jax.array_types import Vector
 from esail_jax.equilibria.equilibrium import equilibrium
 from esail_jax.equilibria.steady_stretch import unstretched_line
-from esail_jax.system import System
-from systems.drive import one_tether, straight
+from support.one_tether import Pulled, one_tether, straight
+from support.quick import jit
 
 LENGTH, AXIAL, DENSITY, GRAVITY = 10.0, 500.0, 1.5, 9.81
-
-
-class Pulled(System):
-    """With a constant force [N] at the tip. Being constant, it has no tangent."""
-
-    pull: Vector = eqx.field(kw_only=True)
-
-    @classmethod
-    def of(cls, system: System, pull: Vector):
-        return cls(*(getattr(system, name) for name in System.__dataclass_fields__), pull=pull)
-
-    def tether_forces(self, *state):
-        forces, power = super().tether_forces(*state)
-        pull = self.pull.reshape(3, *(1,) * (forces.ndim - 4))  # of one state or several
-        return forces.at[0, ..., -1, 0].add(-pull), power
 
 
 @jit

@@ -10,7 +10,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from quick import jit
 from scipy.integrate import quad
 
 from esail_jax.environment.solar_wind import SolarWind
@@ -20,7 +19,8 @@ from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.scene import load_scene
 from esail_jax.scenes.structure import split
-from systems.drive import one_tether, straight
+from support.one_tether import one_tether, straight
+from support.quick import jit
 
 LENGTH, DENSITY, TIP, SPIN = 1e4, 7653.0 * 4.28e-9, 1.5, 4e-3
 

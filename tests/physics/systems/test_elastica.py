@@ -16,24 +16,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from quick import jit
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
-from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
 from esail_jax.equilibria.equilibrium import equilibrium
-from systems.drive import one_tether, straight
-
-TIP_ANGLE = np.deg2rad(50.0)
-
-
-def elliptic(tip_angle):
-    """alpha^2, and tip (along, down) / L of the inextensible cable."""
-    m = 0.5 * (1.0 + np.sin(tip_angle))
-    phi = np.arcsin(1.0 / np.sqrt(2.0 * m))
-    alpha = ellipk(m) - ellipkinc(phi, m)
-    along = np.sqrt(2.0 * np.sin(tip_angle)) / alpha
-    return alpha**2, np.array([along, 1.0 - 2.0 * (ellipe(m) - ellipeinc(phi, m)) / alpha])
+from support.elastica import TIP_ANGLE, elliptic
+from support.one_tether import one_tether, straight
+from support.quick import jit
 
 
 def shooting(load, axial):

@@ -12,7 +12,7 @@ import pytest
 
 from esail_jax.coordinates import Coordinates
 from esail_jax.elements.rigid_body import RigidBody
-from systems.drive import STEPPERS, march, one_tether, straight
+from support.one_tether import STEPPERS, march, one_tether, straight
 
 LENGTH, AXIAL, DENSITY, SPIN = 2.0, 4e3, 0.7, 1.3
 DRIFT = np.array([0.05, -0.1, 0.2])

@@ -6,7 +6,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from numpy.polynomial import chebyshev
-from quick import jit
 from scipy.optimize import brentq
 from scipy.special import jn_zeros
 
@@ -14,7 +13,8 @@ from esail_jax.elements.rigid_body import RigidBody
 from esail_jax.equilibria.equilibrium import equilibrium
 from esail_jax.equilibria.modes import modes
 from esail_jax.equilibria.steady_stretch import steady_line, unstretched_line
-from systems.drive import one_tether, straight
+from support.one_tether import one_tether, straight
+from support.quick import jit
 
 quick_equilibrium = jit(equilibrium)
 quick_line = jit(steady_line)

@@ -3,12 +3,12 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from quick import jit
 from scipy.special import ellipj, ellipk
 
 from esail_jax.equilibria.equilibrium import equilibrium
 from esail_jax.equilibria.modes import modes
-from systems.drive import STEPPERS, march, one_tether, straight, turning
+from support.one_tether import STEPPERS, march, one_tether, straight, turning
+from support.quick import jit
 
 ROD, TIP, LENGTH = 0.6, 1.5, 2.0
 """Masses of rod and tip [kg], length [m]."""

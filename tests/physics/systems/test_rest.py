@@ -4,7 +4,6 @@ mode back after its period."""
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from quick import jit
 
 from esail_jax.environment.solar_wind import SolarWind
 from esail_jax.equilibria.equilibrium import equilibrium
@@ -12,9 +11,9 @@ from esail_jax.equilibria.modes import modes
 from esail_jax.equilibria.moving_frame import expanded
 from esail_jax.equilibria.steady_stretch import steady_line, unstretched_line
 from esail_jax.loads.coulomb import CoulombThrust
-from systems.drive import STEPPERS, march, one_tether, straight, turning
-from systems.test_catenary import Pulled
-from systems.test_elastica import TIP_ANGLE, elliptic
+from support.elastica import TIP_ANGLE, elliptic
+from support.one_tether import STEPPERS, Pulled, march, one_tether, straight, turning
+from support.quick import jit
 
 quick_equilibrium = jit(equilibrium)
 

@@ -8,7 +8,7 @@ import pytest
 from scipy.special import ellipj
 
 from esail_jax.elements.rigid_body import RigidBody
-from systems.drive import STEPPERS, march, one_tether, straight, turning
+from support.one_tether import STEPPERS, march, one_tether, straight, turning
 
 EXTENTS = np.array([0.9, 0.6, 0.3])
 """Mean squares of the three body coordinates [m^2]; moments of inertia are sums of two."""

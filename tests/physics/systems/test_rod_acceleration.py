@@ -9,7 +9,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from quick import jit
 
 from esail_jax import iteration_matrix
 from esail_jax.coordinates import Coordinates
@@ -23,6 +22,7 @@ from esail_jax.rod_chain import RodChain, RodState
 from esail_jax.steppers.consistent import consistent_acceleration
 from esail_jax.system import Power, System
 from esail_jax.terms import Load
+from support.quick import jit
 
 GRAVITY, MOTION, DAMPING = np.array([0.3, -0.7, 0.2]), 0.6, 0.4
 

@@ -3,10 +3,10 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from quick import jit
 
 import esail_jax as esail
-from systems.test_rod_motion import STEEL_TIP, tip
+from support.quick import jit
+from support.rod_tips import STEEL_TIP, tip
 
 HARD = {
     "slack": {"gravity.acceleration": [-9.81, 0.0, 0.0], "chain.slack_strain": 1e-4},

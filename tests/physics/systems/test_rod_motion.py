@@ -4,9 +4,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from quick import jit
 
 import esail_jax as esail
+from support.quick import jit
+from support.rod_tips import STEEL_TIP, tip
 
 TIPS = {
     (0, -1): (-13.3243418694279, -11.6864782929539, 0.0),
@@ -18,17 +19,9 @@ TIPS = {
 """By direction of gravity: tip [m] of [MW]'s experiment 1 at 5 s, by Gauss collocation of order 16 in long
 double and by a program in quadruple precision (`experiments/mw_rods/reference.py`)."""
 
-STEEL_TIP = (0.16759854201778534, 0.99333995457918311, 0.0)
-"""[m] of experiment 2 at 1 s, from the same."""
-
 
 def weight(direction):
     return {"gravity.acceleration": [9.81 * x for x in (*direction, 0.0)[:3]]}
-
-
-def tip(solution):
-    joints = solution["joint_position"]
-    return np.asarray(joints[:, -1] - joints[:, 0])
 
 
 def test_experiment_1_against_quadruple_precision(validate):

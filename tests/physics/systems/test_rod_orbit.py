@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import least_squares
 
 import esail_jax as esail
-from systems.test_rod_motion import tip
+from support.rod_tips import tip
 
 MOTION = 1.1e-3
 SCENE = esail.load_scene("tethered-satellite")

@@ -4,7 +4,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from quick import jit
 from scipy.optimize import brentq
 
 from esail_jax.elements.axial import AxialEnergy, TensionOnlyEnergy
@@ -13,6 +12,7 @@ from esail_jax.scenes.build import build_chain
 from esail_jax.scenes.scene import parse
 from esail_jax.scenes.structure import split
 from esail_jax.terms import PointFields
+from support.quick import jit
 
 BEAM = """
 [chain]

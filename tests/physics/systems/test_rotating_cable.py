@@ -13,7 +13,7 @@ import pytest
 
 from esail_jax.equilibria.equilibrium import equilibrium
 from esail_jax.equilibria.steady_stretch import steady_line
-from systems.drive import STEPPERS, march, one_tether, straight, turning
+from support.one_tether import STEPPERS, march, one_tether, straight, turning
 
 LENGTH, AXIAL, DENSITY, TIP, RADIUS, SPIN = 2.0, 50.0, 0.8, 1.5, 0.3, 1.2
 """A soft cable: it is stretched by a fifth."""

@@ -4,11 +4,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from quick import jit
 
 from esail_jax.coordinates import Coordinates
 from esail_jax.elements.rigid_body import RigidBody
-from systems.drive import STEPPERS, march, one_tether, straight, turning
+from support.one_tether import STEPPERS, march, one_tether, straight, turning
+from support.quick import jit
 
 GRAVITY = np.array([0.3, -0.2, 0.5])
 

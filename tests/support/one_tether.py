@@ -6,12 +6,13 @@ a new stepper joins every case by a line here.
 
 import functools
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from quick import jit
 
+from esail_jax.array_types import Vector
 from esail_jax.coordinates import Coordinates
 from esail_jax.elements.axial import AxialDissipation, AxialEnergy
 from esail_jax.elements.bending import BendingEnergy
@@ -26,6 +27,7 @@ from esail_jax.steppers.energy_momentum import EnergyMomentum
 from esail_jax.steppers.fixed_step import KEEP, StepInfo
 from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
 from esail_jax.system import Power, System
+from support.quick import jit
 
 AZIMUTH = jnp.zeros(1)
 """The one tether points along Y_B; the spin axis is X_B."""
@@ -75,6 +77,21 @@ def straight(system, direction=(0.0, 1.0, 0.0), line=None):
     hub = None if system.hub is None else system.hub.base_points
     root = system.roots.positions(hub) if hub is not None else system.roots.anchors
     return Coordinates(tether.at[0].add(root[:, None]), hub)
+
+
+class Pulled(System):
+    """With a constant force [N] at the tip. Being constant, it has no tangent."""
+
+    pull: Vector = eqx.field(kw_only=True)
+
+    @classmethod
+    def of(cls, system: System, pull: Vector):
+        return cls(*(getattr(system, name) for name in System.__dataclass_fields__), pull=pull)
+
+    def tether_forces(self, *state):
+        forces, power = super().tether_forces(*state)
+        pull = self.pull.reshape(3, *(1,) * (forces.ndim - 4))  # of one state or several
+        return forces.at[0, ..., -1, 0].add(-pull), power
 
 
 def turning(q, omega):

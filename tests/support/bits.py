@@ -1,0 +1,29 @@
+"""Run files made by the command and compared bit by bit."""
+
+import h5py
+
+from esail_jax import cli
+
+
+def esail_run(scene, path, *more):
+    return cli.main(["run", str(scene), "-o", str(path), "--quiet", *map(str, more)])
+
+
+def status_of(path):
+    with h5py.File(path, "r") as file:
+        return file.attrs["status"]
+
+
+def check_same(path, other):
+    """Same names, shapes and bits in /time, /observables, /numerics and /state."""
+    with h5py.File(path, "r") as a, h5py.File(other, "r") as b:
+        names = ([], [])
+        for file, found in zip((a, b), names, strict=True):
+            file.visit(found.append)
+        assert names[0] == names[1]
+        for name in names[0]:
+            if isinstance(a[name], h5py.Dataset) and name != "scene":
+                assert a[name].shape == b[name].shape, name
+                assert a[name][()].tobytes() == b[name][()].tobytes(), f"{name} differs"
+        assert dict(a["state"].attrs) == dict(b["state"].attrs)
+        assert (a.attrs["status"], a.attrs["steps"]) == (b.attrs["status"], b.attrs["steps"])
