@@ -32,7 +32,7 @@ def test_every_perturbation_has_been_noticed():
     assert all(table.values())
 
 
-@pytest.mark.parametrize("folder", ["elements", "loads", "joints", "environment", "dynamics"])
+@pytest.mark.parametrize("folder", ["elements", "loads", "joints", "environment", "steppers", "equilibria"])
 def test_every_room_with_physics_is_perturbed(folder):
     """No file with formulas of its own is left out."""
     perturbed = {mutation["file"] for mutation in MUTATIONS}
