@@ -10,7 +10,7 @@ from pathlib import Path
 import jax
 import pytest
 
-pytest_plugins = ["support.validation_record"]
+pytest_plugins = ["support.compiled_nothing", "support.validation_record"]
 
 MAPS = Path("/proc/self/maps")
 MOST_MAPS = 25_000

@@ -12,17 +12,15 @@ from pathlib import Path
 import h5py
 import pytest
 
-import esail_jax.simulation.prepare
 from esail_jax import cli
 from support import small_sail
 
+pytestmark = pytest.mark.usefixtures("nothing_compiles")
+
 
 @pytest.fixture(autouse=True)
-def nothing_compiles(monkeypatch):
-    def compile_nothing(*_):
-        raise AssertionError("compiled before the input was checked")
-
-    monkeypatch.setattr(esail_jax.simulation.prepare, "programs", compile_nothing)
+def _cache_stays(monkeypatch):
+    """The commands leave the tests' compilation cache in place."""
     monkeypatch.setattr(cli, "use_compilation_cache", lambda: None)
 
 

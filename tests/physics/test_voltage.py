@@ -314,8 +314,8 @@ def test_wind_from_a_file(tmp_path):
          r"`solar_wind.time` must reach from 0 to `integrator.t_end` \(.*\), but reaches from 0 to 10"),
     ],
 )  # fmt: skip
-def test_bad_input(overrides, message):
-    """One line that names the key, before anything is compiled."""
+def test_bad_input(overrides, message, nothing_compiles):
+    """One line names the key before anything is compiled."""
     with pytest.raises(esail.SceneError, match=message):
         esail.load_scene("baseline", overrides)
 
