@@ -540,10 +540,6 @@ def test_load_gives_back_what_was_saved(solution, tmp_path):
     check_same(tmp_path / "b.h5", path)
 
 
-def test_load_compiles_nothing(whole, nothing_compiles):
-    assert esail.load(whole)["kinetic_energy"].shape == (230,)
-
-
 def test_save_overwrites_only_when_told(solution, tmp_path):
     path = tmp_path / "a.h5"
     path.write_text("precious")
@@ -602,3 +598,8 @@ def test_the_package_runs_as_a_module(whole):
         env=environment,
     )
     assert (done.returncode, done.stderr) == (0, "") and "complete" in done.stdout
+
+
+# Last: what the other tests share would be compiled again.
+def test_load_compiles_nothing(whole, nothing_compiles):
+    assert esail.load(whole)["kinetic_energy"].shape == (230,)
