@@ -10,7 +10,6 @@ import pytest
 
 import esail_jax as esail
 import esail_jax.simulation.explicit
-import esail_jax.simulation.prepare
 from esail_jax import cli
 from esail_jax.files import run_file
 from esail_jax.scenes.rules import rule_of

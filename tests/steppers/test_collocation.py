@@ -1,4 +1,4 @@
-"""Collocation: order, agreement with independent references, output, derivatives, failure."""
+"""Collocation: tables, order, agreement with independent references, output, derivatives and failure."""
 
 import re
 
@@ -21,11 +21,12 @@ SMALL = METHOD | {
     "integrator.t_end": 300.0,
     "output.interval": 20.0,
 }
-"""Three tethers of two elements: what most tests here share, and compile once."""
+"""Overrides for three tethers of two elements. Most tests of this file share this structure and its
+programs."""
 
 
 def collocated(case: str, tolerance: float) -> esail.Solution:
-    """A scene of the golden references, run by collocation."""
+    """Runs a scene of the golden references by collocation."""
     text = re.sub(r"(?m)^(method|step|spectral_radius) = .*\n", "", (GOLDEN / f"{case}.toml").read_text())
     return esail.simulate(parse(text, case), METHOD | {"integrator.tolerance": tolerance})
 
@@ -36,9 +37,12 @@ def collocated(case: str, tolerance: float) -> esail.Solution:
 @pytest.mark.parametrize("stages", [2, 3, 4, 5])
 @pytest.mark.parametrize("spectral_radius", [1.0, 0.5, 0.1])
 def test_tables_of_lobatto(stages, spectral_radius):
-    """Values at 0 and at the stages integrate polynomials of degree s exactly up to any node, the end
-    2 s - 2, and one degree more, no further, without damping; what is infinitely stiff is multiplied by the
-    spectral radius; the kept eigenvectors give the matrix and its square back. To rounding: 1e-12."""
+    """The tables of Lobatto's method are exact for the right degrees.
+
+    Up to any node, polynomials of degree s are integrated exactly; up to the end of the step, polynomials
+    of degree 2 s - 2, or 2 s - 1 without damping, and no higher. An infinitely stiff mode is multiplied by
+    the spectral radius. The stored eigenvectors reproduce the matrix and its square. Rounding: 1e-12.
+    """
     table = Lobatto.of(stages, spectral_radius)
     c = table.nodes
     for n in range(stages + 1):
@@ -59,8 +63,11 @@ def test_tables_of_lobatto(stages, spectral_radius):
 
 @pytest.mark.parametrize("spectral_radius", [1.0, 0.5])
 def test_undamped_oscillations_do_not_grow(spectral_radius):
-    """Amplification of any undamped oscillation: modulus 1 for Lobatto IIIA, less with damping, least where
-    it is infinitely fast. Rounding: 1e-12."""
+    """The amplification of an undamped oscillation has a modulus between the spectral radius and 1.
+
+    It is 1 for Lobatto IIIA, smaller with damping, and smallest for infinitely fast oscillations.
+    Rounding: 1e-12.
+    """
     table = Lobatto.of(4, spectral_radius)
     for z in 1j * np.logspace(-2, 5, 60):
         state = np.linalg.solve(np.eye(4) - z * table.matrix, 1.0 + z * table.start)
@@ -68,8 +75,12 @@ def test_undamped_oscillations_do_not_grow(spectral_radius):
 
 
 def test_polynomials_of_a_step():
-    """The value, and integrals from the start to anywhere in the step, once and twice, of a quartic through
-    the start and four stages; the divided difference sees x^4 and nothing below. To rounding."""
+    """A quartic through the start and four stages has the right value and the right single and double
+    integrals.
+
+    The integrals run from the start of the step to any point in it. The divided difference is that of x^4
+    and vanishes for lower powers. To rounding.
+    """
     table, x = Lobatto.of(4, 0.5), 0.37
     for n in range(5):
         values = table.every_node**n
@@ -86,8 +97,11 @@ def test_polynomials_of_a_step():
 
 @pytest.mark.parametrize("case", quickly(["unequal", "stiff_clamped", "stiff_pinned", "turning_frame"]))
 def test_sail_follows_the_time_exact_solution(case, validate):
-    """Tolerance 1e-10: every signal of the independent code to 1e-5 of its range; its own output is good to
-    1e-3 where the symmetric sails' sums cancel, at the clamped root, and in the undamped ringing."""
+    """With a tolerance of 1e-10 every signal agrees with the independent code to 1e-5 of its range.
+
+    The bound is 1e-3 where the reference itself is no better: sums that cancel in the symmetric sails,
+    angles at a clamped root, and undamped axial vibration.
+    """
     found = errors(collocated(case, 1e-10), np.load(GOLDEN / f"{case}.npz"))
     rough = {*SUMS, "root_coning_angle", "root_lagging_angle"}
     smooth = max(error for name, error in found.items() if name not in rough)
@@ -98,7 +112,7 @@ def test_sail_follows_the_time_exact_solution(case, validate):
 
 @pytest.mark.slow
 def test_baseline_over_three_periods(validate):
-    """Default tolerance: every signal within 1e-3 of its range of the time-exact reference."""
+    """With the default tolerance every signal agrees with the time-exact reference to 1e-3 of its range."""
     times = {"integrator.t_end": 4712.0, "output.interval": 4.0}
     reference = np.load(GOLDEN / "baseline.npz")
     found = errors(esail.simulate("baseline", METHOD | times), reference)
@@ -108,16 +122,18 @@ def test_baseline_over_three_periods(validate):
 
 @pytest.fixture(scope="module")
 def fixed_steps():
-    """Runs with steps of 20, 10 and 5 s, and of 0.5 s, of tethers soft enough for their axial motion to be
-    resolved: stiff parts of a motion have a lower order, s + 1."""
+    """Runs with steps of 20, 10, 5 and 0.5 s. The tethers are soft enough for the steps to resolve axial
+    motion; unresolved, stiff components converge with the lower order s + 1."""
     soft = SMALL | {"tethers.youngs_modulus": 7e8}
     return {h: esail.simulate("baseline", soft | {"integrator.step": h}) for h in (20.0, 10.0, 5.0, 0.5)}
 
 
 @pytest.mark.slow
 def test_order(fixed_steps):
-    """2 s - 1 = 7, to 0.6 where the steps are not yet small (measured 6.6, 7.0; at 5 s the tips' error is
-    8e-10 m, at 2.5 s it would be the rounding of 1e4 m)."""
+    """The order is 2 s - 1 = 7, to 0.6 because the steps are not yet small (measured: 6.6 and 7.0).
+
+    At 5 s the error of the tips is 8e-10 m; at 2.5 s it would be the rounding error of 1e4 m.
+    """
     exact = fixed_steps[0.5]["tip_position_I"][-1]
     found = [np.abs(fixed_steps[h]["tip_position_I"][-1] - exact).max() for h in (20.0, 10.0, 5.0)]
     assert (np.abs(np.diff(np.log2(found)) + 7.0) < 0.6).all(), found
@@ -125,14 +141,15 @@ def test_order(fixed_steps):
 
 @pytest.mark.slow
 def test_constraints_hold(fixed_steps):
-    """The hub keeps its shape at every saved instant, to rounding of its metres."""
+    """The hub keeps its shape at every saved instant, to the rounding of coordinates of some metres."""
     for solution in fixed_steps.values():
         assert solution.numerics["constraint_violation"].max() < 1e-13
 
 
 @pytest.mark.slow
 def test_energy_balance(fixed_steps):
-    """|dE - W + D| falls with the step like the error, thirty-fold at least per halving."""
+    """|dE - W + D| decreases with the step as the error does, by a factor of at least thirty per
+    halving."""
     for step, bound in ((20.0, 1e-6), (10.0, 3e-8), (5.0, 1e-9)):
         solution = fixed_steps[step]
         error = np.abs(solution["energy_balance_error"]).max()
@@ -140,7 +157,7 @@ def test_energy_balance(fixed_steps):
 
 
 def test_error_follows_the_tolerance():
-    """A tolerance a hundred times smaller takes the error down at least ten-fold."""
+    """A tolerance that is a hundred times smaller reduces the error at least ten times."""
     exact = esail.simulate("baseline", SMALL | {"integrator.tolerance": 1e-13})
     found = []
     for tolerance in (1e-7, 1e-9, 1e-11):
@@ -150,9 +167,12 @@ def test_error_follows_the_tolerance():
 
 
 def test_reactions_of_a_stiff_sail_at_the_default_tolerance():
-    """A thousand times the stiffness leaves a thousandth of the strain, which is a difference of positions:
-    the default tolerance follows it, and keeps the reactions to 2e-4 of their range throughout. With that
-    of the baseline they are ten times as far off."""
+    """The default tolerance of a stiff sail keeps the reactions to 2e-4 of their range.
+
+    Tethers that are a thousand times stiffer have a thousandth of the strain, which is a difference of
+    positions; the default tolerance decreases with it. With the tolerance of the baseline the error is ten
+    times larger.
+    """
     stiff = SMALL | {"tethers.youngs_modulus": 70e12, "tethers.second_moment": 1.47e-21}
     stiff |= {"output.interval": 1.0, "integrator.t_end": 200.0}
     exact = esail.simulate("baseline", stiff | {"integrator.tolerance": 1e-13})["reaction_B"]
@@ -168,7 +188,7 @@ def test_reactions_of_a_stiff_sail_at_the_default_tolerance():
 
 @pytest.mark.parametrize("interval", [0.7, 33.0])
 def test_saved_instants_force_no_step(interval):
-    """The steps, and so the state at the end, are the same whatever is saved, to the last bit."""
+    """The steps, and so the last bit of the final state, do not depend on which instants are saved."""
     usual = esail.simulate("baseline", SMALL)
     other = esail.simulate("baseline", SMALL | {"output.interval": interval})
     assert other.steps == usual.steps
@@ -177,8 +197,11 @@ def test_saved_instants_force_no_step(interval):
 
 
 def test_output_between_steps_is_as_good_as_the_steps():
-    """Every instant of a coarse run, most within a step, against a fine one, in parts of the range: what
-    follows from positions to 1e-7, the sum of the reactions, three times the axial force, to 1e-4."""
+    """A coarse run agrees with a fine run at every instant; most instants lie within a step.
+
+    Bounds are fractions of the range: 1e-7 for signals that follow from positions, and 1e-4 for the sum of
+    the reactions, which contains the axial force of three tethers.
+    """
     instants = SMALL | {"output.interval": 1.0}
     coarse, fine = (
         esail.simulate("baseline", instants | {"integrator.tolerance": t}) for t in (1e-9, 1e-12)
@@ -190,7 +213,7 @@ def test_output_between_steps_is_as_good_as_the_steps():
 
 
 def test_a_longer_run_goes_on_bit_for_bit(tmp_path):
-    """A run file carried on to a later end holds what one run to that end holds."""
+    """A run file that is continued to a later end is bit-identical to that of one run to that end."""
     check_going_on(SMALL, 410, 900, tmp_path)
 
 
@@ -198,7 +221,7 @@ def test_a_longer_run_goes_on_bit_for_bit(tmp_path):
 
 
 def outcome(x):
-    """Five numbers of different kinds that a run ends with."""
+    """Returns five numbers of different kinds at the end of a run."""
     end = esail.simulate("baseline", SMALL | {"integrator.step": 5.0} | numbers(x))
     picked = (
         end["tip_position_I"][-1, 0, 0],
@@ -212,15 +235,20 @@ def outcome(x):
 
 @pytest.mark.slow
 def test_derivative_of_a_run():
-    """Difference quotient to 1e-5: iterations end at 5e-7 m, which the quotient magnifies a thousandfold
-    (measured 5e-6 in an angle that hardly changes). Concrete run to 1e-9: rounding, which the square of a
-    strain's small rate shows first (measured 3e-11)."""
+    """The derivative of a run agrees with the difference quotient to 1e-5, and the traced with the
+    concrete run to 1e-9.
+
+    Iterations end at 5e-7 m, which the quotient magnifies a thousand times (measured: 5e-6 in an angle
+    that hardly changes). The second bound is rounding, which the square of a small strain rate shows first
+    (measured: 3e-11).
+    """
     check_derivative(outcome, [1.0, 0.5, 0.2, 3.0, 0.1], quotient_to=1e-5, concrete_to=1e-9)
 
 
 @pytest.mark.slow
 def test_vmap_is_a_loop():
-    """Members of a batch make their own steps: 1e-9 of the range, the tolerance being the same."""
+    """Members of a batch choose their own steps and agree with single runs to 1e-9 of the range (the
+    tolerance)."""
     together, alone = tips_of_batch_and_loop(SMALL, [5e3, 2e4, 4e4])
     assert np.abs(together - alone).max() < 1e-9 * np.ptp(together)
 
@@ -229,7 +257,7 @@ def test_vmap_is_a_loop():
 
 
 def test_a_step_that_is_too_long_says_so():
-    """Half a turn in one step: the stages' equations cannot be solved, and nothing shorter is tried."""
+    """The stage equations of a step of half a turn cannot be solved; no shorter step is tried."""
     with pytest.raises(SimulationError, match=r"could not be solved. At t = 0 s with a step of 800 s. Ask"):
         esail.simulate("baseline", SMALL | {"integrator.step": 800.0, "integrator.t_end": 4000.0})
 
@@ -242,12 +270,12 @@ def test_a_step_that_is_too_long_says_so():
     ],
 )
 def test_bad_input(key, value, message):
-    """What belongs to another method is refused."""
+    """A key that belongs to another method is refused."""
     with pytest.raises(esail.SceneError, match=message):
         esail.load_scene("baseline", METHOD | {key: value})
 
 
 def test_a_chain_has_other_methods():
-    """Rods turn too fast for factors that are kept."""
+    """Collocation is refused for chains: rods rotate too fast for factors that are reused over steps."""
     with pytest.raises(esail.SceneError, match="for a chain"):
         esail.load_scene("hanging-chain", METHOD)

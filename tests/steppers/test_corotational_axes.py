@@ -1,4 +1,4 @@
-"""Axes attached to hub and nodes: what the factors of an iteration are turned with."""
+"""Corotational axes of hub and nodes, with which the factors of an iteration are rotated."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -9,7 +9,7 @@ from esail_jax.steppers.corotational_axes import Axes, turn
 
 
 def unit_vectors(seed: int) -> np.ndarray:
-    """One for every node of every tether."""
+    """Returns a random unit vector for every node of every tether."""
     vectors = np.random.default_rng(seed).normal(size=(3, 8))
     return vectors / np.linalg.norm(vectors, axis=0)
 
@@ -22,20 +22,22 @@ def random_coordinates(seed: int) -> Coordinates:
 
 HUB = rotation_by(jnp.array([0.3, -0.8, 0.5]))
 LOOSE = np.array([[0.0] * 2 + [1.0] * 6, [1.0] * 8])
-"""Held are the positions of the roots, the first nodes of both tethers."""
+"""Mask of free coordinates. The positions of the roots, the first nodes of both tethers, are prescribed."""
 
 BEFORE = Axes(jnp.eye(3), jnp.asarray(unit_vectors(0)), LOOSE)
 AFTER = Axes(HUB, jnp.asarray(unit_vectors(1)), LOOSE)
 
 
 def nodal(along) -> jnp.ndarray:
-    """By node and tether."""
+    """Reshapes directions by node and tether."""
     return along.reshape(3, 4, 2)
 
 
 def test_directions_are_taken_along():
-    """What points along a tether before points along it after, at every node but the root, whose position
-    belongs to the hub. To rounding."""
+    """A vector along the tether before the rotation points along the tether after it, to rounding.
+
+    This holds for every node coordinate but the position of the root, which rotates with the hub.
+    """
     before, after = nodal(BEFORE.along), nodal(AFTER.along)
     turned = turn(BEFORE, AFTER).forth(Coordinates(jnp.stack([before, before]), jnp.eye(4, 3)))
     assert np.allclose(turned.tether[:, :, 1:], np.stack([after] * 2)[:, :, 1:], rtol=0, atol=1e-14)
@@ -45,7 +47,7 @@ def test_directions_are_taken_along():
 
 
 def test_back_is_the_inverse_and_the_transpose_of_forth():
-    """A turn changes no length and no angle: x . forth(y) = back(x) . y, and back(forth(y)) = y."""
+    """The rotation is orthogonal: x . forth(y) = back(x) . y and back(forth(y)) = y."""
     there, x, y = turn(BEFORE, AFTER), random_coordinates(2), random_coordinates(3)
     again = there.back(there.forth(y))
     assert np.allclose(again.tether, y.tether, rtol=0, atol=1e-13)
@@ -58,7 +60,8 @@ def test_back_is_the_inverse_and_the_transpose_of_forth():
 
 
 def test_no_shortest_turn_leaves_the_hub():
-    """Where a direction is reversed, or is none, vectors turn with the hub only: still a rotation."""
+    """If a direction is reversed or zero, there is no unique shortest rotation, and vectors rotate with
+    the hub."""
     for other in (-jnp.tensordot(HUB, BEFORE.along, 1), jnp.zeros_like(BEFORE.along)):
         y = random_coordinates(4)
         turned = turn(BEFORE, Axes(HUB, other, LOOSE)).forth(y)

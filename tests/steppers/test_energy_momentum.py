@@ -14,7 +14,7 @@ from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.structure import split
 from esail_jax.steppers.energy_momentum import Secant
 from esail_jax.terms import PointFields
-from support.one_tether import march
+from support.one_tether import integrate
 from support.quick import jit, quickly
 from support.soft_sail import SOFT, STEPS, orders, stepped
 from support.whole_runs import check_derivative, check_going_on, numbers, tips_of_batch_and_loop
@@ -121,7 +121,7 @@ def test_free_sail_keeps_energy_and_momenta(kind, validate):
     """Half a turn of a sail that flaps, 160 steps: energy and both momenta to 1e-12, constraints to
     1e-10 m."""
     system, q, v = kicked(KINDS[kind])
-    _, q, v, _ = march("energy-momentum", system, q, v, PERIOD / 300, 160)
+    _, q, v, _ = integrate("energy-momentum", system, q, v, PERIOD / 300, 160)
     found = jit(jax.vmap(lambda q, v: kept(system, q, v)))(q, v)
     case, reference = f"free sail that flaps, {kind}, energy-momentum", "conservation"
     for number, (name, x) in enumerate(zip(("energy", "momentum", "moment"), found, strict=True)):

@@ -1,4 +1,4 @@
-"""Order of the stepper on a soft, smooth sail, by five halvings of the step."""
+"""The convergence order of generalized-alpha on a soft, smooth sail."""
 
 import numpy as np
 import pytest
@@ -9,8 +9,10 @@ from support.soft_sail import SOFT, STEPS, orders, stepped
 
 @pytest.mark.slow
 def test_positions_reactions_and_multipliers_converge_with_second_order(validate):
-    """Error against h = 1/64 of the largest step falls by 2^(2.0 +- 0.1) at every halving
-    (the reference's own error bends the last slope by 0.02)."""
+    """The error falls by 2^(2.0 +- 0.1) at every halving of the step.
+
+    The reference is a run with 1/64 of the largest step; its own error changes the last slope by 0.02.
+    """
     runs = {h: esail.simulate("baseline", SOFT | stepped(h)) for h in (*STEPS, 0.2 / 64)}
     exact = runs.pop(0.2 / 64)
     signals = {
@@ -23,7 +25,7 @@ def test_positions_reactions_and_multipliers_converge_with_second_order(validate
     for number, (name, signal) in enumerate(signals.items()):
         errors = [np.abs(signal(runs[h]) - signal(exact)).max() for h in STEPS]
         found = orders(errors)
-        # The hub's rate is still on its way to its slope at the largest step (1.87).
+        # The hub's rate is not yet in its asymptotic range at the largest step (slope 1.87).
         distance = np.abs(found[1 if name == "hub rate" else 0 :] - 2.0).max()
         case = "order of generalized-alpha, soft sail"
         validate(f"ORD-{number + 1}", case, "its own at h/64", f"{name}, distance from 2", distance, 0.1)

@@ -1,4 +1,4 @@
-"""Steps of the explicit methods, and the derivative of a run of them, on equations with known answers."""
+"""Explicit Runge-Kutta methods on equations with known solutions: single steps, and derivatives of runs."""
 
 import diffrax
 import equinox as eqx
@@ -11,7 +11,7 @@ from esail_jax.steppers.runge_kutta import METHODS, RungeKutta, advance
 
 
 class Decay(eqx.Module):
-    """y' = cos t - k y."""
+    """The right-hand side of y' = cos t - k y."""
 
     k: jax.Array
 
@@ -27,7 +27,8 @@ def method_of(name, step=None):
 
 @pytest.mark.parametrize("name", METHODS)
 def test_a_step_is_the_librarys(name):
-    """New value, error estimate and the slope that the next step begins with, to rounding."""
+    """New value, error estimate and first slope of the next step agree with those of diffrax, to
+    rounding."""
     f, method, h = Decay(jnp.asarray(0.7)), method_of(name, 0.3), jnp.asarray(0.3)
     start = method.point(f, jnp.asarray(0.2), jnp.asarray(1.5))
     new, error = method.step(f, start, h)
@@ -42,8 +43,10 @@ def test_a_step_is_the_librarys(name):
 
 @pytest.mark.parametrize("step", [None, 0.05], ids=["controlled", "fixed"])
 def test_derivative_of_a_run(step):
-    """dy/dk and dy/dy_0 of y' = cos t - k y at instants within steps, against the closed form, in reverse
-    and in forward mode."""
+    """dy/dk and dy/dy_0 of y' = cos t - k y agree with the closed form in forward and reverse mode.
+
+    The instants lie within steps.
+    """
     times = (0.31, 0.93, 2.0)
 
     def run(k, y0):

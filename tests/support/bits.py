@@ -1,4 +1,4 @@
-"""Run files made by the command and compared bit by bit."""
+"""Run files: made by the command, and compared bit by bit."""
 
 import h5py
 
@@ -6,16 +6,18 @@ from esail_jax import cli
 
 
 def esail_run(scene, path, *more):
+    """Runs `esail run` in this process and returns its exit status."""
     return cli.main(["run", str(scene), "-o", str(path), "--quiet", *map(str, more)])
 
 
 def status_of(path):
+    """Returns the status that a run file records."""
     with h5py.File(path, "r") as file:
         return file.attrs["status"]
 
 
 def check_same(path, other):
-    """Same names, shapes and bits in /time, /observables, /numerics and /state."""
+    """Two run files have the same names, shapes and bits in /time, /observables, /numerics and /state."""
     with h5py.File(path, "r") as a, h5py.File(other, "r") as b:
         names = ([], [])
         for file, found in zip((a, b), names, strict=True):

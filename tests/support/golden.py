@@ -1,4 +1,4 @@
-"""Comparison with the time-exact references of an independent code (`physics/golden/README.md`)."""
+"""Comparison with time-exact references of an independent code (`physics/golden/README.md`)."""
 
 from pathlib import Path
 
@@ -9,16 +9,18 @@ GOLDEN = Path(__file__).parents[1] / "physics" / "golden"
 REFERENCE = "independent code, quaternion hub, Runge-Kutta of order 8"
 
 FAST = ("root_coning_angle", "root_lagging_angle", "tether_length", "elastic_energy")
-"""Signals that carry the fast modes: like the reactions, ten times the tolerance of the others."""
+"""Signals that contain the fast modes. Their tolerance, like that of the reactions, is ten times larger."""
 
 SUMS = ("reaction_O", "thrust_moment_O")
-"""Cancel to one thousandth between the opposite tethers of the two symmetric sails, where only the
-tethers' own are compared."""
+"""Sums over the tethers that cancel to one thousandth in the two symmetric sails. There only the values of
+single tethers are compared."""
 
 
 def errors(solution, reference):
-    """Largest difference of every signal over its range; the range is over time and components,
-    and at least 1e-3 of the signal's magnitude."""
+    """Returns the largest error of every signal divided by the signal's range.
+
+    The range is taken over time and components, and is at least 1e-3 of the signal's magnitude.
+    """
     found = {}
     picked = np.searchsorted(solution.time, reference["time"] - 1e-6)
     for name in reference.files:

@@ -1,7 +1,7 @@
-"""Systems of one tether made by hand, and all steppers behind one call.
+"""Systems of one tether, and one function that integrates them with any stepper.
 
-An exact case builds its system with `one_tether`, its start, and calls `march` with each of STEPPERS:
-a new stepper joins every case by a line here.
+An exact case builds its system with `one_tether`, chooses the initial state, and calls `integrate` with
+each of STEPPERS. A new stepper needs one line in STEPPERS to run all exact cases.
 """
 
 import functools
@@ -30,7 +30,7 @@ from esail_jax.system import Power, System
 from support.quick import jit
 
 AZIMUTH = jnp.zeros(1)
-"""The one tether points along Y_B; the spin axis is X_B."""
+"""Azimuth [rad] of the tether, which points along Y_B; the spin axis is X_B."""
 
 
 def one_tether(
@@ -51,7 +51,11 @@ def one_tether(
     loads=(),
     hub=None,
 ):
-    """A tether held at `radius` from the axis of a frame that turns at `spin`, or by a hub."""
+    """Returns the system of a tether at `radius` from the axis of a frame that turns at `spin`, or on a
+    hub.
+
+    SI units; axial is EA [N], bending EI [N m^2].
+    """
     one = lambda x: jnp.full(1, float(x))  # noqa: E731
     energies = [AxialEnergy(one(axial), strain)]
     if bending is not None:
@@ -70,8 +74,11 @@ def one_tether(
 
 
 def straight(system, direction=(0.0, 1.0, 0.0), line=None):
-    """Undeformed straight tether, or one with given distances and slopes, from its root; the hub as it
-    is at rest."""
+    """Returns the coordinates of a straight tether, undeformed unless `line` gives its distances and
+    slopes.
+
+    The tether starts at its root; the hub has its reference position.
+    """
     line = unstretched_line(system.tethers) if line is None else line
     tether = along(jnp.asarray(line), jnp.asarray(direction)[:, None])
     hub = None if system.hub is None else system.hub.base_points
@@ -80,39 +87,41 @@ def straight(system, direction=(0.0, 1.0, 0.0), line=None):
 
 
 class Pulled(System):
-    """With a constant force [N] at the tip. Being constant, it has no tangent."""
+    """A system with a constant force [N] at the tip. The force is constant and so has no tangent."""
 
     pull: Vector = eqx.field(kw_only=True)
 
     @classmethod
     def of(cls, system: System, pull: Vector):
+        """Returns `system` with the force `pull`."""
         return cls(*(getattr(system, name) for name in System.__dataclass_fields__), pull=pull)
 
     def tether_forces(self, *state):
         forces, power = super().tether_forces(*state)
-        pull = self.pull.reshape(3, *(1,) * (forces.ndim - 4))  # of one state or several
+        pull = self.pull.reshape(3, *(1,) * (forces.ndim - 4))  # forces of one state or of several
         return forces.at[0, ..., -1, 0].add(-pull), power
 
 
 def turning(q, omega):
-    """omega x q: velocities of a rigid rotation about an axis through the origin."""
+    """Returns omega x q, the velocities of a rigid rotation about an axis through the origin."""
     omega = jnp.asarray(omega, float)
     hub = None if q.hub is None else jnp.cross(omega, q.hub)
     return Coordinates(jnp.cross(omega, q.tether, axisb=1, axisc=1), hub)
 
 
 def generalized_alpha(system, q, v, step, steps, spectral_radius):
-    """All (q, v, lam) from the start on; steps must be a multiple of the block length."""
+    """Returns (q, v, lam) at the start and after every step. `steps` must be a multiple of the block
+    length."""
     return fixed_step(GeneralizedAlpha(step, spectral_radius), system, q, v, steps)
 
 
 def energy_momentum(system, q, v, step, steps, _):
-    """The same."""
+    """Returns the same as `generalized_alpha`."""
     return fixed_step(EnergyMomentum(step), system, q, v, steps)
 
 
 def fixed_step(stepper, system, q, v, steps):
-    """March of a stepper with kept factors."""
+    """Integrates with a stepper of fixed step, which reuses its factors within a block."""
     zero = jnp.zeros(())
     nothing = Power(zero, zero)
     vdot, lam = consistent_acceleration(system, zero, q, v)
@@ -131,7 +140,7 @@ def fixed_step(stepper, system, q, v, steps):
 
 
 def collocation(system, q, v, step, steps, _):
-    """All (q, v, lam) from the start on."""
+    """Returns (q, v, lam) at the start and after every step."""
     method = Collocation(step, jnp.asarray(1e-11))
     begin = method.start(system, jnp.zeros(()), q, v)
     room = jax.tree.map(lambda x: jnp.zeros((steps + 1 + BLOCK, *x.shape)), (q, v))
@@ -143,7 +152,7 @@ def collocation(system, q, v, step, steps, _):
     def block(state):
         now, count, kept = state
         now, records = method.block(system, now)
-        found = (records.start.q, records.start.v)  # those taken first: blocks end early now and then
+        found = (records.start.q, records.start.v)  # taken steps come first; a block may end early
         kept = jax.tree.map(lambda all, x: lax.dynamic_update_slice_in_dim(all, x, count, 0), kept, found)
         return now, count + records.taken.sum(), kept
 
@@ -162,18 +171,20 @@ STEPPERS = {
 """By name: (system, q, v, step, steps, spectral_radius) -> ((q, v, lam) at all steps, converged)."""
 
 
-# Every case is a program of its own, run once.
+# Every case compiles a program of its own and runs it once.
 @functools.partial(jit, static_argnums=(0, 5))
-def _march(name, system, q, v, step, steps, spectral_radius):
+def _integrate(name, system, q, v, step, steps, spectral_radius):
     return STEPPERS[name](system, q, v, step, steps, spectral_radius)
 
 
-def march(name, system, q, v, step, steps, spectral_radius=0.9):
-    """(time, q, v, lam) at every step, of a run in which every step converged. With constraints a
-    spectral radius of 1 is not for use: multipliers alternate from step to step, and momentum drifts a
-    hundred times more than at 0.9."""
+def integrate(name, system, q, v, step, steps, spectral_radius=0.9):
+    """Returns (time, q, v, lam) at every step, and checks that every step converged.
+
+    With constraints the spectral radius should be below 1. At 1 the multipliers alternate from step to
+    step, and momentum drifts a hundred times more than at 0.9.
+    """
     assert steps % KEEP == 0
-    (q, v, lam), good = _march(
+    (q, v, lam), good = _integrate(
         name, system, q, v, jnp.asarray(float(step)), steps, jnp.asarray(float(spectral_radius))
     )
     assert good

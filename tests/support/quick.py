@@ -1,4 +1,4 @@
-"""Programs that a test runs once or a few times: compiled quickly, not well; and cases run by default."""
+"""Two ways to save time: `jit` compiles quickly, `quickly` marks all cases but the first as slow."""
 
 import functools
 
@@ -11,12 +11,13 @@ QUICKLY = (COMPILER_OPTIONS or {}) | {
     "xla_backend_optimization_level": 0,
     "xla_llvm_disable_expensive_passes": True,
 }
-"""Compiler options. A whole run under a trace, with its derivative, compiles in less than half
-the time (measured: 17 for 38 s) and runs in twice that, which is some tenths of a second."""
+"""Compiler options for programs that a test runs once or a few times. A traced run with its derivative
+compiles in less than half the time (17 instead of 38 s). Its run time doubles, to some tenths of a
+second."""
 
 jit = functools.partial(jax.jit, compiler_options=QUICKLY)
 
 
 def quickly(cases):
-    """Cases for `parametrize`, all but the first slow."""
+    """Returns cases for `parametrize`; all but the first are marked slow."""
     return [pytest.param(case, marks=[pytest.mark.slow] * (i > 0)) for i, case in enumerate(cases)]

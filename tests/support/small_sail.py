@@ -1,6 +1,8 @@
-"""A small sail that the tests of scenes and of the command line share: two tethers of two cables on a
-hub, with wind. Saved instants fall on steps and between them, and an entry ends between
-two of them."""
+"""The scene file of a small sail, for tests of scenes and of the command.
+
+The sail has a hub, two tethers of two cable elements, and wind. Some saved instants coincide with the end
+of a step and some lie within a step; a compiled call ends between two saved instants.
+"""
 
 TEXT = """\
 [hub]

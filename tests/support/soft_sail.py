@@ -1,4 +1,4 @@
-"""A soft, smooth sail on which the orders of methods with fixed steps are measured."""
+"""A soft sail on which the convergence orders of methods with fixed steps are measured."""
 
 import numpy as np
 
@@ -16,16 +16,18 @@ SOFT = {
     "initial.coning_angle_deg": 5.0,
     "integrator.t_end": 16.0,
 }
-"""EA = 0.2 N: the fastest axial and transverse modes stay below 1 rad/s, so that every step size
-used resolves all of them; strong unequal voltages and damping keep every term alive."""
+"""With EA = 0.2 N the fastest axial and transverse modes stay below 1 rad/s, so that every step size
+resolves all modes. Strong, unequal voltages and damping make every term matter."""
 
 STEPS = (0.2, 0.1, 0.05, 0.025, 0.0125)
 
 
 def stepped(h):
-    """A step, and saved instants 80 steps apart, the last at the end: one program for all of them."""
+    """Returns overrides for a step size. Saved instants are 80 steps apart, so that all step sizes share
+    programs."""
     return {"integrator.step": h, "output.interval": 80 * h}
 
 
 def orders(errors):
+    """Returns the order of convergence between successive halvings of the step."""
     return np.log2(np.array(errors[:-1]) / errors[1:])

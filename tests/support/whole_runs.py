@@ -1,4 +1,4 @@
-"""What the tests of every method of sails ask of a whole run: derivatives, batches, going on."""
+"""Checks of whole runs that the tests of several methods share: derivatives, `vmap`, and resuming."""
 
 import jax
 import jax.numpy as jnp
@@ -10,7 +10,7 @@ from support.quick import jit
 
 
 def numbers(x):
-    """Overrides of four numbers of the baseline, each `x` times its value."""
+    """Returns overrides of four numbers of the baseline; `x` holds the factor of each."""
     return {
         "voltage.value": 20e3 * x[0],
         "initial.spin_rate": 4e-3 * x[1],
@@ -20,10 +20,13 @@ def numbers(x):
 
 
 def check_derivative(outcome, weights, quotient_to, concrete_to):
-    """Of `outcome`, some numbers that a run ends with as a function of the four factors of `numbers`, along
-    one direction: forward mode is the fourth-order difference quotient of concrete runs (relative, to
-    `quotient_to`), reverse mode of their weighted sum is forward mode (1e-10: rounding), and the traced run
-    is the concrete one (to `concrete_to`)."""
+    """Checks the derivative of `outcome` along one direction.
+
+    outcome: maps the four factors of `numbers` to some numbers at the end of a run. Forward mode must
+    agree with the fourth-order difference quotient of concrete runs (relative, to `quotient_to`). Reverse
+    mode of the weighted sum must agree with forward mode (1e-10: rounding), and the traced run with the
+    concrete run (to `concrete_to`).
+    """
     one, along, weights = np.ones(4), np.array([1.0, 0.3, -0.2, 0.5]), np.array(weights)
     value, forward = jit(lambda x: jax.jvp(outcome, (x,), (along,)))(one)
     assert np.allclose(value, outcome(one), rtol=concrete_to, atol=0)
@@ -36,7 +39,8 @@ def check_derivative(outcome, weights, quotient_to, concrete_to):
 
 
 def tips_of_batch_and_loop(overrides, voltages):
-    """Tip positions of baseline sails of several voltages: as one batch, and one run after the other."""
+    """Returns the tip positions of baseline sails with several voltages: from one batch, and from single
+    runs."""
 
     def tips(voltage):
         return esail.simulate("baseline", overrides | {"voltage.value": voltage})["tip_position_I"]
@@ -45,7 +49,8 @@ def tips_of_batch_and_loop(overrides, voltages):
 
 
 def check_going_on(overrides, first, end, folder):
-    """A run file carried on from `first` [s] to `end` [s] holds the very bits of one run to that end."""
+    """A run file that is continued from `first` [s] to `end` [s] is bit-identical to that of one run to
+    `end`."""
     once, twice = folder / "once.h5", folder / "twice.h5"
     settings = [x for k, v in overrides.items() if k != "integrator.t_end" for x in ("--set", f"{k}={v}")]
     run = ["run", "baseline", *settings, "--quiet", "-o"]

@@ -12,7 +12,7 @@ import pytest
 
 from esail_jax.coordinates import Coordinates
 from esail_jax.elements.rigid_body import RigidBody
-from support.one_tether import STEPPERS, march, one_tether, straight
+from support.one_tether import STEPPERS, integrate, one_tether, straight
 
 LENGTH, AXIAL, DENSITY, SPIN = 2.0, 4e3, 0.7, 1.3
 DRIFT = np.array([0.05, -0.1, 0.2])
@@ -44,7 +44,7 @@ def test_free_flight(stepper, validate):
     rates = jnp.cross(omega, arms, axisb=1, axisc=1).at[0].add(jnp.asarray(DRIFT)[:, None, None])
     v = Coordinates(rates, jnp.cross(omega, q.hub - middle) + DRIFT)
     steps = 400
-    time, q, v, _ = march(stepper, made, q, v, 2.0 * np.pi / SPIN / steps, steps, 0.9)
+    time, q, v, _ = integrate(stepper, made, q, v, 2.0 * np.pi / SPIN / steps, steps, 0.9)
     centre = middle + DRIFT * time[:, None]
     angle = SPIN * time
     direction = np.stack([0.0 * angle, np.cos(angle), np.sin(angle)], axis=1)

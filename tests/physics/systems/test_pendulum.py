@@ -7,7 +7,7 @@ from scipy.special import ellipj, ellipk
 
 from esail_jax.equilibria.equilibrium import equilibrium
 from esail_jax.equilibria.modes import modes
-from support.one_tether import STEPPERS, march, one_tether, straight, turning
+from support.one_tether import STEPPERS, integrate, one_tether, straight, turning
 from support.quick import jit
 
 ROD, TIP, LENGTH = 0.6, 1.5, 2.0
@@ -47,7 +47,7 @@ def test_large_swing(stepper, validate):
     made = rod(1e7, gravity=[0.0, -gravity, 0.0])
     q = straight(made, direction=(0.0, -np.cos(swing), np.sin(swing)))
     steps = 800
-    time, q, _, _ = march(
+    time, q, _, _ = integrate(
         stepper, made, q, turning(q, np.zeros(3)), 2.0 * np.pi / omega / steps, steps, 0.25
     )
     k = np.sin(swing / 2.0)

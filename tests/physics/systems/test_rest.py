@@ -12,7 +12,7 @@ from esail_jax.equilibria.moving_frame import expanded
 from esail_jax.equilibria.steady_stretch import steady_line, unstretched_line
 from esail_jax.loads.coulomb import CoulombThrust
 from support.elastica import TIP_ANGLE, elliptic
-from support.one_tether import STEPPERS, Pulled, march, one_tether, straight, turning
+from support.one_tether import STEPPERS, Pulled, integrate, one_tether, straight, turning
 from support.quick import jit
 
 quick_equilibrium = jit(equilibrium)
@@ -57,7 +57,7 @@ def test_equilibrium_is_a_fixed_point(stepper, case, validate):
     made, start, spin, step = case()
     omega = jnp.array([spin, 0.0, 0.0])
     found = quick_equilibrium(made, start, omega)
-    _, q, _, _ = march(stepper, made, found.q, turning(found.q, omega), step, 40, 0.25)
+    _, q, _, _ = integrate(stepper, made, found.q, turning(found.q, omega), step, 40, 0.25)
     length = float(made.tethers.element_length[0]) * made.tethers.elements
     height = q.tether[:, 0, 0] if spin else q.tether[:, 0]
     error = np.abs(height - height[0]).max() / length
@@ -79,7 +79,7 @@ def test_first_bending_mode_comes_back(stepper, validate):
     shape = expanded(made, jnp.asarray(first.shape[:, 0].real), derivative=1)
     q = found.q.axpy(1e-4 / jnp.abs(shape.tether[0]).max(), shape)
     period = 1.0 / first.frequency[0]
-    _, q, _, _ = march(stepper, made, q, turning(q, np.zeros(3)), period / 400, 400, 0.9)
+    _, q, _, _ = integrate(stepper, made, q, turning(q, np.zeros(3)), period / 400, 400, 0.9)
     error = np.abs(q.tether[-1, 0] - q.tether[0, 0])[:, -1].max() / 1e-4
     validate(
         f"RES-mode {stepper}", "clamped beam in its first mode", "period from the modes",

@@ -8,7 +8,7 @@ import pytest
 from scipy.special import ellipj
 
 from esail_jax.elements.rigid_body import RigidBody
-from support.one_tether import STEPPERS, march, one_tether, straight, turning
+from support.one_tether import STEPPERS, integrate, one_tether, straight, turning
 
 EXTENTS = np.array([0.9, 0.6, 0.3])
 """Mean squares of the three body coordinates [m^2]; moments of inertia are sums of two."""
@@ -60,7 +60,7 @@ def alone():
 def runs(request):
     """Ten seconds, two and a half turns about the main axis, at two steps."""
     made, q, v = alone()
-    return request.param, [march(request.param, made, q, v, 10.0 / n, n) for n in (400, 800)]
+    return request.param, [integrate(request.param, made, q, v, 10.0 / n, n) for n in (400, 800)]
 
 
 def test_closed_form_starts_right_and_obeys_euler():

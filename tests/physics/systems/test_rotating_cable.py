@@ -13,7 +13,7 @@ import pytest
 
 from esail_jax.equilibria.equilibrium import equilibrium
 from esail_jax.equilibria.steady_stretch import steady_line
-from support.one_tether import STEPPERS, march, one_tether, straight, turning
+from support.one_tether import STEPPERS, integrate, one_tether, straight, turning
 
 LENGTH, AXIAL, DENSITY, TIP, RADIUS, SPIN = 2.0, 50.0, 0.8, 1.5, 0.3, 1.2
 """A soft cable: it is stretched by a fifth."""
@@ -68,7 +68,7 @@ def test_steady_rotation_stays_steady(stepper, validate):
     made = system()
     q = straight(made, line=jnp.stack([radius - RADIUS, slope])[:, :, None])
     turn = 2.0 * np.pi / SPIN
-    time, q, _, _ = march(stepper, made, q, turning(q, [SPIN, 0.0, 0.0]), turn / 260, 260, 0.25)
+    time, q, _, _ = integrate(stepper, made, q, turning(q, [SPIN, 0.0, 0.0]), turn / 260, 260, 0.25)
     tip = np.asarray(q.tether[:, 0, :, -1, 0])
     angle = SPIN * time
     exact = radius[-1] * np.stack([0.0 * angle, np.cos(angle), np.sin(angle)], axis=1)

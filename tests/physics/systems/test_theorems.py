@@ -7,7 +7,7 @@ import pytest
 
 from esail_jax.coordinates import Coordinates
 from esail_jax.elements.rigid_body import RigidBody
-from support.one_tether import STEPPERS, march, one_tether, straight, turning
+from support.one_tether import STEPPERS, integrate, one_tether, straight, turning
 from support.quick import jit
 
 GRAVITY = np.array([0.3, -0.2, 0.5])
@@ -29,7 +29,7 @@ def falling(request):
         hub=hub, gravity=GRAVITY,
     )  # fmt: skip
     q = straight(made)
-    return request.param, made, *march(request.param, made, q, turning(q, [1.0, 0.2, 0.1]), 0.01, 200)
+    return request.param, made, *integrate(request.param, made, q, turning(q, [1.0, 0.2, 0.1]), 0.01, 200)
 
 
 def test_centre_of_mass_falls_on_a_parabola(falling, validate):
@@ -88,7 +88,7 @@ def test_energy_band_without_constraints(stepper, validate):
         gravity=[0.0, -9.81, 0.0],
     )
     q = straight(made, direction=(0.0, -np.cos(0.5), np.sin(0.5)))
-    _, q, v, _ = march(stepper, made, q, turning(q, np.zeros(3)), 0.005, 2000, 1.0)
+    _, q, v, _ = integrate(stepper, made, q, turning(q, np.zeros(3)), 0.005, 2000, 1.0)
     weight = 9.81 * made.tethers.inertia(made.tethers.uniform(jnp.array([0.0, 1.0, 0.0])))
 
     @jit
