@@ -1,4 +1,4 @@
-"""Element physics at a point and of one element, against closed forms derived here."""
+"""The physics of one point and of one element against closed forms."""
 
 import jax
 import jax.numpy as jnp
@@ -41,7 +41,7 @@ DISSIPATIONS = {
 
 @pytest.mark.parametrize("name", TERMS)
 def test_energy_density_does_not_see_rotation(name):
-    """W(R r_x, R r_xx) = W(r_x, r_xx): objectivity."""
+    """The energy density is objective: W(R r_x, R r_xx) = W(r_x, r_xx)."""
     fields, turn = random_fields(), rotation()
     turned = jax.tree.map(lambda x: jnp.tensordot(turn, x, 1), fields)
     np.testing.assert_allclose(TERMS[name].density(turned), TERMS[name].density(fields), rtol=1e-12)
@@ -49,7 +49,8 @@ def test_energy_density_does_not_see_rotation(name):
 
 @pytest.mark.parametrize("name", DISSIPATIONS)
 def test_rigid_rotation_dissipates_nothing(name):
-    """Rates omega x r_x, omega x r_xx of a bent, stretched cable: R = 0, and so is its force."""
+    """A bent, stretched cable with the rates omega x r_x and omega x r_xx dissipates nothing and has no
+    force."""
     fields, omega = random_fields(), jnp.array([0.3, -1.1, 0.7])
     spun = jax.tree.map(
         lambda x: jnp.cross(jnp.broadcast_to(omega.reshape(3, 1, 1, 1), x.shape), x, axis=0), fields
@@ -59,7 +60,7 @@ def test_rigid_rotation_dissipates_nothing(name):
 
 
 def test_axial_stress_is_the_derivative_printed_as_equation_86():
-    """n = EA eps r_x for Green-Lagrange strain: autodiff against the one-line closed form."""
+    """Automatic differentiation gives n = EA eps r_x for the Green-Lagrange strain ([PGV] Eq. 86)."""
     fields, term = random_fields(), TERMS["axial"]
     stress = term.point_forces(jnp.zeros(()), fields, fields).r_x
     expected = term.stiffness * axial_strain(dot(fields.r_x, fields.r_x), "green-lagrange") * fields.r_x
@@ -67,14 +68,14 @@ def test_axial_stress_is_the_derivative_printed_as_equation_86():
 
 
 def test_strain_measures_of_a_uniform_stretch():
-    """|r_x| = 1.1: 0.105 (Green-Lagrange) and 0.1 (engineering)."""
+    """|r_x| = 1.1 has a Green-Lagrange strain of 0.105 and an engineering strain of 0.1."""
     squared = jnp.asarray(1.1**2)
     np.testing.assert_allclose(axial_strain(squared, "green-lagrange"), 0.105, rtol=1e-13)
     np.testing.assert_allclose(axial_strain(squared, "engineering"), 0.1, rtol=1e-12)
 
 
 def test_curvature_of_a_circle_is_one_over_its_radius_however_it_is_stretched():
-    """r = R (cos(s x / R), sin(s x / R)): kappa = 1/R for any speed s = |r_x|."""
+    """r = R (cos(s x / R), sin(s x / R)) has the curvature 1/R for any stretch s = |r_x|."""
     radius, speed = 7.0, 1.3
     r_x, r_xx = jnp.array([0.0, speed, 0.0]), jnp.array([-(speed**2) / radius, 0.0, 0.0])
 
@@ -87,8 +88,11 @@ def test_curvature_of_a_circle_is_one_over_its_radius_however_it_is_stretched():
 
 
 def test_bending_dissipation_is_smooth_when_straight_and_the_printed_law_when_bent():
-    """kappa = 0: force and tangent are finite (zero). kappa >> kappa_0: gamma EI kappa'^2 / 2 of
-    [PGV] Eq. 36 to relative (kappa_0/kappa)^2."""
+    """The regularised bending dissipation is smooth at zero curvature.
+
+    At kappa = 0 the force is zero and its tangent is finite. For kappa >> kappa_0 the density is
+    gamma EI kappa'^2 / 2 ([PGV] Eq. 36), up to a relative difference of (kappa_0/kappa)^2.
+    """
     term = BendingDissipation(jnp.array([2.0]), jnp.array([1.5]), jnp.array([1e-3]))
     tangent = jnp.array([[1.0], [0.0], [0.0]])
     straight = PointFields(None, tangent, jnp.zeros((3, 1)))
@@ -120,7 +124,7 @@ def tethers(kind="cable", elements=3):
 
 @pytest.mark.parametrize("kind", ["cable", "truss"])
 def test_mass_matrix_holds_mass_and_moment_of_inertia(kind):
-    """Translation a: M a = total mass; rotation of the straight chain about its root: rho L^3/3 + m L^2."""
+    """Translation gives the total mass, rotation of a straight tether about its root rho L^3/3 + m L^2."""
     chain = tethers(kind)
     mass = np.asarray(chain.line_density * chain.element_length * 3 + chain.tip_mass)
     moved = chain.inertia(chain.uniform(jnp.array([0.0, 1.0, 0.0])))
@@ -134,7 +138,8 @@ def test_mass_matrix_holds_mass_and_moment_of_inertia(kind):
 
 
 def test_interpolation_and_nodal_forces_are_transposes():
-    """Virtual work: f . (S q) summed over points equals q . (nodal forces of f), for every field."""
+    """The virtual work f . (S q), summed over points, equals q . (nodal forces of f) for all fields
+    together."""
     chain, rng = tethers(), np.random.default_rng(3)
     q = jnp.asarray(rng.normal(size=(2, 3, 4, 2)))
     f = jax.tree.map(lambda x: jnp.asarray(rng.normal(size=x.shape)), chain.interpolate(q))
@@ -144,7 +149,7 @@ def test_interpolation_and_nodal_forces_are_transposes():
 
 
 def test_hub_mass_matrix_is_a_cylinder():
-    """Translation gives m, rotation about X_B m R^2/2, about Y_B m (3 R^2 + h^2)/12."""
+    """Translation gives m, rotation about X_B gives m R^2/2, and about Y_B m (3 R^2 + h^2)/12."""
     hub = RigidBody(jnp.asarray(2.0), jnp.asarray(1.5), jnp.asarray(100.0))
     mass = 100.0 * np.pi * 1.5**2 * 2.0
     points = hub.base_points
@@ -158,7 +163,7 @@ def test_hub_mass_matrix_is_a_cylinder():
 
 
 def test_hub_constraints_are_distances_and_vanish_for_rigid_motion():
-    """Phi = 0 however the hub is placed; a point pulled out by 1 um gives 1 um."""
+    """Phi = 0 for any position and attitude of the hub; a point moved outwards by 1 um gives 1 um."""
     hub = RigidBody(jnp.asarray(2.0), jnp.asarray(1.0), jnp.asarray(100.0))
     placed = hub.base_points @ rotation().T + jnp.array([100.0, -20.0, 3.0])
     assert np.abs(hub.constraints(placed)).max() < 1e-13
@@ -168,7 +173,7 @@ def test_hub_constraints_are_distances_and_vanish_for_rigid_motion():
 
 
 def test_angular_velocity_of_a_turning_hub():
-    """Points moving with omega x r: the body components of omega come back."""
+    """Points that move with omega x r have the body components of omega as angular velocity."""
     hub = RigidBody(jnp.asarray(2.0), jnp.asarray(1.0), jnp.asarray(100.0))
     points, omega = hub.base_points @ rotation().T, jnp.array([0.1, -0.2, 0.05])
     found = hub.angular_velocity(points, jnp.cross(omega, points) + 3.0)
@@ -177,8 +182,11 @@ def test_angular_velocity_of_a_turning_hub():
 
 @pytest.mark.parametrize("element, count", [("cable", 5), ("truss", 40)])
 def test_steady_elongation_matches_the_continuous_cable(element, count):
-    """Small strain: N(x) = omega^2 (m (R+L) + rho A ((R+L)^2 - (R+x)^2)/2), u(L) = integral of N/EA;
-    second-order effects of the strain are 1e-3 of it, the truss's discretisation error less."""
+    """The steady elongation is the integral of N/EA over the tether, for small strain.
+
+    N(x) = omega^2 (m (R+L) + rho A ((R+L)^2 - (R+x)^2)/2). Second-order effects of the strain are 1e-3 of
+    the elongation; the truss's discretisation error is smaller.
+    """
     changes = {"tethers.elements": count, "tethers.count": 1, "tethers.bending": False}
     changes |= {"tethers.element": element, "hub.radius": 30.0}
     scene = load_scene("truss" if element == "truss" else "baseline").replace(changes)
@@ -194,7 +202,8 @@ def test_steady_elongation_matches_the_continuous_cable(element, count):
 
 
 def test_printed_elongation_is_equation_79():
-    """Tip position and slope of [PGV] Eq. 79 with the tether's own mass at the tip, as printed."""
+    """Tip position and slope are those of [PGV] Eq. 79 as printed, with the tether's own mass at the
+    tip."""
     model = build_jitted(*split(load_scene("baseline").replace({"initial.elongation": "paper"})))
     modulus, area, length, rho, spin = 70e9, 4.28e-9, 10e3, 7653.0, 4e-3
     tip = rho * area * length * spin**2 * length / (modulus * area)

@@ -1,4 +1,4 @@
-"""The structured solvers against dense matrices of all unknowns (`oracles/dense.py`)."""
+"""The structured linear solvers against dense matrices of all unknowns (`oracles/dense.py`)."""
 
 import itertools
 
@@ -12,7 +12,7 @@ from oracles.dense import Dense
 from support.quick import jit
 
 TOLERANCE = 1e-10
-"""Relative error of a solution. Measured: at most 1.4e-13, over every combination below."""
+"""Relative error of a solution. Measured: at most 1.4e-13 over all combinations below."""
 
 HUB_POINTS, HUB_OTHERS = 4, 6
 POINT_UNKNOWNS = 3 * HUB_POINTS
@@ -20,8 +20,11 @@ BORDER = POINT_UNKNOWNS + HUB_OTHERS
 
 
 def random_system(p, elements, size, hub=False, extra=0, ringed=False, seed=0):
-    """Matrix, ring (or None) and right-hand side as NumPy arrays: diagonally dominated, symmetric but
-    for a tenth; the extra unknowns, like multipliers, have no diagonal of their own."""
+    """Returns matrix, ring (or None) and right-hand side as NumPy arrays.
+
+    The matrix is diagonally dominant and symmetric but for a tenth. The extra unknowns have zero
+    diagonals, as multipliers have.
+    """
     random = np.random.default_rng(seed)
 
     def noise(*shape):
@@ -74,7 +77,8 @@ def solved(matrix, tips, rhs):
 
 @jit
 def derivatives(matrix, tips, rhs, direction, weights):
-    """Of the solution along a direction of the right-hand side, and the transposed derivative."""
+    """Returns the solution's derivative along a direction of the right-hand side, and the transposed
+    derivative."""
     _, along = jax.jvp(lambda b: solve(matrix, tips, b), (rhs,), (direction,))
     _, transposed = jax.vjp(lambda b: solve(matrix, tips, b), rhs)
     return along, transposed(weights)[0]
@@ -88,7 +92,7 @@ def relative_error(x, exact):
     return np.abs(x - exact).max() / np.abs(exact).max()
 
 
-# tethers, elements, block size, hub, extra local unknowns, ring
+# (tethers, elements, block size, hub, extra local unknowns, ring)
 DEFAULT = {
     (1, 1, 3, False, 0, False),
     (1, 5, 3, True, 0, False),
@@ -110,8 +114,10 @@ DEFAULT = {
 
 
 def systems():
-    """Every combination, most of them slow (a second or two each, to compile). A block of size 3 has
-    no free rows, hence no extra local unknowns."""
+    """Yields all combinations. Most are marked slow, because each takes a second or two to compile.
+
+    A block of size 3 has no free rows and therefore no extra local unknowns.
+    """
     axes = (1, 2, 3, 12), (1, 2, 5, 40), (3, 6), (False, True), (0, 2), (False, True)
     for shape in itertools.product(*axes):
         if shape[2] > 3 or not shape[4]:
@@ -129,7 +135,8 @@ def test_solution(p, elements, size, hub, extra, ringed):
 
 @pytest.mark.parametrize("ringed", [False, True])
 def test_derivatives_by_the_right_hand_side(ringed):
-    """The solution is linear in it: the derivative is the inverse, its transpose that of A^T."""
+    """The solution is linear in the right-hand side: its derivative is the inverse of A, transposed that
+    of A^T."""
     matrix, tips, rhs = random_system(3, 1, 6, hub=True, extra=2, ringed=ringed)
     direction, weights = (random_system(3, 1, 6, hub=True, extra=2, seed=seed)[2] for seed in (1, 2))
     along, transposed = derivatives(*on_device(matrix, tips, rhs, direction, weights))
@@ -141,7 +148,7 @@ def test_derivatives_by_the_right_hand_side(ringed):
 
 @pytest.mark.parametrize("links, batch", [(0, (2,)), (1, (2,)), (4, ()), (4, (3,)), (9, (2, 2))])
 def test_chain(links, batch):
-    """Schur complement on the port, and the solution of the whole chain."""
+    """The Schur complement on the port and the solution of the whole chain agree with dense algebra."""
     size = 3
     chain = random_system(int(np.prod(batch)), links, size)
     diag, upper, lower = (x.reshape(*x.shape[:3], *batch) for x in chain[0][:3])
@@ -171,7 +178,7 @@ def test_chain(links, batch):
 
 @pytest.mark.parametrize("size", [1, 2, 3, 4, 5, 6, 9])
 def test_inverse(size):
-    """Of one matrix and of batches; also the products that the solvers are made of."""
+    """The inverse of one matrix and of batches, and the products that the solvers use, agree with NumPy."""
     random = np.random.default_rng(size)
     for batch in ((), (4,), (2, 3)):
         a = random.normal(size=(size, size, *batch)) + 4.0 * np.expand_dims(

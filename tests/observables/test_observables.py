@@ -1,5 +1,7 @@
-"""Observables that the papers do not define; the others stand in `oracles/pgv_g_angles.py` to
-`pgv_k_text.py`."""
+"""Observables that the papers do not define.
+
+The oracles `pgv_g_angles.py` to `pgv_k_text.py` test the others.
+"""
 
 import jax
 import jax.numpy as jnp
@@ -28,9 +30,12 @@ from oracles.sail_states import (
 
 
 def test_normal_of_a_symmetric_sail_has_a_derivative():
-    """dn = -(1 - n n^T) dA n / (mu - lambda) for a matrix with eigenvalues lambda, mu, mu: what the spread
-    of evenly placed tips has, and where the derivative of all three eigenvectors does not exist. Forward
-    and reverse mode to rounding."""
+    """The eigenvector of the smallest eigenvalue has a derivative if the two other eigenvalues are equal.
+
+    dn = -(1 - n n^T) dA n / (mu - lambda) for eigenvalues lambda, mu, mu. Evenly placed tips have such a
+    matrix; the derivative of all three eigenvectors does not exist there. Forward and reverse mode, to
+    rounding.
+    """
     rng = np.random.default_rng(2)
     axes, change = np.linalg.qr(rng.normal(size=(3, 3)))[0], rng.normal(size=(3, 3))
     matrix, change = (jnp.asarray(x) for x in (axes @ np.diag([1.0, 5.0, 5.0]) @ axes.T, change + change.T))
@@ -43,7 +48,8 @@ def test_normal_of_a_symmetric_sail_has_a_derivative():
 
 
 def test_smallest_distance_is_that_of_a_dense_search():
-    """From every remote unit to ten thousand points of every other tether's polyline."""
+    """The smallest distance is the minimum over every remote unit and 10,001 points of every segment of
+    the others."""
     share = np.linspace(0.0, 1.0, 10_001)[:, None]
     for state in states():
         places = np.array(
@@ -81,9 +87,10 @@ def test_external_power_is_the_thrust_times_the_velocity():
 
 
 def test_clamped_roots_turn_the_hub_by_their_couples_too():
-    """Euler's equations of the hub: its torque is minus the moment of forces and couples on the roots."""
+    """The torque of Euler's equations of the hub is minus the moment of the forces and couples on the
+    roots."""
     rng, (system, _, start, *_) = np.random.default_rng(3), model({"tethers.root": "clamped"})
-    # The clamps hold the outward direction, in which the tethers start.
+    # The clamps prescribe the outward direction, in which the tethers start.
     assert np.abs(system.constraints(jnp.zeros(()), start).clamp).max() < 1e-12
     placed = [random_placement(rng, system) for _ in range(STATES)]
     seen = look(system, ORIGIN, [x[0] for x in placed], [x[1] for x in placed])

@@ -1,5 +1,8 @@
-"""Derivatives of runs where a root, an angle or a maximum has none: at no voltage, of straight tethers, of
-slack ones; and of what happens early by what is done last."""
+"""Derivatives of runs at states where a square root, an angle or a maximum has no derivative of its own.
+
+Such states have no voltage, straight tethers, or slack tethers. Another test differentiates the end of a
+run with respect to an early control.
+"""
 
 import jax
 import jax.numpy as jnp
@@ -16,7 +19,7 @@ LAW = {"voltage.law": "piecewise-linear", "voltage.time": [0.0, 60.0, 120.0]}
 
 
 def steps_of(method):
-    """The method, with steps that do not depend on the numbers."""
+    """Returns overrides for a method with a given step, which does not depend on the scene's numbers."""
     sizes = {"collocation": 5.0, "generalized-alpha": 0.2, "energy-momentum": 0.2}
     return {"integrator.method": method, "integrator.step": sizes[method]}
 
@@ -27,9 +30,12 @@ def steps_of(method):
 @pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS[:2])
 def test_an_early_control_changes_the_end(method):
-    """d(sailing angle at 240 s)/d(voltage of the first instant, whose share in the law is gone at 60 s),
-    against the difference quotient of fourth order of concrete runs: 2e-5. The change of 2 % leaves a
-    truncation of 1e-8, and iterations 1e-8 m of the metres by which tips move."""
+    """The derivative of the sailing angle at 240 s by an early voltage is the difference quotient, to 2e-5.
+
+    The voltage is that of the first instant of a piecewise linear law and has no effect after 60 s. The
+    quotient is of fourth order and uses concrete runs. A change of 2 % gives a truncation error of 1e-8;
+    iterations end at 1e-8 m, while the tips move by metres.
+    """
     times = {"integrator.t_end": 240.0, "output.interval": 240.0}
 
     def end(first):
@@ -51,25 +57,29 @@ def test_an_early_control_changes_the_end(method):
 # ---- states without a derivative of their own ---------------------------------------------------
 
 OBSERVED = ("tip_position_I", "coning_angle", "root_coning_angle", "lagging_angle", "sailing_angle")
-"""Angles among them, whose roots have no derivative of their own at zero."""
+"""Observables of the end. Some are angles, whose square roots have no derivative at zero."""
 
 SHORT = 0.99
-"""Part of its length that a slack tether starts with."""
+"""Initial length of a slack tether divided by its undeformed length."""
 
 LIGHT = 1.4
-"""Tip mass [kg] below which tethers start slack here: so one program serves for both starts."""
+"""Tip mass [kg] below which tethers start slack in these tests, so that one program has both initial
+states."""
 
 ALONG = jnp.array([1e3, -5e2, 2e3, 1e-3, 0.1])
-"""Of three voltages, spin and tip mass."""
+"""Direction of differentiation: three voltages [V], spin rate [rad/s] and tip mass [kg]."""
 
 
 @pytest.fixture(scope="module", params=METHODS)
 def both(request):
-    """Forward and reverse mode of what a short run ends with, by voltages, spin and tip mass: compiled."""
-    # Times of its own: nothing that was compiled with the usual start serves here, or the other way round.
+    """The compiled derivatives of the end of a short run, in forward and reverse mode.
+
+    The variables are three voltages, the spin rate and the tip mass.
+    """
+    # No other test has this t_end. Otherwise programs with the usual and the shortened start would be mixed up.
     overrides = SMALL | steps_of(request.param) | {"integrator.t_end": 10.0, "output.interval": 10.0}
     if request.param == "collocation":
-        del overrides["integrator.step"]  # which steps it needs is its own matter
+        del overrides["integrator.step"]  # collocation chooses its steps
     steady = build.steady_line
 
     def shortened(tethers, *numbers):
@@ -89,7 +99,8 @@ def both(request):
 
 
 def check_modes(both, at):
-    """Finite, and equal to 1e-9 of the sum of the magnitudes (rounding). The outcomes."""
+    """Checks that both modes are finite and agree to 1e-9 of the sum of magnitudes; returns the
+    outcomes."""
     values = []
     for x in at:
         (value, forward), reverse = both(jnp.array(x))
@@ -102,8 +113,11 @@ def check_modes(both, at):
 
 @pytest.mark.slow
 def test_no_voltage_no_spin_and_straight_tethers(both):
-    """Every run starts exactly straight; without voltage, or with one that the wind's protons do not feel,
-    tethers stay so; without spin they are not stretched either. None of it is a NaN."""
+    """Derivatives are finite for straight tethers, without voltage and without spin.
+
+    Every run starts with straight tethers. They stay straight without voltage or with a voltage below the
+    energy of the protons, and they are not stretched without spin.
+    """
     check_modes(both, [
         [20e3, 20e3, 20e3, 4e-3, 1.5],
         [0.0, 0.0, 0.0, 4e-3, 1.5],
@@ -115,8 +129,10 @@ def test_no_voltage_no_spin_and_straight_tethers(both):
 
 @pytest.mark.slow
 def test_slack_tethers(both):
-    """Tethers that start a hundredth shorter than they are, and so in compression: metres from where taut
-    ones of nearly that tip mass end."""
+    """Derivatives are finite for tethers that start 1 % shorter than undeformed, and so in compression.
+
+    These tethers end metres away from taut tethers of nearly the same tip mass.
+    """
     light, heavy = LIGHT - 1e-6, LIGHT + 1e-6
     slack, taut = check_modes(both, [[20e3, 18e3, 22e3, 4e-3, x] for x in (light, heavy)])
     assert abs(slack - taut) > 1.0

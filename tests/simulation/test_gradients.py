@@ -1,4 +1,4 @@
-"""Derivatives through whole runs: jvp, grad and vmap of `simulate`."""
+"""`jax.jvp`, `jax.grad` and `jax.vmap` of `simulate`, over whole runs."""
 
 import jax
 import jax.numpy as jnp
@@ -19,14 +19,14 @@ KEYS = {
     "tethers.bending_damping_time": (1.0, 0.1),
     "initial.sailing_angle_deg": (10.0, 0.1),
 }
-"""Number, and the size of the change whose directional derivative is taken."""
+"""The number at which the derivative is taken, and its component of the direction."""
 
 SIGNALS = ("tip_position_I", "coning_angle", "thrust_O", "reaction_B", "kinetic_energy", "euler_sail")
 
 
 @pytest.fixture(scope="module")
 def run(small):
-    """Signals as a function of all numbers of KEYS at once."""
+    """A function from all numbers of KEYS to signals of a run."""
 
     def signals(numbers):
         found = esail.simulate("baseline", {**small, **numbers})
@@ -36,18 +36,22 @@ def run(small):
 
 
 def numbers(scale=0.0):
+    """Returns the numbers of KEYS, moved along the direction by `scale`."""
     return {key: jnp.asarray(value + scale * size) for key, (value, size) in KEYS.items()}
 
 
 @pytest.fixture(scope="module")
 def differentiated(run):
-    """A traced run and its derivative along a direction that moves nine numbers of every table at once."""
+    """A traced run and its derivative along the direction of KEYS, which moves nine numbers at once."""
     direction = {key: jnp.asarray(size) for key, (_, size) in KEYS.items()}
     return jit(lambda x: jax.jvp(run, (x,), (direction,)))(numbers())
 
 
 def test_jvp_through_a_run_is_the_difference_quotient(run, differentiated):
-    """Exactly straight start included; the quotient at +-1 % of the change is good to 1e-5."""
+    """The derivative equals the difference quotient to 1e-5, which is the quotient's own accuracy.
+
+    The run starts with exactly straight tethers. The quotient moves the numbers by +-1 % of the direction.
+    """
     _, tangent = differentiated
     step = 1e-2
     ahead, behind = run(to_floats(numbers(step))), run(to_floats(numbers(-step)))
@@ -62,8 +66,11 @@ def to_floats(tree):
 
 
 def test_traced_run_equals_the_host_run(run, differentiated):
-    """Under jit the whole run is one program, on the host one call per entry. The compiler arranges
-    the two differently, so they agree to rounding (positions of 1e4 m: 2e-12), not bit for bit."""
+    """A traced run equals a run on the host to rounding (positions of 1e4 m: 2e-12).
+
+    A traced run is one program; the host calls several. The compiler orders their operations differently,
+    so that the results are not bit-identical.
+    """
     host, (traced, _) = run(to_floats(numbers())), differentiated
     for name in SIGNALS:
         scale = np.abs(host[name]).max()
@@ -71,7 +78,7 @@ def test_traced_run_equals_the_host_run(run, differentiated):
 
 
 def test_vmap_over_voltages_equals_a_loop(small):
-    """Members of a batch do not see each other."""
+    """Members of a batch do not influence each other."""
     volts = jnp.array([10e3, 20e3])
 
     def tip(volt):
@@ -84,8 +91,11 @@ def test_vmap_over_voltages_equals_a_loop(small):
 
 @pytest.mark.slow
 def test_reverse_mode_agrees_with_forward_mode(small):
-    """d(final coning of tether 1, energy dissipated)/d(voltages, spin), by grad and by jvp: 1e-9 relative.
-    Reverse mode leaves out the powers where nothing asks for them: here both ways are taken."""
+    """d(final coning of tether 1, dissipated energy)/d(voltages, spin) is the same by vjp and jvp (1e-9,
+    relative).
+
+    Reverse mode skips the powers where no output depends on them; the two outputs cover both cases.
+    """
 
     def signals(volts, spin):
         found = esail.simulate("baseline", {**small, "voltage.value": volts, "initial.spin_rate": spin})
@@ -95,7 +105,7 @@ def test_reverse_mode_agrees_with_forward_mode(small):
     direction = (jnp.array([1.0, 2.0, -1.0]), jnp.asarray(1e-6))
     _, forward = jax.jvp(jit(signals), at, direction)
 
-    # Weights as an argument: one program serves both.
+    # The weights are an argument, so that one program computes both rows.
     @jit
     def pulled_back(weights):
         by_volts, by_spin = jax.vjp(signals, *at)[1](weights)

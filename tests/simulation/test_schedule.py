@@ -1,6 +1,6 @@
-"""The plan of a run: what is saved when, by steps that add up, the same for short and long runs.
+"""The plan of a run with fixed steps: saved instants, steps and compiled calls.
 
-Pure Python over many random schedules; nothing is compiled.
+The tests are pure Python over many random schedules; nothing is compiled.
 """
 
 import itertools
@@ -14,7 +14,8 @@ RNG = np.random.default_rng(7)
 
 
 def random_cases(count):
-    """(t_end, step, interval, unknowns, block): decimal and awkward ratios, short and long runs."""
+    """Yields (t_end, step, interval, unknowns, block) with decimal and irregular ratios, for short and
+    long runs."""
     for _ in range(count):
         step = float(RNG.choice([0.1, 0.05, 0.02, 0.3, 1.0, 0.07, RNG.uniform(0.01, 2.0)]))
         ratio = RNG.choice([1, 2, 5, 50, 2.5, 0.5, 1 / 3, RNG.uniform(0.3, 60.0)])
@@ -30,11 +31,12 @@ PLANS = [(case, plan(*case)) for case in CASES]
 
 
 def rows_of(layout):
+    """Returns all saved rows, each with its entry."""
     return [(entry, row) for entry in layout.entries for row in entry.rows]
 
 
 def full(entry, step):
-    """Is this an entry that any longer run has too?"""
+    """Tells whether any longer run has this entry, too."""
     return entry.kind == "march" and entry.step == step and not entry.hand_over
 
 
@@ -51,7 +53,7 @@ def test_save_times_are_zero_the_multiples_of_the_interval_and_the_end():
 
 
 def test_three_tenths_is_three_times_a_tenth():
-    """A saved time that misses a step's end by rounding is that end, and is not saved twice."""
+    """A saved time that differs from the end of a step by rounding is saved once, as that end."""
     layout = plan(0.9, 0.1, 0.3, 432, 20)
     assert not layout.between
     assert [(round(time, 12), k, theta) for _, (time, k, theta) in rows_of(layout)] == [
@@ -78,7 +80,8 @@ def test_step_index_and_part_of_the_step_give_the_saved_time_again():
 
 
 def test_times_between_steps_are_announced():
-    """`between` is false only if no saved instant needs interpolation: else no code for it is there."""
+    """`between` is false only if no saved instant needs interpolation, because the program then has
+    none."""
     for case, layout in PLANS:
         if not layout.between:
             assert {theta for _, (_, _, theta) in rows_of(layout)} <= {0.0, 1.0}, case
@@ -87,7 +90,8 @@ def test_times_between_steps_are_announced():
 
 
 def test_steps_add_up_to_the_whole_run():
-    """Marches follow each other without a gap, all with `step` but a shorter last one."""
+    """Entries that integrate follow each other without a gap; all have `step`, but the last may be
+    shorter."""
     for case, layout in PLANS:
         t_end, step, *_ = case
         marches = [entry for entry in layout.entries if entry.kind == "march"]
@@ -104,8 +108,10 @@ def test_steps_add_up_to_the_whole_run():
 
 
 def test_entries_fit_the_program_they_share():
-    """No entry takes more steps, or saves more instants, than the compiled program has room for: one
-    row is left for the state handed over."""
+    """No entry takes more steps or saves more instants than its program can hold.
+
+    One row is reserved for the state that is passed on.
+    """
     for case, layout in PLANS:
         assert layout.steps_per_entry % case[4] == 0
         for entry in layout.entries:
@@ -114,8 +120,10 @@ def test_entries_fit_the_program_they_share():
 
 
 def test_every_stretch_begins_afresh_and_hands_over_before_the_next():
-    """A run, and the shorter last step, begin with: begin, trial, trial; what comes before such a
-    beginning hands over its state."""
+    """A run, and a shorter last step, start with the entries begin, trial, trial.
+
+    The entry before such a start passes on its state.
+    """
     for _, layout in PLANS:
         entries = layout.entries
         starts = [i for i, entry in enumerate(entries) if entry.kind == "begin"]
@@ -125,13 +133,15 @@ def test_every_stretch_begins_afresh_and_hands_over_before_the_next():
             assert i == 0 or entries[i - 1].hand_over or entries[i - 1].kind == "trial"
         for i, entry in enumerate(entries):
             if entry.kind == "march" and entry.take < layout.steps_per_entry:
-                assert entry.hand_over, "an unfinished block cannot be marched on from"
+                assert entry.hand_over, "an unfinished block cannot be continued"
                 assert i == len(entries) - 1 or entries[i + 1].kind == "begin"
 
 
 def test_a_longer_run_starts_with_the_entries_of_a_shorter_one():
-    """Full entries of the shorter run stand at the same place in the longer one's plan, rows but the
-    shorter one's t_end included: where a run can be continued bit for bit."""
+    """Full entries of a shorter run have the same place and rows in the plan of a longer run.
+
+    There a run can be continued bit for bit. Only the row at the shorter run's t_end differs.
+    """
     compared = 0
     for case, short in PLANS:
         t_end, step, interval, unknowns, block = case
@@ -143,7 +153,7 @@ def test_a_longer_run_starts_with_the_entries_of_a_shorter_one():
             )
             for i, entry in enumerate(short.entries):
                 if entry.start + entry.take * entry.step > t_end * (1 - SNAP):
-                    continue  # ends at t_end, which is saved only here
+                    continue  # this entry ends at t_end, which only this plan saves
                 if full(entry, step) or i < 3:
                     assert long.entries[i] == entry, (case, longer, i)
                     compared += 1
@@ -151,8 +161,10 @@ def test_a_longer_run_starts_with_the_entries_of_a_shorter_one():
 
 
 def test_length_of_entries_does_not_depend_on_the_end():
-    """Compiled once whatever the length of the run, and never more than some hundred saved instants
-    in one piece."""
+    """The length of entries does not depend on t_end, so that all runs share one program.
+
+    An entry has at most about a hundred saved instants.
+    """
     for _, step, interval, unknowns, block in CASES:
         steps = steps_per_entry(unknowns, step, interval, block)
         assert steps >= block and steps % block == 0

@@ -1,4 +1,4 @@
-"""Energy-momentum: what it conserves, that its balance closes, order, derivatives, failure."""
+"""Energy-momentum: conservation, energy balance, order, derivatives, resuming and refused input."""
 
 import dataclasses
 
@@ -24,18 +24,21 @@ ZERO = jnp.zeros(())
 PERIOD = 2.0 * np.pi / 4e-3
 SMALL = METHOD | {"tethers.count": 3, "tethers.elements": 2, "integrator.step": PERIOD / 300}
 FREE = {"tethers.axial_damping_time": None, "tethers.bending_damping_time": None}
-"""Nothing damps; the built-in scene `voltage-off` has no load either."""
+"""Overrides that remove the damping; the built-in scene `voltage-off` has no load either."""
 
 CONED = SMALL | FREE | {"initial.coning_angle_deg": 5.0}
-"""Tethers let go from a cone flap through the spin plane, three tenths of a radian in all."""
+"""Overrides for tethers that start on a cone and swing through the spin plane, by 0.3 rad peak to peak."""
 
 
 # ---- discrete gradient --------------------------------------------------------------------------
 
 
 def random_fields(straight):
-    """Start and end of a step with a large turn, a stretch of some percent, and any curvature: start
-    without curvature on request."""
+    """Returns fields at the start and the end of a step with a large rotation and a stretch of some
+    percent.
+
+    The curvature is random; with `straight` it is zero at the start.
+    """
     random = np.random.default_rng(1)
     turn = np.linalg.qr(random.normal(size=(3, 3)))[0]
     r_x = np.array([1.02, 0.0, 0.0])[:, None] + 0.02 * random.normal(size=(3, 7))
@@ -57,12 +60,13 @@ ENERGIES = {
 
 @jit
 def gradient(term, at):
-    """Of the energy's density."""
+    """Returns the gradient of the energy density."""
     return term.point_forces(ZERO, at, at)
 
 
 def secant(term, start, at):
-    """Of a step from `start`: the discrete gradient, `at` being the mean, or the start again."""
+    """Returns the discrete gradient of a step from `start`; `at` is the mean of start and end, or the
+    start."""
     return Secant(term, start).point_forces(ZERO, at, at)
 
 
@@ -72,8 +76,11 @@ secant_quickly, slope_of_secant = jit(secant), jit(jax.jacfwd(secant, argnums=2)
 @pytest.mark.parametrize("straight", [False, True])
 @pytest.mark.parametrize("name", ENERGIES)
 def test_discrete_gradient(name, straight):
-    """Its work between two states is the change of energy and it has no moment on the mean fields, to
-    rounding; between equal states it is the gradient; its own derivative is finite."""
+    """The discrete gradient conserves energy and angular momentum, to rounding.
+
+    Its work between two states is the change of energy, and it has no moment on the mean fields. Between
+    equal states it is the gradient. Its own derivative is finite.
+    """
     term, (start, end) = ENERGIES[name], random_fields(straight)
     mean = middle_of(start, end)
     force = secant_quickly(term, start, mean)
@@ -91,7 +98,8 @@ def test_discrete_gradient(name, straight):
 
 
 def kicked(overrides):
-    """System, q and v of a free sail whose nodes beyond the roots got velocities of their own [0.5 m/s]."""
+    """Returns system, q and v of a free sail with random velocities (0.5 m/s) of all nodes but the
+    roots."""
     model = build_jitted(*split(esail.load_scene("voltage-off", SMALL | FREE | overrides)))
     kick = 0.5 * np.random.default_rng(0).normal(size=model.v.tether[0, :, 1:].shape)
     tether = model.v.tether.at[0, :, 1:].add(kick)
@@ -99,7 +107,7 @@ def kicked(overrides):
 
 
 def kept(system, q, v):
-    """Energy [J], momentum [kg m/s] and angular momentum about the origin [kg m^2/s]."""
+    """Returns energy [J], momentum [kg m/s] and angular momentum about the origin [kg m^2/s]."""
     momenta = system.momenta(v)
     kinetic = 0.5 * sum(jnp.vdot(x, p) for x, p in zip(v, momenta, strict=True))
     fields = system.tethers.interpolate(q.tether)
@@ -118,8 +126,10 @@ KINDS = {
 
 @pytest.mark.parametrize("kind", quickly(KINDS))
 def test_free_sail_keeps_energy_and_momenta(kind, validate):
-    """Half a turn of a sail that flaps, 160 steps: energy and both momenta to 1e-12, constraints to
-    1e-10 m."""
+    """A free sail keeps energy and both momenta to 1e-12 and the constraints to 1e-10 m.
+
+    The sail flaps over half a turn, in 160 steps.
+    """
     system, q, v = kicked(KINDS[kind])
     _, q, v, _ = integrate("energy-momentum", system, q, v, PERIOD / 300, 160)
     found = jit(jax.vmap(lambda q, v: kept(system, q, v)))(q, v)
@@ -131,13 +141,15 @@ def test_free_sail_keeps_energy_and_momenta(kind, validate):
     constraints = jit(jax.vmap(system.constraints))(time, q)
     violation = max(float(jnp.abs(x).max()) for x in jax.tree.leaves(constraints))
     validate(f"EMM-{kind}-4", case, "constraint equations", "largest violation", violation, 1e-10, "m")
-    assert np.ptp(system.tethers.element_length * q.tether[:, 0, 0, -1]) > 1.0  # it moved
+    assert np.ptp(system.tethers.element_length * q.tether[:, 0, 0, -1]) > 1.0  # the tethers moved
 
 
 @pytest.mark.slow
 def test_energy_over_many_turns(validate):
-    """300 turns of 300 steps, and the first 30 of them. The mean over the last third is that over the
-    first: no drift."""
+    """A free sail keeps its energy over 300 turns of 300 steps, and over the first 30, without drift.
+
+    Without drift the mean over the last third equals that over the first.
+    """
     times = {"integrator.t_end": 300 * PERIOD, "output.interval": PERIOD / 3}
     run = esail.simulate("voltage-off", CONED | times)
     for periods, bound in ((30, 1e-11), (300, 1e-10)):
@@ -156,7 +168,7 @@ def test_energy_over_many_turns(validate):
 
 
 def driven(hub, settings):
-    """A run of 80 s with wind and damping, with a hub or on a turning frame."""
+    """Returns a run of 80 s with wind and damping; the sail has a hub or is held by a turning frame."""
     times = {"integrator.t_end": 80.0, "integrator.step": 2.0, "output.interval": 10.0}
     scene = esail.load_scene("baseline", SMALL | {"tethers.axial_damping_time": 50.0} | times | settings)
     return esail.simulate(scene if hub else dataclasses.replace(scene, hub=None))
@@ -174,8 +186,10 @@ CASES = {
 
 @pytest.mark.parametrize("case", quickly(CASES))
 def test_energy_balance_closes(case, validate):
-    """dE = W - D at every step's end to rounding: 1e-12 of the kinetic energy, which is 1e-7 of
-    what is dissipated at most."""
+    """dE = W - D holds at the end of every step, to 1e-12 of the kinetic energy (rounding).
+
+    The error is also less than 1e-6 of the dissipated energy.
+    """
     run = driven(*CASES[case])
     error = np.abs(run["energy_balance_error"]).max() / run["kinetic_energy"].max()
     validate(f"EMM-{case}", f"driven, damped: {case}, energy-momentum", "dE = W - D",
@@ -186,8 +200,11 @@ def test_energy_balance_closes(case, validate):
 
 @pytest.mark.slow
 def test_second_order(validate):
-    """As `test_generalized_alpha.py`: errors fall by 2^(2.0 +- 0.1) at every halving. The stepper's own
-    multipliers alternate and are left out; reactions are those of the saved states."""
+    """The error falls by 2^(2.0 +- 0.1) at every halving of the step, as in `test_generalized_alpha.py`.
+
+    The method's own multipliers alternate from step to step and are not compared; the reactions are those
+    of the saved states.
+    """
     settings = SOFT | METHOD
     runs = {h: esail.simulate("baseline", settings | stepped(h)) for h in (*STEPS, 0.2 / 64)}
     exact = runs.pop(0.2 / 64)
@@ -205,7 +222,7 @@ SHORT = SMALL | {"integrator.step": 2.0, "integrator.t_end": 80.0, "output.inter
 
 
 def outcome(x):
-    """Numbers of different kinds that a run ends with."""
+    """Returns four numbers of different kinds at the end of a run."""
     end = esail.simulate("baseline", SHORT | numbers(x))
     picked = (
         end["tip_position_I"][-1, 0, 0],
@@ -218,20 +235,25 @@ def outcome(x):
 
 @pytest.mark.slow
 def test_derivative_of_a_run():
-    """Difference quotient to 1e-6, its own error of fourth order; concrete run to 1e-11, rounding."""
+    """The derivative agrees with the difference quotient to 1e-6, and the traced with the concrete run to
+    1e-11.
+
+    The first bound is the error of the quotient, the second is rounding.
+    """
     check_derivative(outcome, [1.0, 0.5, 0.2, 0.1], quotient_to=1e-6, concrete_to=1e-11)
 
 
 @pytest.mark.slow
 def test_vmap_is_a_loop():
-    """To the tolerance of the iterations, 1e-13 of the coordinates, over 40 steps."""
+    """A batch agrees with single runs to the tolerance of the iterations over 40 steps, 1e-13 of the
+    coordinates each."""
     together, alone = tips_of_batch_and_loop(SHORT, [5e3, 4e4])
     assert np.abs(together - alone).max() < 1e-11 * np.abs(alone).max()
 
 
 @pytest.mark.slow
 def test_a_longer_run_goes_on_bit_for_bit(tmp_path):
-    """A run file carried on to a later end holds what one run to that end holds."""
+    """A run file that is continued to a later end is bit-identical to that of one run to that end."""
     check_going_on(SHORT | {"output.interval": 4.0}, 1700, 2600, tmp_path)
 
 
@@ -248,6 +270,6 @@ def test_a_longer_run_goes_on_bit_for_bit(tmp_path):
     ],
 )
 def test_bad_input(scene, key, value, message):
-    """What belongs to another method is refused, and so are chains."""
+    """Keys of other methods are refused, and so are chains."""
     with pytest.raises(esail.SceneError, match=message):
         esail.load_scene(scene, METHOD | {key: value})

@@ -1,8 +1,8 @@
-"""The tangent that `newton_matrix` assembles block by block against derivatives of the whole residual.
+"""The iteration matrix, assembled block by block, against derivatives of the whole residual.
 
-A column of M + s (K + c C) and of the constraint gradients is s times the derivative of the equations
-of motion, and the derivative of the constraints, along dq, dv = c dq, dvdot = dq / s and
-dlam = x / s. Roots follow the hub in the state; their equations act on it by the transposed map.
+A column of M + s (K + c C) and of the constraint gradients is s times the derivative of the equations of
+motion, and the derivative of the constraints, along dq, dv = c dq, dvdot = dq / s and dlam = x / s. The
+positions of the roots follow the hub; their equations act on the hub by the transposed map.
 """
 
 import dataclasses
@@ -27,10 +27,12 @@ TOLERANCE = 1e-10
 """Relative error of every column. Measured: at most 1e-15."""
 
 TIME, S, C = jnp.asarray(30.0), jnp.asarray(1.0), jnp.asarray(2.0)
-"""[s], [s^2], [1/s]: so long a step that mass, stiffness and damping weigh alike."""
+"""Time [s], s [s^2] and c [1/s]. The step is so long that mass, stiffness and damping are of equal size."""
 
 SMALL = {"tethers.count": 3, "tethers.elements": 2}
-BENT = SMALL | {"tethers.second_moment": 1e-4}  # m^4, or bending would vanish beside stretching
+BENT = SMALL | {
+    "tethers.second_moment": 1e-4
+}  # m^4; otherwise bending would be negligible beside stretching
 SCENES = {
     "hub": ("baseline", True, BENT),
     "hub, clamped": ("baseline", True, BENT | {"tethers.root": "clamped"}),
@@ -41,7 +43,7 @@ SCENES = {
 
 
 def random_state(system, q, v):
-    """q, v, vdot and multipliers, off the constraints and with every component of its own size."""
+    """Returns random q, v, vdot and multipliers that violate the constraints; components differ in size."""
     random = np.random.default_rng(0)
 
     def moved(x, position, slope):
@@ -55,7 +57,7 @@ def random_state(system, q, v):
     return moved(q, 20.0, 0.02), moved(v, 1.0, 1e-3), moved(rest, 0.1, 1e-4), lam
 
 
-# Every scene is a program of its own, run once.
+# Every scene compiles a program of its own and runs it once.
 @jit
 def assembled(system, q, v, lam):
     return iteration_matrix.tangent(system, TIME, q, v, lam, S, C)
@@ -63,7 +65,7 @@ def assembled(system, q, v, lam):
 
 @jit
 def derivatives(system, state, columns):
-    """Of all equations along the columns: unknowns and equations in the solver's layout."""
+    """Returns the derivatives of all equations along the columns, in the layout of the solver."""
 
     def equations(q, v, vdot, lam):
         q, pull_back = jax.vjp(lambda q: system.place_roots(TIME, q), q)
@@ -106,8 +108,12 @@ def test_tangent_is_the_derivative_of_the_residual(name):
 
 
 def test_one_factorisation_of_the_mass_serves_every_attitude():
-    """Accelerations and multipliers for unit loads on a hub turned by a radian about a skew axis: those of
-    the mass matrix factored there. To rounding, of two inverses: 1e-9."""
+    """One factorisation of the mass matrix gives the accelerations and multipliers at any attitude of the
+    hub.
+
+    The loads are unit loads; the hub is rotated by 1.0 rad about a skew axis. The reference is the mass
+    matrix factored at that attitude. Rounding of two inverses: 1e-9.
+    """
     model = build_jitted(*split(load_scene("baseline", SMALL)))
     system = model.system
     turn = rotation_by(jnp.array([0.3, -0.7, 0.6]))
@@ -128,9 +134,12 @@ def test_one_factorisation_of_the_mass_serves_every_attitude():
 
 
 def test_factors_of_a_step_serve_every_attitude():
-    """Inertia, elasticity, damping and rigidity look the same from every direction: factors of
-    generalized-alpha's iteration at one attitude, turned by a radian, are those made there (without the
-    wind, which has a direction). To rounding, of two inverses: 1e-9."""
+    """The factors of generalized-alpha's iteration at one attitude, rotated by 1.0 rad, are those at the
+    other.
+
+    Inertia, elasticity, damping and rigidity do not depend on direction; the wind does, and is left out.
+    Rounding of two inverses: 1e-9.
+    """
     model = build_jitted(*split(load_scene("voltage-off", SMALL)))
     system = dataclasses.replace(model.system, loads=())
     stepper = GeneralizedAlpha(jnp.asarray(0.1), jnp.asarray(0.25))
