@@ -1,4 +1,4 @@
-"""What mechanics conserves, in whole runs."""
+"""Conservation of energy and momenta in whole runs, and the energy theorem."""
 
 import numpy as np
 import pytest
@@ -8,13 +8,16 @@ from esail_jax.simulation.prepare import prepare
 
 
 def energy(run):
+    """Returns kinetic plus elastic energy [J] by saved instant."""
     return np.asarray(run["kinetic_energy"] + run["elastic_energy"])
 
 
 def test_free_spinning_sail_keeps_energy_and_spin(small, validate):
-    """No wind, one spin period: the start is a steady motion of the semi-discrete model, which
-    generalized-alpha keeps up to its start-up offset. 1e-8 leaves room for another machine's
-    rounding."""
+    """A free sail without wind keeps energy and spin rate over one spin period, to 1e-8.
+
+    The initial state is a steady motion of the semi-discrete model, which generalized-alpha keeps but for
+    an offset at the start. 1e-8 allows for the rounding of other machines.
+    """
     run = esail.simulate("voltage-off", {**small, "integrator.t_end": 1570.0, "output.interval": 50.0})
     case, reference = "free spinning sail, one period", "conservation"
     validate("CSV-1", case, reference, "energy", np.abs(energy(run) / energy(run)[0] - 1.0).max(), 1e-8)
@@ -26,12 +29,14 @@ def test_free_spinning_sail_keeps_energy_and_spin(small, validate):
 
 @pytest.mark.slow
 def test_energy_error_of_a_free_sail_falls_with_the_step(small):
-    """At large steps the energy error is the method's, not rounding: it falls at least four-fold
-    when the step is halved."""
+    """The energy error falls at least four times per halving of the step.
+
+    The steps are large, so that the error is the method's and not rounding.
+    """
     changes = []
     for step in (1.6, 0.8):
         settings = {**small, "initial.spin_rate": 0.04, "integrator.t_end": 160.0}
-        # As many steps between saved instants: one program.
+        # The number of steps between saved instants is the same, so that both runs share one program.
         steps = {"integrator.step": step, "output.interval": 10 * step}
         run = esail.simulate("voltage-off", settings | steps)
         changes.append(np.abs(energy(run) / energy(run)[0] - 1.0).max())
@@ -39,8 +44,11 @@ def test_energy_error_of_a_free_sail_falls_with_the_step(small):
 
 
 def test_roots_stay_on_the_hub(small):
-    """Spherical joints hold by construction: 6000 steps leave the roots within rounding of 1 m. Where
-    roots and hub are only stepped alike, their difference grows with time to the fourth."""
+    """The roots stay on the hub over 6000 steps, to rounding of 1 m.
+
+    Spherical joints are satisfied by construction. If roots and hub were only integrated alike, their
+    difference would grow with the fourth power of time.
+    """
     settings = {**small, "integrator.t_end": 600.0}
     state = esail.simulate("baseline", settings).final_state
     roots = prepare(esail.load_scene("baseline", settings)).problem.system.roots
@@ -50,7 +58,8 @@ def test_roots_stay_on_the_hub(small):
 
 @pytest.mark.slow
 def test_energy_of_the_baseline_without_wind(validate):
-    """Three periods: what is lost is the method's own dissipation, of third order, at 0.1 s as at 0.4 s."""
+    """Over three periods the energy loss is the method's numerical dissipation, of third order in the
+    step."""
     found = []
     for step in (0.4, 0.2, 0.1):
         run = esail.simulate("voltage-off", {"integrator.step": step})
@@ -62,7 +71,8 @@ def test_energy_of_the_baseline_without_wind(validate):
 
 
 def test_angular_momentum_of_a_free_unequal_sail_is_constant(small, validate):
-    """No outer force: angular momentum about the origin, from nodal positions and momenta."""
+    """The angular momentum about the origin, from nodal positions and momenta, is constant without
+    external forces."""
     settings = {**small, "remote_units.mass": [1.5, 1.0, 2.0], "integrator.t_end": 200.0}
     scene = esail.load_scene("voltage-off").replace({**settings, "output.interval": 200.0})
     prepared, run = prepare(scene), esail.simulate(scene)
@@ -75,7 +85,7 @@ def test_angular_momentum_of_a_free_unequal_sail_is_constant(small, validate):
 
     start = momentum(prepared.carry.state.q, prepared.carry.state.v)
     end = momentum(run.final_state.q, run.final_state.v)
-    # Second order in omega h = 4e-4 over an unsteady motion.
+    # The motion is unsteady; the error is of second order in omega h = 4e-4.
     error = np.abs(end - start).max() / np.abs(start).max()
     validate(
         "CSV-4", "free sail, unequal tip masses", "conservation", "angular momentum, 200 s", error, 1e-7
@@ -83,7 +93,7 @@ def test_angular_momentum_of_a_free_unequal_sail_is_constant(small, validate):
 
 
 def test_energy_theorem_closes_for_a_driven_damped_sail(small, validate):
-    """dE = W - D with wind and damping; the residual is the trapezoidal rule's and the method's."""
+    """dE = W - D holds with wind and damping, to the error of the trapezoidal rule and of the method."""
     run = esail.simulate("baseline", {**small, "integrator.t_end": 400.0})
     error = np.abs(run["energy_balance_error"]).max() / np.abs(run["external_work"]).max()
     validate("CSV-5", "driven, damped sail", "dE = W - D", "balance / work, 400 s", error, 1e-5)
@@ -92,7 +102,7 @@ def test_energy_theorem_closes_for_a_driven_damped_sail(small, validate):
 
 @pytest.mark.slow
 def test_energy_theorem_closes_for_a_turning_frame():
-    """Without a hub the frame does work through the root reactions: it counts as external."""
+    """Without a hub the frame does work through the root reactions, which counts as external work."""
     drop = {"tethers.count": 2, "tethers.elements": 2, "integrator.t_end": 200.0}
     scene = without(esail.load_scene("baseline").replace(drop), "hub")
     run = esail.simulate(scene)
@@ -104,8 +114,10 @@ def test_energy_theorem_closes_for_a_turning_frame():
 @pytest.mark.slow
 @pytest.mark.parametrize("drop_hub", [False, True])
 def test_uniform_gravity_is_free_fall_and_does_work(small, drop_hub):
-    """A free sail in uniform gravity falls as a point, r = g t^2/2, and turns as without. On a fixed
-    frame the work of gravity and of the frame closes the energy theorem."""
+    """A free sail in uniform gravity falls by r = g t^2/2; the energy theorem includes the work of gravity.
+
+    Held by a fixed frame, the work of gravity and of the frame close the energy theorem.
+    """
     g = [0.01, -0.02, 0.005]
     scene = esail.load_scene("voltage-off").replace({**small, "gravity.acceleration": g})
     if drop_hub:
@@ -119,7 +131,7 @@ def test_uniform_gravity_is_free_fall_and_does_work(small, drop_hub):
 
 
 def without(scene, *tables):
-    """The scene with whole tables left out."""
+    """Returns the scene without some of its tables."""
     import dataclasses
 
     return dataclasses.replace(scene, **dict.fromkeys(tables))

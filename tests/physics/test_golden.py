@@ -1,4 +1,5 @@
-"""Whole runs against time-exact references made by an independent code (golden/README.md)."""
+"""Whole runs of generalized-alpha against time-exact references of an independent code
+(`golden/README.md`)."""
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from support.quick import quickly
 
 
 def enter(validate, case, what, found, tolerance):
-    """Two rows of the validation record: the worst of the smooth signals and of the fast ones."""
+    """Enters two rows in the validation record: the worst smooth signal and the worst fast signal."""
     fast = {name for name in found if name in FAST or name.startswith("reaction")}
     for number, names, bound in ((1, found.keys() - fast, tolerance), (2, fast, 10.0 * tolerance)):
         worst = max(found[name] for name in names)
@@ -19,7 +20,7 @@ def enter(validate, case, what, found, tolerance):
 
 
 def assert_within(found, tolerance):
-    """`tolerance`, ten times that for what carries the fast modes."""
+    """Checks errors against `tolerance`, and against ten times `tolerance` for signals with fast modes."""
     for name, error in found.items():
         loose = name in FAST or name.startswith("reaction")
         assert error < tolerance * (10 if loose else 1), (name, error)
@@ -27,7 +28,8 @@ def assert_within(found, tolerance):
 
 @pytest.mark.parametrize("case", quickly(["unequal", "stiff_clamped", "stiff_pinned"]))
 def test_sail_follows_the_time_exact_solution(case, validate):
-    """h = 0.1 s, where the fastest transverse mode has omega h > 0.05: 5e-3 of range."""
+    """With h = 0.1 s every signal agrees to 5e-3 of its range; the fastest transverse mode has omega h >
+    0.05."""
     solution = esail.simulate(GOLDEN / f"{case}.toml")
     found = errors(solution, np.load(GOLDEN / f"{case}.npz"))
     if case != "unequal":
@@ -37,8 +39,11 @@ def test_sail_follows_the_time_exact_solution(case, validate):
 
 @pytest.mark.slow
 def test_undamped_turning_frame_follows_the_time_exact_solution(validate):
-    """Undamped axial ringing at 59 rad/s is resolved at h = 2 ms only; there even the elongation
-    and the reactions agree to 1e-2 of range."""
+    """With h = 2 ms, which resolves the undamped axial vibration at 59 rad/s, every signal agrees with the
+    reference.
+
+    Elongation and reactions agree to 1e-2 of their range.
+    """
     reference = np.load(GOLDEN / "turning_frame.npz")
     solution = esail.simulate(GOLDEN / "turning_frame.toml", {"integrator.step": 0.002})
     found = errors(solution, reference)
@@ -46,7 +51,7 @@ def test_undamped_turning_frame_follows_the_time_exact_solution(validate):
 
 
 def test_error_falls_with_the_square_of_the_step():
-    """Between h = 0.1 and 0.05 s the tip's error falls four-fold (2nd order): 3.5 to 4.5."""
+    """The tip's error falls by 3.5 to 4.5 between h = 0.1 and 0.05 s (second order: 4)."""
     reference = np.load(GOLDEN / "unequal.npz")
     coarse, fine = (
         errors(esail.simulate(GOLDEN / "unequal.toml", {"integrator.step": h}), reference)
@@ -57,8 +62,11 @@ def test_error_falls_with_the_square_of_the_step():
 
 @pytest.mark.slow
 def test_instants_between_steps_are_as_good_as_those_on_them():
-    """Steps of 0.16 s, saved every 2 s: positions, rates and energies at instants between steps
-    keep the method's accuracy (kinetic energy is the hard one: its range is 2e-4 of it)."""
+    """Positions, rates and energies at instants within steps are as accurate as at the ends of steps.
+
+    Steps are 0.16 s, saved instants 2 s apart. Kinetic energy is the hardest: its range is 2e-4 of its
+    value.
+    """
     reference = np.load(GOLDEN / "unequal.npz")
     run = esail.simulate(GOLDEN / "unequal.toml", {"integrator.step": 0.16})
     assert_within(errors(run, reference), 5e-3)
@@ -66,18 +74,19 @@ def test_instants_between_steps_are_as_good_as_those_on_them():
 
 @pytest.mark.slow
 def test_baseline_follows_the_time_exact_solution_over_three_periods(validate):
-    """h = 0.1 s, fastest transverse mode omega h = 0.03: 1e-3 of range."""
+    """With h = 0.1 s every signal agrees to 1e-3 of its range; the fastest transverse mode has omega h =
+    0.03."""
     solution = esail.simulate("baseline")
     found = errors(solution, np.load(GOLDEN / "baseline.npz"))
     enter(validate, "baseline", "baseline sail, 3 spin periods, h = 0.1 s", found, 1e-3)
-    # Bounds on what is much better than asked, a factor two above what was measured.
+    # These signals are much more accurate. The bounds are twice the measured errors.
     assert found["tip_position_I"] < 6e-7
     assert found["coning_angle"] < 1e-4
     assert found["thrust_O"] < 1e-6
 
 
 def test_comparison_can_fail():
-    """Half a per cent more tip mass is seen: the comparison is not blind."""
+    """The comparison notices half a per cent more tip mass."""
     reference = np.load(GOLDEN / "unequal.npz")
     heavier = {"remote_units.mass": [1.005, 0.7035, 1.206], "integrator.t_end": 600.0}
     with pytest.raises(AssertionError):

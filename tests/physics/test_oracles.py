@@ -14,7 +14,7 @@ import oracles
 from oracles.ledger import ENTRIES
 
 VISIBLE = 1e-6
-"""A misprint is one only if its effect stands far above rounding."""
+"""Least error of a form that counts as misprinted; it is far above rounding."""
 
 for module in sorted(m.name for m in pkgutil.iter_modules(oracles.__path__)):
     importlib.import_module(f"oracles.{module}")
@@ -22,7 +22,7 @@ for module in sorted(m.name for m in pkgutil.iter_modules(oracles.__path__)):
 
 @pytest.mark.parametrize("entry", ENTRIES, ids=lambda entry: entry.name)
 def test_printed_form_and_right_form(entry):
-    """The right form agrees with the judge; the printed one does exactly if the entry says so."""
+    """The right form agrees with the reference; the printed form agrees exactly if the entry says so."""
     errors = entry.check()
     assert np.isfinite(errors.right) and errors.right <= entry.tolerance
     if entry.holds:
@@ -32,7 +32,7 @@ def test_printed_form_and_right_form(entry):
 
 
 def test_names_are_unique():
-    """One row per equation or claim."""
+    """Every equation or claim has one entry."""
     names = [entry.name for entry in ENTRIES]
     assert len(names) == len(set(names))
 
@@ -45,7 +45,7 @@ def test_a_misprint_says_what_is_right_and_what_it_does():
 
 @pytest.mark.parametrize(("paper", "last"), [("PGV", 134), ("MW", 31)])
 def test_every_equation_has_an_entry(paper, last):
-    """No numbered equation of either paper is left out."""
+    """Every numbered equation of both papers has an entry."""
     found = (re.match(r"\d+(?![\d.])", entry.equation) for entry in ENTRIES if entry.paper == paper)
     numbers = {number[0] for number in found if number}
     spans = [

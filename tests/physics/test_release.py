@@ -1,4 +1,4 @@
-"""A tether let go at its root in the midst of a run ([[event]])."""
+"""Tethers that are released at their roots during a run (`[[event]]`)."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -17,8 +17,8 @@ SMALL = RELEASE | {
     "integrator.t_end": 200.0,
     "output.interval": 10.0,
 }
-"""Three tethers of two elements, the second of which is let go between two saved instants, and between two
-steps of a fixed-step method."""
+"""Overrides for three tethers of two elements. The second tether is released between two saved instants,
+and within a step of a fixed-step method."""
 
 METHODS = {
     "collocation": {"integrator.method": "collocation"},
@@ -29,7 +29,7 @@ SLOW = pytest.mark.slow
 
 
 def free_sail(method: str) -> Scene:
-    """Without wind and damping: nothing but the reactions at the roots acts on anything."""
+    """Returns a sail without wind and damping, on which only internal forces act."""
     scene = load_scene("voltage-off", SMALL | METHODS[method])
     text = to_toml(scene)
     kept = [line for line in text.splitlines() if "damping_time" not in line]
@@ -38,9 +38,12 @@ def free_sail(method: str) -> Scene:
 
 @pytest.mark.parametrize("method", ["collocation", pytest.param("generalized-alpha", marks=SLOW)])
 def test_released_tether_keeps_its_momentum(method):
-    """Of a sail that turns as a rigid body at rest, the tether let go at t has, from then on, the momentum
-    omega x (its first moment of mass) of that instant, and the rest of the sail the opposite one. The
-    turning is steady but for the unbalanced elements' ringing, a part of 1e-8 of the velocities."""
+    """A released tether keeps the momentum that it has at the release, and the rest of the sail the
+    opposite one.
+
+    The sail rotates as a rigid body, so that this momentum is omega x (first moment of mass). The rotation
+    is steady but for a vibration of unbalanced elements, 1e-8 of the velocities.
+    """
     scene = free_sail(method)
     solution = esail.simulate(scene)
     model = build_jitted(*split(scene))
@@ -60,9 +63,11 @@ def test_released_tether_keeps_its_momentum(method):
 
 
 def test_energy_goes_through_a_release():
-    """Nothing is done at a root that is let go: the energy of a sail without wind and damping stays what it
-    was, to 1e-9 (ten times what collocation's tolerance leaves), and no reaction is left at the root,
-    which moves away from the hub. The two that are still held pull the hub out of its place."""
+    """A release does no work: a sail without wind and damping keeps its energy to 1e-9.
+
+    The bound is ten times the effect of collocation's tolerance. The released root has no reaction and
+    moves away from the hub; the other two tethers pull the hub out of its place.
+    """
     solution = esail.simulate(free_sail("collocation"))
     energy = solution["kinetic_energy"] + solution["elastic_energy"]
     assert np.abs(energy / energy[0] - 1.0).max() < 1e-9
@@ -77,8 +82,10 @@ def test_energy_goes_through_a_release():
 
 @pytest.mark.slow
 def test_methods_agree_on_what_follows():
-    """With wind and damping, collocation and the fixed-step methods at 0.1 s: the axial waves of a release
-    are resolved by none of these at that step, tips differ by less than a millimetre of 10 km."""
+    """Collocation and the fixed-step methods at 0.1 s agree on the tips to a millimetre of 10 km.
+
+    The sail has wind and damping. The fixed steps do not resolve the axial waves that a release causes.
+    """
     ends = [esail.simulate("baseline", SMALL | method)["tip_position_I"][-1] for method in METHODS.values()]
     assert np.abs(ends[1] - ends[0]).max() < 1e-3
     assert np.abs(ends[2] - ends[0]).max() < 1e-3
@@ -86,8 +93,10 @@ def test_methods_agree_on_what_follows():
 
 @pytest.mark.slow
 def test_tether_of_a_turning_frame_flies_on():
-    """Without a hub: the tether let go feels no frame, and the work that the frame does is accounted for.
-    To 1e-9 of the energy."""
+    """A tether that a turning frame releases flies on; the energy balance includes the work of the frame.
+
+    The balance closes to 1e-9 of the energy.
+    """
     text = to_toml(load_scene("baseline", SMALL | METHODS["collocation"]))
     hubless = "\n\n".join(table for table in text.split("\n\n") if not table.startswith("[hub]"))
     solution = esail.simulate(parse(hubless, "frame"))
@@ -99,7 +108,8 @@ def test_tether_of_a_turning_frame_flies_on():
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["collocation", "generalized-alpha"])
 def test_run_goes_on_after_a_release(method, tmp_path):
-    """A file carried on from before and from after the event holds the bits of one run."""
+    """A run file that is continued from before or from after the event is bit-identical to that of one
+    run."""
     settings = SMALL | METHODS[method]
     check_going_on(settings, 50.0, 200.0, tmp_path)
     for path in tmp_path.iterdir():
@@ -109,8 +119,11 @@ def test_run_goes_on_after_a_release(method, tmp_path):
 
 @pytest.mark.slow
 def test_derivative_through_a_release():
-    """Positions at the end with respect to four numbers, by collocation: forward mode, reverse mode and
-    difference quotients; these are good to 1e-4, as the steps of the runs they compare differ."""
+    """The derivative of the final positions by four numbers exists through a release (collocation).
+
+    Forward mode, reverse mode and difference quotients agree. The quotients are accurate to 1e-4 only,
+    because their runs have different steps.
+    """
     settings = SMALL | METHODS["collocation"] | {"integrator.t_end": 120.0, "output.interval": 120.0}
 
     def outcome(x):
@@ -121,7 +134,7 @@ def test_derivative_through_a_release():
 
 
 def test_events_of_a_file():
-    """[[event]] tables are read, written as they were, and kept through other values."""
+    """`[[event]]` tables are read and written, and stay when other values change."""
     events = "[[event]]\ntime = 5\nrelease = 2\n\n[[event]]\ntime = 2.5\nrelease = 12\n"
     scene = parse(to_toml(load_scene("baseline")) + events, "text")
     assert (scene.event.time, scene.event.release) == ((5.0, 2.5), (2, 12))
@@ -130,7 +143,7 @@ def test_events_of_a_file():
 
 
 def test_scene_without_events_pays_nothing():
-    """No trace of a release in the system that is compiled."""
+    """The compiled system of a scene without events contains nothing of a release."""
     model = build_jitted(*split(load_scene("baseline", {"tethers.count": 3, "tethers.elements": 2})))
     assert model.system.roots.releases.release_time is None
     assert model.system.since(jnp.asarray(1e9)) is model.system

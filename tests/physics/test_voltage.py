@@ -1,4 +1,4 @@
-"""Voltage laws and varying wind: what a sail sees, limits, and motion that is known in closed form."""
+"""Voltage laws and time-dependent wind: values, limits, and motions that are known in closed form."""
 
 import re
 
@@ -30,7 +30,7 @@ SMALL = {
     "output.interval": 10.0,
 }
 FIXED = SMALL | {"integrator.method": "generalized-alpha"}
-"""Where only the law is asked for: programs of fixed steps compile in half the time."""
+"""Overrides for tests of the law only: a method with fixed steps compiles in half the time."""
 
 HARMONIC = {
     "voltage.law": "harmonic",
@@ -41,8 +41,11 @@ WAVES = SMALL | HARMONIC
 
 
 def phases(run, origin):
-    """phi of every saved instant and tether, by angles in the spin plane: from the azimuth at which the
-    wind's component there points outward, positive about X_B."""
+    """Returns the phase phi of every saved instant and tether [rad], from angles in the spin plane.
+
+    phi is zero at the azimuth at which the wind's component in the spin plane points outward, and positive
+    about X_B.
+    """
     axes = run["rotation_IB"]
     wind = np.einsum("tib,i->tb", axes, origin / np.linalg.norm(origin))
     azimuth = 2 * np.pi * np.arange(3) / 3
@@ -50,8 +53,10 @@ def phases(run, origin):
 
 
 def test_harmonics_of_the_phase():
-    """V = V_0 (1 + sum a_k cos k phi + b_k sin k phi), phi from the attitude by another formula; to the
-    fading at no angle of attack, 3e-7 here."""
+    """The harmonic law is V = V_0 (1 + sum a_k cos k phi + b_k sin k phi), with phi by another formula.
+
+    The law fades where the wind is along the spin axis; here this changes voltages by 3e-7.
+    """
     scene = esail.load_scene("baseline", FIXED | HARMONIC)
     run = esail.simulate(scene)
     phi = phases(run, np.array(scene.initial.heliocentric_position_au))
@@ -64,19 +69,22 @@ def test_harmonics_of_the_phase():
 
 @pytest.mark.slow
 def test_limits_hold():
-    """However large the amplitudes, voltages and their rates stay within limits; a rate that nothing
-    reaches stands for none."""
+    """Voltages and their rates stay within the limits for any amplitudes.
+
+    A run with a slew rate that is never reached represents a run without that limit.
+    """
     wild = {"voltage.cosine": [3.0, -2.0], "voltage.maximum": 25e3, "output.interval": 1.0}
     wild = FIXED | HARMONIC | wild
     volts = esail.simulate("baseline", wild | {"voltage.slew_rate": 1e9})["voltage"]
     assert volts.min() >= 0.0 and volts.max() <= 25e3 and np.ptp(volts) > 24e3
     slow = esail.simulate("baseline", wild | {"voltage.slew_rate": 20.0})["voltage"]
     rate = np.abs(np.diff(slow, axis=0)).max()
-    assert 10.0 < rate <= 20.2  # of the spin rate at the start, which the wind changes by a percent
+    assert 10.0 < rate <= 20.2  # the law uses the initial spin rate, which the wind changes by 1 %
 
 
 def test_well_within_a_limit_changes_nothing():
-    """Beyond, nothing passes it, and what is more stays more: all to rounding."""
+    """The smooth limit is the identity well within the limits, never exceeded, and monotonic, to
+    rounding."""
     x = jnp.linspace(-10.0, 110.0, 1001)
     cut = limited(x, jnp.asarray(100.0), smooth=True)
     assert float(cut.min()) >= 0.0 and float(cut.max()) <= 100.0
@@ -94,8 +102,11 @@ def test_smooth_corners():
 
 
 def test_a_pulse_rises_and_falls():
-    """Between `on` and `off`, along 10 s^3 - 15 s^4 + 6 s^5 within the rise time, to rounding; more slowly
-    where the steepest of it, 15/8 V_0 per rise time, would be faster than the limit."""
+    """A pulse rises at `on` and falls at `off`, along 10 s^3 - 15 s^4 + 6 s^5 over the rise time, to
+    rounding.
+
+    It takes longer if its largest slope, 15/8 V_0 per rise time, would exceed the slew rate.
+    """
     volts, on, off, rise_time = (jnp.asarray(x) for x in ([20e3], [100.0], [200.0], 5.0))
     time, nowhere, no_axis = jnp.linspace(90.0, 250.0, 321), jnp.zeros((3, 1)), jnp.zeros(3)
     sights = jax.vmap(lambda t: Sight(t, no_axis, no_axis, nowhere, nowhere))(time)
@@ -108,7 +119,7 @@ def test_a_pulse_rises_and_falls():
 
 
 def test_table_in_time():
-    """Straight lines between the instants, a column for every tether."""
+    """The voltage of a table is linear between its instants; every tether has a column."""
     table = [[1.0, 0.0, 0.5], [0.0, 1.0, 0.5], [0.5, 0.5, 1.0]]
     run = esail.simulate(
         "baseline",
@@ -121,8 +132,11 @@ def test_table_in_time():
 
 
 def test_table_keeps_its_slew_rate():
-    """20 kV within 10 s and back within 40 s, at 500 V/s: as far as that reaches, then to what is left of
-    the way; a table that is slow enough is not touched. By hand."""
+    """A table is changed so that its slopes keep the slew rate; the expected values are computed by hand.
+
+    One column asks for 20 kV within 10 s and for 0 V 40 s later, at 500 V/s: it reaches 5 kV, and then the
+    table again. A column that is slow enough is not changed.
+    """
     time = jnp.array([0.0, 10.0, 50.0, 60.0])
     wanted = jnp.array([[0.0, 10.0], [20e3, 5e3], [0.0, 5e3], [1e3, 5e3]])
     found = within_slew_rate(time, wanted, jnp.asarray(500.0))
@@ -135,8 +149,11 @@ def test_table_keeps_its_slew_rate():
 
 
 def test_planar_cone_keeps_its_slew_rate():
-    """Phase by phase as the tethers turn by the law, dV/dphi omega_0 / (1 - x cos phi): what is allowed, to
-    Newton's method and the grid, and no more."""
+    """The planar-cone law reaches the allowed rate and does not exceed it.
+
+    Its rate is dV/dphi omega_0 / (1 - x cos phi). The lower bound allows for Newton's method and the grid
+    of phases.
+    """
     bar, (per_volt, spin, allowed) = jnp.array([3e-4]), jnp.array([1e-8, 4e-3, 5.0])
     x = modulation(jnp.array([0.2]), bar, per_volt, spin, allowed)
     phi = jnp.linspace(0.0, 2.0 * np.pi, 2001)
@@ -152,14 +169,17 @@ def test_planar_cone_keeps_its_slew_rate():
 
 @pytest.mark.slow
 def test_switching_on_and_off():
-    """Before it rises a sail moves as without wind, and while it stays up as with constant voltage from
-    there; a pulse shorter than a step is not stepped over: energy put in is what the balance says."""
+    """Before the pulse a sail moves as without voltage; a pulse shorter than a step has its full effect.
+
+    A pulse of 1 s moves the tips by about a hundredth of what a pulse of 100 s does, and its energy
+    balance closes.
+    """
     often = SMALL | {"output.interval": 5.0}
     switched = often | {"voltage.law": "on-off", "voltage.on": 100.0, "voltage.rise_time": 5.0}
     run = esail.simulate("baseline", switched | {"voltage.off": 200.0})
     off, volts = esail.simulate("baseline", often | {"voltage.value": 0.0}), run["voltage"][:, 0]
     early = run.time <= 100.0
-    # Steps differ; local errors are 2e-6 m.
+    # The two runs have different steps; local errors are 2e-6 m.
     assert np.allclose(run["tip_position_I"][early], off["tip_position_I"][early], rtol=0, atol=1e-4)
     assert (volts[early] == 0.0).all() and (volts[(run.time >= 105.0) & (run.time <= 200.0)] == 20e3).all()
     assert (volts[run.time >= 205.0] == 0.0).all()
@@ -175,8 +195,7 @@ def test_switching_on_and_off():
 
 
 def test_feedback_turns_the_axis_to_its_target():
-    """After one turn the spin axis is nearer to where the law wants it than with the gain reversed, by the
-    sign of the torque."""
+    """Feedback turns the spin axis towards its target; with the opposite gain the axis turns away."""
     turn = FIXED | {"integrator.t_end": 1570.0, "voltage.law": "feedback"}
     turn |= {"voltage.target_sailing_angle_deg": 20.0}
     ends = [
@@ -188,8 +207,11 @@ def test_feedback_turns_the_axis_to_its_target():
 
 @pytest.mark.slow
 def test_feedback_keeps_its_slew_rate():
-    """A gain that would move 20 kV by 5.7 V/s, V_0 g omega sin(5 deg), is made smaller until 2 V/s
-    remain, to the 2 % by which the spin and the attitude change; one that needs no less is left alone."""
+    """A feedback gain that would exceed the slew rate is reduced; another gain is not changed.
+
+    Without a limit 20 kV change by V_0 g omega sin(5 deg) = 5.7 V/s, with a limit by 2 V/s. The bound of 2
+    % is the change of spin and attitude.
+    """
     law = FIXED | {"voltage.law": "feedback", "voltage.gain": 0.82, "initial.sailing_angle_deg": 0.0}
     law |= {"voltage.target_sailing_angle_deg": 5.0, "output.interval": 1.0, "integrator.t_end": 400.0}
 
@@ -206,8 +228,11 @@ def test_feedback_keeps_its_slew_rate():
 @pytest.mark.slow
 @pytest.mark.parametrize(("sailing", "coning"), [(20.0, 5.0), (35.0, 2.0)])
 def test_planar_cone_keeps_its_coning_angle(sailing, coning):
-    """A nearly rigid tether of a fixed anchor stays on its cone to 1e-3 deg over five turns; with the mean
-    of those voltages, constant, it leaves it by degrees: the wind's component in the plane is resonant."""
+    """The planar-cone law keeps a nearly rigid tether on its cone to 1e-3 deg over five turns.
+
+    The anchor is fixed. With the mean voltage the tether leaves the cone by degrees, because the wind's
+    component in the plane is resonant.
+    """
     spin = 4e-3
     rigid = {
         "hub.height": None, "hub.radius": None, "hub.density": None, "voltage.value": None,
@@ -226,7 +251,7 @@ def test_planar_cone_keeps_its_coning_angle(sailing, coning):
 
 
 def test_a_constant_law_leaves_no_trace():
-    """Nothing of a law is built, or reported, where voltages are constant."""
+    """Constant voltages are not reported as an observable."""
     run = esail.simulate("baseline", FIXED)
     assert "voltage" not in run.observables
 
@@ -234,8 +259,10 @@ def test_a_constant_law_leaves_no_trace():
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["collocation", "generalized-alpha"])
 def test_derivative_of_a_steered_run(method):
-    """Forward mode is the difference quotient of concrete runs in an amplitude that the attitude feeds back
-    on, and reverse mode is forward mode."""
+    """The derivative of a run by an amplitude agrees with the difference quotient and with reverse mode.
+
+    The attitude acts back on the voltage.
+    """
     base = WAVES | {"integrator.method": method, "integrator.t_end": 100.0, "output.interval": 50.0}
     base |= {"integrator.tolerance": 1e-11} if method == "collocation" else {}
 
@@ -252,8 +279,8 @@ def test_derivative_of_a_steered_run(method):
 
 
 def test_wind_in_time():
-    """A series that does not change is the steady wind; thrust follows speed and the root of the density at
-    the saved instants."""
+    """A constant series is the steady wind; thrust is proportional to the speed and to the root of the
+    density."""
     steady = esail.simulate("baseline", FIXED)
     wind = {"solar_wind.time": [0.0, 100.0, 300.0]}
     level = {"solar_wind.speed": [4e5] * 3, "solar_wind.number_density": [7.3e6] * 3}
@@ -265,12 +292,14 @@ def test_wind_in_time():
     factor = np.interp(gusty.time, wind["solar_wind.time"], speed) / 4e5
     factor = factor * np.sqrt(np.interp(gusty.time, wind["solar_wind.time"], density) / 7.3e6)
     thrust = np.linalg.norm(gusty["thrust_O"], axis=1) / np.linalg.norm(steady["thrust_O"], axis=1)
-    assert np.allclose(thrust, factor, rtol=2e-3)  # tethers hang back a little more
+    assert np.allclose(thrust, factor, rtol=2e-3)  # the tethers lag a little more
 
 
 def test_wind_from_a_file(tmp_path):
-    """A file in the scene's folder gives the numbers themselves, which its text keeps digit for digit;
-    gusts have the mean and the spread they were asked for, to the error of 2000 correlated samples."""
+    """A wind file in the scene's folder is read, and its numbers are written with all digits.
+
+    Gusts have the requested mean and spread, to the error of 2000 correlated samples.
+    """
     wind = gusty_wind(seed=1, duration=300.0)
     write_wind(tmp_path / "wind.csv", wind)
     text = builtin_text("baseline").replace("speed = 4e5", 'file = "wind.csv"')
@@ -322,7 +351,9 @@ def test_bad_input(overrides, message, nothing_compiles):
 
 @pytest.mark.slow
 def test_a_switch_after_the_end_is_known_to_a_run_that_goes_on(tmp_path):
-    """A run that ends within a pulse of 4 s, carried on, is the whole one bit for bit: the first step of a
-    pulse is not longer than it, wherever the run was to end."""
+    """A run that ends within a pulse of 4 s and is continued is bit-identical to one run.
+
+    For any t_end, the first step after a switch is no longer than the pulse.
+    """
     pulse = {"voltage.law": "on-off", "voltage.on": 100.0, "voltage.off": 104.0, "voltage.rise_time": 1.0}
     check_going_on(SMALL | pulse | {"output.interval": 1.0}, 102, 160, tmp_path)

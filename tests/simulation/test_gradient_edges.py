@@ -76,7 +76,7 @@ def both(request):
 
     The variables are three voltages, the spin rate and the tip mass.
     """
-    # No other test has this t_end. Otherwise programs with the usual and the shortened start would be mixed up.
+    # No other test has this t_end: programs with the usual and the shortened start must not be mixed up.
     overrides = SMALL | steps_of(request.param) | {"integrator.t_end": 10.0, "output.interval": 10.0}
     if request.param == "collocation":
         del overrides["integrator.step"]  # collocation chooses its steps
