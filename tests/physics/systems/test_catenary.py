@@ -1,11 +1,12 @@
-"""The elastic catenary: a cable without bending under its weight, pulled at its end.
+"""The elastic catenary: a cable without bending stiffness under its weight and a force at its end.
 
-Linear elastic, T = EA (|r_x| - 1): with H and V(s) = V_L + w (L - s) the components of the tension,
+The cable is linear elastic, T = EA (|r_x| - 1). With the components H and V(s) = V_L + w (L - s) of the
+tension,
 
     x(s) = H s / EA + (H / w) (asinh(V(0)/H) - asinh(V(s)/H))
     z(s) = (V_L s + w (L s - s^2/2)) / EA + (T(0) - T(s)) / w,      T = sqrt(H^2 + V^2)
 
-(Irvine, Cable Structures, 1981), z downwards from the support.
+(Irvine, Cable Structures, 1981); z points downwards from the support.
 """
 
 import jax
@@ -23,16 +24,16 @@ LENGTH, AXIAL, DENSITY, GRAVITY = 10.0, 500.0, 1.5, 9.81
 
 @jit
 def hanging(made, pull):
-    """Node positions (2, node): horizontal and down."""
+    """Returns the node positions (2, node), horizontal and down [m]."""
     system = Pulled.of(made, pull)
-    # Stretched, for a straight cable without tension has no stiffness across.
+    # The start is stretched, because a straight cable without tension has no transverse stiffness.
     start = straight(made, direction=(0.0, 0.8, -0.6), line=1.1 * unstretched_line(made.tethers))
     found = equilibrium(system, start, jnp.zeros(3))
     return found.q.tether[0, 1:, :, 0] * jnp.array([[1.0], [-1.0]])
 
 
 def closed_form(s, pull):
-    """(2, node) for a pull (H, down V_L)."""
+    """Returns the node positions (2, node) for an end force (H, V_L), V_L downwards."""
     h, end = pull
     w = DENSITY * GRAVITY
     v = end + w * (LENGTH - s)
@@ -44,7 +45,8 @@ def closed_form(s, pull):
 
 @pytest.mark.parametrize(("kind", "elements", "bound"), [("cable", 16, 1e-6), ("truss", 64, 2.5e-4)])
 def test_elastic_catenary(kind, elements, bound, validate):
-    """Shape and its derivative by the horizontal pull. The truss is of second order, (1/64)^2."""
+    """The shape and its derivative by H agree with the closed form. The truss has an error of order
+    (1/64)^2."""
     made = one_tether(
         kind=kind, elements=elements, length=LENGTH, axial=AXIAL, line_density=DENSITY,
         strain="engineering", gravity=[0.0, 0.0, -GRAVITY],

@@ -1,9 +1,12 @@
-"""Steady coning under Coulomb thrust. For small slopes, a tether that does not stretch and a hub with
-acceleration a along the axis, the balance of what lies beyond x gives
+"""Steady coning under Coulomb thrust, for small slopes.
+
+For an inextensible tether on a hub with acceleration a along the axis, the balance of the part beyond x
+gives
 
     y'(x) = (sigma (L - x) - a (m + rho (L - x))) / (Omega^2 (m L + rho (L^2 - x^2) / 2)),
 
-sigma thrust and rho mass per length, m the tip's; for a free sail of p tethers a = p sigma L / M.
+with the thrust sigma and the mass rho per length and the tip mass m. A free sail of p tethers has
+a = p sigma L / M.
 """
 
 import jax
@@ -28,7 +31,7 @@ quick_equilibrium = jit(equilibrium)
 
 
 def tip_height(sigma, acceleration=0.0):
-    """y(L) [m]."""
+    """Returns y(L) [m]."""
 
     def slope(x):
         beyond = LENGTH - x
@@ -39,13 +42,16 @@ def tip_height(sigma, acceleration=0.0):
 
 
 def sigma_of(volts):
-    """[PGV] Eq. 27-28 with the baseline's wind, in full."""
+    """Returns the thrust per length [N/m] in the baseline's wind ([PGV] Eq. 27-28)."""
     return 0.18 * (volts - 1e3) * np.sqrt(8.854e-12 * 1.67e-27 * 7.3e6) * 4e5
 
 
 def test_small_coning_of_a_held_tether(validate):
-    """A voltage of 1 V above the cut-off, slopes of 1e-6, and EA raised a thousandfold to strains of
-    1e-6: height of the tip, and its derivative by the voltage, which is the height per volt."""
+    """The height of the tip and its derivative by the voltage, the height per volt, agree with the formula.
+
+    The voltage is 1 V above the cut-off, which gives slopes of 1e-6; EA is a thousand times larger, which
+    gives strains of 1e-6.
+    """
     wind = SolarWind(*(jnp.asarray(x) for x in (4e5, 7.3e6, 1e3)), jnp.array([1.5e11, 0.0, 0.0]))
 
     @jit
@@ -68,14 +74,17 @@ def test_small_coning_of_a_held_tether(validate):
 
 @pytest.mark.slow
 def test_coning_of_the_free_baseline(validate):
-    """Sun-facing baseline: the hub accelerates, and the tips rise by 0.73 % less than the formula
-    without acceleration says. With it, strain (9e-4) and slopes (0.015, squared) remain: 1e-3."""
+    """In the sun-facing baseline the hub accelerates, which lowers the tips by 0.73 %.
+
+    With the acceleration, the formula is accurate to 1e-3: it neglects the strain (9e-4) and the squared
+    slopes (0.015^2).
+    """
     scene = load_scene("sun-facing")
     made = build_jitted(*split(scene))
     axis = made.system.rotation(jnp.zeros(()), made.q)[:, 0]
     found = quick_equilibrium(made.system, made.q, SPIN * axis)
     height = axis @ (found.q.tether[0, :, -1] - found.q.tether[0, :, 0])
-    np.testing.assert_allclose(height, height[0], rtol=1e-9)  # all tethers alike
+    np.testing.assert_allclose(height, height[0], rtol=1e-9)  # all tethers are alike
     sigma = sigma_of(20e3)
     mass = float(made.system.hub.mass) + 12.0 * (TIP + DENSITY * LENGTH)
     acceleration = 12.0 * sigma * LENGTH / mass

@@ -1,15 +1,15 @@
-"""Large deflection of a clamped cable under a dead load at its tip: the elastica.
+"""The elastica: large deflection of a clamped cable under a dead load at its tip.
 
-Inextensible: with alpha = sqrt(P L^2 / EI), k^2 = (1 + sin theta_L) / 2, sin phi_0 = 1 / (k sqrt 2) and
-theta_L the angle of the tip from the unloaded direction,
+For an inextensible cable, with alpha = sqrt(P L^2 / EI), k^2 = (1 + sin theta_L) / 2,
+sin phi_0 = 1 / (k sqrt 2) and the angle theta_L of the tip from the unloaded direction,
 
     alpha = K(k) - F(phi_0, k),    down = 1 - 2 (E(k) - E(phi_0, k)) / alpha,
     along = sqrt(2 sin theta_L) / alpha
 
-in units of L (Bisshopp and Drucker 1945). Extensible, with the energy of the element per undeformed
-length, EA ((lambda^2 - 1)/2)^2 / 2 + EI (theta'/lambda)^2 / 2: an ordinary differential equation for
-theta and the moment EI theta'/lambda^2, solved here by shooting. The load is the weight of a tip mass
-on a cable without mass.
+in units of L (Bisshopp and Drucker 1945). An extensible cable with the element's energy per undeformed
+length, EA ((lambda^2 - 1)/2)^2 / 2 + EI (theta'/lambda)^2 / 2, obeys an ordinary differential equation for
+theta and the moment EI theta'/lambda^2, which is solved here by shooting. The load is the weight of a tip
+mass on a cable without mass.
 """
 
 import equinox as eqx
@@ -26,11 +26,13 @@ from support.quick import jit
 
 
 def shooting(load, axial):
-    """Tip (along, down) of the extensible cable with EI = L = 1."""
+    """Returns the tip (along, down) of the extensible cable with EI = L = 1."""
 
     def stretch(turn, tension):
-        """lambda from EA (lambda^2 - 1) lambda / 2 - turn^2 lambda = tension, turn = moment of EI = 1
-        (theta' = moment lambda^2)."""
+        """Solves EA (lambda^2 - 1) lambda / 2 - turn^2 lambda = tension for lambda.
+
+        With EI = 1, turn is the moment and theta' = moment lambda^2.
+        """
         stretch = 1.0
         for _ in range(30):
             value = 0.5 * axial * (stretch**2 - 1.0) * stretch - turn**2 * stretch - tension
@@ -53,22 +55,25 @@ def shooting(load, axial):
 
 @jit
 def tip_under(made, load):
-    """Tip (along, down) under a load P [N]."""
+    """Returns the tip (along, down) under a load P [N]."""
     made = eqx.tree_at(lambda s: s.gravity, made, jnp.array([0.0, 0.0, -1.0]) * load)
     found = equilibrium(made, straight(made), jnp.zeros(3))
     return found.q.tether[0, 1:, -1, 0] * jnp.array([1.0, -1.0])
 
 
 def cantilever(elements, axial):
-    """EI = L = 1, a tip of unit mass."""
+    """Returns a clamped cable with EI = L = 1 and a unit tip mass."""
     return one_tether(
         elements=elements, axial=axial, bending=1.0, tip_mass=1.0, clamped=True, gravity=[0.0, 0.0, 0.0]
     )
 
 
 def test_elliptic_integrals(validate):
-    """32 elements at EA = 1e5 and 2e5, extrapolated to the inextensible limit (the error is 3.4/EA),
-    and the derivative of the tip by the load, by the implicit function theorem."""
+    """The tip of the inextensible limit and its derivative by the load agree with elliptic integrals.
+
+    The limit is extrapolated from 32 elements with EA = 1e5 and 2e5, whose error is 3.4/EA. The derivative
+    uses the implicit function theorem.
+    """
     load, exact = elliptic(TIP_ANGLE)
     soft, hard = (
         jax.jvp(lambda p, ea=ea: tip_under(cantilever(32, ea), p), (jnp.asarray(load),), (jnp.ones(()),))
@@ -86,8 +91,10 @@ def test_elliptic_integrals(validate):
 
 
 def test_order_of_the_cable_element(validate):
-    """Against shooting at EA = 100 (at 1e4 membrane locking hides the order until 64 elements): the
-    error falls with the fourth power of the element length."""
+    """The error against shooting is of fourth order in the element length, at EA = 100.
+
+    At EA = 1e4 membrane locking hides the order up to 64 elements.
+    """
     load, _ = elliptic(TIP_ANGLE)
     exact = shooting(load, 100.0)
     errors = [np.abs(np.asarray(tip_under(cantilever(n, 100.0), load)) - exact).max() for n in (16, 32)]

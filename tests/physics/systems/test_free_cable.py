@@ -1,9 +1,8 @@
-"""Free flight of a stiff cable: its centre of mass moves uniformly, and it turns about it as a rigid,
-steadily stretched bar.
+"""Free flight of a stiff cable: uniform motion of its centre of mass, and rotation as a steadily stretched
+bar.
 
-Linear elastic, engineering strain: from the middle,
-r(x) = sin(k x) / (k cos(k L/2)), k = Omega sqrt(rho/EA).
-The cable hangs on a hub of 1e-9 of its mass, which carries it along without being felt.
+With engineering strain, the radius from the middle is r(x) = sin(k x) / (k cos(k L/2)), k = Omega
+sqrt(rho/EA). The cable is attached to a hub whose mass, 1e-9 of the cable's, has no effect.
 """
 
 import jax.numpy as jnp
@@ -21,7 +20,7 @@ DRIFT = np.array([0.05, -0.1, 0.2])
 
 @pytest.mark.parametrize("stepper", STEPPERS)
 def test_free_flight(stepper, validate):
-    """One turn in 400 steps: the path of both ends, the momentum and the angular momentum."""
+    """The paths of both ends, momentum and angular momentum are right over a turn of 400 steps."""
     radius = 1e-3
     hub = RigidBody(
         jnp.asarray(2e-3),
@@ -38,7 +37,7 @@ def test_free_flight(stepper, validate):
     slope = np.cos(k * x) / np.cos(k * LENGTH / 2.0)
     q = straight(made, line=jnp.stack([from_middle - from_middle[0], slope])[:, :, None])
     middle = np.array([0.0, radius - from_middle[0], 0.0])
-    # Spin about X through the middle of the cable, then the drift.
+    # The cable spins about X through its middle, and drifts.
     omega = jnp.array([SPIN, 0.0, 0.0])
     arms = q.tether.at[0].add(-jnp.asarray(middle)[:, None, None])
     rates = jnp.cross(omega, arms, axisb=1, axisc=1).at[0].add(jnp.asarray(DRIFT)[:, None, None])

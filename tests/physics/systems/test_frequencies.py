@@ -1,4 +1,4 @@
-"""Natural frequencies of one tether, `equilibria/modes.py`, against beam, string and chain theory."""
+"""Natural frequencies of one tether (`equilibria/modes.py`) against beam, string and chain theory."""
 
 import itertools
 
@@ -21,29 +21,35 @@ quick_line = jit(steady_line)
 
 
 def angular_frequencies(made, spin=0.0, direction=(0.0, 1.0, 0.0)):
-    """Of all modes [rad/s], sorted. The start is stretched a little: a straight cable without tension or
-    bending stiffness has no stiffness across."""
+    """Returns the sorted angular frequencies of all modes [rad/s].
+
+    The initial guess of the equilibrium is slightly stretched, because a straight cable without tension or
+    bending stiffness has no transverse stiffness.
+    """
     start = straight(made, direction, 1.0001 * unstretched_line(made.tethers))
     found = quick_equilibrium(made, start, jnp.array([spin, 0.0, 0.0]))
     return 2.0 * np.pi * modes(made, found).frequency
 
 
 def worst(measured, exact, each=1):
-    """Largest relative error of the lowest modes, every frequency occurring `each` times."""
+    """Returns the largest relative error of the lowest modes; every frequency occurs `each` times."""
     exact = np.repeat(exact, each)
     return np.abs(measured[: len(exact)] / exact - 1.0).max()
 
 
 def roots(function, guesses):
-    """Zeros between neighbouring guesses."""
+    """Returns the zeros between neighbouring guesses."""
     return [brentq(function, a, b) for a, b in itertools.pairwise(guesses)]
 
 
 @pytest.mark.parametrize("root", ["clamped", "pinned"])
 def test_beam_without_tension(root, validate):
-    """Euler-Bernoulli, omega = (beta L)^2 sqrt(EI / (rho A L^4)): clamped-free cos cosh = -1,
-    pinned-free tan = tanh (and a rigid swing). EA = 1e6 keeps stretching modes out of the way; in the
-    third frequency n elements leave (beta l)^4 / 1440, 2e-5 for twenty."""
+    """Frequencies are those of Euler-Bernoulli beams, omega = (beta L)^2 sqrt(EI / (rho A L^4)).
+
+    Clamped-free beams have cos cosh = -1; pinned-free beams have tan = tanh, and a rigid swing. EA = 1e6
+    moves the stretching modes to higher frequencies. The error of the third frequency is (beta l)^4 /
+    1440, 2e-5 for 20 elements.
+    """
     made = one_tether(elements=20, axial=1e6, bending=1.0, line_density=1.0, clamped=root == "clamped")
     found = quick_equilibrium(made, straight(made), jnp.zeros(3))
     measured = 2.0 * np.pi * modes(made, found).frequency
@@ -63,15 +69,18 @@ def test_beam_without_tension(root, validate):
 
 
 def test_taut_string(validate):
-    """Between its root and a tip mass that is too heavy to move, under the weight of that mass:
-    omega_n = n pi sqrt(T / rho A) / (L sqrt(lambda)), lambda the stretch (T = 100 N, EA = 1e4 N)."""
+    """Frequencies of a taut string are omega_n = n pi sqrt(T / rho A) / (L sqrt(lambda)), lambda the
+    stretch.
+
+    The string is under the weight of a tip mass that is too heavy to move; T = 100 N, EA = 1e4 N.
+    """
     tension, axial, mass = 100.0, 1e4, 1e12
     made = one_tether(
         elements=10, axial=axial, line_density=2.0, tip_mass=mass, strain="engineering",
         gravity=[0.0, tension / mass, 0.0],
     )  # fmt: skip
     measured = angular_frequencies(made)
-    # The heavy mass itself swings and bounces far below the string.
+    # The frequencies of the heavy mass itself are far below those of the string.
     measured = measured[measured > 1.0]
     stretch = 1.0 + tension / axial
     exact = np.pi * np.arange(1, 4) * np.sqrt(tension / 2.0 / stretch)
@@ -82,7 +91,10 @@ def test_taut_string(validate):
 
 
 def test_hanging_chain(validate):
-    """omega_n = j_{0,n} sqrt(g / L) / 2 (Bernoulli), j the zeros of Bessel's J_0; EA = 1e7 rho A g L."""
+    """A hanging chain has omega_n = j_{0,n} sqrt(g / L) / 2 (Bernoulli), j the zeros of Bessel's J_0.
+
+    EA = 1e7 rho A g L.
+    """
     made = one_tether(elements=12, axial=1e7, line_density=1.0, gravity=[0.0, 1.0, 0.0])
     validate(
         "FRE-4", "hanging chain", "zeros of Bessel J0", "three lowest frequencies",
@@ -91,8 +103,11 @@ def test_hanging_chain(validate):
 
 
 def test_rotating_string_without_tip_mass(validate):
-    """Legendre polynomials: (omega / Omega)^2 = k (k + 1) / 2 out of plane and one less in plane,
-    k = 1, 3, 5; the first in plane is the rotation itself."""
+    """The modes are Legendre polynomials: (omega / Omega)^2 = k (k + 1) / 2 out of plane, one less in
+    plane.
+
+    k = 1, 3, 5; the first mode in plane is the rotation itself.
+    """
     made = one_tether(elements=12, axial=1e7, line_density=1.0, spin=1.0)
     measured = angular_frequencies(made, spin=1.0)
     k = np.array([1.0, 3.0, 5.0])
@@ -103,17 +118,18 @@ def test_rotating_string_without_tip_mass(validate):
 
 
 def rotating_string(spin, radius, length, axial, density, tip, points=32):
-    """Frequencies of a stretched rotating string with a tip mass, in the turning frame: Chebyshev
-    collocation in the material coordinate.
+    """Returns the frequencies of a stretched rotating string with a tip mass in the turning frame [rad/s].
 
-    Steady: (n(lambda))' = -Omega^2 rho A r, n = EA (lambda^2 - 1) lambda / 2, by Picard iteration. With u
-    along, w across in plane and z out of plane, k = dn / dlambda and t = n / lambda,
+    The steady state, (n(lambda))' = -Omega^2 rho A r with n = EA (lambda^2 - 1) lambda / 2, is found by
+    Picard iteration, the modes by Chebyshev collocation in the material coordinate. With u along, w across
+    in plane and z out of plane, k = dn / dlambda and t = n / lambda,
 
         rho A (u'' - 2 Omega w' - Omega^2 u) = (k u_x)_x,
         rho A (w'' + 2 Omega u' - Omega^2 w) = (t w_x)_x,
         rho A z'' = (t z_x)_x,
 
-    zero at the root, and at the tip the same with m in place of rho A and minus the forces k u_x, t w_x.
+    with zero displacement at the root. At the tip the mass m replaces rho A, and the right-hand sides are
+    minus the forces k u_x, t w_x.
     """
     nodes = np.cos(np.pi * np.arange(points + 1) / points)[::-1]
     basis = np.eye(points + 1)
@@ -134,7 +150,7 @@ def rotating_string(spin, radius, length, axial, density, tip, points=32):
         r = radius + from_root(stretch)
 
     def stiffness(modulus):
-        """Minus (modulus y_x)_x inside, modulus y_x at the tip; root row and column dropped."""
+        """Returns -(modulus y_x)_x inside and modulus y_x at the tip, without the root's row and column."""
         rows = -derivative @ np.diag(modulus) @ derivative
         rows[-1] = modulus[-1] * derivative[-1]
         return rows[1:, 1:]
@@ -159,8 +175,11 @@ def rotating_string(spin, radius, length, axial, density, tip, points=32):
 
 
 def test_tether_of_the_baseline(validate):
-    """The baseline's tether hinged on the hub's rim, without wind or damping: the ten lowest modes as
-    seen in the turning frame, the first stretching mode among them."""
+    """The ten lowest modes of the baseline's tether agree with those of the rotating string.
+
+    The tether is hinged on the hub's rim, without wind or damping. The first stretching mode is among the
+    ten.
+    """
     data = {"length": 1e4, "axial": 70e9 * 4.28e-9, "line_density": 7653.0 * 4.28e-9}
     made = one_tether(elements=12, tip_mass=1.5, radius=1.0, spin=4e-3, **data)
     exact = rotating_string(4e-3, 1.0, data["length"], data["axial"], data["line_density"], 1.5)[:10]
@@ -171,8 +190,11 @@ def test_tether_of_the_baseline(validate):
 
 
 def test_damped_rod(validate):
-    """A hanging elastic rod of one truss element: it stretches with omega^2 = (EA / L) / (m + rho L / 3)
-    and damping ratio gamma omega / 2, and swings undamped."""
+    """A hanging rod of one truss element stretches with omega^2 = (EA / L) / (m + rho L / 3), and swings
+    undamped.
+
+    The damping ratio of the stretching mode is gamma omega / 2.
+    """
     axial, time, mass, density = 900.0, 0.004, 2.0, 0.3
     made = one_tether(
         kind="truss", elements=1, axial=axial, tip_mass=mass, line_density=density, damping_time=time,
@@ -190,9 +212,11 @@ def test_damped_rod(validate):
 
 
 def test_free_hub_and_cable(validate):
-    """A spinning hub with one cable, free in space, seen in the turning frame: a drift along the axis and
-    a turn about it (s = 0), drifts across the axis and tilts of it (|s| = Omega), whatever the rest
-    does; as many pairs of eigenvalues as degrees of freedom."""
+    """A free, spinning hub with one cable has the rigid modes of any free body in the turning frame.
+
+    Drift along the axis and rotation about it have s = 0; drifts across the axis and tilts of it have |s|
+    = Omega. There are as many pairs of eigenvalues as degrees of freedom.
+    """
     hub = RigidBody(jnp.asarray(1.0), jnp.asarray(0.4), jnp.asarray(2.0))
     made = one_tether(
         elements=2, length=2.0, axial=300.0, line_density=0.4, tip_mass=0.6, radius=0.4, hub=hub
@@ -211,7 +235,7 @@ def test_free_hub_and_cable(validate):
 
 
 def test_modes_need_an_equilibrium():
-    """Where Newton's method has not ended there are no modes: said, not computed."""
+    """Modes about a state that is no equilibrium are refused with a message."""
     made = one_tether(elements=1, axial=300.0, line_density=0.4, spin=1.0)
     found = quick_equilibrium(made, straight(made), jnp.array([1.0, 0.0, 0.0]))
     assert found.converged

@@ -22,10 +22,12 @@ def rod(axial, **options):
 
 
 def test_spinning_pendulum_frequencies(validate):
-    """Behind [PGV] Eq. 83-85: hinged at radius R and spinning, the rod flaps with
-    omega^2 = Omega^2 (1 + eps) out of plane and Omega^2 eps in plane,
-    eps = 3 R (2 m_u + m_t) / (2 L (3 m_u + m_t)). EA = 1e8 m Omega^2 L: stretch and Coriolis
-    coupling through it change that by 4e-8, rounding in the stiffness as much: 1e-6 accepted."""
+    """A spinning rod hinged at radius R has the frequencies behind [PGV] Eq. 83-85.
+
+    omega^2 = Omega^2 (1 + eps) out of plane and Omega^2 eps in plane, with eps = 3 R (2 m_u + m_t) / (2 L
+    (3 m_u + m_t)). EA = 1e8 m Omega^2 L: the stretch, with its Coriolis coupling, changes them by 4e-8,
+    and rounding in the stiffness by as much; 1e-6 is accepted.
+    """
     spin, radius = 1.3, 0.3
     made = rod(1e8 * TIP * spin**2 * LENGTH, radius=radius, spin=spin)
     found = jit(equilibrium)(made, straight(made), jnp.array([spin, 0.0, 0.0]))
@@ -39,9 +41,12 @@ def test_spinning_pendulum_frequencies(validate):
 
 @pytest.mark.parametrize("stepper", STEPPERS)
 def test_large_swing(stepper, validate):
-    """Swing of 1 rad under gravity: sin(theta/2) = k sn(K(k) - omega t, k), k = sin(1/2),
-    omega^2 = g L (m_u + m_t/2) / J. Stiff (axial frequency 3000 omega) and started off the axial
-    equilibrium: rho_inf = 0.25 removes what rings. Accepted: a phase error of 2 pi (omega h)^2."""
+    """A swing of 1 rad under gravity is sin(theta/2) = k sn(K(k) - omega t, k), k = sin(1/2).
+
+    omega^2 = g L (m_u + m_t/2) / J. The rod is stiff (axial frequency 3000 omega) and does not start in
+    axial equilibrium; rho_inf = 0.25 damps the axial vibration. A phase error of 2 pi (omega h)^2 is
+    accepted.
+    """
     gravity, swing = 9.81, 1.0
     omega = np.sqrt(gravity * (TIP + ROD / 2.0) / ((TIP + ROD / 3.0) * LENGTH))
     made = rod(1e7, gravity=[0.0, -gravity, 0.0])

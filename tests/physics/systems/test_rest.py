@@ -1,5 +1,4 @@
-"""Equilibria and modes as motions: every stepper must leave an equilibrium where it is, and bring a
-mode back after its period."""
+"""Equilibria and modes as motions: an equilibrium stays at rest, and a mode returns after its period."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -19,7 +18,7 @@ quick_equilibrium = jit(equilibrium)
 
 
 def elastica():
-    """The cantilever of `test_elastica.py` under its load."""
+    """Returns the cantilever of `test_elastica.py` under its load."""
     load = elliptic(TIP_ANGLE)[0]
     made = one_tether(
         elements=4, axial=1e3, bending=1.0, line_density=0.2, tip_mass=1.0, clamped=True,
@@ -29,7 +28,7 @@ def elastica():
 
 
 def catenary():
-    """A cable without bending that hangs under its weight and a pull at its end."""
+    """Returns a cable without bending stiffness under its weight and a force at its end."""
     made = one_tether(elements=4, length=10.0, axial=500.0, line_density=1.5, gravity=[0.0, 0.0, -9.81])
     system = Pulled.of(made, jnp.array([0.0, 60.0, 0.0]))
     start = straight(made, direction=(0.0, 0.8, -0.6), line=1.1 * unstretched_line(made.tethers))
@@ -37,7 +36,7 @@ def catenary():
 
 
 def coning():
-    """The baseline's tether at 20 kV in a wind along the axis of its frame."""
+    """Returns the baseline's tether at 20 kV in a wind along the axis of its frame."""
     wind = SolarWind(*(jnp.asarray(x) for x in (4e5, 7.3e6, 1e3)), jnp.array([1.5e11, 0.0, 0.0]))
     made = one_tether(
         elements=4, length=1e4, axial=299.6, line_density=3.2755e-5, tip_mass=1.5, radius=1.0, spin=4e-3,
@@ -51,9 +50,11 @@ def coning():
 @pytest.mark.parametrize("case", [elastica, catenary, coning])
 @pytest.mark.parametrize("stepper", STEPPERS)
 def test_equilibrium_is_a_fixed_point(stepper, case, validate):
-    """40 steps from rest (in the turning frame). What stands still does so up to the iteration
-    tolerance (1e-8 m in a length of metres); what turns, up to (Omega h)^2 = 1.6e-5 of what
-    little its height moves. Accepted: 1e-8."""
+    """An equilibrium in the turning frame does not move in 40 steps; 1e-8 of the length is accepted.
+
+    Systems at rest keep their state up to the iteration tolerance, 1e-8 m in some metres. The rotating
+    system has an error of (Omega h)^2 = 1.6e-5 of the small motion of its height.
+    """
     made, start, spin, step = case()
     omega = jnp.array([spin, 0.0, 0.0])
     found = quick_equilibrium(made, start, omega)
@@ -70,9 +71,12 @@ def test_equilibrium_is_a_fixed_point(stepper, case, validate):
 @pytest.mark.slow
 @pytest.mark.parametrize("stepper", STEPPERS)
 def test_first_bending_mode_comes_back(stepper, validate):
-    """A clamped beam let go in its first mode, 1e-4 of its length high: after one period of `modes` it is
-    where it was. Second order: (2 pi / 400)^2. The mode is linear, the beam is not: it also rings along
-    itself by the amplitude squared, 1e-4 of it, which a stepper without numerical damping keeps."""
+    """A clamped beam released in its first mode returns after the period that `modes` gives.
+
+    The amplitude is 1e-4 of the length. The error is of second order, (2 pi / 400)^2. The nonlinear beam
+    also vibrates axially by the square of the amplitude, 1e-4 of it, which a method without numerical
+    damping keeps.
+    """
     made = one_tether(elements=6, axial=1e4, bending=1.0, line_density=1.0, clamped=True)
     found = quick_equilibrium(made, straight(made), jnp.zeros(3))
     first = modes(made, found)

@@ -1,5 +1,8 @@
-"""Torque-free rotation of a rigid body with three different moments of inertia: Jacobi's elliptic
-functions (Landau and Lifshitz, Mechanics, Sec. 37), from omega_2 = 0 and M^2 > 2 E I_2."""
+"""Torque-free rotation of a rigid body with three different moments of inertia.
+
+The solution is in Jacobi's elliptic functions (Landau and Lifshitz, Mechanics, Sec. 37), from omega_2 = 0
+and M^2 > 2 E I_2.
+"""
 
 import jax
 import jax.numpy as jnp
@@ -18,7 +21,7 @@ START = np.array([0.4, 0.0, 0.9])
 
 
 class Brick(RigidBody):
-    """The hub with another distribution of mass: three different moments of inertia."""
+    """A hub whose mass is distributed so that it has three different moments of inertia."""
 
     @property
     def mass_matrix(self):
@@ -30,12 +33,12 @@ BODY = Brick(jnp.asarray(2.0), jnp.asarray(1.0), jnp.asarray(3.0))
 
 
 def moments():
-    """I_1 < I_2 < I_3 [kg m^2]."""
+    """Returns I_1 < I_2 < I_3 [kg m^2]."""
     return float(BODY.mass) * (EXTENTS.sum() - EXTENTS)
 
 
 def closed_form(time):
-    """omega^B(t), time first."""
+    """Returns omega^B (time, 3) [rad/s]."""
     one, two, three = moments()
     energy, square = 0.5 * moments() @ START**2, (moments() ** 2) @ START**2  # E, M^2
     high, low = 2.0 * energy * three - square, square - 2.0 * energy * one
@@ -48,7 +51,7 @@ def closed_form(time):
 
 
 def alone():
-    """The body with a tether of 1e-30 kg and no stiffness: it is there, and is not felt."""
+    """Returns the body with a tether of 1e-30 kg and no stiffness, which has no effect."""
     made = one_tether(
         kind="truss", elements=1, axial=0.0, line_density=1e-30, tip_mass=1e-30, hub=BODY
     )  # fmt: skip
@@ -58,13 +61,13 @@ def alone():
 
 @pytest.fixture(scope="module", params=STEPPERS)
 def runs(request):
-    """Ten seconds, two and a half turns about the main axis, at two steps."""
+    """Runs of 10 s, 2.5 turns about the main axis, with two step sizes."""
     made, q, v = alone()
     return request.param, [integrate(request.param, made, q, v, 10.0 / n, n) for n in (400, 800)]
 
 
 def test_closed_form_starts_right_and_obeys_euler():
-    """The reference itself: I omega' = I omega x omega, and the initial value."""
+    """The closed form satisfies I omega' = I omega x omega and has the right initial value."""
     at, h = 3.0, 1e-5
     before, now, after = closed_form(np.array([at - h, at, at + h]))
     rate = (after - before) / (2.0 * h)
@@ -73,21 +76,22 @@ def test_closed_form_starts_right_and_obeys_euler():
 
 
 def test_angular_velocity(runs, validate):
-    """Second order: the error at the finer step is below (omega h)^2 = 1.3e-4, and a quarter of that at
-    the coarser one."""
+    """The error at the finer step is below (omega h)^2 = 1.3e-4, and a quarter of that at the coarser
+    step."""
     stepper, found = runs
     errors = []
     for time, q, v, _ in found:
         omega = jax.vmap(BODY.angular_velocity)(q.hub, v.hub)
         errors.append(np.abs(omega - closed_form(time)).max() / START.max())
-    ratio = errors[1] / max(errors[0], 1e-12)  # at these steps order 7 leaves rounding
+    ratio = errors[1] / max(errors[0], 1e-12)  # a method of order 7 has only rounding errors here
     case, reference = "torque-free rigid body", "Jacobi elliptic functions"
     validate(f"RIG-1 {stepper}", case, reference, "angular velocity, h = 12.5 ms", errors[1], 1.3e-4)
     validate(f"RIG-2 {stepper}", case, reference, "error ratio over a halved step", ratio, 0.26)
 
 
 def test_angular_momentum_and_energy(runs, validate):
-    """Both are constant: M in space, E = omega . I omega / 2. Second order as above."""
+    """The angular momentum in space and the energy E = omega . I omega / 2 are constant, to second
+    order."""
     stepper, found = runs
     _, q, v, _ = found[1]
     momentum = jax.vmap(lambda x, u: jnp.cross(x, BODY.mass_matrix @ u).sum(0))(q.hub, v.hub)
@@ -96,4 +100,4 @@ def test_angular_momentum_and_energy(runs, validate):
     drift = np.abs(momentum - momentum[0]).max() / np.linalg.norm(momentum[0])
     validate(f"RIG-3 {stepper}", case, reference, "angular momentum in space", drift, 1e-5)
     validate(f"RIG-4 {stepper}", case, reference, "energy", np.abs(energy / energy[0] - 1.0).max(), 1.3e-4)
-    np.testing.assert_allclose(momentum[0], moments() * START, rtol=1e-12)  # the inertia tensor itself
+    np.testing.assert_allclose(momentum[0], moments() * START, rtol=1e-12)  # checks the inertia tensor

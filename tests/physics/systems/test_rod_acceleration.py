@@ -1,8 +1,8 @@
 """The O(n) acceleration of a rod chain against a dense solution of Lagrange's equations.
 
-The judge shares nothing with `rod_chain.py` but the numbers: T and V are written for rods in
-rod vectors, differentiated, and solved with a full mass matrix. Random chains of unequal rods, one to
-seven, strained by up to a half; every number of order one.
+The reference shares only the numbers with `rod_chain.py`: T and V of the rods are written in rod vectors
+and differentiated, and the equations are solved with a full mass matrix. Chains are random, with one to
+seven unequal rods, strains of up to 0.5, and all numbers of order one.
 """
 
 import jax
@@ -28,7 +28,7 @@ GRAVITY, MOTION, DAMPING = np.array([0.3, -0.7, 0.2]), 0.6, 0.4
 
 
 class Shear(Load):
-    """f = A r + b + c (along the rod): depends on everything a load may depend on."""
+    """The load f = A r + b + c (along the rod), which depends on all fields that a load may depend on."""
 
     matrix: jax.Array
 
@@ -41,7 +41,7 @@ class Shear(Load):
 
 
 def numbers(n, seed=1):
-    """Rods and a state."""
+    """Returns the numbers of the rods and a random state."""
     rng = np.random.default_rng(100 * n + seed)
     data = {key: rng.uniform(0.5, 2.0, n) for key in ("mass", "length", "axial", "bending")}
     direction = rng.normal(size=(3, n + 1))
@@ -62,7 +62,7 @@ CLAMP = np.array([0.6, 0.0, 0.8])
 
 
 def package(data, ends, free, parts):
-    """The chain as the package has it."""
+    """Returns the package's chain."""
     column = {key: jnp.asarray(data[key])[:, None] for key in ("mass", "length")}
     axial = jnp.asarray(data["axial"])
     base, tip = (jnp.asarray([end]) for end in ends)
@@ -98,7 +98,10 @@ def package(data, ends, free, parts):
 
 
 def judge(data, ends, free, parts, time):
-    """Acceleration of the coordinates, and d(T + V)/dt without loads, field and damping, by Lagrange."""
+    """Returns the acceleration of the coordinates by Lagrange's equations, and d(T + V)/dt.
+
+    V contains neither loads, nor the field, nor damping.
+    """
     n = data["mass"].size
     gauss, weight = np.polynomial.legendre.leggauss(4)
     s, w = (gauss + 1) / 2, weight / 2
@@ -138,13 +141,13 @@ def judge(data, ends, free, parts, time):
         return energy
 
     def masses_at(x):
-        """Every material point with its mass."""
+        """Returns all material points with their masses."""
         r = jnp.concatenate([points(x).reshape(3, -1), ends_of(x)[:, [0, -1]]], axis=1)
         m = np.concatenate([(data["mass"][:, None] * w).ravel(), [ends[0] if free else 0.0, ends[1]]])
         return r, m
 
     def work_of(x, v, moved):
-        """Virtual work of everything else."""
+        """Returns the virtual work of all other forces."""
         (r, m), (there, _) = masses_at(x), masses_at(moved)
         velocity = jax.jvp(lambda y: masses_at(y)[0], (x,), (v,))[1]
         field = jnp.zeros_like(r)
@@ -183,7 +186,7 @@ def judge(data, ends, free, parts, time):
 @pytest.mark.parametrize("parts, free", [("everything", False), ("everything", True), ("clamped", False)])
 @pytest.mark.parametrize("n", [1, pytest.param(2, marks=pytest.mark.slow), 7])
 def test_acceleration_is_that_of_lagranges_equations(n, parts, free):
-    """Rounding: the dense mass matrix has a condition number of some hundred."""
+    """The accelerations agree to rounding; the dense mass matrix has a condition number of some hundred."""
     data, ends = numbers(n)
     chain, state = package(data, ends, free, PARTS[parts])
     found = jit(lambda c, y: c(jnp.asarray(0.7), y).v)(chain, state)
@@ -193,7 +196,7 @@ def test_acceleration_is_that_of_lagranges_equations(n, parts, free):
 
 @pytest.mark.parametrize("free", [False, True], ids=["fixed", "free"])
 def test_acceleration_is_that_of_truss_elements_in_absolute_coordinates(free):
-    """The block-tridiagonal solve in the joints' positions gives the same motion."""
+    """The block-tridiagonal system in absolute joint positions gives the same motion."""
     data, ends = numbers(7)
     chain, state = package(data, ends, free, ("gravity", "orbit", "load", "damping"))
     time = jnp.asarray(0.7)
@@ -210,8 +213,10 @@ def test_acceleration_is_that_of_truss_elements_in_absolute_coordinates(free):
 @pytest.mark.slow
 @pytest.mark.parametrize("free", [False, True], ids=["fixed", "free"])
 def test_power_is_the_rate_of_the_energy(free):
-    """d(T + U)/dt = power of loads and fields - dissipated power, along the true motion: the work kept
-    beside the state is the right one, and that of `System.residual`."""
+    """d(T + U)/dt is the power of loads and fields minus the dissipated power, along the true motion.
+
+    The power that is integrated beside the state is therefore right; it is also that of `System.residual`.
+    """
     data, ends = numbers(5)
     chain, state = package(data, ends, free, ("gravity", "orbit", "load", "damping"))
     zero = jnp.zeros(())
@@ -245,7 +250,7 @@ def test_positions_and_rod_vectors_are_each_others_inverse():
 
 
 def test_an_anchor_at_rest_in_orbit_is_an_anchor_in_the_turning_axes():
-    """A rod from the reference point, straight up, carries the tide of what hangs on it."""
+    """A vertical rod from the reference point carries the tidal force of the mass at its end."""
     data, ends = numbers(1)
     chain, _ = package(data, ends, False, ("orbit",))
     up = jnp.array([[2.0], [0.0], [0.0]])
@@ -266,8 +271,10 @@ def test_coordinates_keep_the_layout_of_the_system():
 
 @pytest.mark.parametrize("free", [False, True], ids=["fixed", "free"])
 def test_tangent_of_the_implicit_method_is_the_derivative_of_the_residual(free):
-    """M + s (K + c C) with loads, damping and the field of an orbit, which
-    depends on position and velocity; the loose port and the mass at it included."""
+    """M + s (K + c C) is the derivative of the residual, with loads, damping and the field of an orbit.
+
+    The field depends on position and velocity. The free port and its mass are included.
+    """
     data, ends = numbers(5)
     chain, state = package(data, ends, free, ("gravity", "orbit", "load", "damping"))
     system, time, s, c = chain.system, jnp.asarray(0.3), jnp.asarray(0.05), jnp.asarray(7.0)

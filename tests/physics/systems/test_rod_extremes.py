@@ -1,4 +1,4 @@
-"""Rod chains that are slack, snap taut, are stiff, at rest, or run with steps that are too long."""
+"""Rod chains that are slack, become taut, are stiff or at rest, or have steps that are too long."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -20,14 +20,14 @@ HARD = {
 
 
 IMPLICIT = {"slack": 5e-3, "snap taut": 0.3, "stiffness ratio": 3e-2, "mass ratio": 3e-2}
-"""Part of the energy that generalized-alpha at 1e-3 s may lose or gain: it damps the ringing of rods that
-snap taut (that is most of the energy there), and resolves the rest to second order."""
+"""Fraction of the energy that generalized-alpha may lose or gain at 1e-3 s. It damps the vibration of rods
+that become taut, which holds most of the energy there, and resolves the other motion to second order."""
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", HARD)
 def test_hard_cases_end_well(case):
-    """Explicit: the energy is kept. Implicit: what is lost is known, and next to nothing is gained."""
+    """Explicit methods keep the energy; the implicit method loses a known part and gains almost nothing."""
     settings = {"chain.rods": 5, "integrator.t_end": 2.0, "output.interval": 0.02} | HARD[case]
     run = esail.simulate("hanging-chain", settings)
     assert np.abs(run["energy_error"]).max() < 1e-6
@@ -41,7 +41,7 @@ def test_hard_cases_end_well(case):
 @pytest.mark.slow
 @pytest.mark.parametrize("step, words", [(1e-4, "infinite or undefined"), (1e-5, "energy balance")])
 def test_an_explicit_step_that_is_too_long_says_so(step, words):
-    """omega h = 18 overflows; 1.8 only fills the chain with a vibration, which its energy shows."""
+    """A step with omega h = 18 overflows; with 1.8 the chain vibrates, which its energy balance shows."""
     settings = {"integrator.step": step, "integrator.method": "dopri5", "integrator.t_end": 0.5}
     with pytest.raises(esail.SimulationError, match=f"{words}.*too long for the fastest"):
         esail.simulate("steel-chain", settings)
@@ -54,7 +54,7 @@ def test_an_explicit_step_that_is_too_long_says_so(step, words):
 
 @pytest.mark.slow
 def test_the_implicit_method_resolves_the_stretch_of_steel():
-    """Second order down to 1e-6 m, where rods stretch by 2e-7 m."""
+    """The error is of second order down to 1e-6 m; rods stretch by 2e-7 m."""
     errors = []
     for step in (1e-4, 5e-5):
         settings = {
@@ -66,7 +66,8 @@ def test_the_implicit_method_resolves_the_stretch_of_steel():
 
 
 def test_the_chosen_method_depends_on_the_stiffness_and_on_the_step():
-    """Explicit while its steps are affordable; implicit beyond, and for a given step that is too long."""
+    """The explicit method is chosen while its steps are affordable, unless a given step is too long for
+    it."""
     from esail_jax.scenes.method_choice import with_method
 
     def chosen(**settings):
@@ -85,8 +86,10 @@ def test_the_chosen_method_depends_on_the_stiffness_and_on_the_step():
 
 @pytest.mark.slow
 def test_the_implicit_method_chosen_for_a_stiff_chain_runs():
-    """1.1e7 explicit steps would be needed. Rods at the free end turn by a hundred radians a second: the
-    chosen step must follow them, or be halved where it cannot."""
+    """The implicit method integrates a stiff chain for which an explicit method needs 1.1e7 steps.
+
+    Rods at the free end rotate by a hundred radians per second; the step resolves this or is halved.
+    """
     settings = {
         "chain.youngs_modulus": 207e14, "integrator.t_end": 0.7, "output.interval": 0.1,
         "gravity.acceleration": [0.0, 0.0, 9.81],
@@ -99,7 +102,7 @@ def test_the_implicit_method_chosen_for_a_stiff_chain_runs():
 @pytest.mark.slow
 @pytest.mark.parametrize("anchor", ["fixed", "free"])
 def test_a_chain_at_rest_stays_there(anchor):
-    """Its energy is rounding, of which nothing is a part."""
+    """A chain at rest stays at rest. Its energy is rounding, so that no relative error is formed."""
     settings = {
         "gravity.acceleration": [0.0, 0.0, 0.0], "initial.rod_rate": [0.0, 0.0, 0.0],
         "chain.anchor": anchor,

@@ -1,4 +1,4 @@
-"""Runs of rod chains: against independent integrations, exact orbital motion, and themselves."""
+"""Runs of rod chains: comparison with independent integrations, order, derivatives and energy."""
 
 import jax
 import jax.numpy as jnp
@@ -16,8 +16,8 @@ TIPS = {
     (0, 0, 1): (-3.830578240461789, -19.208620023784937, 4.843783318641380),
     (0, 0, -1): (-3.830578240461789, -19.208620023784937, -4.843783318641380),
 }
-"""By direction of gravity: tip [m] of [MW]'s experiment 1 at 5 s, by Gauss collocation of order 16 in long
-double and by a program in quadruple precision (`experiments/mw_rods/reference.py`)."""
+"""Tip [m] of [MW]'s experiment 1 at 5 s, by direction of gravity. Gauss collocation of order 16 in long
+double and a program in quadruple precision agree on it (`experiments/mw_rods/reference.py`)."""
 
 
 def weight(direction):
@@ -25,8 +25,11 @@ def weight(direction):
 
 
 def test_experiment_1_against_quadruple_precision(validate):
-    """Every direction but -X, which is chaotic once rods are slack. 8 digits of 20 m are asked for; the
-    method's tolerance is 1e-9 of a rod, and gravity along -Y makes 1e5 of a change in the start."""
+    """The tip agrees to 8 digits of 20 m for every direction of gravity but -X, where slack rods move
+    chaotically.
+
+    The method's tolerance is 1e-9 of a rod; with gravity along -Y a change of the start grows 1e5 times.
+    """
     worst = 0.0
     for direction, exact in TIPS.items():
         run = esail.simulate("hanging-chain", weight(direction) | {"output.interval": 1.0})
@@ -40,14 +43,17 @@ def test_experiment_1_against_quadruple_precision(validate):
 
 @pytest.mark.slow
 def test_energy_of_experiment_1_at_the_papers_step(validate):
-    """[MW] find 6e-6 with ode45's pair at 1e-4 s; which gravity they had is not printed."""
+    """The energy error is at most the 6e-6 that [MW] find with ode45's pair at 1e-4 s.
+
+    [MW] do not print the direction of gravity.
+    """
     settings = {"integrator.method": "dopri5", "integrator.step": 1e-4}
     largest = 0.0
     for direction in (*TIPS, (-1, 0)):
         run = esail.simulate("hanging-chain", weight(direction) | settings)
         energy = run["kinetic_energy"] + run["elastic_energy"] + run["potential_energy"]
         error = np.abs(run["energy_error"]).max()
-        if abs(energy[0]) > 1.0:  # Eq. 31 divides by the energy at the start, which may be near zero
+        if abs(energy[0]) > 1.0:  # Eq. 31 divides by the initial energy, which may be near zero
             error = max(error, np.abs(energy / energy[0] - 1.0).max())
         largest = max(largest, error)
     validate(
@@ -73,9 +79,12 @@ SHORT = {"chain.rods": 3, "integrator.t_end": 1.0, "output.interval": 0.5}
     "method, order", [("tsit5", 5), ("dopri5", 5), ("dopri8", 8), ("generalized-alpha", 2)]
 )
 def test_order_of_the_method(method, order):
-    """The largest error along the path falls with the method's power of the step. Soft rods (35 rad/s), so
-    that the axial vibration is resolved. A fifth of the order is left for the terms beyond: before the
-    eighth-order method meets rounding its steps are still as long as the fastest vibration."""
+    """The largest error along the path has the method's order in the step, to a fifth of the order.
+
+    The rods are soft (35 rad/s), so that the steps resolve the axial vibration. The tolerance allows for
+    terms of higher order: where the eighth-order method reaches rounding, its steps are as long as the
+    fastest vibration.
+    """
     soft = SHORT | {"chain.youngs_modulus": 1e7, "output.interval": 0.05}
     exact = tip(esail.simulate("hanging-chain", soft | {"integrator.tolerance": 1e-13}))
     size = {5: 5e-3, 8: 4e-2, 2: 1e-3}[order]
@@ -90,7 +99,8 @@ def test_order_of_the_method(method, order):
 
 
 def test_saved_instants_change_nothing():
-    """The steps are the same whatever is saved, and what is saved between them is as good as they are."""
+    """The steps do not depend on the saved instants, and instants within steps are as accurate as their
+    ends."""
     few = esail.simulate("hanging-chain", SHORT | {"output.interval": 1.0})
     many = esail.simulate("hanging-chain", SHORT | {"output.interval": 1.0 / 512})
     assert few.steps == many.steps
@@ -115,9 +125,12 @@ def traced(values):
 
 @pytest.mark.slow
 def test_gradients():
-    """Of the tip's end position by masses, modulus, length, start, gravity and tip mass: reverse mode
-    equals forward mode to rounding, and extrapolated central differences to 1e-6. Every run of those
-    chooses its own steps, so they are only as good as the tolerance over their step."""
+    """The derivative of the tip's final position is the same in reverse and forward mode, to rounding.
+
+    The variables are masses, modulus, length, start, gravity and tip mass. Extrapolated central
+    differences agree to 1e-6: every run chooses its own steps, so that their error is the tolerance
+    divided by the change.
+    """
 
     def place(values):
         joints = traced(values)["joint_position"]
@@ -128,7 +141,7 @@ def test_gradients():
     forward = jit(jax.jacfwd(place))(at)
     assert np.isfinite(value)
     np.testing.assert_allclose(reverse, forward, rtol=1e-9, atol=1e-12)
-    step, run = 1e-4, place  # concrete: the host's loop
+    step, run = 1e-4, place  # concrete runs use the host's loop
     for i, unit in enumerate(np.eye(7)):
         wide, near = ((run(at + h * unit) - run(at - h * unit)) / (2.0 * h) for h in (2.0 * step, step))
         np.testing.assert_allclose(reverse[i], (4.0 * near - wide) / 3.0, rtol=1e-6, atol=1e-6)
@@ -140,7 +153,7 @@ def test_a_traced_run_is_the_concrete_one_and_vmap_a_loop():
     many = jit(jax.vmap(lambda v: traced(v)["joint_position"]))(values)
     one = jit(lambda v: traced(v)["joint_position"])
     for found, value in zip(many, values, strict=True):
-        alone = traced(value)  # concrete: the host's loop
+        alone = traced(value)  # concrete runs use the host's loop
         np.testing.assert_allclose(found, alone["joint_position"], rtol=0, atol=1e-12)
         np.testing.assert_allclose(one(value), alone["joint_position"], rtol=0, atol=1e-12)
     assert set(alone.observables) >= {"tension", "energy_error", "kinetic_energy"}
@@ -148,8 +161,10 @@ def test_a_traced_run_is_the_concrete_one_and_vmap_a_loop():
 
 @pytest.mark.slow
 def test_loads_and_damping_of_the_sail_act_on_a_chain():
-    """Coulomb thrust and axial damping: the explicit method's work and energy balance, and the implicit
-    method on the same chain, which is second order."""
+    """Coulomb thrust and axial damping act on a chain, and its energy balance closes.
+
+    The implicit method agrees with the explicit one to second order.
+    """
     settings = SHORT | {
         "integrator.t_end": 4.0, "output.interval": 1.0, "chain.axial_damping_time": 1e-2,
         "solar_wind.speed": 4e5, "solar_wind.number_density": 7.3e6,
@@ -174,7 +189,8 @@ def test_loads_and_damping_of_the_sail_act_on_a_chain():
 
 @pytest.mark.slow
 def test_energy_of_a_bending_chain():
-    """A clamped chain swings from the horizontal: the springs between its rods are in its energy."""
+    """The energy of a clamped chain that swings from the horizontal includes the springs between the
+    rods."""
     stiff = {"chain.bending": True, "chain.root": "clamped", "chain.second_moment": 1e-9}
     run = esail.simulate("hanging-chain", SHORT | stiff | {"initial.rod_vector": [1.0, 0.0, 0.0]})
     assert np.abs(run["energy_error"]).max() < 1e-8

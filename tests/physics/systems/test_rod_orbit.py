@@ -1,4 +1,4 @@
-"""Tethered satellites on a circular orbit: Hill's equations, libration, both methods."""
+"""Tethered satellites on a circular orbit: Hill's equations, libration, explicit and implicit method."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ SCENE = esail.load_scene("tethered-satellite")
 
 
 def clohessy_wiltshire(start, rate, t):
-    """Closed solution of Hill's equations."""
+    """Returns the closed solution of Hill's equations."""
     n, s, c = MOTION, np.sin(MOTION * t), np.cos(MOTION * t)
     (x, y, z), (u, v, w) = start, rate
     return np.array([
@@ -24,8 +24,11 @@ def clohessy_wiltshire(start, rate, t):
 
 @pytest.mark.slow
 def test_centre_of_mass_moves_as_a_free_particle(validate):
-    """Internal forces do not move it, and the field is linear: Clohessy & Wiltshire's solution, over an
-    orbit. 1e-9 of the chain's size."""
+    """The centre of mass follows Clohessy & Wiltshire's solution over an orbit, to 1e-9 of the chain's
+    size.
+
+    Internal forces do not act on it, and the field is linear.
+    """
     settings = {
         "initial.position": [50.0, -300.0, 20.0], "initial.velocity": [0.1, -0.2, 0.05],
         "initial.rod_rate": [0.02, 0.01, -0.03], "integrator.t_end": 5712.0, "output.interval": 571.2,
@@ -49,10 +52,12 @@ def test_centre_of_mass_moves_as_a_free_particle(validate):
 
 @pytest.mark.slow
 def test_libration_frequencies(validate):
-    """sqrt(3) n in the plane of the orbit and 2 n across it, of the line from body to body, at 0.01 rad
-    (finite amplitude takes amplitude^2/4 off, 2.5e-5). A tether that yields takes 2/3 of its strain off,
-    as Coriolis forces stretch it in step with the motion: 1e-4 for that of the scene, which here is
-    ten times as stiff."""
+    """The line between the bodies librates at sqrt(3) n in the orbital plane and at 2 n across it.
+
+    The amplitude of 0.01 rad reduces the frequencies by amplitude^2/4, 2.5e-5. An elastic tether reduces
+    them by 2/3 of its strain, because Coriolis forces stretch it in phase with the motion: 1e-4 for the
+    tether of the scene; this tether is ten times as stiff.
+    """
     settings = {
         "chain.rods": 4, "chain.length": 5000.0, "chain.mass": 2.3, "chain.youngs_modulus": 87e10,
         "initial.rod_vector": (2.5 * np.array(SCENE.initial.rod_vector)).tolist(),
@@ -78,7 +83,8 @@ def test_libration_frequencies(validate):
 
 @pytest.mark.slow
 def test_the_implicit_method_on_orbit():
-    """A free chain in the field of an orbit: second order towards the explicit method's path."""
+    """The implicit method converges to the explicit method's path of a free chain in orbit, with second
+    order."""
     settings = {"integrator.t_end": 1000.0, "output.interval": 100.0, "chain.rods": 4}
     settings |= {"initial.rod_vector": [2000.3, 20.0, 20.0], "chain.youngs_modulus": 87e7}
     exact = esail.simulate(SCENE, settings)["joint_position"]

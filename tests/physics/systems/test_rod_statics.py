@@ -1,4 +1,4 @@
-"""Bending, tension-only rods and orbital equilibrium of rod chains: states of rest and small vibrations."""
+"""Rod chains at rest and in small vibration: bending, tension-only rods, equilibrium in orbit."""
 
 import jax
 import jax.numpy as jnp
@@ -32,11 +32,11 @@ rod_vector = [{length}, 0.0, 0.0]
 [integrator]
 t_end = 1.0
 """
-"""A cantilever along x of length 1 m, EI = 1 N m^2; slender, so that EA = 1e4 N stretches nothing."""
+"""A cantilever along x of length 1 m with EI = 1 N m^2. With EA = 1e4 N its stretch is negligible."""
 
 
 def built(text, overrides=None):
-    """Chain and initial state of a scene."""
+    """Returns the chain and the initial state of a scene."""
     scene = parse(text, "test")
     scene = scene.replace(overrides or {})
     structure, numbers = split(scene)
@@ -49,7 +49,7 @@ def beam(n, mass=1.0, tip=0.0, weight=0.0):
 
 @jit
 def newton(chain, x):
-    """One dense Newton step towards rest."""
+    """Returns the state after one dense Newton step towards rest."""
 
     def acceleration(flat):
         return chain(jnp.zeros(()), RodState(flat.reshape(x.shape), 0 * x, None)).v.reshape(-1)
@@ -66,8 +66,11 @@ def at_rest(chain, x, steps=8):
 
 
 def test_cantilever(validate):
-    """F L^3 / (3 EI) under a force at the tip, small enough to be linear (1e-4 of the length; the next
-    term is its square). Springs between rods make an error of second order: n = 8, 16 extrapolated."""
+    """A force at the tip deflects it by F L^3 / (3 EI).
+
+    The deflection, 1e-4 of the length, is small enough to be linear. Springs between rods have an error of
+    second order, so that n = 8 and 16 are extrapolated.
+    """
     deflection = []
     for n in (8, 16):
         chain, state = beam(n, mass=1e-9, tip=1.0, weight=3e-4)
@@ -82,8 +85,11 @@ def test_cantilever(validate):
 
 @pytest.mark.slow
 def test_large_deflection_of_a_cantilever(validate):
-    """F L^2 / EI = 1: the elastica's tip is at 0.30172 L across ([Bisshopp & Drucker 1945], here by
-    shooting), stretch 1e-4. Extrapolated like the small one; fourth order is left, and EA."""
+    """With F L^2 / EI = 1 the elastica's tip is at 0.30172 L across (Bisshopp & Drucker 1945; here by
+    shooting).
+
+    n = 8 and 16 are extrapolated; an error of fourth order and a stretch of 1e-4 remain.
+    """
     angle = elastica_tip_angle(1.0)
     s = np.linspace(0.0, 1.0, 4001)
     exact = np.trapezoid(np.sin(angle(s)), s)
@@ -99,7 +105,7 @@ def test_large_deflection_of_a_cantilever(validate):
 
 
 def elastica_tip_angle(load):
-    """theta(s) of theta'' = -load cos(theta), theta(0) = 0, theta'(1) = 0, by shooting."""
+    """Solves theta'' = -load cos(theta), theta(0) = 0, theta'(1) = 0 by shooting and returns theta(s)."""
     from scipy.integrate import solve_ivp
 
     def shoot(kappa):
@@ -114,8 +120,10 @@ def elastica_tip_angle(load):
 
 @pytest.mark.slow
 def test_vibrating_beam(validate):
-    """Clamped-free, cos cosh = -1: the two lowest frequencies across; second order, n = 8, 16
-    extrapolated leaves the fourth."""
+    """The two lowest transverse frequencies of a clamped-free beam satisfy cos cosh = -1.
+
+    n = 8 and 16 are extrapolated; an error of fourth order remains.
+    """
     exact = (
         np.array([brentq(lambda b: np.cos(b) * np.cosh(b) + 1, *pair) for pair in ((1, 3), (3, 6))]) ** 2
     )
@@ -138,7 +146,8 @@ def test_vibrating_beam(validate):
 
 @pytest.mark.slow
 def test_fastest_rate_is_a_bound():
-    """Of every frequency of random stretched and bent chains, and not ten times too large."""
+    """`fastest_rate` is above all frequencies of random stretched and bent chains, by less than ten
+    times."""
     rng = np.random.default_rng(3)
     for bending, modulus, moment in ((False, 1e4, 1.0), (True, 1e4, 0.3), (True, 1.0, 3e3)):
         n = 6
@@ -162,8 +171,11 @@ def test_fastest_rate_is_a_bound():
 
 
 def test_tension_only_law():
-    """Nothing below -w/2, EA eps above w/2 exactly, and in between an energy whose second derivative
-    is continuous: the force is the energy's derivative everywhere."""
+    """The tension-only force is zero below -w/2 and EA eps above w/2, and the derivative of the energy
+    everywhere.
+
+    In between the second derivative of the energy is continuous.
+    """
     axial, width = 700.0, 1e-3
     law = TensionOnlyEnergy(jnp.asarray([axial]), jnp.asarray(width), "engineering")
     plain = AxialEnergy(jnp.asarray([axial]), "engineering")
@@ -186,7 +198,7 @@ def test_tension_only_law():
     stored, force, stiffness, quadratic = found[:, 7:14]
     np.testing.assert_allclose(force, axial * taut, rtol=1e-12)
     np.testing.assert_allclose(stiffness, axial, rtol=1e-9)
-    # Beyond the blend the energy is the quadratic one, but for a constant.
+    # Beyond the blend the energy is quadratic, but for a constant.
     np.testing.assert_allclose(stored - quadratic, axial * width**2 / 24, rtol=1e-6)
     np.testing.assert_allclose(found[2, 14], axial / 2, rtol=1e-9)
     step = blend[1] - blend[0]
@@ -198,8 +210,11 @@ def test_tension_only_law():
 
 @pytest.mark.slow
 def test_tension_of_a_light_vertical_tether(validate):
-    """3 n^2 mu l, mu = m1 m2/(m1 + m2), at rest in the turning axes; a tether of 4e-6 of mu adds as much,
-    and it is stretched by 1.5e-4, which counts in l."""
+    """The tension of a light vertical tether is 3 n^2 mu l with mu = m1 m2/(m1 + m2), at rest in the
+    turning axes.
+
+    The tether's mass, 4e-6 of mu, changes the tension by as much. Its stretch of 1.5e-4 is part of l.
+    """
     n, length = 1.1e-3, 2e4
     text = f"""
 [chain]
@@ -220,7 +235,7 @@ position = [{-length / 6}, 0.0, 0.0]
 t_end = 1.0
 """
     chain, state = built(text)
-    # The centre of mass may rest anywhere along the orbit: the lateral part stays as it is.
+    # The centre of mass may rest anywhere along the orbit, so that its lateral position is not changed.
     x = state.x
 
     def along(c, first):

@@ -1,6 +1,6 @@
-"""A cable with a tip mass that spins steadily: the elastic stretch in closed form.
+"""The elastic stretch of a steadily spinning cable with a tip mass, in closed form.
 
-Engineering strain: EA (r' - 1) is the tension, (EA r')' = -rho A Omega^2 r, so that with
+With engineering strain, EA (r' - 1) is the tension and (EA r')' = -rho A Omega^2 r, so that with
 k = Omega sqrt(rho A / EA)
 
     r(x) = R cos(k x) + B sin(k x),      EA (r'(L) - 1) = m Omega^2 r(L).
@@ -16,11 +16,11 @@ from esail_jax.equilibria.steady_stretch import steady_line
 from support.one_tether import STEPPERS, integrate, one_tether, straight, turning
 
 LENGTH, AXIAL, DENSITY, TIP, RADIUS, SPIN = 2.0, 50.0, 0.8, 1.5, 0.3, 1.2
-"""A soft cable: it is stretched by a fifth."""
+"""Numbers of a soft cable, which is stretched by 20 %."""
 
 
 def closed_form(x, spin):
-    """r(x) [m]."""
+    """Returns r(x) [m]."""
     k = spin * jnp.sqrt(DENSITY / AXIAL)
     s, c = jnp.sin(k * LENGTH), jnp.cos(k * LENGTH)
     pull = TIP * spin**2
@@ -37,7 +37,7 @@ def system(spin=SPIN, elements=8):
 
 @jax.jit
 def stretched(spin):
-    """Radii of the nodes, from the start-up stretch and from the relative equilibrium."""
+    """Returns the node radii [m] of the steady initial stretch and of the relative equilibrium."""
     made = system(spin=1.0, elements=16)
     line, _ = steady_line(made.tethers, made.energies, jnp.asarray(RADIUS), spin, jnp.zeros(()))
     found = equilibrium(made, straight(made), jnp.array([1.0, 0.0, 0.0]) * spin)
@@ -45,8 +45,10 @@ def stretched(spin):
 
 
 def test_steady_stretch_and_its_derivative(validate):
-    """Both ways to the equilibrium, and d r(L) / d Omega through them (implicit function theorem),
-    against the closed form: sixteen cubic elements leave less than 1e-9."""
+    """Both computations of the equilibrium, and d r(L) / d Omega through them, agree with the closed form.
+
+    The derivative uses the implicit function theorem. Sixteen cubic elements have errors below 1e-9.
+    """
     x = jnp.linspace(0.0, LENGTH, 17)
     exact, slope = jax.jvp(lambda w: closed_form(x, w), (SPIN,), (1.0,))
     radii, change = jax.jvp(stretched, (jnp.asarray(SPIN),), (jnp.ones(()),))
@@ -60,8 +62,11 @@ def test_steady_stretch_and_its_derivative(validate):
 
 @pytest.mark.parametrize("stepper", STEPPERS)
 def test_steady_rotation_stays_steady(stepper, validate):
-    """From the closed form the cable turns as a rigid body. A second-order method errs by a phase of
-    2 pi c (Omega h)^2 in a turn, c about 0.1: accepted is (Omega h)^2."""
+    """A cable that starts from the closed form rotates as a rigid body.
+
+    A second-order method has a phase error of 2 pi c (Omega h)^2 per turn, c about 0.1; (Omega h)^2 is
+    accepted.
+    """
     x = np.linspace(0.0, LENGTH, 9)
     radius = closed_form(x, SPIN)
     slope = jax.vmap(jax.grad(lambda x: closed_form(x, SPIN)))(x)

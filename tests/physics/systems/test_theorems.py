@@ -1,4 +1,4 @@
-"""Theorems of momentum and energy, of a free sail and of a swinging cable."""
+"""Theorems of momentum, angular momentum and energy, for a free sail and a swinging cable."""
 
 import jax
 import jax.numpy as jnp
@@ -14,7 +14,7 @@ GRAVITY = np.array([0.3, -0.2, 0.5])
 
 
 def energy_of(made, q, v):
-    """Kinetic and elastic energy [J] of the tether, without its tip mass's height."""
+    """Returns the kinetic and elastic energy [J] of the tether, without the weight of its tip mass."""
     kinetic = 0.5 * jnp.vdot(v.tether, made.tethers.inertia(v.tether))
     fields = made.tethers.interpolate(q.tether)
     return kinetic + made.integrate(sum(term.density(fields) for term in made.energies))
@@ -22,7 +22,7 @@ def energy_of(made, q, v):
 
 @pytest.fixture(scope="module", params=STEPPERS)
 def falling(request):
-    """A hub with one cable, spinning off its axis, in uniform gravity: 2 s, 200 steps."""
+    """A run of 2 s in 200 steps: a hub with one cable that spins about a skew axis in uniform gravity."""
     hub = RigidBody(jnp.asarray(1.0), jnp.asarray(0.4), jnp.asarray(2.0))
     made = one_tether(
         elements=4, length=2.0, axial=300.0, bending=0.5, line_density=0.4, tip_mass=0.6, radius=0.4,
@@ -33,8 +33,7 @@ def falling(request):
 
 
 def test_centre_of_mass_falls_on_a_parabola(falling, validate):
-    """P(t) = P(0) + M g t: constant accelerations are integrated without error, so only rounding
-    remains."""
+    """P(t) = P(0) + M g t to rounding, because constant accelerations are integrated exactly."""
     stepper, made, time, _, v, _ = falling
     momentum = jit(jax.vmap(made.momentum))(v)
     everywhere = jnp.array([1.0, 0.0, 0.0])
@@ -48,8 +47,11 @@ def test_centre_of_mass_falls_on_a_parabola(falling, validate):
 
 
 def test_angular_momentum_about_the_centre(falling, validate):
-    """Uniform gravity has no moment about the centre of mass. Second order, (omega h)^2 = 1e-4 times
-    the bending and stretching that the cable goes through."""
+    """The angular momentum about the centre of mass is constant, because uniform gravity has no moment
+    about it.
+
+    The error is of second order: (omega h)^2 = 1e-4 times the bending and stretching of the cable.
+    """
     stepper, made, _, q, v, _ = falling
 
     def about_centre(q, v):
@@ -76,8 +78,11 @@ def test_angular_momentum_about_the_centre(falling, validate):
 
 @pytest.mark.parametrize("stepper", STEPPERS)
 def test_energy_band_without_constraints(stepper, validate):
-    """A soft cable swinging from a fixed root at rho_inf = 1, 2000 steps: energy stays in a band of
-    second order, and between the first and the second half of the run its mean does not move."""
+    """The energy of a swinging cable stays in a band of second order, without drift (rho_inf = 1).
+
+    The soft cable swings from a fixed root for 2000 steps. Without drift the mean is the same over both
+    halves.
+    """
     made = one_tether(
         elements=3,
         length=2.0,
