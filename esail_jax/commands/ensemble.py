@@ -75,7 +75,7 @@ def run_here(task: Task, folder: Path, processes: int | None, resume: bool, quie
     if processes is None:
         processes = cores() if jax.default_backend() == "cpu" else 1
     pieces = publish_pieces(task, folder, missing, processes)
-    progress, before = Progress(len(missing), progress_text, quiet), len(pieces_in(folder))
+    progress, before = Progress(float(len(missing)), progress_text, quiet), len(pieces_in(folder))
 
     def show() -> None:
         if progress.due:
