@@ -1,17 +1,13 @@
-"""Run files: HDF5, written while the run goes on.
+"""Run files: the results of one run in HDF5, written while the run goes on.
 
     /time, /observables/NAME, /numerics/NAME (time first), /state/* (enough to resume), /scene
 
-A file is never written in place: a copy gets the new rows and is renamed over the old one, so that
-whatever kills the writer leaves a complete, closed file. Copies are rationed in time, which keeps
-their cost below a few per cent whatever the length of the run.
+New rows are added to a copy of the file, which then replaces the file (`hdf5.atomic_hdf5`). Large files are
+copied less often, which keeps the cost below a few per cent of the run time, however long the run is.
 """
 
 import os
-import platform
-import shutil
 import time
-from importlib import metadata
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -20,7 +16,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax.observables import listed, shape_of
+from esail_jax.files.hdf5 import (
+    append,
+    atomic_file,
+    atomic_hdf5,
+    create_observables,
+    create_quantity,
+    to_python,
+    versions,
+)
+from esail_jax.observables import listed
 from esail_jax.observables.run_warning import run_warning
 from esail_jax.scenes.scene import Scene, parse, to_toml
 from esail_jax.simulation.march import numerics_of
@@ -31,15 +36,15 @@ from esail_jax.simulation.simulate import Solution, final_state
 SCHEMA_VERSION = 1
 
 CHECKPOINT_SECONDS = 1.0
-"""Least time between two writes."""
+"""Least time between two writes [s]."""
 
 COPY_SHARE = 0.03
-"""Most part of the run time that copying may take: large files are written less often."""
+"""Largest part of the run time that copying the file may take."""
 
 
 @runtime_checkable
 class Progressed(Protocol):
-    """A march or a solution: how many steps are done, and where to go on from."""
+    """A run in progress or a solution: number of steps taken, and the checkpoint to continue from."""
 
     steps: int
     checkpoint: Checkpoint
@@ -49,71 +54,40 @@ class RunFileError(ValueError):
     """A run file that cannot be used as asked."""
 
 
-def versions() -> dict[str, str]:
-    """Versions of what computed a run."""
-    packages = ("esail_jax", "jax", "jaxlib", "numpy", "h5py")
-    found = {}
-    for name in packages:
-        try:
-            found[f"version_{name}"] = metadata.version(name)
-        except metadata.PackageNotFoundError:  # run from a source tree that is not installed
-            found[f"version_{name}"] = "not installed"
-    return found | {"version_python": platform.python_version()}
-
-
 def scene_of_run(scene: Scene) -> str:
-    """The scene's text without `t_end`: what must agree for a run to be resumed."""
+    """The scene's text without `t_end`. It must be the same for a run to be resumed."""
     return to_toml(scene.replace({"integrator.t_end": 1.0}))
 
 
-def create(path: Path, prepared: Prepared) -> None:
-    """An empty run file: everything but rows. Replaces nothing: the caller has looked."""
-    with h5py.File(path, "w") as file:
-        file["scene"] = to_toml(prepared.scene)
-        attributes = versions() | {
-            "schema_version": SCHEMA_VERSION,
-            "device": jax.devices()[0].device_kind,
-            "status": "running",
-            "message": "",
-            "steps": 0,
-            "wall_time": 0.0,
-            "compile_time": 0.0,
-        }
-        file.attrs.update(attributes)
-        growing(file, "time", (), "s", "t", (), "")
-        for entry in listed(prepared.problem.system):
-            shape = shape_of(entry.axes, prepared.scene.members.count)
-            name = f"observables/{entry.name}"
-            growing(file, name, shape, entry.unit, entry.symbol, entry.axes, entry.equation)
-        for name, unit in numerics_of(prepared).items():
-            growing(file, f"numerics/{name}", (), unit, name, (), "")
-        file["numerics"].attrs["terms"] = list(prepared.problem.terms)
-
-
-def growing(
-    file: h5py.File,
-    name: str,
-    shape: tuple[int, ...],
-    unit: str,
-    symbol: str,
-    axes: tuple[str, ...],
-    equation: str,
-) -> None:
-    """A dataset that grows along its first axis, time."""
-    data = file.create_dataset(name, (0, *shape), dtype=float, maxshape=(None, *shape), chunks=(64, *shape))
-    data.attrs.update({"unit": unit, "symbol": symbol, "equation": equation})
-    data.attrs["axes"] = ["time", *axes]
+def create(file: h5py.File, prepared: Prepared) -> None:
+    """Fills a new run file with everything but rows: scene, attributes, empty datasets."""
+    file["scene"] = to_toml(prepared.scene)
+    attributes = versions() | {
+        "schema_version": SCHEMA_VERSION,
+        "device": jax.devices()[0].device_kind,
+        "status": "running",
+        "message": "",
+        "steps": 0,
+        "wall_time": 0.0,
+        "compile_time": 0.0,
+    }
+    file.attrs.update(attributes)
+    create_quantity(file, "time", (0,), ["time"], "s", "t", grows=True)
+    members = prepared.scene.members.count
+    create_observables(file, listed(prepared.problem.system), members, {"time": 0}, grows=True)
+    for name, unit in numerics_of(prepared).items():
+        create_quantity(file, f"numerics/{name}", (0,), ["time"], unit, name, grows=True)
+    file["numerics"].attrs["terms"] = list(prepared.problem.terms)
 
 
 class RunWriter:
-    """Appends pieces to a run file.
+    """Writes the pieces of a run to a run file while the run goes on.
 
-    path: the file; `resume` continues an existing file from its checkpoint, dropping rows beyond it.
+    path: the file; resume: continue an existing file from its checkpoint and drop the rows after it.
     """
 
     def __init__(self, path: Path, prepared: Prepared, resume: bool):
-        self.path, self.part = path, path.with_name(path.name + ".part")
-        self.prepared = prepared
+        self.path, self.prepared = path, prepared
         self._pending: list[Piece] = []
         self._dropped_to: int | None = None
         self._next_write = 0.0
@@ -123,11 +97,11 @@ class RunWriter:
                 self._dropped_to = int(file["state"].attrs["rows"])
                 self._before = (float(file.attrs["wall_time"]), float(file.attrs["compile_time"]))
         else:
-            create(self.part, prepared)
-            os.replace(self.part, path)
+            with atomic_hdf5(path) as file:
+                create(file, prepared)
 
     def add(self, piece: Piece, progress: Progressed, times: tuple[float, float]) -> None:
-        """Keep a piece; write when it is time to."""
+        """Keeps a piece in memory, and writes all of them once the last write is long enough ago."""
         self._pending.append(piece)
         if time.perf_counter() >= self._next_write:
             self.write(progress, times)
@@ -139,11 +113,10 @@ class RunWriter:
         status: str = "running",
         message: str = "",
     ) -> None:
-        """Write what is pending. progress: a march or a solution; times: compiling and running
-        [s] of this process."""
+        """Writes the pieces kept in memory. progress: a run in progress or a solution; times: seconds that
+        this process has spent on compiling and on running."""
         began = time.perf_counter()
-        shutil.copyfile(self.path, self.part)
-        with h5py.File(self.part, "r+") as file:
+        with atomic_hdf5(self.path, update=True) as file:
             if self._dropped_to is not None:
                 for data in rows_of(file):
                     data.resize(self._dropped_to, axis=0)
@@ -160,9 +133,6 @@ class RunWriter:
             file.attrs["wall_time"] = self._before[0] + times[1]
             del file["scene"]
             file["scene"] = to_toml(self.prepared.scene)
-        with open(self.part, "rb") as file:
-            os.fsync(file.fileno())
-        os.replace(self.part, self.path)
         self._pending, self._dropped_to = [], None
         cost = time.perf_counter() - began
         self._next_write = time.perf_counter() + max(CHECKPOINT_SECONDS, cost / COPY_SHARE)
@@ -175,15 +145,8 @@ class RunWriter:
             append(file["numerics"][name], values)
 
 
-def append(data: h5py.Dataset, values: np.ndarray) -> None:
-    """Rows at the end of a growing dataset."""
-    before = data.shape[0]
-    data.resize(before + len(values), axis=0)
-    data[before:] = values
-
-
 def rows_of(file: h5py.File) -> list[h5py.Dataset]:
-    """Every dataset with time as first axis."""
+    """All datasets whose first axis is time."""
     return [file["time"], *file["observables"].values(), *file["numerics"].values()]
 
 
@@ -218,13 +181,13 @@ def load_checkpoint(file: h5py.File, like: Any) -> Checkpoint:
 
 
 def holds_ensemble(path: str | os.PathLike) -> bool:
-    """Is a run file one of many runs? Raises RunFileError if it is none at all."""
+    """True if a file holds an ensemble, false if one run. Raises RunFileError if it is no run file."""
     with open_run(path) as file:
         return "members" in file
 
 
 def open_single(path: str | os.PathLike) -> h5py.File:
-    """A file of one run for reading. Raises RunFileError in one line."""
+    """Opens the file of one run for reading. Raises RunFileError, with one line."""
     file = open_run(path)
     if "members" in file:
         file.close()
@@ -233,7 +196,7 @@ def open_single(path: str | os.PathLike) -> h5py.File:
 
 
 def open_run(path: str | os.PathLike) -> h5py.File:
-    """A run file for reading. Raises RunFileError in one line."""
+    """Opens the file of a run or an ensemble for reading. Raises RunFileError, with one line."""
     try:
         file = h5py.File(path)
     except OSError as error:
@@ -250,7 +213,7 @@ def open_run(path: str | os.PathLike) -> h5py.File:
 
 
 def save(solution: Solution, path: str | os.PathLike, overwrite: bool = False) -> None:
-    """Write a solution as a run file.
+    """Writes a solution to a run file.
 
     Raises FileExistsError unless `overwrite`, and ValueError for a solution made under a trace.
     """
@@ -260,19 +223,17 @@ def save(solution: Solution, path: str | os.PathLike, overwrite: bool = False) -
     if path.exists() and not overwrite:
         raise FileExistsError(f"`{path}` must not exist (or pass overwrite=True), but does")
     prepared = prepare(solution.scene)
-    temporary = path.with_name(path.name + ".new")
-    writer = RunWriter(temporary, prepared, resume=False)
-    reached = float(solution.time[-1])
-    writer._pending.append(Piece(solution.rows, solution.time, solution.numerics, reached))
-    stats = solution.stats
+    reached, stats = float(solution.time[-1]), solution.stats
     times = (stats["compile_time"], stats["wall_time"])
     status = "complete" if solution.result == RESULTS.successful else "failed"
-    writer.write(solution, times, status, stats["message"])
-    os.replace(temporary, path)
+    with atomic_file(path) as temporary:
+        writer = RunWriter(temporary, prepared, resume=False)
+        writer._pending.append(Piece(solution.rows, solution.time, solution.numerics, reached))
+        writer.write(solution, times, status, stats["message"])
 
 
 def load(path: str | os.PathLike) -> Solution:
-    """A run file as a solution; its `final_state` is the one a longer run would go on from.
+    """Reads a run file as a solution; `final_state` is the state that a longer run continues from.
 
     Raises RunFileError, and RuntimeError in 32-bit mode.
     """
@@ -281,15 +242,10 @@ def load(path: str | os.PathLike) -> Solution:
         scene = parse(file["scene"][()].decode(), str(path))
         rows = {name: data[()] for name, data in file["observables"].items()}
         numerics = {name: data[()] for name, data in file["numerics"].items()}
-        stats: dict[str, Any] = {name: plain(value) for name, value in file.attrs.items()}
+        stats: dict[str, Any] = {name: to_python(value) for name, value in file.attrs.items()}
         stats["terms"] = tuple(file["numerics"].attrs["terms"])
         checkpoint = load_checkpoint(file, empty_carry(scene)) if "state" in file else None
         times = file["time"][()]
     result = RESULTS.successful if stats["status"] != "failed" else result_of(stats["message"])
     state = final_state(checkpoint.carry) if checkpoint else None
     return Solution(times, rows, result, state, stats, numerics, checkpoint, scene)
-
-
-def plain(value: Any) -> Any:
-    """An HDF5 attribute as a Python value."""
-    return value.item() if hasattr(value, "item") else value

@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from esail_jax.ensembles.members import Ensemble
-from esail_jax.ensembles.statistics import DEGREES, drivers, outcomes_of
+from esail_jax.ensembles import Ensemble, outcomes_of, sensitivities
+from esail_jax.ensembles.statistics import DEGREES
 
 FANS = (
     ("coning angle [deg]", "coning_angle", DEGREES, None),
@@ -102,7 +102,7 @@ def distributions(ensemble: Ensemble) -> Figure:
 def drivers_figure(ensemble: Ensemble) -> Figure:
     """Share of every outcome's variance by input."""
     found = outcomes_of(ensemble)
-    table = [drivers(ensemble.inputs, outcome.of(ensemble)) for outcome in found]
+    table = [sensitivities(ensemble.inputs, outcome.of(ensemble)) for outcome in found]
     known = [(o, d) for o, d in zip(found, table, strict=True) if np.isfinite(d.explained)]
     if not known:
         return Figure()

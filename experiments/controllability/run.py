@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 import esail_jax as esail
 from esail_jax.compiler import COMPILER_OPTIONS
-from esail_jax.design.objectives import plane_normals
+from esail_jax.design import plane_normals
 
 HERE = Path(__file__).parent
 TETHERS, SPIN, VOLTS = 12, 4e-3, 20e3

@@ -16,8 +16,7 @@ import jax
 import numpy as np
 
 import esail_jax as esail
-from esail_jax.design import objectives
-from esail_jax.design.problem import Design, Variable
+from esail_jax.design import Design, Variable, objectives
 from esail_jax.environment.solar_wind import SolarWind
 from esail_jax.loads import voltage
 from esail_jax.plotting.design import design_figure
@@ -106,12 +105,17 @@ def designed(name: str) -> None:
     """Design; write the scene and the figure."""
     make, count, _ = DESIGNS[name]
     problem, began = make(), time.perf_counter()
-    states = problem.run(count, each=lambda state: print(state.iteration, state.value, flush=True))
+    states = []
+    for state in problem.optimise(count):
+        states.append(state)
+        print(state.iteration, state.value, flush=True)
     print(f"{name}: {time.perf_counter() - began:.0f} s", flush=True)
-    best = problem.designed(states[-1].x[states[-1].best])
+    best = problem.scene_at(states[-1].x[states[-1].best])
     (HERE / f"{name}.toml").write_text(to_toml(best))
     history = np.stack([np.asarray(state.value) for state in states])
-    design_figure(problem.plain, esail.simulate(best), history).savefig(HERE / f"{name}.png", dpi=110)
+    design_figure(problem.reference_run, esail.simulate(best), history).savefig(
+        HERE / f"{name}.png", dpi=110
+    )
     jax.clear_caches()
 
 

@@ -31,7 +31,7 @@ LAYERS = (
 ONLY_IN = {
     "matplotlib": {"plotting"},
     "mpl_toolkits": {"plotting"},
-    "h5py": {"files", "ensembles", "commands"},
+    "h5py": {"files", "ensembles", "design", "commands"},
 }
 """Who may import what is slow to import or tied to a file format."""
 

@@ -9,7 +9,7 @@ import pytest
 
 import esail_jax as esail
 from esail_jax.coordinates import Coordinates
-from esail_jax.ensembles.members import simulate_members
+from esail_jax.ensembles import simulate_members
 from esail_jax.observables.run_warning import run_warning, step_warning
 from esail_jax.simulation.prepare import prepare
 from esail_jax.steppers.energy_momentum import EnergyMomentum
