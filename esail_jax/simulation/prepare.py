@@ -8,8 +8,8 @@ import numpy as np
 
 from esail_jax.elements.tether import KINDS
 from esail_jax.scenes.build import Model, build
-from esail_jax.scenes.consistency import FIXED_STEP
 from esail_jax.scenes.method_choice import with_method
+from esail_jax.scenes.methods import FIXED_STEP
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.structure import split

@@ -13,7 +13,7 @@ import pytest
 from quick import jit
 from scipy.integrate import quad
 
-from esail_jax.environment.solar_wind import SolarWind
+from esail_jax.environment.solar_wind import SteadyWind
 from esail_jax.equilibria.equilibrium import equilibrium
 from esail_jax.equilibria.steady_stretch import steady_line
 from esail_jax.loads.coulomb import CoulombThrust
@@ -46,7 +46,7 @@ def sigma_of(volts):
 def test_small_coning_of_a_held_tether(validate):
     """A voltage of 1 V above the cut-off, slopes of 1e-6, and EA raised a thousandfold to strains of
     1e-6: height of the tip, and its derivative by the voltage, which is the height per volt."""
-    wind = SolarWind(*(jnp.asarray(x) for x in (4e5, 7.3e6, 1e3)), jnp.array([1.5e11, 0.0, 0.0]))
+    wind = SteadyWind(*(jnp.asarray(x) for x in (4e5, 7.3e6, 1e3)), jnp.array([1.5e11, 0.0, 0.0]))
 
     @jit
     def height(volts):
