@@ -18,6 +18,9 @@ COLUMNS = ("time", "speed", "number_density")
 KEY = "solar_wind.file"
 """Key of the file's name."""
 
+MUST = f"be a CSV file with the columns {', '.join(COLUMNS)}"
+"""What the value of this key must be, as a message words it."""
+
 
 def with_wind_file(
     tables: Mapping[str, Any], overrides: Mapping[str, Any], folder: Path
@@ -31,12 +34,12 @@ def with_wind_file(
     wind = tables.get("solar_wind")
     if isinstance(wind, Mapping) and "file" in wind:
         name = wind["file"]
-        kept = {key: value for key, value in wind.items() if key != "file"}
-        doubled = [key for key in COLUMNS if key in kept]
-        if doubled:
-            raise SceneError(f"solar_wind.{doubled[0]}", f"be left out with `{KEY}`", "is given")
+        others = {key: value for key, value in wind.items() if key != "file"}
+        given_twice = [key for key in COLUMNS if key in others]
+        if given_twice:
+            raise SceneError(f"solar_wind.{given_twice[0]}", f"be left out with `{KEY}`", "is given")
         found = {} if KEY in overrides else read_columns(name, folder)
-        tables["solar_wind"] = kept | found
+        tables["solar_wind"] = others | found
     if KEY in overrides:
         found = read_columns(overrides.pop(KEY), Path())
         overrides |= {f"solar_wind.{key}": value for key, value in found.items()}
@@ -45,19 +48,18 @@ def with_wind_file(
 
 def read_columns(name: Any, folder: Path) -> dict[str, list[float]]:
     """Reads the columns of a file. Raises SceneError."""
-    must = f"be a CSV file with the columns {', '.join(COLUMNS)}"
     if not isinstance(name, str):
-        raise SceneError(KEY, must, rules.describe(name))
+        raise SceneError(KEY, MUST, rules.describe(name))
     try:
         with open(folder / name, newline="", encoding="utf-8") as file:
             rows = list(csv.DictReader(file))
     except (OSError, ValueError, csv.Error) as error:
         reason = getattr(error, "strerror", None) or "is not text"
-        raise SceneError(KEY, must, f"{name!r} cannot be read: {reason}") from None
+        raise SceneError(KEY, MUST, f"{name!r} cannot be read: {reason}") from None
     head = set(rows[0]) if rows else set()
     if head != set(COLUMNS):
-        raise SceneError(KEY, must, f"{name!r} has {', '.join(map(str, head)) or 'no lines'}")
+        raise SceneError(KEY, MUST, f"{name!r} has {', '.join(map(str, head)) or 'no lines'}")
     try:
         return {key: [float(row[key]) for row in rows] for key in COLUMNS}
     except (TypeError, ValueError):
-        raise SceneError(KEY, must + " of numbers", f"{name!r} has others") from None
+        raise SceneError(KEY, MUST + " of numbers", f"{name!r} has others") from None
