@@ -19,6 +19,23 @@ from esail_jax.compiler import COMPILER_OPTIONS, compiled  # noqa: E402
 from esail_jax.files.run_file import RunFileError, load, save  # noqa: E402
 from esail_jax.scenes.rules import SceneError  # noqa: E402
 from esail_jax.scenes.scene import Scene, load_scene  # noqa: E402
+from esail_jax.scenes.tables import (  # noqa: E402
+    Chain,
+    ChainInitial,
+    ChainVoltage,
+    ChainWind,
+    Event,
+    Gravity,
+    Hub,
+    Initial,
+    Integrator,
+    Orbit,
+    Output,
+    RemoteUnits,
+    SolarWind,
+    Tethers,
+    Voltage,
+)
 from esail_jax.simulation.results import RESULTS, SimulationError  # noqa: E402
 from esail_jax.simulation.simulate import Solution, simulate  # noqa: E402
 
@@ -27,11 +44,26 @@ __version__ = "0.1.0"
 __all__ = [
     "COMPILER_OPTIONS",
     "RESULTS",
+    "Chain",
+    "ChainInitial",
+    "ChainVoltage",
+    "ChainWind",
+    "Event",
+    "Gravity",
+    "Hub",
+    "Initial",
+    "Integrator",
+    "Orbit",
+    "Output",
+    "RemoteUnits",
     "RunFileError",
     "Scene",
     "SceneError",
     "SimulationError",
+    "SolarWind",
     "Solution",
+    "Tethers",
+    "Voltage",
     "compiled",
     "load",
     "load_scene",

@@ -78,7 +78,14 @@ def of_scene(command: argparse.ArgumentParser) -> None:
     """What every command that runs scenes takes."""
     command.add_argument("scene", help="a built-in scene or a TOML file")
     command.add_argument("--t-end", metavar="SECONDS", help="end time in place of the scene's")
-    command.add_argument("--set", action="append", default=[], metavar="table.key=VALUE", dest="settings")
+    command.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="table.key=VALUE",
+        dest="settings",
+        help="value of a scene's key, in TOML or as plain text; may be repeated",
+    )
 
 
 def settings(options: argparse.Namespace) -> dict[str, Any]:

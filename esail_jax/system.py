@@ -26,7 +26,7 @@ from esail_jax.array_types import (
 )
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.elements.rigid_body import RigidBody
-from esail_jax.elements.tether import Tethers
+from esail_jax.elements.tether import TetherBatch
 from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.joints.roots import FrameRoots, HubRoots
 from esail_jax.loads.voltage import Sight, VoltageLaw
@@ -54,7 +54,7 @@ class Residual(NamedTuple):
 class System(eqx.Module):
     """Tethers, what acts on them and what holds them (roots None: nothing does)."""
 
-    tethers: Tethers
+    tethers: TetherBatch
     roots: HubRoots | FrameRoots | None
     hub: RigidBody | None
     energies: tuple[Term, ...]

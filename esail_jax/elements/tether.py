@@ -35,7 +35,7 @@ SAME_AXES = np.eye(3)
 """A point's mass resists acceleration along itself."""
 
 
-class Tethers(eqx.Module):
+class TetherBatch(eqx.Module):
     """Chains of `elements` elements, equal ones or, for rods, each of its own.
 
     element_length l [m], line_density rho A [kg/m], tip_mass m_u [kg], each per tether (rods: the

@@ -3,7 +3,7 @@
 from typing import ClassVar
 
 from esail_jax.array_types import Instants, PerElement, VectorPerPoint
-from esail_jax.environment.solar_wind import SolarWind, WindSeries
+from esail_jax.environment.solar_wind import SteadyWind, WindSeries
 from esail_jax.numerics.vectors import dot, reciprocal
 from esail_jax.terms import Load, PointFields
 
@@ -14,7 +14,7 @@ class CoulombThrust(Load):
     Per undeformed length. The tether's own velocity is not subtracted from the wind's.
     """
 
-    wind: SolarWind | WindSeries
+    wind: SteadyWind | WindSeries
     voltage: PerElement
 
     name: ClassVar[str] = "coulomb"

@@ -17,7 +17,7 @@ from esail_jax.elements.axial import AxialDissipation, AxialEnergy, TensionOnlyE
 from esail_jax.elements.bending import STRAIGHT_TURN, BendingDissipation, BendingEnergy
 from esail_jax.elements.hinges import Hinges
 from esail_jax.elements.rigid_body import RigidBody
-from esail_jax.elements.tether import Tethers, per_element
+from esail_jax.elements.tether import TetherBatch, per_element
 from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.equilibria.steady_stretch import Line, along, steady_line, unstretched_line
 from esail_jax.joints import roots as joints
@@ -94,13 +94,13 @@ def on_elements(load: CoulombThrust, elements: int) -> CoulombThrust:
     return eqx.tree_at(lambda load: load.voltage, load, per_element(load.voltage, elements))
 
 
-def tethers_of(structure: Structure, n: Numbers, loaded: bool) -> Tethers:
+def tethers_of(structure: Structure, n: Numbers, loaded: bool) -> TetherBatch:
     """The batch of tethers, with the fields its terms need."""
     elements = structure["tethers.elements"]
     length = n["tethers.length"]
     fields = ("r",) * loaded + ("r_x",) + ("r_xx",) * structure["tethers.bending"]
     mass = n.get("remote_units.mass", jnp.zeros_like(length))
-    return Tethers(
+    return TetherBatch(
         element_length=length / elements,
         line_density=n["tethers.density"] * n["tethers.area"],
         tip_mass=mass,
@@ -158,7 +158,7 @@ def initial_state(
     return system.place_roots(zero, q), system.place_roots(zero, v, derivative=1), unbalanced
 
 
-def printed_line(n: Numbers, tethers: Tethers, radius: Array) -> Line:
+def printed_line(n: Numbers, tethers: TetherBatch, radius: Array) -> Line:
     """[PGV] Eq. 79-80 as printed: the elongation of a rotating cable whose tip mass is the
     tether's own mass m_t, and stretched about the axis rather than from the root. `place_roots`
     then puts the root itself on the hub; the errata say what the rest does."""
@@ -189,7 +189,7 @@ def build_chain(structure: Structure, n: Numbers) -> tuple[RodChain, RodState]:
     if structure.has("solar_wind"):
         origin = n["initial.heliocentric_position_au"] * ASTRONOMICAL_UNIT
         loads = (coulomb_thrust(n, origin),)
-    tethers = Tethers(
+    tethers = TetherBatch(
         element_length=length,
         line_density=column["chain.mass"] / length,
         tip_mass=n["chain.tip_mass"][None],

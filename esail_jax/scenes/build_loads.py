@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from esail_jax.array_types import Array, Float, PerTether, Rotation
 from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.environment.orbit import orbital_frame
-from esail_jax.environment.solar_wind import SolarWind, WindSeries
+from esail_jax.environment.solar_wind import SteadyWind, WindSeries
 from esail_jax.joints import roots as joints
 from esail_jax.loads import voltage
 from esail_jax.loads.coulomb import CoulombThrust
@@ -17,7 +17,7 @@ def coulomb_thrust(n: Numbers, origin: Float[Array, "3"]) -> CoulombThrust:
     keys = ("solar_wind.speed", "solar_wind.number_density")
     speed, density = (n[key] for key in keys)
     cutoff = n["solar_wind.cutoff_voltage"]
-    wind: SolarWind | WindSeries = SolarWind(speed, density, cutoff, origin)
+    wind: SteadyWind | WindSeries = SteadyWind(speed, density, cutoff, origin)
     if "solar_wind.time" in n:
         time = n["solar_wind.time"]
         speed, density = (jnp.broadcast_to(x, time.shape) for x in (speed, density))

@@ -16,8 +16,8 @@ from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.elements.axial import AxialDissipation, AxialEnergy
 from esail_jax.elements.bending import BendingEnergy
 from esail_jax.elements.rigid_body import RigidBody
-from esail_jax.elements.tether import Tethers, per_element
-from esail_jax.environment.solar_wind import SolarWind
+from esail_jax.elements.tether import TetherBatch, per_element
+from esail_jax.environment.solar_wind import SteadyWind
 from esail_jax.joints.roots import HubRoots
 from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.steppers.consistent import consistent_acceleration
@@ -68,10 +68,10 @@ def build() -> System:
     """Everything on but damped bending, whose derivatives have rows of their own."""
     ones = jnp.ones((N - 1) * P)
     hub = RigidBody(*(jnp.asarray(x) for x in HUB))
-    wind = SolarWind(*(jnp.asarray(x) for x in (SPEED, DENSITY, CUTOFF, ORIGIN)))
+    wind = SteadyWind(*(jnp.asarray(x) for x in (SPEED, DENSITY, CUTOFF, ORIGIN)))
     fields = ("r", "r_x", "r_xx")
     return System(
-        tethers=Tethers(
+        tethers=TetherBatch(
             *(jnp.asarray(x) for x in (LENGTHS, LINE_DENSITY, TIP_MASS)), N - 1, "cable", fields
         ),
         roots=HubRoots(hub.weights(jnp.asarray(ANCHORS)), None),
