@@ -25,9 +25,10 @@ from jax import lax
 
 from esail_jax.array_types import Array, Float, Scalar, VectorPerPoint
 from esail_jax.coordinates import Coordinates
+from esail_jax.elements.axial import AbstractAxialEnergy, AxialDissipation
 from esail_jax.elements.hinges import Hinges
 from esail_jax.system import Power, System
-from esail_jax.terms import PointFields
+from esail_jax.terms import PointFields, find_term
 
 Rods = Float[Array, "3 vector"]
 
@@ -260,7 +261,8 @@ def turning_rate(chain: RodChain, start: RodState) -> Scalar:
 def energy_floor(chain: RodChain) -> Scalar:
     """Energy [J] that is nothing: rounding of a chain at rest, from all its stiffness and weight."""
     system, tethers = chain.system, chain.system.tethers
-    floor = 1e-20 * (system.energies[0].stiffness * tethers.lengths).sum()
+    axial = find_term(system.energies, AbstractAxialEnergy)
+    floor = 1e-20 * (axial.stiffness * tethers.lengths).sum()
     if system.gravity is not None:
         mass = tethers.masses.sum() + tethers.tip_mass.sum()
         fall = jnp.abs(system.gravity).sum() * tethers.lengths.sum()
@@ -277,10 +279,12 @@ def fastest_rate(chain: RodChain) -> Scalar:
     """
     tethers = chain.system.tethers
     length, mass = tethers.lengths, tethers.masses
-    squared = 12.0 * chain.system.energies[0].stiffness / (mass * length)
+    axial = find_term(chain.system.energies, AbstractAxialEnergy)
+    damping = find_term(chain.system.dissipations, AxialDissipation)
+    squared = 12.0 * axial.stiffness / (mass * length)
     rate = jnp.sqrt(squared.max())
-    for term in chain.system.dissipations:
-        rate = jnp.maximum(rate, (term.time * squared).max())
+    if damping is not None:
+        rate = jnp.maximum(rate, (damping.time * squared).max())
     if chain.hinges is not None:
         lever, light = 1.0 / length, 1.0 / mass
         if chain.hinges.direction is not None:

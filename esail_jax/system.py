@@ -29,10 +29,10 @@ from esail_jax.elements.rigid_body import RigidBody
 from esail_jax.elements.tether import Tethers
 from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.joints.roots import FrameRoots, HubRoots
-from esail_jax.loads.voltage import Sight, VoltageLaw
+from esail_jax.measurements import Measurements
 from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import dot, stacked
-from esail_jax.terms import Deformation, Dissipation, Load, PointFields, Term, Together
+from esail_jax.terms import Deformation, Dissipation, Load, PointFields, Term, Together, needs_command
 
 
 class Power(NamedTuple):
@@ -62,7 +62,6 @@ class System(eqx.Module):
     loads: tuple[Load, ...]
     gravity: Vector | None
     orbit: CircularOrbit | None = None
-    steering: VoltageLaw | None = None
 
     # ---- what is there ---------------------------------------------------------------------
 
@@ -87,7 +86,7 @@ class System(eqx.Module):
                 "clamped roots" if self.clamped else "pinned roots",
             ]
         names += [term.name for term in (*self.energies, *self.dissipations, *self.loads)]
-        names += [] if self.steering is None else [self.steering.name]
+        names += [load.law_name for load in self.loads if needs_command(load)]
         names += ["gravity"] * (self.gravity is not None)
         return tuple(names + ["circular orbit"] * (self.orbit is not None))
 
@@ -138,7 +137,9 @@ class System(eqx.Module):
     ) -> tuple[Residual, Power]:
         """Equations of motion and constraints at one state, with the power of its forces."""
         inertial = self.inertial(q, v, vdot)
-        tether, power = self.steered(time, q).tether_forces(time, q.tether, v.tether, inertial.tether)
+        tether, power = self.with_commanded_loads(time, q).tether_forces(
+            time, q.tether, v.tether, inertial.tether
+        )
         return self.joined(time, q, v, Coordinates(tether, inertial.hub), lam, power)
 
     def residuals(
@@ -154,30 +155,40 @@ class System(eqx.Module):
         inertial = jax.vmap(self.inertial)(q, v, vdot)
         nodal = (jnp.moveaxis(x.tether, 0, 2) for x in (q, v, inertial))
         system = self
-        if self.steering is not None:
-            system = self.with_voltage(self.tethers.repeated(jax.vmap(self.voltage)(times, q)))
+        if self.controlled:
+            system = self.with_commands(jax.vmap(self.commands)(times, q))
         tether, power = system.tether_forces(times[:, None], *nodal)
         forces = Coordinates(jnp.moveaxis(tether, 2, 0), inertial.hub)
         return jax.vmap(self.joined)(times, q, v, forces, lam, power)
 
-    def voltage(self, time: Scalar, q: Coordinates) -> PerTether:
-        """What the modulation law makes of what the sail sees [V]."""
+    @property
+    def controlled(self) -> bool:
+        """Tells whether a control law has to be asked before forces can be evaluated."""
+        return any(needs_command(load) for load in self.loads)
+
+    def measurements(self, time: Scalar, q: Coordinates) -> Measurements:
+        """The kinematic part of what control laws may measure at a state."""
         axes, nodes = self.rotation(time, q), q.tether[0]
-        outward = axes @ self.roots.outward
-        wind = self.loads[0].wind.origin
         chords = nodes[:, -1] - nodes[:, 0]
-        wind, chords = (x / jnp.linalg.norm(x, axis=0) for x in (wind, chords))
-        return self.steering.volts(Sight(time, axes[:, 0], wind, outward, chords))
+        chords = chords / jnp.linalg.norm(chords, axis=0)
+        return Measurements(time, axes[:, 0], axes @ self.roots.outward, chords)
 
-    def with_voltage(self, volts: Float[Array, "*state element"]) -> "System":
-        """Self, with these voltages."""
-        return eqx.tree_at(lambda system: system.loads[0].voltage, self, volts)
+    def commands(self, time: Scalar, q: Coordinates) -> tuple[PerTether | None, ...]:
+        """The command of every load's control law at a state; None for loads that need none."""
+        measurements = self.measurements(time, q)
+        return tuple(load.commanded(measurements) if needs_command(load) else None for load in self.loads)
 
-    def steered(self, time: Scalar, q: Coordinates) -> "System":
-        """Self, with the voltages of an instant."""
-        if self.steering is None:
-            return self
-        return self.with_voltage(self.tethers.repeated(self.voltage(time, q)))
+    def with_commands(self, commands: tuple[Float[Array, "*state tether"] | None, ...]) -> "System":
+        """The system whose loads have the given commands, as `commands` returns them."""
+        loads = tuple(
+            load if command is None else load.with_command(self.tethers.repeated(command))
+            for load, command in zip(self.loads, commands, strict=True)
+        )
+        return eqx.tree_at(lambda system: system.loads, self, loads)
+
+    def with_commanded_loads(self, time: Scalar, q: Coordinates) -> "System":
+        """The system whose loads have the commands of a state."""
+        return self.with_commands(self.commands(time, q)) if self.controlled else self
 
     def tether_forces(self, time: Instants, q: Nodal, v: Nodal, inertial: Nodal) -> tuple[Nodal, Power]:
         """M vdot - Q of the tethers, and the power of loads and dissipation, of one state or several."""

@@ -10,13 +10,15 @@ text (`jax.grad`, `jax.jvp`): nothing else is ever written down.
 """
 
 from abc import abstractmethod
-from typing import ClassVar, NamedTuple
+from collections.abc import Iterable
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from esail_jax.array_types import Instants, PerPoint, VectorPerPoint
+from esail_jax.array_types import Array, Float, Instants, PerElement, PerPoint, PerTether, VectorPerPoint
+from esail_jax.measurements import Measurements
 from esail_jax.numerics.vectors import dot, reciprocal, stacked
 
 
@@ -225,3 +227,49 @@ class Load(Term):
     def point_forces(self, time: Instants, fields: PointFields, rates: PointFields) -> PointFields:
         """-f, conjugate to the position."""
         return PointFields(-self.force(time, fields, rates), None)
+
+
+class ControlledLoad(Load):
+    """A load with a number per tether that a control law commands, such as the tether's voltage.
+
+    Unless the command is constant, the system passes `Measurements` of every state to `commanded`, and the
+    result, one number per element, to `with_command`, before forces are evaluated.
+    """
+
+    @property
+    @abstractmethod
+    def constant(self) -> bool:
+        """Tells whether the command depends on neither time nor state."""
+
+    @property
+    @abstractmethod
+    def law_name(self) -> str:
+        """Name of the control law."""
+
+    @property
+    @abstractmethod
+    def command(self) -> PerElement | None:
+        """The command that forces are evaluated with; None if none has been set yet."""
+
+    @abstractmethod
+    def commanded(self, measurements: Measurements) -> PerTether:
+        """The law's command for every tether, within its limits."""
+
+    @abstractmethod
+    def with_command(self, command: Float[Array, "*state element"]) -> "ControlledLoad":
+        """The load with a given command."""
+
+
+def needs_command(load: Load) -> bool:
+    """Tells whether the system has to ask a control law before the load's forces can be evaluated."""
+    return isinstance(load, ControlledLoad) and not load.constant
+
+
+def find_term(terms: Iterable[Term], kind: type) -> Any:
+    """The only term of a kind among `terms`; None if there is none.
+
+    Raises ValueError if there are several."""
+    found = [term for term in terms if isinstance(term, kind)]
+    if len(found) > 1:
+        raise ValueError(f"terms of kind {kind.__name__} must be one at most, but are {len(found)}")
+    return found[0] if found else None

@@ -13,13 +13,13 @@ import esail_jax as esail
 from esail_jax.environment.gusts import gusty_wind, write_wind
 from esail_jax.loads.voltage import (
     OnOff,
-    Sight,
     above_zero,
     limited,
     modulation,
     smooth_step,
     within_slew_rate,
 )
+from esail_jax.measurements import Measurements
 from esail_jax.scenes.builtin_scenes import builtin_text
 from esail_jax.scenes.scene import parse, to_toml
 
@@ -98,10 +98,10 @@ def test_a_pulse_rises_and_falls():
     where the steepest of it, 15/8 V_0 per rise time, would be faster than the limit."""
     volts, on, off, rise_time = (jnp.asarray(x) for x in ([20e3], [100.0], [200.0], 5.0))
     time, nowhere, no_axis = jnp.linspace(90.0, 250.0, 321), jnp.zeros((3, 1)), jnp.zeros(3)
-    sights = jax.vmap(lambda t: Sight(t, no_axis, no_axis, nowhere, nowhere))(time)
+    measured = jax.vmap(lambda t: Measurements(t, no_axis, nowhere, nowhere, no_axis))(time)
     for limit, rise in ((None, 5.0), (jnp.asarray(1e3), 37.5)):
         law = OnOff(volts, on, off, rise_time, None, limit)
-        found = jax.vmap(law.wanted)(sights)[:, 0]
+        found = jax.vmap(law.commanded)(measured)[:, 0]
         up, down = (np.clip((time - x) / rise, 0.0, 1.0) for x in (100.0, 200.0))
         expected = [10.0 * s**3 - 15.0 * s**4 + 6.0 * s**5 for s in (up, 1.0 - down)]
         assert np.allclose(found, 20e3 * np.minimum(*expected), rtol=0, atol=1e-8)
@@ -225,10 +225,14 @@ def test_planar_cone_keeps_its_coning_angle(sailing, coning):
     assert np.abs(np.rad2deg(away) - coning).max() > 1.0
 
 
-def test_a_constant_law_leaves_no_trace():
-    """Nothing of a law is built, or reported, where voltages are constant."""
-    run = esail.simulate("baseline", FIXED)
-    assert "voltage" not in run.observables
+def test_a_constant_voltage_is_reported_as_given():
+    """A constant voltage is a row as well, tether by tether; a sail without wind has no voltage."""
+    given = {"voltage.value": [20e3, 0.0, 15e3]}
+    run = esail.simulate("baseline", FIXED | given | {"integrator.t_end": 20.0})
+    assert np.array_equal(run["voltage"], np.tile(given["voltage.value"], (len(run.time), 1)))
+    calm = {f"solar_wind.{key}": None for key in ("speed", "number_density", "cutoff_voltage")}
+    calm |= {"voltage.value": None, "integrator.t_end": 20.0}
+    assert "voltage" not in esail.simulate("baseline", FIXED | calm).observables
 
 
 @pytest.mark.slow

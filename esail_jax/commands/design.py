@@ -5,7 +5,6 @@ designed.toml (the scene with the best variables), before.h5 and after.h5 (its r
 adds design.png.
 """
 
-import dataclasses
 import os
 import sys
 from collections.abc import Mapping
@@ -72,8 +71,7 @@ def design_scene(
     best = problem.designed(state.x[state.best])
     (folder / "designed.toml").write_text(to_toml(best), encoding="utf-8")
     before, after = problem.plain, simulate(best)
-    rows = {name: row for name, row in before.rows.items() if name != "voltage"}
-    save(dataclasses.replace(before, rows=rows), folder / "before.h5", overwrite=True)
+    save(before, folder / "before.h5", overwrite=True)
     save(after, folder / "after.h5", overwrite=True)
     if not quiet:
         for name, value in objectives.values(after, tuple(problem.weights)).items():

@@ -116,9 +116,7 @@ class Design:
         """The run with constant voltage that objectives are compared with."""
         law = {f"voltage.{x}": None for x in vars(self.scene.voltage) if x not in ("value", "law")}
         plain = self.scene.replace(law | {"voltage.law": "constant"})
-        run = simulate(plain, circumstance)
-        constant = np.broadcast_to(plain.voltage.value, (len(run.time), plain.tethers.count))
-        return dataclasses.replace(run, rows=run.rows | {"voltage": np.asarray(constant)})
+        return simulate(plain, circumstance)
 
     # ---- variables ------------------------------------------------------------------------------
 

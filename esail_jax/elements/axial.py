@@ -19,23 +19,34 @@ def axial_strain(stretch_squared: PerPoint, measure: Strain) -> PerPoint:
     return 0.5 * (stretch_squared - 1.0)
 
 
-class AxialEnergy(Energy):
+class AbstractAxialEnergy(Energy):
+    """An energy of the axial strain. Every system of tethers or rods has exactly one.
+
+    stiffness: EA [N] of a taut member, per element; strain: the measure of strain.
+    """
+
+    stiffness: eqx.AbstractVar[PerElement]
+    strain: eqx.AbstractVar[Strain]
+
+    depends_on: ClassVar[tuple[str, ...]] = ("r_x",)
+
+    def deformation(self, shape: Shape) -> PerPoint:
+        return axial_strain(shape.stretch_squared, self.strain)
+
+
+class AxialEnergy(AbstractAxialEnergy):
     """W = EA eps^2 / 2 ([PGV] Eq. 23). EA [N] per element."""
 
     stiffness: PerElement
     strain: Strain = eqx.field(static=True)
 
     name: ClassVar[str] = "axial"
-    depends_on: ClassVar[tuple[str, ...]] = ("r_x",)
-
-    def deformation(self, shape: Shape) -> PerPoint:
-        return axial_strain(shape.stretch_squared, self.strain)
 
     def stored(self, e: PerPoint) -> PerPoint:
         return 0.5 * self.stiffness * e**2
 
 
-class TensionOnlyEnergy(Energy):
+class TensionOnlyEnergy(AbstractAxialEnergy):
     """Axial energy of a member that cannot push: stiffness grows from 0 to EA within a strain w,
 
     d^2W/deps^2 = EA clip((eps + w/2)/w, 0, 1),
@@ -49,10 +60,6 @@ class TensionOnlyEnergy(Energy):
     strain: Strain = eqx.field(static=True)
 
     name: ClassVar[str] = "tension only"
-    depends_on: ClassVar[tuple[str, ...]] = ("r_x",)
-
-    def deformation(self, shape: Shape) -> PerPoint:
-        return axial_strain(shape.stretch_squared, self.strain)
 
     def stored(self, e: PerPoint) -> PerPoint:
         w = self.width

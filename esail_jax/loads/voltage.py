@@ -1,14 +1,10 @@
-"""Voltage modulation laws: the voltage of every tether as a function of time and of what a sail can see.
+"""Voltage laws: the voltage of every tether as a function of time and of what a sail can measure.
 
-Angles of a tether about the spin axis are counted in the sense of the spin from the azimuth at which the
-wind's component in the spin plane points outward along it, phi = 0 there. Where the wind blows along the
-spin axis, to FADE, there is no such azimuth, and laws of the phase fade to their mean.
-
-Limits 0 <= V <= V_max hold by construction: every law ends in `limited`.
+Limits 0 <= V <= V_max hold by construction: every law but the constant one ends in `limited`.
 """
 
 from abc import abstractmethod
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import equinox as eqx
 import jax
@@ -17,9 +13,7 @@ import numpy as np
 from jax import lax
 
 from esail_jax.array_types import Array, Float, PerTether, Scalar, Vector
-
-FADE = 1e-4
-"""Sine of the angle between wind and spin axis at which the phase is felt by a factor 1/sqrt(2) less."""
+from esail_jax.measurements import Measurements
 
 BLEND = 0.02
 """Part of V_max over which a limit is approached smoothly."""
@@ -34,34 +28,6 @@ NEWTON_STEPS = 6
 Volts = Float[Array, "*any"]
 
 
-class Sight(NamedTuple):
-    """What a law may measure: time [s] and, as unit vectors in I, the spin axis X_B, the wind, the roots'
-    directions outward in the spin plane, and those from every root to its tip."""
-
-    time: Scalar
-    axis: Vector
-    wind: Vector
-    outward: Float[Array, "3 tether"]
-    chords: Float[Array, "3 tether"]
-
-    @property
-    def hub_phase(self) -> Float[Array, "2 tether"]:
-        """cos phi and sin phi of the roots."""
-        return self.phase(self.outward)
-
-    @property
-    def tether_phase(self) -> Float[Array, "2 tether"]:
-        """cos phi and sin phi of the tethers' chords."""
-        flat = self.chords - self.axis[:, None] * (self.axis @ self.chords)
-        return self.phase(flat / jnp.linalg.norm(flat, axis=0))
-
-    def phase(self, outward: Float[Array, "3 tether"]) -> Float[Array, "2 tether"]:
-        """cos phi and sin phi of unit vectors in the spin plane."""
-        across = self.wind - self.axis * (self.axis @ self.wind)
-        toward = across / jnp.sqrt(across @ across + FADE**2)
-        return jnp.stack([toward @ outward, jnp.cross(self.axis, toward) @ outward])
-
-
 class VoltageLaw(eqx.Module):
     """V_i of every tether. maximum V_max [V], None: no upper limit."""
 
@@ -71,12 +37,27 @@ class VoltageLaw(eqx.Module):
     name: eqx.AbstractClassVar[str]
 
     @abstractmethod
-    def wanted(self, sight: Sight) -> PerTether:
+    def commanded(self, measurements: Measurements) -> PerTether:
         """V [V] before limits."""
 
-    def volts(self, sight: Sight) -> PerTether:
+    def voltage(self, measurements: Measurements) -> PerTether:
         """V [V]."""
-        return limited(self.wanted(sight), self.maximum, self.smooth)
+        return limited(self.commanded(measurements), self.maximum, self.smooth)
+
+
+class Constant(VoltageLaw):
+    """V = V_0 as given, without limits."""
+
+    value: PerTether
+
+    maximum: ClassVar[None] = None
+    name: ClassVar[str] = "constant voltage"
+
+    def commanded(self, measurements: Measurements) -> PerTether:
+        return self.value
+
+    def voltage(self, measurements: Measurements) -> PerTether:
+        return self.value
 
 
 class Harmonic(VoltageLaw):
@@ -94,8 +75,8 @@ class Harmonic(VoltageLaw):
     name: ClassVar[str] = "harmonic voltage"
     smooth: ClassVar[bool] = True
 
-    def wanted(self, sight: Sight) -> PerTether:
-        c, s = sight.hub_phase
+    def commanded(self, measurements: Measurements) -> PerTether:
+        c, s = measurements.root_phase
         once = lax.complex(c, s)
         waves = once ** jnp.arange(1, len(self.cosine) + 1)[:, None]
         change = (self.cosine * waves.real + self.sine * waves.imag).sum(0)
@@ -121,8 +102,8 @@ class TimeTable(VoltageLaw):
 
     name: ClassVar[str] = "voltage table"
 
-    def wanted(self, sight: Sight) -> PerTether:
-        return jax.vmap(lambda x: jnp.interp(sight.time, self.time, x), 1)(self.table)
+    def commanded(self, measurements: Measurements) -> PerTether:
+        return jax.vmap(lambda x: jnp.interp(measurements.time, self.time, x), 1)(self.table)
 
 
 class OnOff(VoltageLaw):
@@ -139,13 +120,13 @@ class OnOff(VoltageLaw):
 
     name: ClassVar[str] = "switched voltage"
 
-    def wanted(self, sight: Sight) -> PerTether:
+    def commanded(self, measurements: Measurements) -> PerTether:
         rise = self.rise_time
         if self.slew_rate is not None:
             rise = jnp.maximum(rise, STEEPEST * jnp.abs(self.value) / self.slew_rate)
-        part = smooth_step((sight.time - self.on) / rise)
+        part = smooth_step((measurements.time - self.on) / rise)
         if self.off is not None:
-            part = part * smooth_step(1.0 - (sight.time - self.off) / rise)
+            part = part * smooth_step(1.0 - (measurements.time - self.off) / rise)
         return self.value * part
 
 
@@ -165,11 +146,11 @@ class Feedback(VoltageLaw):
     name: ClassVar[str] = "attitude feedback"
     smooth: ClassVar[bool] = True
 
-    def wanted(self, sight: Sight) -> PerTether:
-        axis = sight.axis
+    def commanded(self, measurements: Measurements) -> PerTether:
+        axis = measurements.spin_axis
         miss = self.target - axis * (axis @ self.target)
-        lever = miss @ jnp.cross(sight.outward, axis[:, None], axis=0)
-        gain = self.gain * (axis @ sight.wind)
+        lever = miss @ jnp.cross(measurements.radial_directions, axis[:, None], axis=0)
+        gain = self.gain * (axis @ measurements.wind)
         if self.slew_rate is not None:
             fastest = jnp.abs(self.value * self.spin_rate * gain) * jnp.sqrt(miss @ miss + 1e-30)
             gain = gain * slow_enough(fastest, self.slew_rate)
@@ -196,8 +177,8 @@ class PlanarCone(VoltageLaw):
 
     name: ClassVar[str] = "planar cone"
 
-    def wanted(self, sight: Sight) -> PerTether:
-        cosine, _ = sight.tether_phase
+    def commanded(self, measurements: Measurements) -> PerTether:
+        cosine, _ = measurements.tether_phase
         load = self.load_bar / (1.0 - self.x * cosine) ** 3
         return self.cutoff_voltage + load / self.load_per_volt
 
@@ -216,8 +197,8 @@ def within_slew_rate(
     [V/s] allows."""
 
     def reach(before, row):
-        wanted, most = row
-        here = before + jnp.clip(wanted - before, -most, most)
+        commanded, most = row
+        here = before + jnp.clip(commanded - before, -most, most)
         return here, here
 
     _, others = lax.scan(reach, table[0], (table[1:], slew_rate * jnp.diff(time)))
@@ -251,15 +232,15 @@ def slow_enough(fastest: PerTether, slew_rate: Scalar | PerTether) -> PerTether:
     return jnp.minimum(1.0, slew_rate / jnp.maximum(fastest, 1e-30))
 
 
-def limited(volts: Volts, maximum: Scalar | None, smooth: bool) -> Volts:
+def limited(voltage: Volts, maximum: Scalar | None, smooth: bool) -> Volts:
     """0 <= V <= V_max, V itself between. smooth: bending within BLEND V_max of a limit, where there is an
     upper one, so that a derivative knows of it before it is reached."""
     if maximum is None:
-        return jnp.maximum(volts, 0.0)
+        return jnp.maximum(voltage, 0.0)
     if not smooth:
-        return jnp.clip(volts, 0.0, maximum)
+        return jnp.clip(voltage, 0.0, maximum)
     width = BLEND * maximum
-    return maximum - above_zero(maximum - above_zero(volts, width), width)
+    return maximum - above_zero(maximum - above_zero(voltage, width), width)
 
 
 def above_zero(x: Volts, width: Scalar | float) -> Volts:

@@ -25,10 +25,11 @@ from jax import lax
 
 from esail_jax.array_types import Array, Bool, Float, PerTether, Scalar
 from esail_jax.coordinates import Coordinates
+from esail_jax.elements.axial import AbstractAxialEnergy
 from esail_jax.numerics.vectors import dot, norm
 from esail_jax.steppers.fixed_step import KEEP
 from esail_jax.system import System
-from esail_jax.terms import PointFields
+from esail_jax.terms import PointFields, find_term
 
 Signal = Float[Array, "3 time tether"]
 
@@ -115,7 +116,8 @@ def root_forces(system: System, times: Float[Array, " time"], q: Coordinates) ->
     """Elastic force [N] on the section at the root, in the hub's axes; 0 of a released tether, which then
     pulls at nothing."""
     tethers = system.tethers
-    axial = jax.tree.map(lambda x: x[: tethers.count] if x.ndim else x, system.energies[0])
+    axial = find_term(system.energies, AbstractAxialEnergy)
+    axial = jax.tree.map(lambda x: x[: tethers.count] if x.ndim else x, axial)
     if tethers.coefs == 2:
         slope = q.tether[:, 1, :, 0]
     else:
@@ -133,7 +135,7 @@ def growth_rates(
     system: System, nodal: Float[Array, "time coef 3 node tether"]
 ) -> Float[Array, "block tether"]:
     """sigma [1/s] of each tether, its largest of any element, in every `KEEP` steps."""
-    tethers, axial = system.tethers, system.energies[0]
+    tethers, axial = system.tethers, find_term(system.energies, AbstractAxialEnergy)
     fields = tethers.interpolate(jnp.moveaxis(nodal[EVERY::EVERY], 0, 2))
     force = axial.point_forces(jnp.zeros(()), fields, fields).r_x
     tension = jnp.tensordot(tethers.weights, dot(force, fields.r_x) / norm(fields.r_x), 1)

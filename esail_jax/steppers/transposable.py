@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from esail_jax.array_types import Array, Instants, Nodal
 from esail_jax.numerics.vectors import dot
 from esail_jax.system import Power, System, add_fields
-from esail_jax.terms import PointFields
+from esail_jax.terms import PointFields, needs_command
 
 
 class Transposable(System):
@@ -25,43 +25,50 @@ class Transposable(System):
         return cls(**{field.name: getattr(system, field.name) for field in dataclasses.fields(system)})
 
     def tether_forces(self, time: Instants, q: Nodal, v: Nodal, inertial: Nodal) -> tuple[Nodal, Power]:
-        volts = None if self.steering is None else self.loads[0].voltage
+        commands = tuple(load.command if needs_command(load) else None for load in self.loads)
         none = jnp.zeros(q.shape[2:-2])
-        return transposable_forces(self, volts, time, q, v, inertial), Power(none, none)
+        return transposable_forces(self, commands, time, q, v, inertial), Power(none, none)
+
+
+Commands = tuple[Array | None, ...]
+"""For every load the command of its control law, one number per element; None for loads that need none."""
 
 
 @jax.custom_vjp
 def transposable_forces(
-    system: System, volts: Array | None, time: Instants, q: Nodal, v: Nodal, inertial: Nodal
+    system: System, commands: Commands, time: Instants, q: Nodal, v: Nodal, inertial: Nodal
 ) -> Nodal:
-    """The tethers' forces; volts: those of the system, where they depend on the state."""
+    """The tethers' forces. commands: those of the system's loads, which depend on the state."""
     return System.tether_forces(system, time, q, v, inertial)[0]
 
 
-def _forces_and_fields(system, volts, time, q, v, inertial):
+def _forces_and_fields(system, commands, time, q, v, inertial):
     fields, rates = (system.tethers.interpolate(x) for x in (q, v))
-    forces = transposable_forces(system, volts, time, q, v, inertial)
-    return forces, (system, volts, time, fields, rates)
+    forces = transposable_forces(system, commands, time, q, v, inertial)
+    return forces, (system, commands, time, fields, rates)
 
 
 def _forces_pulled_back(at, nodal):
-    system, volts, *at = at
+    system, commands, *at = at
     w = system.tethers.interpolate(nodal)
     parts = [term.pull_back(*at, w) for term in (*system.inner_terms, *system.loads)]
     by_fields, by_rates = (add_fields(list(x)) for x in zip(*parts, strict=True))
 
-    def virtual_power(volts):
-        load = system.with_voltage(volts).loads[0].point_forces(*at)
-        return system.integrate(dot(load.r, w.r)).sum()
+    def by_command(load, command):
+        def virtual_power(command):
+            force = load.with_command(command).point_forces(*at)
+            return system.integrate(dot(force.r, w.r)).sum()
 
-    by_volts = None if volts is None else jax.grad(virtual_power)(volts)
+        return None if command is None else jax.grad(virtual_power)(command)
+
+    by_commands = tuple(by_command(*pair) for pair in zip(system.loads, commands, strict=True))
     by_q, by_v = (system.tethers.nodal_forces(x) if any_of(x) else None for x in (by_fields, by_rates))
-    return None, by_volts, None, by_q, by_v, system.tethers.inertia(nodal)
+    return None, by_commands, None, by_q, by_v, system.tethers.inertia(nodal)
 
 
 transposable_forces.defvjp(_forces_and_fields, _forces_pulled_back)
 
 
 def any_of(fields: PointFields) -> bool:
-    """Is there one?"""
+    """Tells whether any field is present."""
     return any(field is not None for field in fields)

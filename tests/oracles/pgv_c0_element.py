@@ -22,7 +22,7 @@ from esail_jax.elements.tether import Tethers
 from esail_jax.joints.roots import FrameRoots
 from esail_jax.numerics.vectors import dot
 from esail_jax.system import System
-from esail_jax.terms import PointFields, Together, shape_of
+from esail_jax.terms import PointFields, Together, find_term, shape_of
 from oracles.ledger import relative_error
 
 GAUSS = 5
@@ -200,7 +200,7 @@ def judge_of_system(system: System, e, v) -> dict:
     def at_points(field):
         return field[:, :, 0].T[:, :, None]
 
-    axial = system.energies[0], system.dissipations[0]
+    axial = find_term(system.energies, AxialEnergy), find_term(system.dissipations, AxialDissipation)
     elastic = jax.tree.map(jnp.subtract, total, viscous)
     in_metres = jnp.repeat(jnp.tile(jnp.stack([jnp.ones(()), tethers.element_length[0]]), 2), 3)
 

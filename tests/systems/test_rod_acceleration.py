@@ -22,7 +22,7 @@ from esail_jax.numerics import bordered
 from esail_jax.rod_chain import RodChain, RodState
 from esail_jax.steppers.consistent import consistent_acceleration
 from esail_jax.system import Power, System
-from esail_jax.terms import Load
+from esail_jax.terms import Load, find_term
 
 GRAVITY, MOTION, DAMPING = np.array([0.3, -0.7, 0.2]), 0.6, 0.4
 
@@ -219,7 +219,8 @@ def test_power_is_the_rate_of_the_energy(free):
     def energy(y):
         q, v = chain.coordinates(y)
         tethers = chain.system.tethers
-        stored = chain.system.integrate(chain.system.energies[0].density(tethers.interpolate(q.tether)))
+        axial = find_term(chain.system.energies, AxialEnergy)
+        stored = chain.system.integrate(axial.density(tethers.interpolate(q.tether)))
         return 0.5 * (v.tether * tethers.inertia(v.tether)).sum() + stored
 
     rate = chain(zero, state)
