@@ -137,9 +137,8 @@ class System(eqx.Module):
     ) -> tuple[Residual, Power]:
         """Equations of motion and constraints at one state, with the power of its forces."""
         inertial = self.inertial(q, v, vdot)
-        tether, power = self.with_commanded_loads(time, q).tether_forces(
-            time, q.tether, v.tether, inertial.tether
-        )
+        commanded = self.with_commanded_loads(time, q)
+        tether, power = commanded.tether_forces(time, q.tether, v.tether, inertial.tether)
         return self.joined(time, q, v, Coordinates(tether, inertial.hub), lam, power)
 
     def residuals(

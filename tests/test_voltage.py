@@ -1,6 +1,8 @@
 """Voltage laws and varying wind: what a sail sees, limits, and motion that is known in closed form."""
 
+import dataclasses
 import re
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -10,9 +12,12 @@ from quick import jit
 from whole_runs import check_going_on
 
 import esail_jax as esail
+from esail_jax.array_types import PerTether, Scalar
 from esail_jax.environment.gusts import gusty_wind, write_wind
+from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.loads.voltage import (
     OnOff,
+    VoltageLaw,
     above_zero,
     limited,
     modulation,
@@ -20,8 +25,12 @@ from esail_jax.loads.voltage import (
     within_slew_rate,
 )
 from esail_jax.measurements import Measurements
+from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.builtin_scenes import builtin_text
 from esail_jax.scenes.scene import parse, to_toml
+from esail_jax.scenes.structure import split
+from esail_jax.steppers.transposable import Transposable
+from esail_jax.terms import Load, find_term
 
 SMALL = {
     "tethers.count": 3,
@@ -233,6 +242,63 @@ def test_a_constant_voltage_is_reported_as_given():
     calm = {f"solar_wind.{key}": None for key in ("speed", "number_density", "cutoff_voltage")}
     calm |= {"voltage.value": None, "integrator.t_end": 20.0}
     assert "voltage" not in esail.simulate("baseline", FIXED | calm).observables
+
+
+class Drag(Load):
+    """A second load: f = -c r' [N/m]."""
+
+    coefficient: Scalar
+
+    name: ClassVar[str] = "drag"
+    depends_on: ClassVar[tuple[str, ...]] = ("r",)
+
+    def force(self, time, fields, rates):
+        return -self.coefficient * rates.r
+
+
+class Cosine(VoltageLaw):
+    """A law from outside the package: V = V_0 (1 + cos(phi) / 2), phi from the chords."""
+
+    value: PerTether
+    maximum: Scalar | None = None
+
+    name: ClassVar[str] = "cosine"
+
+    def commanded(self, measurements):
+        return self.value * (1.0 + 0.5 * measurements.tether_phase[0])
+
+
+def test_order_of_loads_does_not_matter():
+    """A second load may stand before or after the thrust, and a law may come from outside the package.
+    Forces and their derivatives are the same, and so is the transpose that steps use; to rounding, as sums
+    are taken in another order."""
+    model = build_jitted(*split(esail.load_scene("baseline", SMALL)))
+    (thrust,), drag = model.system.loads, Drag(jnp.asarray(1e-6))
+    thrust = CoulombThrust.of(thrust.wind, Cosine(jnp.full(3, 20e3)), 2)
+    random, time = np.random.default_rng(4), jnp.zeros(())
+    q, v, w = (jax.tree.map(lambda x: x + random.normal(size=x.shape), model.q) for _ in range(3))
+
+    def work(system, q):
+        residual, _ = system.residual(time, q, v, v, system.no_multipliers())
+        return sum(jax.tree.leaves(jax.tree.map(lambda f, w: (f * w).sum(), residual.forces, w)))
+
+    @jit
+    def found(system):
+        voltage = find_term(system.loads, CoulombThrust).commanded(system.measurements(time, q))
+        slopes = [jax.grad(work, 1)(x, q) for x in (system, Transposable.of(system))]
+        return work(system, q), slopes, voltage
+
+    alone, before, after = (
+        found(dataclasses.replace(model.system, loads=loads))
+        for loads in ((thrust,), (drag, thrust), (thrust, drag))
+    )
+    assert np.ptp(alone[2]) > 1e3 and abs(before[0] / alone[0] - 1.0) > 1e-9
+    assert abs(before[0] / after[0] - 1.0) < 1e-12
+    for value, (slope, turned), voltage in (alone, before, after):
+        assert np.array_equal(voltage, alone[2])
+        same = slope if value is alone[0] else before[1][0]
+        for x, *others in zip(*map(jax.tree.leaves, (slope, turned, same)), strict=True):
+            assert all(np.allclose(x, y, rtol=0, atol=1e-11 * np.abs(x).max()) for y in others)
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ is 0/0 on a straight cable as [PGV] prints it (Eq. 113-124). Here
     R = gamma_b EI (kappa kappa')^2 / (2 (kappa^2 + kappa_0^2)),   kappa kappa' = (kappa^2)'/2,
 
 which is smooth, depends on the shape only (so rigid motion costs nothing) and equals Eq. 36 to
-relative order (kappa_0/kappa)^2. kappa_0 = 1e-4 / L: a tether whose ends differ in direction by
+relative order (kappa_0/kappa)^2. kappa_0 = 1e-4 / L by default: a tether whose ends differ in direction by
 less than 1e-4 rad is not damped in bending.
 """
 
@@ -18,7 +18,8 @@ from esail_jax.numerics.vectors import reciprocal
 from esail_jax.terms import Dissipation, Energy, Shape
 
 STRAIGHT_TURN = 1e-4
-"""kappa_0 L [rad]: end-to-end turn of a tether below which bending dissipation fades out."""
+"""Default of `tethers.straight_turn`, kappa_0 L [rad]: the bending dissipation fades out for a tether whose
+ends differ in direction by less than this angle."""
 
 
 def curvature_squared(shape: Shape) -> PerPoint:

@@ -80,7 +80,7 @@ def material_terms(structure: Structure, n: Numbers) -> tuple[tuple, tuple]:
         bending = n["tethers.youngs_modulus"] * n["tethers.second_moment"]
         energies.append(BendingEnergy(bending))
         if structure.has("tethers.bending_damping_time"):
-            straight = STRAIGHT_TURN / n["tethers.length"]
+            straight = n.get("tethers.straight_turn", STRAIGHT_TURN) / n["tethers.length"]
             time = n["tethers.bending_damping_time"]
             dissipations.append(BendingDissipation(bending, time, straight))
     elements = structure["tethers.elements"]

@@ -101,6 +101,9 @@ def check_sail(scene: Parts) -> None:
         raise SceneError("tethers.root", 'be "pinned" for truss elements', 'is "clamped"')
     if tethers.bending and tethers.second_moment is None:
         raise SceneError("tethers.second_moment", "be given with `tethers.bending`", "is missing")
+    if tethers.straight_turn is not None and tethers.bending_damping_time is None:
+        must = "be left out without `tethers.bending_damping_time`"
+        raise SceneError("tethers.straight_turn", must, "is given")
     if method_of(scene) not in SAIL_METHODS:
         known = "be " + " or ".join(f'"{name}"' for name in SAIL_METHODS) + " for a sail"
         raise SceneError("integrator.method", known, rules.describe(method_of(scene)))

@@ -39,6 +39,7 @@ class Tethers:
     bending: Any = declare(rules.switch(), False)
     axial_damping_time: Any = declare(rules.non_negative("member"), None)  # s
     bending_damping_time: Any = declare(rules.non_negative("member"), None)  # s, with bending
+    straight_turn: Any = declare(rules.positive(), None)  # rad, with bending_damping_time
     root: Any = declare(rules.choice("pinned", "clamped"), "pinned")
 
 

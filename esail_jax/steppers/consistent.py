@@ -42,9 +42,8 @@ def consistent_motion(
     if system.hub is None:
         rest = system.place_roots(time, rest, derivative=2)
     at_rest = system.inertial(q, v, rest)
-    tether, power = system.with_commanded_loads(time, q).tether_forces(
-        time, q.tether, v.tether, at_rest.tether
-    )
+    commanded = system.with_commanded_loads(time, q)
+    tether, power = commanded.tether_forces(time, q.tether, v.tether, at_rest.tether)
     loads = Coordinates(tether, at_rest.hub)
     residual, _ = system.joined(time, q, v, loads, system.no_multipliers(), power)
     bend = system.constraint_acceleration(time, q, v, rest)
