@@ -154,7 +154,7 @@ def assembled(
     """Element blocks and point masses (tip, base) in one matrix with what hub and clamps add."""
     weights = None
     if system.hub is not None:
-        weights = system.roots.releases.free(jnp.zeros(()), system.roots.weights)
+        weights = system.roots.releases.where_released(jnp.zeros(()), system.roots.weights)
     matrix = bordered.Bordered(
         *chain_blocks(system, elements, masses),
         weights,
@@ -198,7 +198,7 @@ def add_clamps(
     """Hessian of mu . psi in (root slope in metres, mu) and the base points, root by root."""
     length = system.tethers.element_length
     if system.hub is None:
-        normals = system.roots.turn(time, system.roots.normals)
+        normals = system.roots.to_inertial(time, system.roots.normals)
     else:
         normals = system.roots.normals
 

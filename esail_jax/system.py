@@ -32,7 +32,15 @@ from esail_jax.joints.roots import FrameRoots, HubRoots
 from esail_jax.measurements import Measurements
 from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import dot, stacked
-from esail_jax.terms import Deformation, Dissipation, Load, PointFields, Term, Together, needs_command
+from esail_jax.terms import (
+    Deformation,
+    Dissipation,
+    Load,
+    PointFields,
+    SummedDeformations,
+    Term,
+    needs_command,
+)
 
 
 class Power(NamedTuple):
@@ -110,7 +118,7 @@ class System(eqx.Module):
         terms = (*self.energies, *self.dissipations)
         shaped = tuple(term for term in terms if isinstance(term, Deformation))
         others = tuple(term for term in terms if not isinstance(term, Deformation))
-        return (Together(shaped), *others) if shaped else others
+        return (SummedDeformations(shaped), *others) if shaped else others
 
     def field(self, q: Coordinates, v: Coordinates) -> Coordinates:
         """Acceleration [m/s^2] of a free particle at every node and hub point: uniform gravity and
@@ -170,7 +178,7 @@ class System(eqx.Module):
         axes, nodes = self.rotation(time, q), q.tether[0]
         chords = nodes[:, -1] - nodes[:, 0]
         chords = chords / jnp.linalg.norm(chords, axis=0)
-        return Measurements(time, axes[:, 0], axes @ self.roots.outward, chords)
+        return Measurements(time, axes[:, 0], axes @ self.roots.radial_directions, chords)
 
     def commands(self, time: Scalar, q: Coordinates) -> tuple[PerTether | None, ...]:
         """The command of every load's control law at a state; None for loads that need none."""
@@ -275,7 +283,7 @@ class System(eqx.Module):
             if self.hub is not None:
                 normals = self.roots.clamp_directions(q.hub)
             else:
-                normals = self.roots.turn(time, self.roots.normals)
+                normals = self.roots.to_inertial(time, self.roots.normals)
             clamp = (normals * q.tether[1, :, 0]).sum(1) * self.tethers.element_length
         return Multipliers(hub, clamp)
 
@@ -308,11 +316,11 @@ class System(eqx.Module):
             return jnp.eye(3)
         return self.roots.rotation(time) if self.hub is None else self.hub.rotation(q.hub)
 
-    def since(self, time: Scalar | np.ndarray) -> "System":
+    def with_events_until(self, time: Scalar | np.ndarray) -> "System":
         """The system after `time`, with the roots released that nothing holds from then on."""
         if self.roots is None or self.roots.releases.release_time is None:
             return self
-        return eqx.tree_at(lambda s: s.roots.releases, self, self.roots.releases.since(time))
+        return eqx.tree_at(lambda s: s.roots.releases, self, self.roots.releases.with_events_until(time))
 
     def place_roots(self, time: Scalar, q: Coordinates, derivative: int = 0) -> Coordinates:
         """q (or its rate or acceleration) with the root nodes where hub or frame put them."""
@@ -321,8 +329,8 @@ class System(eqx.Module):
         if self.hub is not None:
             root = self.roots.positions(q.hub)
         else:
-            root = self.roots.turn(time, self.roots.anchors, derivative)
-        root = self.roots.releases.free(q.tether[0, :, 0], root)
+            root = self.roots.to_inertial(time, self.roots.anchors, derivative)
+        root = self.roots.releases.where_released(q.tether[0, :, 0], root)
         return q._replace(tether=q.tether.at[0, :, 0].set(root))
 
 

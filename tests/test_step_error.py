@@ -130,7 +130,7 @@ def test_a_third_difference_counts_with_the_phase_it_costs(system):
 
 def test_a_released_tether_pulls_at_nothing(system):
     """Its own elastic force goes on, but is no reaction; that of the one that is held is EA eps r_x."""
-    later, times = system.since(jnp.asarray(10.0)), 0.1 * jnp.arange(KEEP + 1)
+    later, times = system.with_events_until(jnp.asarray(10.0)), 0.1 * jnp.arange(KEEP + 1)
     q, take = straight(later, 1.01, KEEP), jnp.asarray(KEEP)
     found = after_steps(no_errors(2), later, times, q, take, jnp.asarray(0.1)).force.high
     held = axial_force(later, 1.01)

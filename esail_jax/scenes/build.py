@@ -111,7 +111,7 @@ def roots_of(
     clamped = structure["tethers.root"] == "clamped"
     normals = joints.clamp_normals(azimuth) if clamped else None
     outward = joints.radial_directions(azimuth)
-    releases = joints.Releases(n.get("event.release_time")).since(jnp.zeros(()))
+    releases = joints.Releases(n.get("event.release_time")).with_events_until(jnp.zeros(()))
     if hub is None:
         return joints.FrameRoots(start, n["initial.spin_rate"], 0.0 * outward, normals, releases)
     if clamped:

@@ -44,7 +44,7 @@ class BlockMarch:
         compiled = self.prepared.programs
         while self.rows < len(self.times):
             began = float(self.carry.progress.now.time)
-            problem = self.prepared.problem.since(np.asarray(began))
+            problem = self.prepared.problem.with_events_until(np.asarray(began))
             stop = next((time for time in self.stops if time > began), self.stops[-1])
             carry, records = compiled.blocks(problem, self.carry, np.asarray(stop))
             reached = min(float(carry.progress.now.time), stop)
@@ -69,7 +69,9 @@ class BlockMarch:
             if reached == stop < self.stops[-1]:
                 here = np.asarray(stop)
                 until = np.asarray(next_switch(self.switches, stop))
-                carry = compiled.go_on(problem, problem.since(here), carry, records, here, until)
+                carry = compiled.go_on(
+                    problem, problem.with_events_until(here), carry, records, here, until
+                )
             self.carry, self.rows = carry, self.rows + len(times)
             self.steps = int(carry.progress.taken)
             if self.rows < len(self.times):

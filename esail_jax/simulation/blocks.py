@@ -51,9 +51,9 @@ class Problem(NamedTuple):
         """Names of everything that was built."""
         return self.system.terms
 
-    def since(self, time: Scalar | np.ndarray) -> "Problem":
+    def with_events_until(self, time: Scalar | np.ndarray) -> "Problem":
         """With the system as it is after `time`."""
-        return self._replace(system=self.system.since(time))
+        return self._replace(system=self.system.with_events_until(time))
 
 
 class Carry(NamedTuple):

@@ -152,7 +152,7 @@ def step_entry(
 ) -> tuple[State, Record, StepInfo]:
     """The steps of an entry, in blocks of `keep`: the state after the last, all of them, and how
     each went."""
-    stepper, system = problem.stepper(data.step), problem.system.since(data.start)
+    stepper, system = problem.stepper(data.step), problem.system.with_events_until(data.start)
 
     def block(state, index):
         time = data.start + index * keep * data.step
@@ -180,7 +180,7 @@ def look_at_entry(
     Saved instants `between` steps come from the cubic through positions and velocities, projected
     on the constraints; if there are none, no such code is compiled.
     """
-    system, stepper = problem.system.since(data.start), problem.stepper(data.step)
+    system, stepper = problem.system.with_events_until(data.start), problem.stepper(data.step)
     start = carry.state
     energy = observables.kinetic_energy(system, start.v) + observables.elastic_energy(system, start.q)
     fresh = (data.kind == 0) & (data.start == 0.0)

@@ -42,14 +42,14 @@ def traced_run(
     for stop in stops:
         part = [time for time in times if began < time <= stop]
         instants = jnp.asarray(part if stop in part else [*part, stop])
-        here = problem.since(jnp.asarray(max(began, 0.0)))
+        here = problem.with_events_until(jnp.asarray(max(began, 0.0)))
         points, reached, taken = states_at(here, progress, instants)
         good = good & (instants <= reached)
         pieces.append(seen_at(here, carry.start_energy, points, good, len(part)))
         began, good = stop, good[-1]
         final = jax.tree.map(lambda x: x[-1], points)
         if stop != stops[-1]:
-            after = problem.since(final.time).system
+            after = problem.with_events_until(final.time).system
             until = jnp.asarray(next_switch(stops, stop))
             progress = problem.method.start_again(after, final, taken, progress.rejected, until)
     rows = jax.tree.map(lambda *x: jnp.concatenate(x), *pieces)

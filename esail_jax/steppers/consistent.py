@@ -46,9 +46,9 @@ def consistent_motion(
     tether, power = commanded.tether_forces(time, q.tether, v.tether, at_rest.tether)
     loads = Coordinates(tether, at_rest.hub)
     residual, _ = system.joined(time, q, v, loads, system.no_multipliers(), power)
-    bend = system.constraint_acceleration(time, q, v, rest)
+    phi_ddot = system.constraint_acceleration(time, q, v, rest)
     matrix, factors = iteration_matrix.factor_mass(system, time, q) if mass is None else mass
-    rhs = iteration_matrix.to_vector(system, *jax.tree.map(jnp.negative, (residual.forces, bend)))
+    rhs = iteration_matrix.to_vector(system, *jax.tree.map(jnp.negative, (residual.forces, phi_ddot)))
     vdot, lam = iteration_matrix.from_vector(system, bordered.solve(matrix, factors, rhs))
     moving = loads.axpy(1.0, Coordinates(system.tethers.inertia(vdot.tether), vdot.hub))
     residual, power = system.joined(time, q, v, moving, lam, power)
