@@ -1,9 +1,9 @@
-"""The sum of the terms a scene lists: residual, constraints and attitude. Holds no physics.
+"""The system: sum of the terms of a scene, with its residual, constraints and attitude. Holds no physics.
 
     M v' + Phi_q^T lam - Q(t, q, v) = 0,      Phi(t, q) = 0
 
-Every function below loops over the terms that are there; an absent one leaves no trace in the
-compiled program.
+Every function loops over the terms that are present; an absent term leaves no trace in the compiled
+program.
 """
 
 from typing import NamedTuple
@@ -44,23 +44,30 @@ from esail_jax.terms import (
 
 
 class Power(NamedTuple):
-    """Power [W] put in by loads, gravity and the turning frame, and lost by dissipation."""
+    """Power [W]: external is that of loads, acceleration field and turning frame; dissipated is that of the
+    dissipations. Also the work [J] that is its integral over time."""
 
     external: Scalar
     dissipated: Scalar
 
 
 class Residual(NamedTuple):
-    """Left-hand sides. forces: equations of motion [N] (slope rows [N m]) with the reaction of the
-    root joints left out, so that the rows of the root nodes *are* those reactions. constraints:
-    Phi [m]."""
+    """Left-hand sides of the equations of motion and of the constraints.
+
+    forces: equations of motion [N] (slope rows [N m]). The reactions of the root joints are left out, so
+    that the rows of the root nodes are those reactions. constraints: Phi [m].
+    """
 
     forces: Coordinates
     constraints: Multipliers
 
 
 class System(eqx.Module):
-    """Tethers, what acts on them and what holds them (roots None: nothing does)."""
+    """Tethers, the terms that act on them, and the roots that hold them.
+
+    roots: None if nothing holds the tethers. hub: None for a turning frame or a chain. gravity: uniform
+    acceleration [m/s^2]. orbit: field of a circular orbit, in whose axes the chain then moves.
+    """
 
     tethers: Tethers
     roots: HubRoots | FrameRoots | None
@@ -71,20 +78,21 @@ class System(eqx.Module):
     gravity: Vector | None
     orbit: CircularOrbit | None = None
 
-    # ---- what is there ---------------------------------------------------------------------
+    # ---- parts -----------------------------------------------------------------------------
 
     @property
     def clamped(self) -> bool:
+        """Tells whether the roots are clamped."""
         return self.roots is not None and self.roots.normals is not None
 
     @property
-    def weighted(self) -> bool:
-        """Is there an acceleration field, gravity or that of an orbit?"""
+    def has_field(self) -> bool:
+        """Tells whether there is an acceleration field: gravity or that of an orbit."""
         return self.gravity is not None or self.orbit is not None
 
     @property
     def terms(self) -> tuple[str, ...]:
-        """Names of everything that was built, for `/numerics` and for people."""
+        """Names of all parts that were built. Run files and `esail info` list them."""
         if self.tethers.kind == "rod":
             names = ["free chain" if self.roots is None else "fixed anchor", "rods"]
         else:
@@ -103,26 +111,27 @@ class System(eqx.Module):
     def point_forces(
         self, time: Instants, fields: PointFields, rates: PointFields
     ) -> tuple[PointFields, PerPoint | None, PointFields]:
-        """At every quadrature point: what is conjugate to the fields (dW + dR - f), the power lost [W/m]
-        (None where nothing dissipates), and the loads' part of the first, with its sign."""
+        """Forces at every quadrature point: the sum of all terms, conjugate to the fields (dW + dR - f);
+        the dissipated power [W/m], None without dissipation; and the loads' part of the sum, -f."""
         inner = [term.point_forces(time, fields, rates) for term in self.inner_terms]
         loads = [term.point_forces(time, fields, rates) for term in self.loads]
-        lost = None
+        dissipated = None
         if self.dissipations:
-            lost = 2.0 * sum(term.density(fields, rates) for term in self.dissipations)
-        return add_fields(inner + loads), lost, add_fields(loads)
+            dissipated = 2.0 * sum(term.density(fields, rates) for term in self.dissipations)
+        return add_fields(inner + loads), dissipated, add_fields(loads)
 
     @property
     def inner_terms(self) -> tuple[Term, ...]:
-        """Energies and dissipations, those of the shape together."""
+        """Energies and dissipations. Those that are functions of the invariants are summed into one
+        term."""
         terms = (*self.energies, *self.dissipations)
-        shaped = tuple(term for term in terms if isinstance(term, Deformation))
+        summed = tuple(term for term in terms if isinstance(term, Deformation))
         others = tuple(term for term in terms if not isinstance(term, Deformation))
-        return (SummedDeformations(shaped), *others) if shaped else others
+        return (SummedDeformations(summed), *others) if summed else others
 
     def field(self, q: Coordinates, v: Coordinates) -> Coordinates:
-        """Acceleration [m/s^2] of a free particle at every node and hub point: uniform gravity and
-        the field of an orbit. Being linear in position, it is exact between nodes too."""
+        """Acceleration [m/s^2] of a free particle at every node and hub point, due to uniform gravity and
+        the field of an orbit. Both are linear in position, so that interpolation between nodes is exact."""
         hub = None if q.hub is None else jnp.zeros_like(q.hub)
         tether = jnp.zeros_like(q.tether)
         if self.gravity is not None:
@@ -136,18 +145,19 @@ class System(eqx.Module):
             hub = None if hub is None else hub + self.orbit.acceleration(q.hub.T, v.hub.T).T
         return Coordinates(tether, hub)
 
-    def inertial(self, q: Coordinates, v: Coordinates, vdot: Coordinates) -> Coordinates:
-        """vdot minus the acceleration field: weight is inertia in a falling frame."""
-        return vdot.axpy(-1.0, self.field(q, v)) if self.weighted else vdot
+    def relative_to_free_fall(self, q: Coordinates, v: Coordinates, vdot: Coordinates) -> Coordinates:
+        """vdot minus the acceleration field. Weight enters the equations of motion as inertia in this
+        way."""
+        return vdot.axpy(-1.0, self.field(q, v)) if self.has_field else vdot
 
     def residual(
         self, time: Scalar, q: Coordinates, v: Coordinates, vdot: Coordinates, lam: Multipliers
     ) -> tuple[Residual, Power]:
-        """Equations of motion and constraints at one state, with the power of its forces."""
-        inertial = self.inertial(q, v, vdot)
+        """Residual of the equations of motion and constraints at one state, and the power of its forces."""
+        inertial = self.relative_to_free_fall(q, v, vdot)
         commanded = self.with_commanded_loads(time, q)
         tether, power = commanded.tether_forces(time, q.tether, v.tether, inertial.tether)
-        return self.joined(time, q, v, Coordinates(tether, inertial.hub), lam, power)
+        return self.complete_residual(time, q, v, Coordinates(tether, inertial.hub), lam, power)
 
     def residuals(
         self,
@@ -157,16 +167,18 @@ class System(eqx.Module):
         vdot: Coordinates,
         lam: Multipliers,
     ) -> tuple[Residual, Power]:
-        """`residual` of several states, along the first axis of everything: one evaluation of the
-        tethers' forces, as if the tethers were as many times more."""
-        inertial = jax.vmap(self.inertial)(q, v, vdot)
+        """`residual` of several states, which are the first axis of every argument.
+
+        The tethers' forces are evaluated once, with the states as a batch axis of the elements.
+        """
+        inertial = jax.vmap(self.relative_to_free_fall)(q, v, vdot)
         nodal = (jnp.moveaxis(x.tether, 0, 2) for x in (q, v, inertial))
         system = self
         if self.controlled:
             system = self.with_commands(jax.vmap(self.commands)(times, q))
         tether, power = system.tether_forces(times[:, None], *nodal)
         forces = Coordinates(jnp.moveaxis(tether, 2, 0), inertial.hub)
-        return jax.vmap(self.joined)(times, q, v, forces, lam, power)
+        return jax.vmap(self.complete_residual)(times, q, v, forces, lam, power)
 
     @property
     def controlled(self) -> bool:
@@ -198,25 +210,25 @@ class System(eqx.Module):
         return self.with_commands(self.commands(time, q)) if self.controlled else self
 
     def tether_forces(self, time: Instants, q: Nodal, v: Nodal, inertial: Nodal) -> tuple[Nodal, Power]:
-        """M vdot - Q of the tethers, and the power of loads and dissipation, of one state or several."""
+        """M vdot - Q of the tethers, and the power of loads and dissipations, for one or several states."""
         tethers = self.tethers
         fields, rates = tethers.interpolate_motion(q, v)
-        total, lost, loads = self.point_forces(time, fields, rates)
+        total, dissipated_density, loads = self.point_forces(time, fields, rates)
         forces = tethers.nodal_forces(total, inertial)
         external = dissipated = jnp.zeros(q.shape[2:-2])
         densities = [dot(loads.r, rates.r)] if self.loads else []
-        densities += [] if lost is None else [lost]
+        densities += [] if dissipated_density is None else [dissipated_density]
         if len(densities) > 1:
-            # Into memory: what is computed within a sum is not vectorised.
+            # Stacked into memory: the compiler does not vectorise what it computes inside a sum.
             densities = list(stacked([x[None] for x in densities]))
         powers = [self.integrate(x) for x in densities]
         if self.loads:
             external = -powers[0]
-        if lost is not None:
+        if dissipated_density is not None:
             dissipated = powers[-1]
         return forces, Power(external, dissipated)
 
-    def joined(
+    def complete_residual(
         self,
         time: Scalar,
         q: Coordinates,
@@ -225,8 +237,11 @@ class System(eqx.Module):
         lam: Multipliers,
         power: Power,
     ) -> tuple[Residual, Power]:
-        """The residual from the tethers' forces and the hub's accelerations: inertia of the hub,
-        constraints, power of the frame and of the acceleration field."""
+        """The residual, from the tethers' forces and the hub's accelerations in `forces`.
+
+        Adds the inertia of the hub, the constraints and their forces, and the power of the turning frame
+        and of the acceleration field.
+        """
         if self.hub is not None:
             forces = forces._replace(hub=matmul(self.hub.mass_matrix, forces.hub))
         constraints = Multipliers(None, None)
@@ -234,7 +249,7 @@ class System(eqx.Module):
             constraints, pull_back = jax.vjp(lambda q: self.constraints(time, q), q)
             forces = jax.tree.map(jnp.add, forces, pull_back(lam)[0])
         external = power.external + self.frame_power(time, q, v, forces, lam)
-        if self.weighted:
+        if self.has_field:
             momentum = self.momenta(v)
             parts = jax.tree.map(lambda a, p: (a * p).sum(), self.field(q, v), momentum)
             external = external + sum(jax.tree.leaves(parts))
@@ -243,8 +258,8 @@ class System(eqx.Module):
     def frame_power(
         self, time: Scalar, q: Coordinates, v: Coordinates, forces: Coordinates, lam: Multipliers
     ) -> Scalar:
-        """Power of a turning frame: root reactions times root velocities, and for clamped roots
-        mu . (partial Phi / partial t), what a moving constraint does. Zero with a hub."""
+        """Power [W] of a turning frame: root reactions times root velocities, and for clamped roots
+        mu . (partial Phi / partial t), the power of a moving constraint. Zero with a hub."""
         if self.hub is not None or self.roots is None:
             return jnp.zeros(())
         power = (forces.tether[0, :, 0] * v.tether[0, :, 0]).sum()
@@ -259,12 +274,12 @@ class System(eqx.Module):
         return ((weights * density).sum(0) * self.tethers.lengths).sum(-1)
 
     def momenta(self, v: Coordinates) -> Coordinates:
-        """M v: momenta [kg m/s] conjugate to the coordinates."""
+        """Momenta M v [kg m/s] conjugate to the coordinates."""
         hub = None if self.hub is None else matmul(self.hub.mass_matrix, v.hub)
         return Coordinates(self.tethers.inertia(v.tether), hub)
 
     def momentum(self, v: Coordinates) -> Vector:
-        """Linear momentum [kg m/s] of everything."""
+        """Total linear momentum [kg m/s]."""
         momenta = self.momenta(v)
         total = momenta.tether[0].sum((1, 2))
         return total if momenta.hub is None else total + momenta.hub.sum(0)
@@ -273,10 +288,11 @@ class System(eqx.Module):
 
     @property
     def has_constraints(self) -> bool:
+        """Tells whether there are multipliers: those of a hub or of clamped roots."""
         return self.hub is not None or self.clamped
 
     def constraints(self, time: Scalar, q: Coordinates) -> Multipliers:
-        """Phi(t, q) [m], in the layout of its multipliers."""
+        """Constraints Phi(t, q) [m], in the layout of their multipliers."""
         hub = self.hub.constraints(q.hub) if self.hub is not None else None
         clamp = None
         if self.clamped:
@@ -288,7 +304,7 @@ class System(eqx.Module):
         return Multipliers(hub, clamp)
 
     def no_multipliers(self) -> Multipliers:
-        """lam = 0 in the layout of this system."""
+        """Multipliers lam = 0, in the layout of this system."""
         p = self.tethers.count
         hub = jnp.zeros(6) if self.hub is not None else None
         return Multipliers(hub, jnp.zeros((2, p)) if self.clamped else None)
@@ -296,8 +312,8 @@ class System(eqx.Module):
     def constraint_acceleration(
         self, time: Scalar, q: Coordinates, v: Coordinates, vdot: Coordinates
     ) -> Multipliers:
-        """d^2 Phi / dt^2 [m/s^2]. At zero acceleration it is minus the right-hand side of
-        Phi_q vdot = Q_lam ([PGV] Eq. 1-2)."""
+        """Second time derivative d^2 Phi / dt^2 [m/s^2] of the constraints. At zero acceleration it is
+        minus the right-hand side of Phi_q vdot = Q_lam ([PGV] Eq. 1-2)."""
 
         def along(tau):
             return self.constraints(time + tau, q.axpy(tau, v).axpy(0.5 * tau**2, vdot))
@@ -311,19 +327,20 @@ class System(eqx.Module):
     # ---- attitude and roots ----------------------------------------------------------------
 
     def rotation(self, time: Scalar, q: Coordinates) -> Rotation:
-        """C_B^I of the hub or of the turning frame."""
+        """Attitude C_B^I of the hub or of the turning frame; the identity if nothing holds the tethers."""
         if self.roots is None:
             return jnp.eye(3)
         return self.roots.rotation(time) if self.hub is None else self.hub.rotation(q.hub)
 
     def with_events_until(self, time: Scalar | np.ndarray) -> "System":
-        """The system after `time`, with the roots released that nothing holds from then on."""
+        """The system after all events up to `time`: roots that are released by then are free."""
         if self.roots is None or self.roots.releases.release_time is None:
             return self
         return eqx.tree_at(lambda s: s.roots.releases, self, self.roots.releases.with_events_until(time))
 
     def place_roots(self, time: Scalar, q: Coordinates, derivative: int = 0) -> Coordinates:
-        """q (or its rate or acceleration) with the root nodes where hub or frame put them."""
+        """q with the root nodes at their points of the hub or of the frame. derivative: 1 or 2 if `q` holds
+        velocities or accelerations. Released roots keep their own."""
         if self.roots is None:
             return q
         if self.hub is not None:
@@ -335,7 +352,7 @@ class System(eqx.Module):
 
 
 def add_fields(parts: list[PointFields]) -> PointFields:
-    """Sum of what several terms contribute; None where none does."""
+    """Sum of the contributions of several terms, field by field; None where no term contributes."""
     sums = []
     for values in zip(*parts, strict=True) if parts else ((),) * len(PointFields._fields):
         present = [value for value in values if value is not None]

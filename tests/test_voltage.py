@@ -18,9 +18,9 @@ from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.loads.voltage import (
     OnOff,
     VoltageLaw,
-    above_zero,
-    limited,
+    limit,
     modulation,
+    smooth_positive_part,
     smooth_step,
     within_slew_rate,
 )
@@ -87,7 +87,7 @@ def test_limits_hold():
 def test_well_within_a_limit_changes_nothing():
     """Beyond, nothing passes it, and what is more stays more: all to rounding."""
     x = jnp.linspace(-10.0, 110.0, 1001)
-    cut = limited(x, jnp.asarray(100.0), smooth=True)
+    cut = limit(x, jnp.asarray(100.0), smooth=True)
     assert float(cut.min()) >= 0.0 and float(cut.max()) <= 100.0
     inside = (x > 2.1) & (x < 97.9)
     assert np.allclose(cut[inside], x[inside], rtol=1e-12)
@@ -96,7 +96,10 @@ def test_well_within_a_limit_changes_nothing():
 
 def test_smooth_corners():
     """The blend at a limit and the switch have continuous slopes."""
-    for function, corners in ((lambda x: above_zero(x, 1.0), (-1.0, 1.0)), (smooth_step, (0.0, 1.0))):
+    for function, corners in (
+        (lambda x: smooth_positive_part(x, 1.0), (-1.0, 1.0)),
+        (smooth_step, (0.0, 1.0)),
+    ):
         for corner in corners:
             before, after = (jax.grad(function)(corner + e) for e in (-1e-7, 1e-7))
             assert abs(before - after) < 1e-6
@@ -108,8 +111,8 @@ def test_a_pulse_rises_and_falls():
     volts, on, off, rise_time = (jnp.asarray(x) for x in ([20e3], [100.0], [200.0], 5.0))
     time, nowhere, no_axis = jnp.linspace(90.0, 250.0, 321), jnp.zeros((3, 1)), jnp.zeros(3)
     measured = jax.vmap(lambda t: Measurements(t, no_axis, nowhere, nowhere, no_axis))(time)
-    for limit, rise in ((None, 5.0), (jnp.asarray(1e3), 37.5)):
-        law = OnOff(volts, on, off, rise_time, None, limit)
+    for slew_rate, rise in ((None, 5.0), (jnp.asarray(1e3), 37.5)):
+        law = OnOff(volts, on, off, rise_time, None, slew_rate)
         found = jax.vmap(law.commanded)(measured)[:, 0]
         up, down = (np.clip((time - x) / rise, 0.0, 1.0) for x in (100.0, 200.0))
         expected = [10.0 * s**3 - 15.0 * s**4 + 6.0 * s**5 for s in (up, 1.0 - down)]

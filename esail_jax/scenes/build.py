@@ -208,7 +208,7 @@ def build_chain(structure: Structure, n: Numbers) -> tuple[RodChain, RodState]:
         x, v = (jnp.concatenate(pair, axis=1) for pair in zip(first, (x, v), strict=True))
     chain = RodChain.of(system, hinges)
     zero = jnp.zeros(())
-    return chain, RodState(x, v, Power(zero, zero) if chain.works else None)
+    return chain, RodState(x, v, Power(zero, zero) if chain.has_work else None)
 
 
 build_jitted = jax.jit(build, static_argnums=0, compiler_options=ONCE_COMPILE)

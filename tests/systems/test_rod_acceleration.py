@@ -93,7 +93,7 @@ def package(data, ends, free, parts):
     if free:
         x, v = np.hstack([data["first"], x]), np.hstack([data["first_v"], v])
     chain = jit(RodChain.of)(system, hinges)
-    work = Power(jnp.zeros(()), jnp.zeros(())) if chain.works else None
+    work = Power(jnp.zeros(()), jnp.zeros(())) if chain.has_work else None
     return chain, RodState(jnp.asarray(x), jnp.asarray(v), work)
 
 
