@@ -1,4 +1,4 @@
-"""The tethers' forces with a transpose of their own, for derivatives in reverse mode."""
+"""The tethers' forces with a hand-written transpose, for derivatives in reverse mode."""
 
 import dataclasses
 
@@ -12,16 +12,17 @@ from esail_jax.terms import PointFields, needs_command
 
 
 class Transposable(System):
-    """A system for derivatives in reverse with respect to the state and nothing else. Forces of tethers
-    have a transpose of their own; the powers, which have none, are left out.
+    """A system whose residual is differentiated in reverse mode, with respect to the state only.
 
-    At a point the forces' derivative is turned around by `Term.pull_back`, and on either side of that
-    stand each other's transposes: `interpolate`, and `nodal_forces` with the weights of the points. The
-    transpose that the compiler is given otherwise takes twice as long (106 for 217 us on the baseline)."""
+    The derivative of the tethers' forces has a hand-written transpose. At a point, `Term.pull_back`
+    transposes the derivative of the forces. On either side of it stand `interpolate` and, with the weights
+    of the points, `nodal_forces`, which are transposes of each other. The transpose that JAX derives takes
+    twice as long (217 instead of 106 us on the baseline). Powers have no such rule: they are zero here.
+    """
 
     @classmethod
     def of(cls, system: System) -> "Transposable":
-        """The same system."""
+        """The same system, with the hand-written transpose."""
         return cls(**{field.name: getattr(system, field.name) for field in dataclasses.fields(system)})
 
     def tether_forces(self, time: Instants, q: Nodal, v: Nodal, inertial: Nodal) -> tuple[Nodal, Power]:
@@ -38,7 +39,8 @@ Commands = tuple[Array | None, ...]
 def transposable_forces(
     system: System, commands: Commands, time: Instants, q: Nodal, v: Nodal, inertial: Nodal
 ) -> Nodal:
-    """The tethers' forces. commands: those of the system's loads, which depend on the state."""
+    """The tethers' forces. commands: those of the system's loads; they depend on the state and are
+    therefore an argument of their own."""
     return System.tether_forces(system, time, q, v, inertial)[0]
 
 
