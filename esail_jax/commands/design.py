@@ -75,8 +75,6 @@ def save_design(design: Design, state: State, folder: Path) -> Solution:
     best = design.scene_at(state.x[state.best])
     (folder / "designed.toml").write_text(to_toml(best), encoding="utf-8")
     before, after = design.reference_run, simulate(best)
-    # A run file of constant voltage has no observable `voltage`, which `reference_run` adds.
-    rows = {name: row for name, row in before.rows.items() if name != "voltage"}
-    save(dataclasses.replace(before, rows=rows), folder / "before.h5", overwrite=True)
+    save(before, folder / "before.h5", overwrite=True)
     save(after, folder / "after.h5", overwrite=True)
     return after

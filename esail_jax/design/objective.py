@@ -99,7 +99,4 @@ class Objective:
         """The run with constant voltage, in the scene itself or in one circumstance."""
         law = {f"voltage.{x}": None for x in vars(self.scene.voltage) if x not in ("value", "law")}
         constant = self.scene.replace(law | {"voltage.law": "constant"})
-        run = simulate(constant, circumstance)
-        # A run with constant voltage has no observable of that name.
-        voltage = np.broadcast_to(constant.voltage.value, (len(run.time), constant.tethers.count))
-        return dataclasses.replace(run, rows=run.rows | {"voltage": np.asarray(voltage)})
+        return simulate(constant, circumstance)

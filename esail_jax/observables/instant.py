@@ -153,5 +153,5 @@ def make_instant(
     load = None
     if system.loads:
         fields, rates = system.tethers.interpolate(q.tether), system.tethers.interpolate(v.tether)
-        load = sum(term.force(time, fields, rates) for term in system.steered(time, q).loads)
+        load = sum(term.force(time, fields, rates) for term in system.with_commanded_loads(time, q).loads)
     return Instant(system, time, q, v, vdot, lam, work, start_energy, origin, forces, power, load)

@@ -8,13 +8,15 @@ import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.array_types import Array, Float, Scalar, Vector
-from esail_jax.elements.axial import axial_strain
+from esail_jax.elements.axial import AbstractAxialEnergy, axial_strain
+from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.numerics.angles import euler_angles, safe_angle, safe_length
 from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import dot
 from esail_jax.observables.entry import Observable, elastic_energy, kinetic_energy
 from esail_jax.observables.instant import Instant
 from esail_jax.system import System
+from esail_jax.terms import find_term
 
 STRAIN_POINTS = 11
 """Points per element, ends included, at which the largest strain is looked for."""
@@ -54,7 +56,8 @@ def largest_strain(i: Instant) -> Float[Array, " tether"]:
     shapes = tethers.shape_table(np.linspace(0.0, 1.0, STRAIN_POINTS), 1)
     r_x = jnp.tensordot(shapes, tethers.element_vectors(i.q.tether), 1) / tethers.lengths
     r_x = jnp.moveaxis(r_x, 1, 0)
-    strain = axial_strain(dot(r_x, r_x), i.system.energies[0].strain)
+    axial = find_term(i.system.energies, AbstractAxialEnergy)
+    strain = axial_strain(dot(r_x, r_x), axial.strain)
     return tethers.of_tethers(strain.max(0)).max(0)
 
 
@@ -70,6 +73,12 @@ def reaction_moments(i: Instant) -> Vector:
     """Moment about the hub centre of the root reactions, couples of clamped roots included."""
     arms = i.roots - i.centre[:, None]
     return (jnp.cross(arms, i.root_reactions, axis=0) + i.root_couples).sum(1)
+
+
+def voltage(i: Instant) -> Float[Array, " tether"]:
+    """Voltage [V] that the sail's voltage law commands."""
+    load = find_term(i.system.loads, CoulombThrust)
+    return load.commanded(i.system.measurements(i.time, i.q))
 
 
 def total_energy(i: Instant) -> Scalar:
@@ -142,11 +151,12 @@ OBSERVABLES = (
                lambda i: total_energy(i) - i.start_energy - i.work.external + i.work.dissipated),
     Observable("smallest_tether_distance", "m", "d_min", (), "remote units to other tethers",
                tether_distance),
-    Observable("voltage", "V", "V_i", ("tether",), "modulation law",
-               lambda i: i.system.voltage(i.time, i.q), needs="steering"),
+    Observable("voltage", "V", "V_i", TETHER, "voltage law", voltage, needs="wind"),
 )  # fmt: skip
 
 
 def listed(system: System) -> list[Observable]:
-    """The observables of a sail; those of the hub and of a voltage law only if there is one."""
-    return [x for x in OBSERVABLES if not x.needs or getattr(system, x.needs) is not None]
+    """The observables of a sail. Those that need a hub or the wind are left out without it."""
+    present = {"": True, "hub": system.hub is not None}
+    present["wind"] = find_term(system.loads, CoulombThrust) is not None
+    return [entry for entry in OBSERVABLES if present[entry.needs]]

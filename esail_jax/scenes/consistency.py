@@ -103,6 +103,9 @@ def check_sail(scene: Parts) -> None:
         raise SceneError("tethers.root", 'be "pinned" for truss elements', 'is "clamped"')
     if tethers.bending and tethers.second_moment is None:
         raise SceneError("tethers.second_moment", "be given with `tethers.bending`", "is missing")
+    if tethers.straight_turn is not None and tethers.bending_damping_time is None:
+        must = "be left out without `tethers.bending_damping_time`"
+        raise SceneError("tethers.straight_turn", must, "is given")
     name = method_name(scene)
     method = METHODS.get(name)
     if method is not None and not method.sails:

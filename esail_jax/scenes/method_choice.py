@@ -16,7 +16,7 @@ from jax import lax
 from esail_jax.array_types import Array
 from esail_jax.rod_chain import fastest_rate, turning_rate
 from esail_jax.scenes.build import build_chain
-from esail_jax.scenes.build_loads import coulomb_thrust
+from esail_jax.scenes.build_loads import wind_of
 from esail_jax.scenes.consistency import method_name
 from esail_jax.scenes.methods import (
     CHAIN_METHOD,
@@ -85,9 +85,9 @@ def smallest_strain(n: Numbers) -> Array:
     mass = n.get("remote_units.mass", 0.0) + 0.5 * n["tethers.density"] * n["tethers.area"] * length
     force = mass * spin**2 * length
     if "solar_wind.speed" in n:
-        load = coulomb_thrust(n, jnp.zeros(3))
-        wind = load.wind.at(jnp.zeros(()))
-        across = wind.thrust_per_speed(load.voltage) * wind.speed
+        wind = wind_of(n, jnp.zeros(3)).at(jnp.zeros(()))
+        voltage = n.get("voltage.value", jnp.zeros(length.shape))
+        across = wind.thrust_per_speed(voltage) * wind.speed
         force = jnp.maximum(force, across * length)
     return (force / (n["tethers.youngs_modulus"] * n["tethers.area"])).min()
 

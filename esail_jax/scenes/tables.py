@@ -89,6 +89,12 @@ class Tethers:
         doc="Time constant of bending damping, used with `bending`; without it there is none.",
         default=None,
     )
+    straight_turn: Number | None = declare(
+        positive,
+        unit="rad",
+        doc="End-to-end turn of a tether below which bending damping fades out, used with that damping.",
+        default=None,
+    )
     root: RootName = declare(
         choice(RootName),
         unit="-",

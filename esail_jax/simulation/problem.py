@@ -58,7 +58,7 @@ class Problem(NamedTuple):
         """The problem as it is after the events up to a time [s]."""
         if isinstance(self.model, RodChain):
             return self
-        return self._replace(model=self.model.since(time))
+        return self._replace(model=self.model.with_events_until(time))
 
 
 class Start(NamedTuple):

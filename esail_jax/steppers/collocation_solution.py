@@ -148,7 +148,7 @@ class Linearised(NamedTuple):
         roots = self.system.roots
         if roots is None:
             return x
-        held = roots.releases.free(x.vdot.tether[:, 0, :, 0], jnp.zeros(()))
+        held = roots.releases.where_released(x.vdot.tether[:, 0, :, 0], jnp.zeros(()))
         return x._replace(vdot=x.vdot._replace(tether=x.vdot.tether.at[:, 0, :, 0].set(held)))
 
     def folded(self, residual: Residual) -> StageUnknowns:
@@ -236,5 +236,5 @@ def on_roots(system: System, vdot: Coordinates) -> Coordinates:
     root = jnp.zeros_like(vdot.tether[0, :, 0])
     if system.hub is not None:
         root = system.roots.positions(vdot.hub)
-    root = system.roots.releases.free(vdot.tether[0, :, 0], root)
+    root = system.roots.releases.where_released(vdot.tether[0, :, 0], root)
     return vdot._replace(tether=vdot.tether.at[0, :, 0].set(root))

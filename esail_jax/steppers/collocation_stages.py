@@ -133,8 +133,8 @@ def residuals_at(
 ) -> Residual:
     """The same at given states of the stages."""
     found, _ = system.residuals(times, q, v, *unknowns)
-    bend = jax.vmap(system.constraint_acceleration)(times, q, v, unknowns.vdot)
-    return Residual(found.forces, bend)
+    phi_ddot = jax.vmap(system.constraint_acceleration)(times, q, v, unknowns.vdot)
+    return Residual(found.forces, phi_ddot)
 
 
 def stage_powers(system: System, start: StepEnd, h: Scalar, unknowns: StageUnknowns) -> Power:

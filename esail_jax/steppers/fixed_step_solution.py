@@ -150,11 +150,10 @@ def linear_solution(linear: Linearised, moved: Start, given: Residual) -> Unknow
     that `transposable` knows, not the one the compiler would be given."""
     linear = lax.stop_gradient(linear)
     nothing, zero = linear.nothing
-    steered = linear.system.steering is not None
 
     def improved(product, inverse, rows):
         x = inverse(rows)
-        if steered:
+        if linear.system.controlled:
             # The tangent does not know how voltages depend on the attitude: a part in a million.
             left = jax.tree.map(jnp.subtract, rows, product(x))
             x = jax.tree.map(jnp.add, x, inverse(left))

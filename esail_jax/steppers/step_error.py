@@ -25,9 +25,10 @@ from jax import lax
 
 from esail_jax.array_types import Array, Bool, Float, PerTether, Scalar
 from esail_jax.coordinates import Coordinates
+from esail_jax.elements.axial import AbstractAxialEnergy
 from esail_jax.numerics.vectors import dot, norm
 from esail_jax.system import System
-from esail_jax.terms import PointFields
+from esail_jax.terms import PointFields, find_term
 
 Signal = Float[Array, "3 time tether"]
 
@@ -135,7 +136,8 @@ def root_forces(
 ) -> Signal:
     """The elastic force [N] on the section at the root, in the hub's axes; 0 for a released tether."""
     tethers = system.tethers
-    axial = jax.tree.map(lambda x: x[: tethers.count] if x.ndim else x, system.energies[0])
+    axial = find_term(system.energies, AbstractAxialEnergy)
+    axial = jax.tree.map(lambda x: x[: tethers.count] if x.ndim else x, axial)
     fields = PointFields(None, jnp.moveaxis(slopes, 0, 1))
     force = axial.point_forces(times[0], fields, fields).r_x
     released = None if system.roots is None else system.roots.releases.released
@@ -150,7 +152,7 @@ def growth_rates(
     system: System, nodal: Float[Array, "time coef 3 node tether"], count: Array
 ) -> Float[Array, " tether"]:
     """sigma [1/s] of each tether, the largest of its elements, from the mean axial force over a block."""
-    tethers, axial = system.tethers, system.energies[0]
+    tethers, axial = system.tethers, find_term(system.energies, AbstractAxialEnergy)
     some = nodal[TENSION_STRIDE - 1 :: TENSION_STRIDE]
     fields = tethers.interpolate(jnp.moveaxis(some, 0, 2))
     force = axial.point_forces(jnp.zeros(()), fields, fields).r_x

@@ -15,7 +15,7 @@ PACKAGE = Path(__file__).parents[2] / "esail_jax"
 LAYERS = (
     ("constants", "array_types", "compiler", "cores"),
     ("numerics", "environment"),
-    ("coordinates", "terms"),
+    ("coordinates", "measurements", "terms"),
     ("elements", "loads", "joints"),
     ("system",),
     ("iteration_matrix", "rod_chain"),

@@ -13,7 +13,7 @@ from esail_jax.numerics.vectors import dot
 from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.scene import load_scene
 from esail_jax.scenes.structure import split
-from esail_jax.terms import PointFields, shape_of
+from esail_jax.terms import PointFields, invariants_of
 
 
 def rotation(seed=1):
@@ -80,7 +80,7 @@ def test_curvature_of_a_circle_is_one_over_its_radius_however_it_is_stretched():
     r_x, r_xx = jnp.array([0.0, speed, 0.0]), jnp.array([-(speed**2) / radius, 0.0, 0.0])
 
     def found(r_xx):
-        return curvature_squared(shape_of(PointFields(None, r_x, r_xx)))
+        return curvature_squared(invariants_of(PointFields(None, r_x, r_xx)))
 
     np.testing.assert_allclose(found(r_xx), 1.0 / radius**2, rtol=1e-13)
     # r_xx along the tangent is stretching, not bending.

@@ -16,10 +16,11 @@ from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.elements.axial import AxialDissipation, AxialEnergy
 from esail_jax.elements.bending import BendingEnergy
 from esail_jax.elements.rigid_body import RigidBody
-from esail_jax.elements.tether import TetherBatch, per_element
+from esail_jax.elements.tether import TetherBatch
 from esail_jax.environment.solar_wind import SteadyWind
 from esail_jax.joints.roots import HubRoots
 from esail_jax.loads.coulomb import CoulombThrust
+from esail_jax.loads.voltage import Constant
 from esail_jax.steppers.consistent import consistent_acceleration
 from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
 from esail_jax.system import System
@@ -78,7 +79,7 @@ def build() -> System:
         hub=hub,
         energies=(AxialEnergy(1.9 * ones, "green-lagrange"), BendingEnergy(0.7 * ones)),
         dissipations=(AxialDissipation(1.9 * ones, 0.6 * ones, "green-lagrange"),),
-        loads=(CoulombThrust(wind, per_element(jnp.asarray(VOLTAGE), N - 1)),),
+        loads=(CoulombThrust.of(wind, Constant(jnp.asarray(VOLTAGE)), N - 1),),
         gravity=None,
     )
 

@@ -19,6 +19,7 @@ from esail_jax.environment.solar_wind import SteadyWind
 from esail_jax.equilibria.equilibrium import equilibrium
 from esail_jax.equilibria.steady_stretch import steady_line
 from esail_jax.loads.coulomb import CoulombThrust
+from esail_jax.loads.voltage import Constant
 from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.scene import load_scene
 from esail_jax.scenes.structure import split
@@ -58,7 +59,7 @@ def test_small_coning_of_a_held_tether(validate):
     def height(volts):
         made = one_tether(
             elements=20, length=LENGTH, axial=3e5, line_density=DENSITY, tip_mass=TIP, spin=SPIN,
-            loads=(CoulombThrust(wind, volts[None]),),
+            loads=(CoulombThrust.of(wind, Constant(volts[None]), 1),),
         )  # fmt: skip
         zero, spin = jnp.zeros(()), jnp.asarray(SPIN)
         line, _ = steady_line(made.tethers, made.energies, zero, spin, zero)

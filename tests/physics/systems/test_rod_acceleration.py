@@ -21,7 +21,7 @@ from esail_jax.numerics import bordered
 from esail_jax.rod_chain import RodChain, RodState
 from esail_jax.steppers.consistent import consistent_acceleration
 from esail_jax.system import Power, System
-from esail_jax.terms import Load
+from esail_jax.terms import Load, find_term
 from support.quick import jit
 
 GRAVITY, MOTION, DAMPING = np.array([0.3, -0.7, 0.2]), 0.6, 0.4
@@ -93,7 +93,7 @@ def package(data, ends, free, parts):
     if free:
         x, v = np.hstack([data["first"], x]), np.hstack([data["first_v"], v])
     chain = jit(RodChain.of)(system, hinges)
-    work = Power(jnp.zeros(()), jnp.zeros(())) if chain.works else None
+    work = Power(jnp.zeros(()), jnp.zeros(())) if chain.has_work else None
     return chain, RodState(jnp.asarray(x), jnp.asarray(v), work)
 
 
@@ -224,7 +224,8 @@ def test_power_is_the_rate_of_the_energy(free):
     def energy(y):
         q, v = chain.coordinates(y)
         tethers = chain.system.tethers
-        stored = chain.system.integrate(chain.system.energies[0].density(tethers.interpolate(q.tether)))
+        axial = find_term(chain.system.energies, AxialEnergy)
+        stored = chain.system.integrate(axial.density(tethers.interpolate(q.tether)))
         return 0.5 * (v.tether * tethers.inertia(v.tether)).sum() + stored
 
     rate = chain(zero, state)
