@@ -15,7 +15,7 @@ import jax
 
 jax.config.update("jax_enable_x64", True)
 
-from esail_jax.compiler import COMPILER_OPTIONS, compiled  # noqa: E402
+from esail_jax.compiler import jit  # noqa: E402
 from esail_jax.files.run_file import RunFileError, load, save  # noqa: E402
 from esail_jax.scenes.rules import SceneError  # noqa: E402
 from esail_jax.scenes.scene import Scene, load_scene  # noqa: E402
@@ -25,14 +25,13 @@ from esail_jax.simulation.simulate import Solution, simulate  # noqa: E402
 __version__ = "0.1.0"
 
 __all__ = [
-    "COMPILER_OPTIONS",
     "RESULTS",
     "RunFileError",
     "Scene",
     "SceneError",
     "SimulationError",
     "Solution",
-    "compiled",
+    "jit",
     "load",
     "load_scene",
     "save",

@@ -100,7 +100,9 @@ def test_every_number_may_be_traced(key, chain, monkeypatch):
         raise StopIteration
 
     monkeypatch.setattr(esail_jax.simulation.explicit, "traced_run", run)
-    module = importlib.import_module("esail_jax.simulation.simulate")  # the package's `simulate` is the function
+    module = importlib.import_module(
+        "esail_jax.simulation.simulate"
+    )  # the package's `simulate` is the function
     monkeypatch.setattr(module, "traced_run", lambda s, p, numbers: run(s, p, numbers, None))
     with pytest.raises(StopIteration):
         jax.make_jaxpr(lambda x: esail.simulate(chain, with_key(key, x)).time)(like)

@@ -13,7 +13,7 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "esail_jax"
 
 LAYERS = (
-    ("constants", "array_types", "compiler", "cores"),
+    ("constants", "array_types", "compiler", "compiler_workaround", "cores"),
     ("numerics", "environment"),
     ("coordinates", "terms"),
     ("elements", "loads", "joints"),

@@ -17,7 +17,7 @@ import optax
 from jax import lax
 
 from esail_jax.array_types import Array, Float, Scalar
-from esail_jax.compiler import COMPILER_OPTIONS
+from esail_jax.compiler import jit
 from esail_jax.design import objectives
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
@@ -95,7 +95,7 @@ class Design:
         self.before = self.measured(self.plain)
         self.compared = self.before if not self.circumstances else self.before_each()
         each = jax.value_and_grad(self.objective)
-        self._evaluate = jax.jit(lambda x: lax.map(each, x), compiler_options=COMPILER_OPTIONS)
+        self._evaluate = jit(lambda x: lax.map(each, x))
 
     def measured(self, run: Solution) -> dict[str, float]:
         """The objectives of a run."""

@@ -19,7 +19,7 @@ import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 
 from esail_jax.array_types import Array, Bool, Float
-from esail_jax.compiler import compiled
+from esail_jax.compiler import compile_lowered
 from esail_jax.cores import cores
 from esail_jax.ensembles.sampling import Inputs, of_members
 from esail_jax.numerics.lockstep import LOCKSTEP
@@ -154,7 +154,7 @@ class Runner:
         devices = jax.local_devices()
         room = (devices[0].memory_stats() or {}).get("bytes_limit", MOST_BYTES)
         # Of each device's own share of the program.
-        memory = compiled(self._lowered(PROBE * len(devices))).memory_analysis()
+        memory = compile_lowered(self._lowered(PROBE * len(devices))).memory_analysis()
         each = max(each, (memory.temp_size_in_bytes + memory.output_size_in_bytes) / PROBE)
         return int(np.clip(SHARE * room / each, 1, GPU_BATCH)) * len(devices)
 
@@ -171,7 +171,7 @@ class Runner:
     def compile(self) -> None:
         """Do it now, unless it is done."""
         if self._compiled is None:
-            self._compiled = compiled(self._lowered(self.batch))
+            self._compiled = compile_lowered(self._lowered(self.batch))
 
     def __call__(self, members: np.ndarray) -> Ensemble:
         """These members, `batch` at most."""

@@ -18,7 +18,7 @@ from jax import lax
 
 from esail_jax import observables
 from esail_jax.array_types import Array, Float, Int, Scalar, Vector
-from esail_jax.compiler import ONCE_COMPILE, ROWS_COMPILE, compiled
+from esail_jax.compiler import LOOK_OPTIONS, START_OPTIONS, compile_lowered
 from esail_jax.iteration_matrix import FactoredMass, Inertia, factor_mass, inertia_of
 from esail_jax.numerics.lockstep import written
 from esail_jax.scenes.build import Model, build
@@ -199,17 +199,17 @@ def programs(
     step = number if fixed else None
     with ThreadPoolExecutor() as pool:
         starting = jax.jit(problem_of, static_argnums=0).lower(structure, numbers, step)
-        start = pool.submit(starting.compile, compiler_options=ONCE_COMPILE)
+        start = pool.submit(starting.compile, compiler_options=START_OPTIONS)
         _, problem, carry = starting.out_info
         # Then the longest, so that the others are traced while it compiles.
         stepping = jax.jit(run_blocks).lower(problem, carry, number)
-        blocks = pool.submit(compiled, stepping)
+        blocks = pool.submit(compile_lowered, stepping)
         times = jax.ShapeDtypeStruct((ROWS_PER_LOOK,), float)
         count = jax.ShapeDtypeStruct((), int)
         looking = jax.jit(look).lower(problem, carry, stepping.out_info[1], times, count)
-        seeing = pool.submit(compiled, looking, ROWS_COMPILE)
+        seeing = pool.submit(compile_lowered, looking, LOOK_OPTIONS)
         switching = None
         if structure.has("event") or structure.has("voltage.on"):
             going_on = jax.jit(go_on).lower(problem, problem, carry, stepping.out_info[1], number, number)
-            switching = pool.submit(going_on.compile, compiler_options=ONCE_COMPILE).result()
+            switching = pool.submit(going_on.compile, compiler_options=START_OPTIONS).result()
         return Programs(start.result(), blocks.result(), seeing.result(), switching)

@@ -13,7 +13,7 @@ from jax import lax
 
 from esail_jax import observables
 from esail_jax.array_types import Array, Float, Scalar, Vector
-from esail_jax.compiler import COMPILER_OPTIONS, ROWS_COMPILE
+from esail_jax.compiler import COMPILER_OPTIONS, LOOK_OPTIONS
 from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.coordinates import Coordinates
 from esail_jax.scenes.build import Model
@@ -260,4 +260,4 @@ def with_jerk(stepper: FixedStep, state: State, v_next: Coordinates) -> State:
 
 
 step_entry_jitted = jax.jit(step_entry, static_argnums=(3, 4, 5), compiler_options=COMPILER_OPTIONS)
-look_at_entry_jitted = jax.jit(look_at_entry, static_argnums=6, compiler_options=ROWS_COMPILE)
+look_at_entry_jitted = jax.jit(look_at_entry, static_argnums=6, compiler_options=LOOK_OPTIONS)

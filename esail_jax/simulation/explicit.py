@@ -16,7 +16,7 @@ from jax import lax
 
 from esail_jax import observables
 from esail_jax.array_types import Array, Float, Scalar
-from esail_jax.compiler import CHAIN_COMPILE
+from esail_jax.compiler import CHAIN_OPTIONS
 from esail_jax.rod_chain import RodChain, RodState, energy_floor, error_scale
 from esail_jax.scenes.build import build_chain
 from esail_jax.scenes.scene import Scene
@@ -134,7 +134,7 @@ def programs(
     times = jax.ShapeDtypeStruct((ROWS_PER_CALL,), float)
     rows = jax.jit(pass_rows).lower(*start.out_info, times, number)
     with ThreadPoolExecutor() as pool:
-        both = [pool.submit(program.compile, compiler_options=CHAIN_COMPILE) for program in (start, rows)]
+        both = [pool.submit(program.compile, compiler_options=CHAIN_OPTIONS) for program in (start, rows)]
         return Programs(*(program.result() for program in both))
 
 

@@ -13,7 +13,7 @@ import jax
 import numpy as np
 
 from esail_jax.array_types import Array
-from esail_jax.compiler import ROWS_COMPILE, compiled
+from esail_jax.compiler import LOOK_OPTIONS, compile_lowered
 from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.structure import Numbers, Structure
 from esail_jax.simulation.entry import entry_data, look_at_entry_jitted, problem_of, step_entry_jitted
@@ -56,10 +56,10 @@ def _compiled(
     with ThreadPoolExecutor() as pool:
         # The longest first, so that the others are traced while it compiles.
         stepping = step_entry_jitted.lower(problem, carry.state, data, steps, KEEP, between)
-        step = pool.submit(compiled, stepping)
+        step = pool.submit(compile_lowered, stepping)
         building = pool.submit(built.compile)
         looking = look_at_entry_jitted.lower(problem, carry, data, *stepping.out_info, between)
-        look = pool.submit(compiled, looking, ROWS_COMPILE)
+        look = pool.submit(compile_lowered, looking, LOOK_OPTIONS)
         return Programs(building.result(), step.result(), look.result())
 
 
