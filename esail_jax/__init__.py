@@ -11,6 +11,8 @@ a system too, with coordinates of its own (`rod_chain.py`). A *stepper* advances
 (`simulation/simulate.py`).
 """
 
+from typing import Any
+
 import jax
 
 jax.config.update("jax_enable_x64", True)
@@ -34,6 +36,16 @@ __all__ = [
     "jit",
     "load",
     "load_scene",
+    "plot",
     "save",
     "simulate",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Imports `plot` when it is first used, so that `import esail_jax` does not import matplotlib."""
+    if name == "plot":
+        from esail_jax.plotting import plot
+
+        return plot
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

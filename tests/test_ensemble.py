@@ -381,7 +381,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import esail_jax
-from esail_jax.ensemble_gradient import mean_gradient
+from esail_jax.ensembles.gradient import mean_gradient
 if len(sys.argv) > 2:
     jax.distributed.initialize(sys.argv[2], 2, int(sys.argv[3]))
 inputs = {"a": np.arange(5.0), "b": np.ones((5, 2))}

@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import hsv_to_rgb
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from esail_jax.observables.saved_rows import leading_finite
 from esail_jax.plotting.data import orbital_period, power_spectrum, spin_period
@@ -105,9 +106,10 @@ def spectrum(run: Any, ylabel: str, values: np.ndarray | None) -> Panel | None:
     return Panel(FREQUENCY_LABEL, ylabel, draw)
 
 
-def legend_above(ax: Axes, columns: int) -> None:
-    """A legend outside the axes, where no curve can run under it."""
+def legend_above(ax: Axes, columns: int, handles: list[Line2D] | None = None) -> None:
+    """Adds a legend above the axes, where it hides no curve. handles: its lines; None: all with a label."""
     ax.legend(
+        handles=handles,
         loc="lower right",
         bbox_to_anchor=(1.0, 1.0),
         ncols=columns,

@@ -16,7 +16,7 @@ from esail_jax.coordinates import Coordinates
 from esail_jax.elements.axial import AxialDissipation, AxialEnergy
 from esail_jax.elements.bending import BendingEnergy
 from esail_jax.elements.tether import Tethers
-from esail_jax.equilibria.steady_stretch import along, unstretched_line
+from esail_jax.equilibria import along, unstretched_line
 from esail_jax.joints.roots import FrameRoots, HubRoots, clamp_normals
 from esail_jax.simulation.entry import fresh_state, with_jerk
 from esail_jax.steppers.collocation import KEEP as BLOCK

@@ -16,8 +16,7 @@ import pytest
 from quick import jit
 
 from esail_jax.array_types import Vector
-from esail_jax.equilibria.equilibrium import equilibrium
-from esail_jax.equilibria.steady_stretch import unstretched_line
+from esail_jax.equilibria import equilibrium, unstretched_line
 from esail_jax.system import System
 from systems.drive import one_tether, straight
 

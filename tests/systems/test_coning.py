@@ -14,8 +14,7 @@ from quick import jit
 from scipy.integrate import quad
 
 from esail_jax.environment.solar_wind import SolarWind
-from esail_jax.equilibria.equilibrium import equilibrium
-from esail_jax.equilibria.steady_stretch import steady_line
+from esail_jax.equilibria import equilibrium, steady_line
 from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.scene import load_scene

@@ -21,7 +21,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
-from esail_jax.equilibria.equilibrium import equilibrium
+from esail_jax.equilibria import equilibrium
 from systems.drive import one_tether, straight
 
 TIP_ANGLE = np.deg2rad(50.0)

@@ -11,9 +11,7 @@ from scipy.optimize import brentq
 from scipy.special import jn_zeros
 
 from esail_jax.elements.rigid_body import RigidBody
-from esail_jax.equilibria.equilibrium import equilibrium
-from esail_jax.equilibria.modes import modes
-from esail_jax.equilibria.steady_stretch import steady_line, unstretched_line
+from esail_jax.equilibria import equilibrium, modes, steady_line, unstretched_line
 from systems.drive import one_tether, straight
 
 quick_equilibrium = jit(equilibrium)

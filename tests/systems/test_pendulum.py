@@ -6,8 +6,7 @@ import pytest
 from quick import jit
 from scipy.special import ellipj, ellipk
 
-from esail_jax.equilibria.equilibrium import equilibrium
-from esail_jax.equilibria.modes import modes
+from esail_jax.equilibria import equilibrium, modes
 from systems.drive import STEPPERS, march, one_tether, straight, turning
 
 ROD, TIP, LENGTH = 0.6, 1.5, 2.0

@@ -7,10 +7,7 @@ import pytest
 from quick import jit
 
 from esail_jax.environment.solar_wind import SolarWind
-from esail_jax.equilibria.equilibrium import equilibrium
-from esail_jax.equilibria.modes import modes
-from esail_jax.equilibria.moving_frame import expanded
-from esail_jax.equilibria.steady_stretch import steady_line, unstretched_line
+from esail_jax.equilibria import equilibrium, expanded, modes, steady_line, unstretched_line
 from esail_jax.loads.coulomb import CoulombThrust
 from systems.drive import STEPPERS, march, one_tether, straight, turning
 from systems.test_catenary import Pulled

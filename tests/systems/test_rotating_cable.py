@@ -11,8 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from esail_jax.equilibria.equilibrium import equilibrium
-from esail_jax.equilibria.steady_stretch import steady_line
+from esail_jax.equilibria import equilibrium, steady_line
 from systems.drive import STEPPERS, march, one_tether, straight, turning
 
 LENGTH, AXIAL, DENSITY, TIP, RADIUS, SPIN = 2.0, 50.0, 0.8, 1.5, 0.3, 1.2
