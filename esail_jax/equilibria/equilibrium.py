@@ -31,15 +31,15 @@ from esail_jax.equilibria.moving_frame import (
 )
 from esail_jax.system import System
 
-ITERATIONS = 40
+MAX_ITERATIONS = 40
 """Newton steps at most."""
 
-SETTLED = 1e-9
+STEP_TOLERANCE = 1e-9
 """Newton step, relative to the largest coordinate, that ends the iteration: one more follows it, and
 Newton's convergence is quadratic."""
 
 
-TURN = 0.3
+MAX_SLOPE_CHANGE = 0.3
 """Largest change of r_x anywhere in one Newton step: longer steps leave the range in which a cable's
 tangent says where its equilibrium is."""
 
@@ -92,17 +92,19 @@ def equilibrium(system: System, start: Coordinates, spin: Vector) -> Equilibrium
         return -equilibrated_solve(matrix, left(z))
 
     def small(step, z):
-        return step <= SETTLED * jnp.abs(z[:n]).max()
+        return step <= STEP_TOLERANCE * jnp.abs(z[:n]).max()
 
     def unfinished(carry):
         z, step, count = carry
-        return ~small(step, z) & (count < ITERATIONS)
+        return ~small(step, z) & (count < MAX_ITERATIONS)
 
     def iterate(carry):
         z, _, count = carry
         step = newton(z)
-        turn = jnp.abs(system.tethers.interpolate(expanded(system, step[:n], derivative=1).tether).r_x)
-        short = step * jnp.minimum(1.0, TURN / turn.max())
+        slope_change = jnp.abs(
+            system.tethers.interpolate(expanded(system, step[:n], derivative=1).tether).r_x
+        )
+        short = step * jnp.minimum(1.0, MAX_SLOPE_CHANGE / slope_change.max())
         return z + short, jnp.abs(step[:n]).max(), count + 1
 
     z = jnp.concatenate([independent(system, start), first])

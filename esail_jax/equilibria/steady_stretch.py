@@ -15,7 +15,7 @@ from esail_jax.numerics import block_tridiagonal as chains
 from esail_jax.system import add_fields
 from esail_jax.terms import Energy, PointFields
 
-RAMP, ITERATIONS = 12, 20
+RAMP_STEPS, NEWTON_STEPS = 12, 20
 """Newton steps, the first of them while the centrifugal force grows to its value: from rest, strains
 of order one are out of Newton's reach (spin softening outweighs the unstressed stiffness)."""
 
@@ -86,11 +86,11 @@ def steady_line(
         return line + to_metres(tethers, change, -1)
 
     def ramped(i: Int[Array, ""], line: Line) -> Line:
-        part = jnp.minimum(1.0, (i + 1.0) / RAMP)
+        part = jnp.minimum(1.0, (i + 1.0) / RAMP_STEPS)
         return newton(line, line, part * spin**2)
 
     start = lax.stop_gradient(unstretched_line(tethers))
-    found = lax.stop_gradient(lax.fori_loop(0, ITERATIONS, ramped, start))
+    found = lax.stop_gradient(lax.fori_loop(0, NEWTON_STEPS, ramped, start))
     found = newton(found, found, spin**2)
     settled = lax.stop_gradient(found)
     left = jnp.abs(unbalanced(settled, spin**2).at[0, 0].set(0.0)[0]).max(0)

@@ -23,7 +23,7 @@ Links = Inexact[Array, "link row row *batch"]
 BlockVectors = Inexact[Array, "block row *batch"]
 LinkVectors = Inexact[Array, "link row *batch"]
 
-UNROLL = 8
+UNROLLED_BLOCKS = 8
 """Blocks per iteration of the sweeps' loops: short chains run without a loop, whose overhead is
 larger than a 6 x 6 product; unrolling all of a long chain would multiply compile time instead."""
 
@@ -64,7 +64,7 @@ def reduce_to_port(factors: ChainFactors, rhs: BlockVectors) -> tuple[LinkVector
         return rhs_k - matvec_transposed(reduce_k, behind), matvec_transposed(inverse_k, behind)
 
     rows = (factors.inverse, factors.reduce, rhs[:-1])
-    port, own = lax.scan(carry_over, rhs[-1], rows, reverse=True, unroll=UNROLL)
+    port, own = lax.scan(carry_over, rhs[-1], rows, reverse=True, unroll=UNROLLED_BLOCKS)
     return own, port
 
 
@@ -78,8 +78,8 @@ def substitute_from_port(
         here = own_k - matvec_transposed(substitute_k, before)
         return here, here
 
-    if len(own) > UNROLL:
-        _, blocks = lax.scan(carry_back, port, (own, factors.substitute), unroll=UNROLL)
+    if len(own) > UNROLLED_BLOCKS:
+        _, blocks = lax.scan(carry_back, port, (own, factors.substitute), unroll=UNROLLED_BLOCKS)
         return jnp.concatenate([port[None], blocks])
     blocks = [port]
     for row in zip(own, factors.substitute, strict=True):

@@ -17,7 +17,7 @@ from esail_jax.array_types import Array, Bool, Inexact
 from esail_jax.numerics import block_tridiagonal as chains
 from esail_jax.numerics.small_matrices import inverse, joined, matmul, matvec_transposed, transpose
 
-HELD = 3
+HELD_ROWS = 3
 """Rows of a port block that the border holds, unless it is loose."""
 
 
@@ -47,7 +47,7 @@ class Bordered(NamedTuple):
     @property
     def held(self) -> int:
         """Held rows of a port block."""
-        return HELD if self.loose is None else 0
+        return HELD_ROWS if self.loose is None else 0
 
     @property
     def free(self) -> int:
@@ -105,7 +105,7 @@ def project(
     if free_rows:
         local = padded(schur[free, free], matrix.local)
     if matrix.border is not None:
-        n, others = matrix.border.shape[0], matrix.border.shape[0] - HELD * g.shape[0]
+        n, others = matrix.border.shape[0], matrix.border.shape[0] - HELD_ROWS * g.shape[0]
         points = jnp.einsum("at,ijt,bt->aibj", g, schur[held, held], g)
         border = padded(points.reshape(n - others, -1), matrix.border)
         if free_rows:
@@ -160,7 +160,7 @@ def port_loads(
         if rhs.local is not None:
             local = jnp.concatenate([local, rhs.local])
     if matrix.border is not None:
-        border = padded((matrix.weights[:, None] * port[None, :HELD]).sum(2).reshape(-1), rhs.border)
+        border = padded((matrix.weights[:, None] * port[None, :HELD_ROWS]).sum(2).reshape(-1), rhs.border)
     return local, border
 
 
@@ -170,8 +170,8 @@ def port_displacement(
     """Port displacement and extra local unknowns, once (local, border) are known."""
     held = jnp.zeros_like(port[: matrix.held])
     if border is not None:
-        points = HELD * matrix.weights.shape[0]
-        held = (border[:points].reshape(-1, HELD)[:, :, None] * matrix.weights[:, None]).sum(0)
+        points = HELD_ROWS * matrix.weights.shape[0]
+        held = (border[:points].reshape(-1, HELD_ROWS)[:, :, None] * matrix.weights[:, None]).sum(0)
     if local is None:
         return held, None
     return joined([held, local[: matrix.free]]), local[matrix.free :]

@@ -25,7 +25,7 @@ import numpy as np
 from esail_jax.array_types import Array, Float
 from esail_jax.numerics import block_tridiagonal as chains
 from esail_jax.numerics import bordered
-from esail_jax.numerics.bordered import HELD, Bordered, Vector
+from esail_jax.numerics.bordered import HELD_ROWS, Bordered, Vector
 from esail_jax.numerics.small_matrices import inverse, matmul, matvec
 
 
@@ -112,7 +112,7 @@ def project(matrix: Bordered, schur: Float[Array, "end end tether"]) -> tuple[Ar
         local_border=behind_tip(matrix.local_border, 0),
         border_local=behind_tip(matrix.border_local, 1),
     )
-    order = np.r_[:HELD, m : 2 * m, HELD:m]
+    order = np.r_[:HELD_ROWS, m : 2 * m, HELD_ROWS:m]
     local, *rest = bordered.project(shifted, schur[order][:, order])
     if matrix.border is None:
         n = local.shape[0]

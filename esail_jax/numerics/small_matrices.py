@@ -11,7 +11,7 @@ from jax import lax
 
 from esail_jax.array_types import Array, Inexact
 
-SHORT = 6
+UNROLLED_TERMS = 6
 """Terms of a sum that is written out."""
 
 Matrices = Inexact[Array, "row col *batch"]
@@ -35,7 +35,10 @@ def matvec_transposed(a: Inexact[Array, "col row *batch"], x: Inexact[Array, "co
     """Each transposed matrix times its vector: the reduction runs over the leading axis, which is
     the fast one; kept factors are stored transposed for it. A few rows at a time: only short sums does the
     compiler write out, and with them makes the most of the batch."""
-    parts = [(a[k : k + SHORT] * x[k : k + SHORT, None]).sum(0) for k in range(0, len(a), SHORT)]
+    parts = [
+        (a[k : k + UNROLLED_TERMS] * x[k : k + UNROLLED_TERMS, None]).sum(0)
+        for k in range(0, len(a), UNROLLED_TERMS)
+    ]
     return sum(parts[1:], parts[0])
 
 

@@ -40,23 +40,23 @@ def is_symbolic(tangent: Any) -> bool:
     return isinstance(tangent, SymbolicZero)
 
 
-def number_of(tangent: Any) -> Array:
+def materialised(tangent: Any) -> Array:
     """A tangent, a zero as numbers."""
     return jnp.zeros(tangent.shape, tangent.dtype) if is_symbolic(tangent) else tangent
 
 
-def any_matrix(x: Any) -> Any:
+def unused_matvec(x: Any) -> Any:
     """For `lax.custom_linear_solve` with both its solutions given: it asks for the matrix only to find the
     derivative by what that is made of, which must carry none. The true one would be traced for nothing."""
     return x
 
 
 @jax.custom_jvp
-def known(value: Any, of: Any) -> Any:
+def with_tangent_of(value: Any, of: Any) -> Any:
     """`value`, with the derivative of the quantities `of` which it is the value."""
     return value
 
 
-@known.defjvp
-def _known_jvp(primals, tangents):
+@with_tangent_of.defjvp
+def _with_tangent_of_jvp(primals, tangents):
     return primals[0], tangents[1]

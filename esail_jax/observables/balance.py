@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-MOST_LOST = 1e-3
+BALANCE_TOLERANCE = 1e-3
 """Part of the largest term of the balance that may be missing."""
 
 ROUNDING = 1e-9
@@ -14,15 +14,15 @@ TERMS = ("kinetic_energy", "elastic_energy", "external_work", "dissipated_energy
 
 
 def balance_warning(rows: Mapping[str, np.ndarray]) -> str:
-    """A sentence if |dE - W + D| exceeds MOST_LOST of the largest of |dE|, |W| and |D| and ROUNDING of E;
-    of a chain, if |E - E_0| exceeds MOST_LOST of its energy. Else nothing."""
+    """A sentence if |dE - W + D| exceeds BALANCE_TOLERANCE of the largest of |dE|, |W| and |D| and ROUNDING of E;
+    of a chain, if |E - E_0| exceeds BALANCE_TOLERANCE of its energy. Else nothing."""
     if "energy_error" in rows:
         lost = largest(rows["energy_error"])
-        return f"{SENTENCE} {lost:.1e} of the energy." if lost > MOST_LOST else ""
+        return f"{SENTENCE} {lost:.1e} of the energy." if lost > BALANCE_TOLERANCE else ""
     kinetic, elastic, work, dissipated, error = (rows[name] for name in TERMS)
     energy, lost = kinetic + elastic, largest(error)
     terms = max(largest(energy - energy[:1]), largest(work), largest(dissipated))
-    if lost <= max(MOST_LOST * terms, ROUNDING * largest(energy)):
+    if lost <= max(BALANCE_TOLERANCE * terms, ROUNDING * largest(energy)):
         return ""
     return f"{SENTENCE} {lost:.1e} J, where its largest term is {terms:.1e} J."
 

@@ -12,7 +12,7 @@ from esail_jax.numerics.vectors import dot, norm
 from esail_jax.observables.entry import Observable, elastic_energy, kinetic_energy
 from esail_jax.system import Power, System
 
-LOST = 0.1
+MAX_BALANCE_ERROR = 0.1
 """Part of the energy by which its balance may be off before a run is given up: explicit steps that are
 too long for the fastest vibration need not overflow."""
 
@@ -120,7 +120,7 @@ def with_energy_error(
 
 
 def balanced(rows: dict[str, Any], floor: Any, xp: ModuleType) -> Any:
-    """At which instants is the energy balance kept to `LOST` of the energy, as no run that is worth
+    """At which instants is the energy balance kept to `MAX_BALANCE_ERROR` of the energy, as no run that is worth
     anything fails to do? False also for NaN. floor [J]: what is nothing (`energy_floor`)."""
     if "energy_balance_error" in rows:
         inner = rows["kinetic_energy"] + rows["elastic_energy"]
@@ -128,6 +128,6 @@ def balanced(rows: dict[str, Any], floor: Any, xp: ModuleType) -> Any:
         size, error = xp.maximum(size, inner), rows["energy_balance_error"]
     else:
         energy = rows["kinetic_energy"] + rows["elastic_energy"] + rows["potential_energy"]
-        kept = abs(rows["energy_error"]) <= LOST
+        kept = abs(rows["energy_error"]) <= MAX_BALANCE_ERROR
         return kept | (xp.isfinite(energy) & (rows["kinetic_energy"] + rows["elastic_energy"] <= floor))
-    return abs(error) <= LOST * size + floor
+    return abs(error) <= MAX_BALANCE_ERROR * size + floor

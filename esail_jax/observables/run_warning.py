@@ -6,7 +6,7 @@ import numpy as np
 
 from esail_jax.observables.balance import balance_warning
 
-MOST_OFF = 7e-3
+WARN_ABOVE = 7e-3
 """Part of the range that tips or forces may be estimated to be off by: half way between the largest
 estimate of runs right to 1e-3 (5e-3) and the least of those off by 1e-2 (`experiments/stability`)."""
 
@@ -27,9 +27,9 @@ def joined_warnings(rows: Mapping[str, np.ndarray], parts: Sequence[float]) -> s
 
 
 def step_warning(parts: Sequence[float]) -> str:
-    """A sentence if an estimate, in the order of STEP_ERRORS, exceeds MOST_OFF or is no number."""
+    """A sentence if an estimate, in the order of STEP_ERRORS, exceeds WARN_ABOVE or is no number."""
     named = zip(STEP_ERRORS.values(), parts, strict=False)
-    off = [f"{name} by {in_words(part)}" for name, part in named if not part <= MOST_OFF]
+    off = [f"{name} by {in_words(part)}" for name, part in named if not part <= WARN_ABOVE]
     return f"{SENTENCE} {' and '.join(off)}." if off else ""
 
 

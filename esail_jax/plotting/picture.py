@@ -17,7 +17,7 @@ VIEW_OFF_WIND_DEG, VIEW_ELEVATION_DEG = 25.0, 25.0
 ARROW = 0.8
 """Length of the wind's arrow in half widths of the picture."""
 
-MARGIN = 1.05
+FRAME_MARGIN = 1.05
 """Half width of the picture over that of what is in it."""
 
 
@@ -63,7 +63,7 @@ def hub_centre(run: Any, frame: int) -> np.ndarray:
 def frame_cube(ax: Axes3D, points: np.ndarray) -> float:
     """Equal scales around the points (point, 3); returns half the width."""
     low, high = points.min(0), points.max(0)
-    middle, half = (low + high) / 2.0, MARGIN * (high - low).max() / 2.0
+    middle, half = (low + high) / 2.0, FRAME_MARGIN * (high - low).max() / 2.0
     limits = np.stack([middle - half, middle + half], axis=1)
     ax.set(xlim=limits[0], ylim=limits[1], zlim=limits[2])
     ax.set(xlabel="$X_I$ [km]", ylabel="$Y_I$ [km]", zlabel="$Z_I$ [km]")

@@ -9,7 +9,7 @@ from jax import lax
 
 from esail_jax.array_types import Array, Bool, Float, Scalar
 from esail_jax.numerics.lockstep import march, repeat, written
-from esail_jax.numerics.symbolic_zeros import jvp_of_perturbed, known
+from esail_jax.numerics.symbolic_zeros import jvp_of_perturbed, with_tangent_of
 from esail_jax.scenes.structure import Numbers, Structure
 from esail_jax.simulation.blocks import Problem, observed, point_at, point_within, problem_of, step_of
 from esail_jax.simulation.entry import along_rows
@@ -153,7 +153,7 @@ def taken_again(system: System, now: Point, records: Record) -> tuple[Point, Rec
         # What was not taken may be infinite: times zero that is no zero.
         stages = jax.tree.map(lambda x: jnp.where(record.taken, x, 0.0), record.stages)
         # From where it was taken: nothing before a step needs to be done again for its derivative.
-        now = known(record.start, now)
+        now = with_tangent_of(record.start, now)
         unknowns = known_stages(system, now, h, stages, kept, record.info.iterations)
         q, v = end_of_step(system, now, h, unknowns, kept)
         end = now._replace(q=q, v=v, vdot=jax.tree.map(lambda x: x[-1], unknowns.vdot))
