@@ -37,7 +37,7 @@ class Lobatto(NamedTuple):
 
     @classmethod
     def of(cls, stages: int, spectral_radius: float) -> "Lobatto":
-        """Computes the tables for at least two stages. spectral_radius: |rho| = |M'(1) / M'(0)|, where M is
+        """Computes the tables for at least two stages. spectral_radius: rho = |M'(1) / M'(0)|, where M is
         the polynomial with the nodes as roots."""
         upper, lower = jacobi(stages - 1), jacobi(stages - 2)
         tilt = (spectral_radius - 1.0) / (spectral_radius + 1.0) * upper(1.0) / lower(1.0)

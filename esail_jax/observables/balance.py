@@ -1,21 +1,24 @@
-"""Is a run's energy accounted for?"""
+"""Check of a finished run's energy balance."""
 
 from collections.abc import Mapping
 
 import numpy as np
 
 BALANCE_TOLERANCE = 1e-3
-"""Part of the largest term of the balance that may be missing."""
+"""A warning is given if the error of the balance exceeds this fraction of its largest term."""
 
 ROUNDING = 1e-9
-"""Part of the energy that is lost in any account of it."""
+"""Rounding error of a balance, as a fraction of the energy."""
 
 TERMS = ("kinetic_energy", "elastic_energy", "external_work", "dissipated_energy", "energy_balance_error")
 
 
 def balance_warning(rows: Mapping[str, np.ndarray]) -> str:
-    """A sentence if |dE - W + D| exceeds BALANCE_TOLERANCE of the largest of |dE|, |W| and |D| and ROUNDING of E;
-    of a chain, if |E - E_0| exceeds BALANCE_TOLERANCE of its energy. Else nothing."""
+    """Returns a warning if the energy balance of a run is violated, otherwise an empty text.
+
+    It is violated if |dE - W + D| exceeds both BALANCE_TOLERANCE of the largest of |dE|, |W| and |D| and
+    ROUNDING of E. For a chain without loads and damping: if |E - E_0| exceeds BALANCE_TOLERANCE of its
+    energy."""
     if "energy_error" in rows:
         lost = largest(rows["energy_error"])
         return f"{SENTENCE} {lost:.1e} of the energy." if lost > BALANCE_TOLERANCE else ""
@@ -31,6 +34,6 @@ SENTENCE = "The result may be wrong (try a shorter step or tolerance): its energ
 
 
 def largest(values: np.ndarray) -> float:
-    """Largest magnitude of what is finite; 0 of nothing."""
+    """Returns the largest magnitude of the finite values, 0 if there are none."""
     finite = np.abs(values[np.isfinite(values)])
     return float(finite.max()) if finite.size else 0.0
