@@ -48,7 +48,7 @@ CPU_BATCH = 8
 PROBE, GPU_BATCH, SHARE = 8, 4096, 0.4
 """On a GPU: the batch whose memory is measured, the largest, and the part of the memory it may take."""
 
-BALANCE = {"tethers": TERMS, "chain": ("energy_error",)}
+BALANCE = {"tethers": TERMS, "chain": ("energy_error", *TERMS)}
 """What is looked at to see whether a member's energy is accounted for."""
 
 

@@ -17,9 +17,9 @@ def balance_warning(rows: Mapping[str, np.ndarray]) -> str:
     """Returns a warning if the energy balance of a run is violated, otherwise an empty text.
 
     It is violated if |dE - W + D| exceeds both BALANCE_TOLERANCE of the largest of |dE|, |W| and |D| and
-    ROUNDING of E. For a chain without loads and damping: if |E - E_0| exceeds BALANCE_TOLERANCE of its
-    energy."""
-    if "energy_error" in rows:
+    ROUNDING of E. For a chain without loads and damping: if |E - E_0| exceeds BALANCE_TOLERANCE of the
+    energy, which is then constant."""
+    if "energy_balance_error" not in rows:
         lost = largest(rows["energy_error"])
         return f"{SENTENCE} {lost:.1e} of the energy." if lost > BALANCE_TOLERANCE else ""
     kinetic, elastic, work, dissipated, error = (rows[name] for name in TERMS)

@@ -25,7 +25,7 @@ class Instant(eqx.Module):
     work: dissipated energy and external work since the start [J]
     start_energy: kinetic and elastic energy at the start [J]
     origin: heliocentric position [m] of the origin of the inertial frame
-    forces: M vdot - Q [N], the forces of the constraints
+    forces: left-hand side of the equations of motion [N] without the reactions of the root joints
     power: dissipated and external power [W]
     load: sum of the loads at the quadrature points [N/m]; None without loads
     """
