@@ -7,8 +7,8 @@ functions R (`elements/axial.py`, `elements/bending.py`), loads give Q_load (`lo
 joints give Phi (`elements/rigid_body.py`, `joints/`). A *system* is the sum of the terms a scene
 lists (`system.py`); `iteration_matrix.py` assembles the matrix of its implicit steps. A chain of rods is
 a system too, with coordinates of its own (`rod_chain.py`). A *stepper* advances it
-(`dynamics/`), *observables* look at it (`observables/`), a *solution* keeps what was seen
-(`simulation/simulate.py`).
+(`steppers/`), *observables* are evaluated at saved instants (`observables/`), and a *solution* contains
+them (`simulation/simulate.py`).
 """
 
 from typing import Any

@@ -253,6 +253,7 @@ def names_in_legend(ax):
 def test_components_of_vectors_and_angles_are_named(runs):
     run, ax = runs["full"], Figure().add_subplot()
     assert names_in_legend(esail_jax.plot(run, "thrust_O", ax=ax)) == ["x", "y", "z"]
+    assert ax.get_ylabel() == "thrust in O, $F_{c}$ [N]"
     angles = esail_jax.plot(run, "euler_hub", ax=Figure().add_subplot())
     assert names_in_legend(angles) == [r"$\psi$", r"$\theta$", r"$\phi$"]
     tips = esail_jax.plot(run, "tip_position_I", ax=Figure().add_subplot())

@@ -63,12 +63,13 @@ def draw_observable(run: Any, name: str, ax: Axes | None = None) -> Axes:
         for j in range(second):
             ax.plot(times, curves[:, k, j], DASHES[j], color=colours[k], linewidth=1.0, marker=marker)
     ax.set_xlabel(xlabel)
-    ax.set_ylabel(f"{entry.name.replace('_', ' ')}, {mathtext(entry.symbol)} [{entry.unit}]")
+    words = re.sub(r"_([A-Z])$", r"_in_\1", name).replace("_", " ")  # thrust_O: components in the frame O
+    ax.set_ylabel(f"{words}, {mathtext(entry.symbol)} [{entry.unit}]")
     ax.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
     ax.grid(alpha=0.3)
     handles = legend_of(entry, first, colours)
     if handles:
-        legend_above(ax, min(6, len(handles)), handles=handles)
+        legend_above(ax, min(4, len(handles)), handles=handles)
     return ax
 
 
