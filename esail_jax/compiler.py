@@ -38,7 +38,7 @@ time, but not every product is then right (`compiler_workaround.py`)."""
 
 
 def with_options(**more: str | bool | int) -> Options | None:
-    """COMPILER_OPTIONS and these; None if JAX does not know the former."""
+    """Returns COMPILER_OPTIONS with further options; None if JAX does not know the former."""
     return None if COMPILER_OPTIONS is None else COMPILER_OPTIONS | more
 
 
@@ -116,7 +116,7 @@ class CompiledFunction:
             key = tree, values, tuple(map(type_of, leaves))
             program = self._programs.get(key)
         except TypeError:
-            # A static value without hash, or an argument that is no array: `jax.jit` says which.
+            # A static value is not hashable, or an argument is no array: `jax.jit` raises the right error.
             return self._jitted(*args, **kwargs)
         if program is None:
             traced = self._jitted.trace(*args, **kwargs)
@@ -151,17 +151,16 @@ def is_compiled_here(leaves: list[Any]) -> bool:
 
 
 def type_of(x: Any) -> tuple[Any, Any]:
-    """What a compiled program fixes of an argument: shape and type, and the devices of a JAX array.
-
-    Raises TypeError for what is no array or number."""
+    """Returns the properties of an argument for which a program is compiled: shape and type, and the
+    devices of a JAX array. Raises TypeError if the argument is no array or number."""
     return jax.typeof(x), x.sharding if isinstance(x, jax.Array) else None
 
 
 def static_arguments(
     f: Callable[..., Any], numbers: int | Sequence[int], names: str | Sequence[str]
 ) -> tuple[tuple[int, ...], tuple[str, ...]]:
-    """Positions and names of all static arguments. As for `jax.jit`, whichever of the two is not given
-    follows from the other and the signature of `f`."""
+    """Returns positions and names of all static arguments. If only one of them is given, the other follows
+    from the signature of `f`, as for `jax.jit`."""
     numbers = (numbers,) if isinstance(numbers, int) else tuple(numbers)
     names = (names,) if isinstance(names, str) else tuple(names)
     if bool(numbers) == bool(names):
@@ -182,7 +181,7 @@ def static_arguments(
 def split_arguments(
     args: tuple[Any, ...], kwargs: dict[str, Any], numbers: tuple[int, ...], names: tuple[str, ...]
 ) -> tuple[tuple[tuple[Any, ...], dict[str, Any]], dict[int | str, Any]]:
-    """The arguments that are traced, positional and by name, and the static ones by position or name."""
+    """Returns the traced arguments, positional and by name, and the static ones by position or name."""
     places = {n % len(args) if n < 0 else n for n in numbers} if args else set()
     traced = tuple(x for n, x in enumerate(args) if n not in places)
     by_name = {name: x for name, x in kwargs.items() if name not in names}

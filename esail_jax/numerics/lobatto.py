@@ -49,10 +49,12 @@ class Lobatto(NamedTuple):
         matrix, start = full[1:, 1:], full[1:, 0]
         rates, vectors = np.linalg.eig(matrix)
         split = np.linalg.inv(vectors)
-        kept = np.flatnonzero(rates.imag > -1e-12)
-        weight = np.where(rates[kept].imag > 1e-12, 2.0, 1.0)
-        mix = vectors[:, kept] * weight
-        return cls(every[1:], matrix, matrix @ matrix, start, matrix @ start, rates[kept], mix, split[kept])
+        stored = np.flatnonzero(rates.imag > -1e-12)
+        weight = np.where(rates[stored].imag > 1e-12, 2.0, 1.0)
+        mix = vectors[:, stored] * weight
+        return cls(
+            every[1:], matrix, matrix @ matrix, start, matrix @ start, rates[stored], mix, split[stored]
+        )
 
     @property
     def every_node(self) -> np.ndarray:

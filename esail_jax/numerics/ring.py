@@ -104,7 +104,7 @@ def factor_interior(matrix: Bordered) -> tuple[Span, Float[Array, "end end tethe
 
 
 def project(matrix: Bordered, schur: Float[Array, "end end tether"]) -> tuple[Array, ...]:
-    """Is `bordered.project` with the tip as the first local unknown. Without a border the border's blocks
+    """Returns `bordered.project` with the tip as the first local unknown. Without a border the border's blocks
     are empty."""
     m, p = matrix.diag.shape[-2:]
 

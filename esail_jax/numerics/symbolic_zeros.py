@@ -17,7 +17,7 @@ from esail_jax.array_types import Array
 
 
 def jvp_of_perturbed(function: Callable, primals: tuple, tangents: tuple) -> tuple[Any, Any]:
-    """Is `jax.jvp` for the tangents that a rule defined with `symbolic_zeros=True` receives."""
+    """Computes `jax.jvp` for the tangents that a rule defined with `symbolic_zeros=True` receives."""
     return jax.jvp(*perturbed(function, primals, tangents))
 
 

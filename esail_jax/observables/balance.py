@@ -20,14 +20,14 @@ def balance_warning(rows: Mapping[str, np.ndarray]) -> str:
     ROUNDING of E. For a chain without loads and damping: if |E - E_0| exceeds BALANCE_TOLERANCE of the
     energy, which is then constant."""
     if "energy_balance_error" not in rows:
-        lost = largest(rows["energy_error"])
-        return f"{SENTENCE} {lost:.1e} of the energy." if lost > BALANCE_TOLERANCE else ""
+        missing = largest(rows["energy_error"])
+        return f"{SENTENCE} {missing:.1e} of the energy." if missing > BALANCE_TOLERANCE else ""
     kinetic, elastic, work, dissipated, error = (rows[name] for name in TERMS)
-    energy, lost = kinetic + elastic, largest(error)
+    energy, missing = kinetic + elastic, largest(error)
     terms = max(largest(energy - energy[:1]), largest(work), largest(dissipated))
-    if lost <= max(BALANCE_TOLERANCE * terms, ROUNDING * largest(energy)):
+    if missing <= max(BALANCE_TOLERANCE * terms, ROUNDING * largest(energy)):
         return ""
-    return f"{SENTENCE} {lost:.1e} J, where its largest term is {terms:.1e} J."
+    return f"{SENTENCE} {missing:.1e} J, where its largest term is {terms:.1e} J."
 
 
 SENTENCE = "The result may be wrong (try a shorter step or tolerance): its energy balance is off by"

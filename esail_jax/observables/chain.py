@@ -132,6 +132,6 @@ def balanced(rows: dict[str, Any], floor: Any, xp: ModuleType) -> Any:
         size, error = xp.maximum(size, inner), rows["energy_balance_error"]
     else:
         energy = rows["kinetic_energy"] + rows["elastic_energy"] + rows["potential_energy"]
-        kept = abs(rows["energy_error"]) <= MAX_BALANCE_ERROR
-        return kept | (xp.isfinite(energy) & (rows["kinetic_energy"] + rows["elastic_energy"] <= floor))
+        small = abs(rows["energy_error"]) <= MAX_BALANCE_ERROR
+        return small | (xp.isfinite(energy) & (rows["kinetic_energy"] + rows["elastic_energy"] <= floor))
     return abs(error) <= MAX_BALANCE_ERROR * size + floor

@@ -20,8 +20,7 @@ FLAT = 1e-9
 """A chain counts as flat if its smallest extent, relative to the largest one, is at most this."""
 
 SLENDER = 10.0
-"""With a larger ratio of extents than this the axes have different scales: equal scales would show a
-line."""
+"""Axes have different scales if the ratio of extents is larger than this: equal scales would show a line."""
 
 JOINTS_MARKED = 40
 """Largest number of joints that are drawn as dots."""
@@ -163,7 +162,7 @@ def chain_energies(run: Any) -> Figure:
     potential = change(height)
     total = kinetic + elastic + potential
     factor, unit = readable("J", kinetic, elastic, potential, total)
-    work, lost = observable(run, "external_work"), observable(run, "dissipated_energy")
+    work, dissipated = observable(run, "external_work"), observable(run, "dissipated_energy")
     rows = [
         [
             history(
@@ -176,7 +175,11 @@ def chain_energies(run: Any) -> Figure:
             )
         ],
         [history(run, r"energy error $e_E$ [-]", Curve(observable(run, "energy_error")))],
-        [history(run, "work [J]", Curve(work, "loads and fields"), Curve(lost, "dissipated", "tab:red"))],
+        [
+            history(
+                run, "work [J]", Curve(work, "loads and fields"), Curve(dissipated, "dissipated", "tab:red")
+            )
+        ],
         [history(run, r"$\Delta(T + U) - W + E_d$ [J]", Curve(observable(run, "energy_balance_error")))],
     ]
     symbols = "" if work is None else "work of loads and fields $W$, dissipated energy $E_d$"

@@ -18,7 +18,7 @@ def energies(run: Any) -> Figure:
     """
     kinetic, elastic = observable(run, "kinetic_energy"), observable(run, "elastic_energy")
     total = None if kinetic is None or elastic is None else kinetic + elastic
-    lost, supplied = observable(run, "dissipated_energy"), observable(run, "external_work")
+    dissipated, supplied = observable(run, "dissipated_energy"), observable(run, "external_work")
     error = observable(run, "energy_balance_error")
     rows = [
         [
@@ -27,7 +27,7 @@ def energies(run: Any) -> Figure:
             history(run, r"$E_e$ [J]", Curve(elastic)),
         ],
         [
-            history(run, r"$E_d$ [J]", Curve(lost)),
+            history(run, r"$E_d$ [J]", Curve(dissipated)),
             history(run, r"$W_{ext}$ [J]", Curve(supplied)),
             history(run, r"$\Delta E_T - W_{ext} + E_d$ [J]", Curve(error)),
         ],
