@@ -1,8 +1,8 @@
 """Equilibria of a system and the vibration modes about them.
 
-`equilibrium` finds the shape in which a system rotates steadily, or rests, under its loads (Newton's method);
-`modes` returns the natural frequencies, damping ratios and shapes of small vibrations about that state;
-`steady_line` solves for the stretch of straight spinning tethers, the steady start of a run.
+`equilibrium` finds the shape in which a system rotates steadily, or rests, under its loads (Newton's
+method); `modes` returns the natural frequencies, damping ratios and shapes of small vibrations about that
+state; `steady_line` solves for the stretch of straight spinning tethers, the steady start of a run.
 """
 
 from esail_jax.equilibria.equilibrium import Equilibrium, equilibrium

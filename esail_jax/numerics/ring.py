@@ -104,8 +104,8 @@ def factor_interior(matrix: Bordered) -> tuple[Span, Float[Array, "end end tethe
 
 
 def project(matrix: Bordered, schur: Float[Array, "end end tether"]) -> tuple[Array, ...]:
-    """Returns `bordered.project` with the tip as the first local unknown. Without a border the border's blocks
-    are empty."""
+    """Returns `bordered.project` with the tip as the first local unknown. Without a border the border's
+    blocks are empty."""
     m, p = matrix.diag.shape[-2:]
 
     def behind_tip(part, *axes):

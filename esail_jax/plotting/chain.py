@@ -20,7 +20,8 @@ FLAT = 1e-9
 """A chain counts as flat if its smallest extent, relative to the largest one, is at most this."""
 
 SLENDER = 10.0
-"""Axes have different scales if the ratio of extents is larger than this: equal scales would show a line."""
+"""Axes have different scales if the ratio of extents is larger than this: equal scales would show a
+line."""
 
 JOINTS_MARKED = 40
 """Largest number of joints that are drawn as dots."""
