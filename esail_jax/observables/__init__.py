@@ -1,4 +1,4 @@
-"""What runs report: of a sail (`sail.py`) and of a rod chain (`chain.py`)."""
+"""Observables that a run reports: those of a sail (`sail.py`) and of a rod chain (`chain.py`)."""
 
 from esail_jax.array_types import Array
 from esail_jax.observables import chain, sail
@@ -24,12 +24,12 @@ __all__ = [
 
 
 def is_chain(system: System) -> bool:
-    """Is it a chain of rods?"""
+    """Tells whether the system is a chain of rods."""
     return system.tethers.kind == "rod"
 
 
 def listed(system: System) -> list[Observable]:
-    """The observables of a system, in their order."""
+    """Returns the observables of a system, in the order of the list."""
     return chain.listed(system) if is_chain(system) else sail.listed(system)
 
 
@@ -48,7 +48,7 @@ def described(name: str) -> Observable:
 
 
 def observe(instant: Instant) -> dict[str, Array]:
-    """Every observable of an instant, by name."""
+    """Returns all observables of an instant, by name."""
     i = instant
     if is_chain(i.system):
         return chain.observe(chain.Instant(i.system, None, i.time, i.q, i.v, i.work, i.start_energy))

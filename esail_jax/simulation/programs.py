@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from esail_jax.compiler import CHAIN_COMPILE, COMPILER_OPTIONS, ONCE_COMPILE, ROWS_COMPILE, compiled
+from esail_jax.compiler import CHAIN_OPTIONS, COMPILER_OPTIONS, LOOK_OPTIONS, START_OPTIONS, compile_lowered
 from esail_jax.scenes.structure import Numbers, Structure
 from esail_jax.simulation.advance import Window, advance
 from esail_jax.simulation.look import look_at_window
@@ -69,7 +69,7 @@ def _compiled(structure: Structure, shapes: Shapes, tree: Any, kinds: tuple, nam
         begun = starting.out_info
         problem, motion = begun.problem, begun.motion
         chain = problem.stepper.relative_coordinates
-        starts = pool.submit(starting.compile, compiler_options=CHAIN_COMPILE if chain else ONCE_COMPILE)
+        starts = pool.submit(starting.compile, compiler_options=CHAIN_OPTIONS if chain else START_OPTIONS)
         step = motion.last.taken.shape[0]
         size = sum(np.prod(x.shape, dtype=int) for x in jax.tree.leaves(motion.state)) // 6
         instants = int(np.clip(NUMBERS_PER_CALL // (4 * size), 1, MAX_INSTANTS))
@@ -83,17 +83,17 @@ def _compiled(structure: Structure, shapes: Shapes, tree: Any, kinds: tuple, nam
         # The longest first, so that the others are traced while it compiles.
         stepping = jax.jit(advance_window).lower(problem, motion, window, number, integer)
         if chain:
-            advances = pool.submit(stepping.compile, compiler_options=CHAIN_COMPILE)
+            advances = pool.submit(stepping.compile, compiler_options=CHAIN_OPTIONS)
         else:
-            advances = pool.submit(compiled, stepping, COMPILER_OPTIONS)
+            advances = pool.submit(compile_lowered, stepping, COMPILER_OPTIONS)
         points = stepping.out_info.points
         looking = jax.jit(look_at_window, static_argnums=3).lower(problem, points, integer, names)
-        looks = pool.submit(looking.compile, compiler_options=CHAIN_COMPILE) if chain else pool.submit(
-            compiled, looking, ROWS_COMPILE
+        looks = pool.submit(looking.compile, compiler_options=CHAIN_OPTIONS) if chain else pool.submit(
+            compile_lowered, looking, LOOK_OPTIONS
         )
         restarts = None
         if structure.has("event") or structure.has("voltage.on"):
             one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), points)
             restarting = jax.jit(restart).lower(problem, motion, one, number)
-            restarts = pool.submit(restarting.compile, compiler_options=ONCE_COMPILE).result()
+            restarts = pool.submit(restarting.compile, compiler_options=START_OPTIONS).result()
         return Programs(starts.result(), advances.result(), looks.result(), restarts, instants, blocks)

@@ -15,7 +15,7 @@ from jax import lax
 
 from esail_jax.array_types import Array, Float, Int, Scalar
 from esail_jax.coordinates import Coordinates
-from esail_jax.numerics.symbolic_zeros import any_matrix, jvp_of_perturbed
+from esail_jax.numerics.symbolic_zeros import jvp_of_perturbed, unused_matvec
 from esail_jax.numerics.vectors import greatest
 from esail_jax.steppers.collocation_stages import (
     TABLE,
@@ -225,7 +225,7 @@ def linear_solution(
     rhs = jax.tree.map(jnp.negative, equations(given))
     # As one: the rule for the transpose refuses a part that nothing perturbs beside others.
     both = lax.optimization_barrier((moved, rhs))
-    _, x = lax.custom_linear_solve(any_matrix, both, solve, solve_transposed)
+    _, x = lax.custom_linear_solve(unused_matvec, both, solve, solve_transposed)
     return linear.with_roots(x)
 
 

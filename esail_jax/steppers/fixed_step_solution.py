@@ -16,11 +16,11 @@ from jax import lax
 from esail_jax.array_types import Float, Int, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.numerics.symbolic_zeros import (
-    any_matrix,
     is_symbolic,
     jvp_of_perturbed,
-    number_of,
+    materialised,
     perturbed,
+    unused_matvec,
 )
 from esail_jax.steppers.fixed_step import FixedStep, FrozenFactors, IterationInfo, Unknowns
 from esail_jax.system import Power, Residual, System
@@ -86,7 +86,7 @@ def _solve_step_jvp(primals, tangents):
         return equations(stepper, system, end, q0, v0, unknowns)[0]
 
     _, given = jvp_of_perturbed(at_that_start, primals[:3], tangents[:3])
-    start_dot = Start(*jax.tree.map(number_of, tangents[3:5], is_leaf=is_symbolic))
+    start_dot = Start(*jax.tree.map(materialised, tangents[3:5], is_leaf=is_symbolic))
     linear = Linearised(stepper, system, end, Start(q0, v0), unknowns)
     unknowns_dot = linear_solution(linear, start_dot, given)
     at = (*primals[:5], unknowns)
@@ -175,7 +175,7 @@ def linear_solution(linear: Linearised, moved: Start, given: Residual) -> Unknow
     rows = jax.tree.map(jnp.negative, Unknowns(*given))
     # As one: the rule for the transpose refuses a part that nothing perturbs beside others.
     both = lax.optimization_barrier((moved, rows))
-    return lax.custom_linear_solve(any_matrix, both, solve, solve_transposed)[1]
+    return lax.custom_linear_solve(unused_matvec, both, solve, solve_transposed)[1]
 
 
 def jvp_if_wanted(function: Callable, primals: tuple, tangents: tuple) -> Any:
@@ -197,7 +197,7 @@ def jvp_if_wanted(function: Callable, primals: tuple, tangents: tuple) -> Any:
 
     nothing = nothing_of(jax.eval_shape(function, *at))
     both = lax.optimization_barrier((moves, nothing))
-    return lax.custom_linear_solve(any_matrix, both, solve, solve_transposed)[1]
+    return lax.custom_linear_solve(unused_matvec, both, solve, solve_transposed)[1]
 
 
 def nothing_of(like: Any) -> Any:
