@@ -38,8 +38,10 @@ from esail_jax.scenes.tables import (  # noqa: E402
     Tethers,
     Voltage,
 )
-from esail_jax.simulation.results import RESULTS, SimulationError  # noqa: E402
-from esail_jax.simulation.simulate import Solution, simulate  # noqa: E402
+from esail_jax.simulation.results import SimulationError  # noqa: E402
+from esail_jax.simulation.simulate import run, simulate  # noqa: E402
+from esail_jax.simulation.solution import Solution  # noqa: E402
+from esail_jax.steppers.results import RESULTS  # noqa: E402
 
 __version__ = "0.1.0"
 
@@ -69,6 +71,7 @@ __all__ = [
     "load",
     "load_scene",
     "plot",
+    "run",
     "save",
     "simulate",
 ]

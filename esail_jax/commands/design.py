@@ -18,7 +18,8 @@ from esail_jax.design.optimiser import State
 from esail_jax.design.problem import Design
 from esail_jax.files.run_file import RunFileError, save
 from esail_jax.scenes.scene import Scene, to_toml
-from esail_jax.simulation.simulate import Solution, simulate
+from esail_jax.simulation.simulate import simulate
+from esail_jax.simulation.solution import Solution
 
 WEIGHTS = {"mean-torque": 1.0, "thrust": 1.0}
 """Weights if none are given: no mean torque that turns the spin axis, and 96 % of the thrust retained."""

@@ -1,6 +1,5 @@
 """The objective of a design as a function of numbers of its scene."""
 
-import dataclasses
 import functools
 from collections.abc import Mapping
 from typing import Any
@@ -13,7 +12,8 @@ from esail_jax.array_types import Array, Float, Scalar
 from esail_jax.design import objectives
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
-from esail_jax.simulation.simulate import Solution, simulate
+from esail_jax.simulation.simulate import simulate
+from esail_jax.simulation.solution import Solution
 
 
 class Objective:
@@ -50,9 +50,7 @@ class Objective:
 
     def __call__(self, parameters: Mapping[str, Any]) -> Scalar:
         """J(p), the mean over the circumstances if there are any."""
-        # Reference runs contain nothing traced: they are simulated at once, also while J is being traced.
-        with jax.ensure_compile_time_eval():
-            references = self.references
+        references = self.references
         if not self.circumstances:
             return self._of_one(parameters, {}, references)
         # One run after the other, each recomputed in the backward pass: see `problem.py`.
@@ -70,15 +68,20 @@ class Objective:
 
     # ---- reference ------------------------------------------------------------------------------
 
+    # Nothing in a reference is traced. `ensure_compile_time_eval` computes it at once, even if it is needed
+    # for the first time while J is being traced.
+
     @functools.cached_property
     def reference_run(self) -> Solution:
         """The run with constant voltage."""
-        return self.simulate_reference()
+        with jax.ensure_compile_time_eval():
+            return self.simulate_reference()
 
     @functools.cached_property
     def reference_values(self) -> dict[str, float]:
         """Values of the objectives of `reference_run`, by name."""
-        return self.measure(self.reference_run)
+        with jax.ensure_compile_time_eval():
+            return self.measure(self.reference_run)
 
     @functools.cached_property
     def references(self) -> dict[str, float] | dict[str, Float[np.ndarray, " circumstance"]]:
@@ -90,7 +93,8 @@ class Objective:
             return self.reference_values
         count = len(next(iter(self.circumstances.values())))
         each = [{key: x[i] for key, x in self.circumstances.items()} for i in range(count)]
-        found = [self.measure(self.simulate_reference(circumstance)) for circumstance in each]
+        with jax.ensure_compile_time_eval():
+            found = [self.measure(self.simulate_reference(circumstance)) for circumstance in each]
         rows = {name: np.array([one[name] for one in found]) for name in self.weights}
         retained = objectives.RETAINED
         return {name: x if name in retained else np.full(count, x.mean()) for name, x in rows.items()}

@@ -19,7 +19,7 @@ from esail_jax.compiler import jit
 from esail_jax.design.objective import Objective
 from esail_jax.design.optimiser import Optimiser, State
 from esail_jax.scenes.scene import Scene
-from esail_jax.simulation.simulate import Solution
+from esail_jax.simulation.solution import Solution
 
 
 @dataclasses.dataclass(frozen=True)

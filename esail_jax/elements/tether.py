@@ -275,5 +275,7 @@ def integrated(
 
 def along_first(table: np.ndarray, values: Float[Array, "first *batch"]) -> Array:
     """Product over the last axis of the table and the first axis of the values, as one matrix product."""
-    flat = per_member_table(table.reshape(-1, table.shape[-1]), values) @ values.reshape(values.shape[0], -1)
+    flat = per_member_table(table.reshape(-1, table.shape[-1]), values) @ values.reshape(
+        values.shape[0], -1
+    )
     return flat.reshape(*table.shape[:-1], *values.shape[1:])

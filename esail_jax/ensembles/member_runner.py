@@ -29,10 +29,10 @@ from esail_jax.observables.balance import TERMS
 from esail_jax.observables.run_warning import joined_warnings
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
-from esail_jax.simulation.prepare import require_64_bit
-from esail_jax.simulation.results import RESULTS
+from esail_jax.simulation.problem import require_64_bit
 from esail_jax.simulation.schedule import save_times
 from esail_jax.simulation.simulate import simulate
+from esail_jax.steppers.results import RESULTS
 
 BALANCE = {"tethers": TERMS, "chain": ("energy_error", *TERMS)}
 """Observables that show whether a member's energy is balanced, for sails and for chains."""

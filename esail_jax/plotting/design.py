@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from esail_jax.simulation.simulate import Solution
+from esail_jax.simulation.solution import Solution
 
 
 def axis_angle(run: Solution) -> np.ndarray:

@@ -97,7 +97,9 @@ def advance(
         (motion, blocks), kept = while_active(waiting, block, (motion, blocks), kept)
         return (motion, row, blocks), (points, kept)
 
-    one = jax.eval_shape(lambda: stepper.evaluate(model, motion.last.pick(motion.last.find(times[0])), times[0]))
+    one = jax.eval_shape(
+        lambda: stepper.evaluate(model, motion.last.pick(motion.last.find(times[0])), times[0])
+    )
     points = nan_like(jax.tree.map(lambda x: jnp.zeros((len(times), *x.shape), x.dtype), one))
     kept = ()
     if keep is not None:

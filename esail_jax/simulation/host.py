@@ -106,11 +106,19 @@ class HostRun:
                 times = self._window(row, segment.stop)
                 # The stop of a segment may be no saved instant.
                 shown = len(times)
-                if not segment.last and not (shown and times[-1] == segment.stop) and shown < programs.instants:
+                if (
+                    not segment.last
+                    and not (shown and times[-1] == segment.stop)
+                    and shown < programs.instants
+                ):
                     times = np.append(times, segment.stop)
                 padded = np.append(times, np.full(programs.instants - len(times), times[-1]))
                 done = programs.advance(
-                    problem, motion, Window(padded, np.asarray(len(times))), self.max_steps, np.asarray(programs.blocks)
+                    problem,
+                    motion,
+                    Window(padded, np.asarray(len(times))),
+                    self.max_steps,
+                    np.asarray(programs.blocks),
                 )
                 passed, motion = int(done.passed), done.motion
                 seen = min(passed, shown)
@@ -124,13 +132,20 @@ class HostRun:
                         rows, memory, kept = with_running_observables(problem, rows, energy, np)
                         good = seen if kept is None or kept.all() else int(np.argmin(kept))
                     numerics, left = pending.values(times[:seen], self.statistics)
-                    if "constraint_violation" in self.compiled.numerics and "constraint_violation" not in numerics:
+                    if (
+                        "constraint_violation" in self.compiled.numerics
+                        and "constraint_violation" not in numerics
+                    ):
                         numerics["constraint_violation"] = np.asarray(gaps)[:seen]
                     rows, numerics = ({k: x[:good] for k, x in part.items()} for part in (rows, numerics))
                 common = not seen or self._common(times[seen - 1])
                 if good == seen and common:
                     row, pending, energy = row + seen, left, memory
-                    pending = pending.merged(float(motion.state.time), self.statistics) if passed < len(times) else pending
+                    pending = (
+                        pending.merged(float(motion.state.time), self.statistics)
+                        if passed < len(times)
+                        else pending
+                    )
                 ended = passed and times[passed - 1] == segment.stop and passed == len(times)
                 if ended and not segment.last:
                     after = self.compiled.problem.with_events_until(np.asarray(segment.stop))
@@ -141,7 +156,9 @@ class HostRun:
                     yield Chunk(times[:good], rows, numerics, float(motion.state.time))
                 result = motion.state.result if good == seen else RESULTS.energy_drift
                 if result != RESULTS.successful:
-                    raise self._failure(result, problem, motion, log, times[good] if good < len(times) else np.nan)
+                    raise self._failure(
+                        result, problem, motion, log, times[good] if good < len(times) else np.nan
+                    )
                 if ended:
                     break
 
@@ -185,7 +202,10 @@ def on_host(log: Log) -> Log:
 def paths(tree: Any) -> dict[str, Any]:
     """The leaves of a tree by their path."""
     leaves = jax.tree_util.tree_leaves_with_path(tree)
-    return {"/".join(str(getattr(key, "name", getattr(key, "idx", key))) for key in path): x for path, x in leaves}
+    return {
+        "/".join(str(getattr(key, "name", getattr(key, "idx", key))) for key in path): x
+        for path, x in leaves
+    }
 
 
 def restored(like: Motion, arrays: Mapping[str, np.ndarray]) -> Motion:

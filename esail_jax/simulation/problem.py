@@ -13,9 +13,9 @@ from esail_jax.elements.hinges import Hinges
 from esail_jax.iteration_matrix import Inertia, inertia_of
 from esail_jax.rod_chain import RodChain, energy_floor
 from esail_jax.scenes.build import build, build_chain
-from esail_jax.scenes.stepper_choice import stepper_of
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
+from esail_jax.scenes.stepper_choice import stepper_of
 from esail_jax.scenes.structure import Numbers, Structure
 from esail_jax.steppers.consistent import project
 from esail_jax.steppers.stepper import AbstractStepper, Motion, Point
@@ -72,7 +72,10 @@ class Start(NamedTuple):
 
 
 def start(
-    structure: Structure, numbers: Numbers, stepper: AbstractStepper | None = None, point: Point | None = None
+    structure: Structure,
+    numbers: Numbers,
+    stepper: AbstractStepper | None = None,
+    point: Point | None = None,
 ) -> Start:
     """The problem and the motion at its start.
 

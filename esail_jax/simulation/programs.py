@@ -60,7 +60,9 @@ def compile_programs(
 
 
 @functools.lru_cache(maxsize=64)
-def _compiled(structure: Structure, shapes: Shapes, tree: Any, kinds: tuple, names: tuple[str, ...] | None) -> Programs:
+def _compiled(
+    structure: Structure, shapes: Shapes, tree: Any, kinds: tuple, names: tuple[str, ...] | None
+) -> Programs:
     numbers = {key: jax.ShapeDtypeStruct(shape, float) for key, shape in shapes}
     extra = jax.tree.unflatten(tree, [jax.ShapeDtypeStruct(*kind) for kind in kinds])
     number, integer = jax.ShapeDtypeStruct((), float), jax.ShapeDtypeStruct((), int)
@@ -88,8 +90,10 @@ def _compiled(structure: Structure, shapes: Shapes, tree: Any, kinds: tuple, nam
             advances = pool.submit(compile_lowered, stepping, COMPILER_OPTIONS)
         points = stepping.out_info.points
         looking = jax.jit(look_at_window, static_argnums=3).lower(problem, points, integer, names)
-        looks = pool.submit(looking.compile, compiler_options=CHAIN_OPTIONS) if chain else pool.submit(
-            compile_lowered, looking, LOOK_OPTIONS
+        looks = (
+            pool.submit(looking.compile, compiler_options=CHAIN_OPTIONS)
+            if chain
+            else pool.submit(compile_lowered, looking, LOOK_OPTIONS)
         )
         restarts = None
         if structure.has("event") or structure.has("voltage.on"):

@@ -93,7 +93,8 @@ class Schedule:
         for segment in segments(self.begin, end, self.switches):
             share = (segment.stop - segment.start) / max(end - self.begin, 1e-300)
             cuts = segment.start + (segment.stop - segment.start) * (
-                np.arange(1, max(1, int(np.ceil(self.least * share)))) / max(1, int(np.ceil(self.least * share)))
+                np.arange(1, max(1, int(np.ceil(self.least * share))))
+                / max(1, int(np.ceil(self.least * share)))
             )
             first = segment.start == self.begin
             saved = [t for t in self.times if (segment.start < t or first) and t <= segment.stop]

@@ -14,8 +14,8 @@ from esail_jax.observables.run_warning import STEP_ERRORS, run_warning
 from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene, load_scene
-from esail_jax.scenes.structure import split
 from esail_jax.scenes.stepper_choice import stepper_class
+from esail_jax.scenes.structure import split
 from esail_jax.simulation.host import HostRun, all_rows, compile_scene
 from esail_jax.simulation.problem import require_64_bit
 from esail_jax.simulation.results import Chunk, SimulationError
@@ -64,7 +64,9 @@ def simulate(
     check_names(scene, save)
     check_max_steps(max_steps)
     if under_trace(scene, start, stepper):
-        return simulate_traced(scene, save=save, times=times, start=start, max_steps=max_steps, stepper=stepper)
+        return simulate_traced(
+            scene, save=save, times=times, start=start, max_steps=max_steps, stepper=stepper
+        )
     run = begin(scene, save, times, start, max_steps, stepper)
     return collected(run, save, throw, progress)
 
@@ -88,7 +90,9 @@ def run(
     check_names(scene, save)
     check_max_steps(max_steps)
     if under_trace(scene, start, stepper):
-        raise SceneError("scene", "have plain numbers in `run`", "has a number under a trace (use `simulate`)")
+        raise SceneError(
+            "scene", "have plain numbers in `run`", "has a number under a trace (use `simulate`)"
+        )
     return begin(scene, save, times, start, max_steps, stepper).host.chunks()
 
 
@@ -147,13 +151,22 @@ def collected(run: Begun, save, throw: bool, progress=None) -> Solution:
         "compile_time": run.compile_time,
         "wall_time": clock.perf_counter() - began,
         "terms": host.compiled.problem.terms,
+        "numerics_units": host.compiled.numerics,
         "method": host.compiled.problem.stepper.name,
         "message": message or run_warning(rows, numerics),
     }
     if save is not None:
         rows = {name: rows[name] for name in save}
     return Solution(
-        host.times, rows, result, host.point, stats, numerics, host.checkpoint, run.scene, host.compiled.problem.stepper
+        host.times,
+        rows,
+        result,
+        host.point,
+        stats,
+        numerics,
+        host.checkpoint,
+        run.scene,
+        host.compiled.problem.stepper,
     )
 
 

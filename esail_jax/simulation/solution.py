@@ -86,7 +86,9 @@ class Solution(eqx.Module, Mapping):
             attributes = {"units": entry.unit, "symbol": entry.symbol, "equation": entry.equation}
             data[name] = (axes, np.asarray(self[name]), attributes)
         time = ("time", np.asarray(self.time), {"units": "s"})
-        return xarray.Dataset(data, coords={"time": time}, attrs={"message": str(self.stats.get("message", ""))})
+        return xarray.Dataset(
+            data, coords={"time": time}, attrs={"message": str(self.stats.get("message", ""))}
+        )
 
     def __repr__(self) -> str:
         if self.scene is None or isinstance(self.time, jax.core.Tracer):

@@ -37,7 +37,9 @@ class Pending(NamedTuple):
         old = (self.table[:, 0] <= until).cumprod().astype(bool)
         if old.sum() < 2:
             return self
-        return Pending(np.concatenate([self._together(self.table[old], statistics)[None], self.table[~old]]))
+        return Pending(
+            np.concatenate([self._together(self.table[old], statistics)[None], self.table[~old]])
+        )
 
     def values(
         self, times: np.ndarray, statistics: Mapping[str, Statistic]

@@ -1,20 +1,20 @@
 """A run as one program, for `jit`, `grad`, `jvp` and `vmap`: a scan over windows of instants."""
 
 import functools
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jax import lax
 
 from esail_jax.array_types import Array, Float, Scalar
+from esail_jax.numerics.lockstep import select
 from esail_jax.scenes.structure import Numbers, Structure
 from esail_jax.simulation.advance import Window, keep_tapes, move
 from esail_jax.simulation.look import look, with_running_observables
 from esail_jax.simulation.problem import restart, start
 from esail_jax.simulation.schedule import Schedule
 from esail_jax.steppers.results import RESULTS
-from esail_jax.numerics.lockstep import select
 from esail_jax.steppers.stepper import INSTANTS_TOGETHER, AbstractStepper, Point, nan_like
 
 
@@ -60,7 +60,9 @@ def traced_run(
         last = jax.tree.map(lambda x: x[window.count - 1], points)
         return (motion, last), (points, passed)
 
-    first = jax.eval_shape(lambda: move(problem, begun.motion, Window(windows.times[0], windows.count[0]), max_steps))
+    first = jax.eval_shape(
+        lambda: move(problem, begun.motion, Window(windows.times[0], windows.count[0]), max_steps)
+    )
     nothing = nan_like(jax.tree.map(lambda x: jnp.zeros(x.shape[1:], x.dtype), first[1]))
     (motion, _), (points, passed) = lax.scan(body, (begun.motion, nothing), windows)
 

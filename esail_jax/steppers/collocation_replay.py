@@ -11,7 +11,7 @@ from jax import lax
 
 from esail_jax.array_types import Array, Float, Int
 from esail_jax.numerics.lockstep import any_member
-from esail_jax.numerics.symbolic_zeros import known as with_tangent_of
+from esail_jax.numerics.symbolic_zeros import with_tangent_of
 from esail_jax.steppers.collocation_solution import known_stages
 from esail_jax.steppers.collocation_stages import StepEnd, end_of_step, factor, stage_powers, work_of_step
 from esail_jax.steppers.collocation_steps import CollocationSteps

@@ -20,8 +20,8 @@ from esail_jax.numerics.vectors import greatest
 from esail_jax.steppers.collocation_stages import (
     TABLE,
     FrozenFactors,
-    StepEnd,
     StageUnknowns,
+    StepEnd,
     combined,
     correction,
     largest,

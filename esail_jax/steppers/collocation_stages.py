@@ -85,7 +85,9 @@ class FrozenFactors(NamedTuple):
 
 
 def combined(
-    table: Float[Array | np.ndarray, "row stage"], stages: Float[Array, "stage *x"], like: Array | None = None
+    table: Float[Array | np.ndarray, "row stage"],
+    stages: Float[Array, "stage *x"],
+    like: Array | None = None,
 ) -> Float[Array, "row *x"]:
     """A table times the stages. What the hub has of them is written out: calling the library for a product
     takes longer than so small a one."""
@@ -120,7 +122,9 @@ def stage_states(
     return start.time + h * TABLE.nodes, q, v
 
 
-def stage_residuals(system: System, start: StepEnd, h: Scalar, unknowns: StageUnknowns) -> tuple[Residual, Axes]:
+def stage_residuals(
+    system: System, start: StepEnd, h: Scalar, unknowns: StageUnknowns
+) -> tuple[Residual, Axes]:
     """Of every stage: what the equations of motion and the constraints' second derivatives [m/s^2] are
     short of, and the axes."""
     times, q, v = stage_states(start, h, unknowns.vdot)

@@ -26,7 +26,7 @@ from esail_jax.array_types import Float, Instants, Rotation, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.numerics import bordered
 from esail_jax.numerics.quadrature import gauss_legendre
-from esail_jax.steppers.fixed_step import FixedStep, FrozenFactors, StepState, IterationInfo, Unknowns
+from esail_jax.steppers.fixed_step import FixedStep, FrozenFactors, IterationInfo, StepState, Unknowns
 from esail_jax.steppers.fixed_step_solution import solve_step
 from esail_jax.system import Power, Residual, System
 from esail_jax.terms import Energy, PointFields, Term
@@ -228,7 +228,9 @@ class EnergyMomentum(FixedStep):
         """From t to t + h, until what chord iterations leave is rounding."""
         h = self.step_size
         end = time + h
-        guess = jax.tree.map(lambda *x: x[0] + x[1] + x[2], state.a, state.vdot_difference, state.vdot_second_difference)
+        guess = jax.tree.map(
+            lambda *x: x[0] + x[1] + x[2], state.a, state.vdot_difference, state.vdot_second_difference
+        )
         unknowns = Unknowns(guess, state.lam)
         unknowns, power, info = solve_step(self, system, end, state.q, state.v, unknowns, kept, rate)
         q, v = self.end_of_step(system, end, state.q, state.v, unknowns.vdot)

@@ -170,7 +170,9 @@ class FixedStepSteps(AbstractSteps):
         *block, k = index
         block = tuple(block)
         before = jax.tree.map(
-            lambda x0, x: jnp.where(k == 0, x0[block], x[(*block, jnp.maximum(k - 1, 0))]), self.start, self.ends
+            lambda x0, x: jnp.where(k == 0, x0[block], x[(*block, jnp.maximum(k - 1, 0))]),
+            self.start,
+            self.ends,
         )
         after = jax.tree.map(lambda x: x[index], self.ends)
         return Interval(before, after, self.end[index], self.size[index])
@@ -318,7 +320,14 @@ class FixedStep(AbstractStepper):
 
         ends, info = jax.tree.map(repeated, (node, no_info()))
         steps = FixedStepSteps(
-            node, ends, repeated(time), repeated(self.step_size), repeated(False), repeated(True), info, errors.parts
+            node,
+            ends,
+            repeated(time),
+            repeated(self.step_size),
+            repeated(False),
+            repeated(True),
+            info,
+            errors.parts,
         )
         return state, steps
 
@@ -364,7 +373,9 @@ class FixedStep(AbstractStepper):
             return (now, lax.stop_gradient(info.rate), index + 1), good, (Node.of(now), info, good)
 
         whole = (TICKS - state.ticks % TICKS) // ticks
-        wanted = jnp.where(state.halvings > 0, jnp.minimum(whole, STEPS_PER_FACTORISATION), STEPS_PER_FACTORISATION)
+        wanted = jnp.where(
+            state.halvings > 0, jnp.minimum(whole, STEPS_PER_FACTORISATION), STEPS_PER_FACTORISATION
+        )
         return one_step, wanted
 
     def finished(

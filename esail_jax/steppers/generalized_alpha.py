@@ -20,7 +20,7 @@ from esail_jax.array_types import Float, Rotation, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.numerics import bordered
 from esail_jax.numerics.lockstep import select
-from esail_jax.steppers.fixed_step import FixedStep, FrozenFactors, StepState, IterationInfo, Unknowns
+from esail_jax.steppers.fixed_step import FixedStep, FrozenFactors, IterationInfo, StepState, Unknowns
 from esail_jax.steppers.fixed_step_solution import solve_step
 from esail_jax.steppers.transposable import Transposable
 from esail_jax.system import Power, Residual, System
@@ -182,7 +182,9 @@ class GeneralizedAlpha(FixedStep):
         h = self.step_size
         end = time + h
         q0, v0, a0 = self.predict(state)
-        guess = jax.tree.map(lambda *x: x[0] + x[1] + x[2], state.vdot, state.vdot_difference, state.vdot_second_difference)
+        guess = jax.tree.map(
+            lambda *x: x[0] + x[1] + x[2], state.vdot, state.vdot_difference, state.vdot_second_difference
+        )
         unknowns = Unknowns(system.place_roots(end, guess, derivative=2), state.lam)
         unknowns, power, info = solve_step(self, system, end, q0, v0, unknowns, kept, rate)
         vdot, lam = unknowns

@@ -157,9 +157,7 @@ class RungeKutta(AbstractStepper):
                 None, time, time + 1.0, self.scaled(y), None, None, rate, float(self.order)
             )
             h = jnp.minimum(end - time, until - time)
-        state = RungeKuttaState(
-            now, *lax.stop_gradient((h, control)), time, none, none, RESULTS.successful
-        )
+        state = RungeKuttaState(now, *lax.stop_gradient((h, control)), time, none, none, RESULTS.successful)
         last = RungeKuttaSteps(now, none, time, jnp.asarray(True))
         count = steps_per_block(y)
         return state, jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *x.shape)), last)
@@ -261,7 +259,9 @@ class RungeKutta(AbstractStepper):
 
         def block(motion, sizes):
             some = sizes[0] > 0.0
-            new = lax.cond(any_member(some), lambda m: select(some, again(m, sizes), m), lambda m: m, motion)
+            new = lax.cond(
+                any_member(some), lambda m: select(some, again(m, sizes), m), lambda m: m, motion
+            )
             return new, None
 
         sizes = jnp.where(jnp.arange(len(tapes))[:, None] < blocks, tapes, 0.0)

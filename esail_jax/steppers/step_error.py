@@ -105,7 +105,9 @@ def after_block(
         )
 
     def along(x):
-        return jax.tree.map(lambda a, b: jnp.concatenate([x(a)[None], jax.vmap(x)(b)]), start.tether, ends.tether)
+        return jax.tree.map(
+            lambda a, b: jnp.concatenate([x(a)[None], jax.vmap(x)(b)]), start.tether, ends.tether
+        )
 
     tips = jnp.moveaxis(along(lambda nodal: nodal[0, :, -1]), 0, 1)
     slopes = along(lambda nodal: root_slopes(system, nodal))

@@ -251,3 +251,11 @@ def test_bad_input(arguments, message, tmp_path, capsys):
     assert main(["design", "baseline", "-o", str(folder), *arguments]) == 2
     assert message in capsys.readouterr().err
     assert not folder.exists()
+
+
+def test_help_lists_every_objective(capsys):
+    with pytest.raises(SystemExit):
+        main(["design", "--help"])
+    text = "".join(capsys.readouterr().out.split())
+    for name in (*objectives.NAMES, *objectives.PARAMETRISED):
+        assert name in text, name
