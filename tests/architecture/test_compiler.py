@@ -1,5 +1,8 @@
-"""Products of matrices that are right whatever their factors: the library they are handed to is not for a
-right factor whose rows are one number over and over (`esail_jax/compiler.py`)."""
+"""Compiled matrix products are right for any right factor.
+
+The library that computes them is wrong if each row of the right factor repeats one number
+(`esail_jax/compiler.py`).
+"""
 
 import jax
 import jax.numpy as jnp
@@ -22,8 +25,11 @@ NUMBERS = np.random.default_rng(1).normal(size=48)
 @pytest.mark.parametrize("factor", FACTORS)
 @pytest.mark.parametrize("how", ["compiled", "options"])
 def test_product_with_any_right_factor(factor, how):
-    """A B to rounding (sums of four products of numbers near one), also where all columns of B are equal:
-    from a program of the package, and from a `jax.jit` with its options."""
+    """A B is right to rounding, also if all columns of B are equal.
+
+    The programs are compiled by `compiled`, or by `jax.jit` with the package's options. Entries are sums
+    of four products of numbers near one.
+    """
 
     def product(left, x):
         return left @ FACTORS[factor](x)
@@ -48,7 +54,7 @@ ENTRY %main (l: f64[4,4], x.1: {given}) -> f64[4,12] {{
   ROOT %made = f64[4,12]{{1,0}} fusion(%l, %x.1), kind={kind}, calls=%computation, backend_config={config}
 }}
 """
-"""As jaxlib 0.10.2 writes a compiled program."""
+"""The text of a compiled program, as jaxlib 0.10.2 writes it."""
 
 BROADCAST = "  %right = f64[4,12]{1,0} broadcast(%x), dimensions={0}"
 SPREAD = "  %y = f64[4,3,4]{2,1,0} broadcast(%x), dimensions={2}\n  %right = f64[4,12]{1,0} bitcast(%y)"
@@ -68,6 +74,9 @@ LOOP = {"kind": "kLoop", "config": "{}"}
     ids=["broadcast", "reshaped broadcast", "array", "outside the library"],
 )
 def test_uniform_factor_is_seen(given, lines, place, refused):
-    """What the library would have to read from a broadcast is seen in the text of a compiled program,
-    through reshaping too; an array in memory is not taken for it, nor a product outside the library."""
+    """A right factor that the library would read from a broadcast is found in the text of a compiled
+    program.
+
+    This includes reshaped broadcasts. Arrays in memory and products outside the library are not reported.
+    """
     assert uniform_factor(IN_LIBRARY.format(given=given, lines=lines, **place)) == refused
