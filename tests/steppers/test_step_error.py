@@ -17,6 +17,7 @@ from esail_jax.steppers.energy_momentum import EnergyMomentum
 from esail_jax.steppers.fixed_step import KEEP
 from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
 from esail_jax.steppers.step_error import Course, StepErrors, after_steps, no_errors
+from support.quick import jit
 
 LONG, SHORT = 5.0, 0.5
 """Step sizes [s]. The sail's slowest axial vibration, 0.12 rad/s, advances by 0.6 and 0.06 rad per step."""
@@ -97,6 +98,9 @@ def system():
     return build_jitted(*split(esail.load_scene("truss", SAIL | release))).system
 
 
+advanced = jit(after_steps)
+
+
 def straight(system, stretch: float, steps: int) -> Coordinates:
     """Returns equal coordinates for all steps: tethers along Y with the same strain in all elements, hub
     as built."""
@@ -123,7 +127,7 @@ def test_errors_grow_under_pressure(system, stretch):
     before = Course(jnp.array([1e-3, 2e-3]), jnp.zeros((3, 2)), jnp.ones((3, 2)))
     errors = StepErrors(before, before, jnp.zeros(2))
     times, q = h * jnp.arange(steps + 1), straight(system, stretch, steps)
-    after = after_steps(errors, system, times, q, jnp.asarray(steps), jnp.asarray(0.1))
+    after = advanced(errors, system, times, q, jnp.asarray(steps), jnp.asarray(0.1))
     pressure = max(-axial_force(system, stretch), 0.0)
     sigma = np.sqrt(pressure / tethers.line_density[0]) / tethers.element_length[0]
     # 1e-12 allows for the rounding of an exponential.
@@ -145,7 +149,7 @@ def test_a_third_difference_counts_with_the_phase_it_costs(system):
     wave = jnp.where(count <= take, jnp.sin(phase * count), 100.0)
     q = straight(system, 1.0, steps)
     q = q._replace(tether=q.tether.at[:, 0, 2, -1, :].add(wave[:, None]))
-    tip = after_steps(no_errors(2), system, 0.1 * count, q, jnp.asarray(take), jnp.asarray(0.2)).tip
+    tip = advanced(no_errors(2), system, 0.1 * count, q, jnp.asarray(take), jnp.asarray(0.2)).tip
     np.testing.assert_allclose(tip.error, 0.2 * phase**3 * take, rtol=phase**2)
     np.testing.assert_allclose((tip.high - tip.low)[2], 2.0, atol=1e-12)
 
@@ -154,7 +158,7 @@ def test_a_released_tether_pulls_at_nothing(system):
     """The root force of a released tether is zero; that of an attached tether is EA eps r_x."""
     later, times = system.since(jnp.asarray(10.0)), 0.1 * jnp.arange(KEEP + 1)
     q, take = straight(later, 1.01, KEEP), jnp.asarray(KEEP)
-    found = after_steps(no_errors(2), later, times, q, take, jnp.asarray(0.1)).force.high
+    found = advanced(no_errors(2), later, times, q, take, jnp.asarray(0.1)).force.high
     held = axial_force(later, 1.01)
     np.testing.assert_allclose(found, [[0.0, 0.0], [held, 0.0], [0.0, 0.0]], atol=1e-12 * held)
 
