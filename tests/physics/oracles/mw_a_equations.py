@@ -1,6 +1,6 @@
 """[MW] Eq. 1-12: kinetic and elastic energy of a chain of elastic rods, and their Lagrange terms.
 
-Printed forms are loops and sums as they stand, indices from 1. Judges: `mw_chains.py`.
+Printed forms are loops and sums as they stand, with indices from 1. `mw_chains.py` has the judges.
 """
 
 import numpy as np

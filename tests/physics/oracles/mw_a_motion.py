@@ -1,5 +1,8 @@
-"""[MW] Eq. 13-21: loads and the equations of motion. Judges: `mw_chains.py`; for Eq. 21 also whole
-chains of the package's truss elements with its own assembly and solver."""
+"""[MW] Eq. 13-21: loads and the equations of motion.
+
+`mw_chains.py` has the judges; Eq. 21 is also compared with whole chains of the package's truss elements,
+with the package's assembly and solver.
+"""
 
 import functools
 

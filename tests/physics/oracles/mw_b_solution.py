@@ -1,5 +1,8 @@
-"""[MW] Eq. 22-30: factors of the mass matrix and the O(n) solution. Judge of G: the truss elements' mass
-matrix in the positions of the joints; of solutions: `mw_chains.py`, dense solves."""
+"""[MW] Eq. 22-30: factors of the mass matrix and the O(n) solution.
+
+The judge of G is the truss elements' mass matrix in the positions of the joints; `mw_chains.py` has the
+judges of solutions, dense solves.
+"""
 
 import numpy as np
 

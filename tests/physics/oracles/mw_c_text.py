@@ -1,5 +1,8 @@
-"""[MW] Eq. 31-32 and what the text says of the model and of both experiments. Judges: the truss elements;
-Dormand and Prince's method, which is MATLAB's ode45, on an oscillator; closed forms."""
+"""[MW] Eq. 31-32, and claims of the text about the model and both experiments.
+
+The judges are the truss elements, Dormand and Prince's method (MATLAB's ode45) on an oscillator, and
+closed forms.
+"""
 
 import jax.numpy as jnp
 import numpy as np

@@ -1,6 +1,6 @@
 """[PGV] Sec. 3.1-3.2: coning and lagging angles, angular velocity.
 
-Judges: the package's observables of random states, and the rotation and angular velocity with which
+The judges are the package's observables of random states, and the rotation and angular velocity with which
 those states were made.
 """
 

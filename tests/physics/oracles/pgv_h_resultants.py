@@ -1,6 +1,6 @@
 """[PGV] Eq. 72-76: resultant and moment of the thrust.
 
-Judges: integrals of the thrust over Gauss points (no nodal forces), and the package's observables.
+The judges are integrals of the thrust over Gauss points (no nodal forces), and the package's observables.
 """
 
 import numpy as np

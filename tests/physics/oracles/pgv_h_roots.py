@@ -1,7 +1,7 @@
-"""[PGV] Eq. 77-78: what the root reactions do to the hub.
+"""[PGV] Eq. 77-78: forces and moments of the roots on the hub.
 
-Judges: Newton's and Euler's laws for the hub with the accelerations the package finds; a dense solution
-of the printed index-3 equations for the multipliers; the package's observables.
+The judges are Newton's and Euler's laws for the hub with the package's accelerations, a dense solution of
+the printed index-3 equations for the multipliers, and the package's observables.
 """
 
 import numpy as np

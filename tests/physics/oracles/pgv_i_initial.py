@@ -1,8 +1,8 @@
 """[PGV] Sec. 4.1, Eq. 79-82: the initial state.
 
-Judges: the package's initial state; for the elongation the response of the discrete cable to a small
-spin, which cubic elements have exactly (u is a cubic of x); the balance of elastic and centrifugal
-forces in dense matrices.
+The judges are the package's initial state, the response of the discrete cable to a small spin, which cubic
+elements represent exactly (u is a cubic in x), and the balance of elastic and centrifugal forces in dense
+matrices.
 """
 
 import functools

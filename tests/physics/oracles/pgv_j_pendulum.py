@@ -1,7 +1,7 @@
-"""[PGV] Eq. 83-85: a rigid tether as a pendulum on a turning hub.
+"""[PGV] Eq. 83-85: a rigid tether as a pendulum on a rotating hub.
 
-Judge: moment of momentum of a uniform rod with a tip mass, hinged at R from the axis, exact in both
-angles, and its derivatives at rest by complex steps. The package's own pendulum
+The judge is the angular momentum of a uniform rod with a tip mass, hinged at R from the axis, exact in
+both angles, and its derivatives at rest by complex steps. The package's own pendulum
 (`observables/rigid_pendulum.py`) is compared with the same.
 """
 

@@ -1,7 +1,8 @@
 """[PGV] Tables 1 and 2, and the frequencies named in Sec. 4.3.
 
-Judges of frequencies: the exact characteristic equation (axial), a Chebyshev collocation of the rotating
-string with a tip mass (transverse), and the package's axial energy and mass on five cable elements.
+The judges of frequencies are the exact characteristic equation (axial), Chebyshev collocation of the
+rotating string with a tip mass (transverse), and the package's axial energy and mass on five cable
+elements.
 """
 
 import functools
