@@ -140,7 +140,7 @@ def printed_factors(m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     note="Upper times lower, from the last row up: not the L L^T of a library's Cholesky decomposition.",
 )
 def factorisation():
-    """That such a B exists: column by column, and by turning the order of rows of L L^T."""
+    """Such a B exists: it follows column by column, and from L L^T with the rows in reverse order."""
 
     def error(chain):
         g = g_matrix(chain.rods.mass)

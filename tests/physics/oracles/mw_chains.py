@@ -136,7 +136,7 @@ def package(rods: Rods, x, v, a, load) -> dict:
 
 @functools.cache
 def judged() -> dict:
-    """What both judges find: arrays (size, state, judge, ...) of chains padded to the longest.
+    """Returns the results of both judges: arrays (size, state, judge, ...) of chains padded to the longest.
 
     Outer rods without mass, stiffness and load change nothing for those inside: one program serves all.
     """
@@ -163,7 +163,7 @@ def judged() -> dict:
 
 @functools.cache
 def judge(n: int) -> list[dict]:
-    """What both judges find of each state, judge first; accelerations by a dense solve."""
+    """Returns the results of both judges for each state, judge first; accelerations by a dense solve."""
     found = []
     for k in range(STATES):
         values = {key: value[SIZES.index(n), k] for key, value in judged().items()}

@@ -69,7 +69,7 @@ def axes_of_a_tether():
 
 @holds("PGV", "58", "components in the axes of the tether")
 def components_in_tether_axes():
-    """With the C_B^I that the package sees."""
+    """The form uses the C_B^I that the package reports."""
 
     def error(state):
         return max(

@@ -131,7 +131,7 @@ def element_frequencies() -> tuple[float, float, float]:
 
 @holds("PGV", "Table 2 spin", "6.37e-4 Hz: the spin", tolerance=0.005 / 6.37)
 def spin_frequency():
-    """Also the rigid out-of-plane mode, omega (1 + eps)^(1/2), to as many digits."""
+    """The rigid out-of-plane mode, omega (1 + eps)^(1/2), agrees to as many digits."""
     printed = 6.37e-4
     return max(
         relative_error(printed, OMEGA / (2 * np.pi)), relative_error(printed, string_frequencies()[0])

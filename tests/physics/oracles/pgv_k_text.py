@@ -76,7 +76,7 @@ def order_of_the_lagging_term():
     tolerance=0.5,
 )
 def order_of_the_coupling():
-    """Of gamma = a (1 - cos), the mean square of (1 - cos) sin is 5/8."""
+    """For gamma = a (1 - cos) the mean square of (1 - cos) sin is 5/8."""
     return decades(1e-8, 1e-9, OMEGA**2 * amplitude() ** 2 * np.sqrt(5 / 8))
 
 

@@ -204,7 +204,7 @@ def looking():
 
 
 def look(system: System, origin: np.ndarray, qs: list[Coordinates], vs: list[Coordinates]) -> list[dict]:
-    """What the package sees in states of one system."""
+    """Returns the package's observables in states of one system."""
     stacked = (jax.tree.map(lambda *x: jnp.stack(x), *batch) for batch in (qs, vs))
     seen = jax.device_get(looking()(system, jnp.asarray(origin), *stacked))
     return [jax.tree.map(lambda x, k=k: x[k], seen) for k in range(len(qs))]
