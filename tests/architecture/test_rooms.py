@@ -3,8 +3,6 @@
 import ast
 from pathlib import Path
 
-import pytest
-
 TESTS = Path(__file__).parents[1]
 FILES = sorted(path.relative_to(TESTS).as_posix() for path in TESTS.rglob("*.py"))
 
@@ -20,13 +18,12 @@ def imported(path: Path) -> set[str]:
     return names
 
 
-@pytest.mark.parametrize("folder", sorted({name.partition("/")[0] for name in FILES if "/" in name}))
-def test_no_module_imports_a_test_or_an_experiment(folder):
-    """What several tests share is in `support/`."""
+def test_no_module_imports_a_test_or_an_experiment():
+    """Helpers that several tests share are in `support/`."""
     for name in FILES:
-        if name.startswith(f"{folder}/"):
-            found = {part for part in imported(TESTS / name) if part.startswith("test_")}
-            assert not found and "experiments" not in imported(TESTS / name), name
+        found = imported(TESTS / name)
+        assert "experiments" not in found, name
+        assert not {part for part in found if part.startswith("test_")}, name
 
 
 def test_names_of_test_modules_are_unique():
