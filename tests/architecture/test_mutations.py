@@ -33,9 +33,13 @@ def test_every_perturbation_has_been_noticed():
     assert all(table.values())
 
 
+WITHOUT_FORMULAS = {"steppers/results.py", "steppers/stepper.py"}
+"""Files of these folders that have no formulas: result codes, and the interface of the methods."""
+
+
 @pytest.mark.parametrize("folder", ["elements", "loads", "joints", "environment", "steppers", "equilibria"])
 def test_every_room_with_physics_is_perturbed(folder):
     """Every file with formulas has a perturbation."""
     perturbed = {mutation["file"] for mutation in MUTATIONS}
     files = {f"{folder}/{path.name}" for path in (ROOT / "esail_jax" / folder).glob("[a-z]*.py")}
-    assert files <= perturbed
+    assert files - WITHOUT_FORMULAS <= perturbed

@@ -8,12 +8,12 @@ import pytest
 from esail_jax.elements.axial import AxialDissipation, AxialEnergy, axial_strain
 from esail_jax.elements.bending import BendingDissipation, BendingEnergy, curvature_squared
 from esail_jax.elements.rigid_body import RigidBody
-from esail_jax.elements.tether import Tethers
+from esail_jax.elements.tether import TetherBatch
 from esail_jax.numerics.vectors import dot
 from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.scene import load_scene
 from esail_jax.scenes.structure import split
-from esail_jax.terms import PointFields, shape_of
+from esail_jax.terms import PointFields, invariants_of
 from support.quick import jit
 
 
@@ -81,7 +81,7 @@ def test_curvature_of_a_circle_is_one_over_its_radius_however_it_is_stretched():
     r_x, r_xx = jnp.array([0.0, speed, 0.0]), jnp.array([-(speed**2) / radius, 0.0, 0.0])
 
     def found(r_xx):
-        return curvature_squared(shape_of(PointFields(None, r_x, r_xx)))
+        return curvature_squared(invariants_of(PointFields(None, r_x, r_xx)))
 
     np.testing.assert_allclose(found(r_xx), 1.0 / radius**2, rtol=1e-13)
     # r_xx along the tangent is stretching, not bending.
@@ -113,7 +113,7 @@ def test_bending_dissipation_is_smooth_when_straight_and_the_printed_law_when_be
 
 
 def tethers(kind="cable", elements=3):
-    return Tethers(
+    return TetherBatch(
         element_length=jnp.array([2.0, 3.0]),
         line_density=jnp.array([0.5, 0.25]),
         tip_mass=jnp.array([1.0, 0.0]),

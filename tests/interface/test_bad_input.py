@@ -143,6 +143,7 @@ TOGETHER = [
     (["tethers.element=truss", "tethers.bending=true"], "tethers.bending", "truss"),
     (["tethers.element=truss", "tethers.root=clamped"], "tethers.root", "truss"),
     (["tethers.bending=true"], "tethers.second_moment", "missing"),
+    (["tethers.straight_turn=1e-3"], "tethers.straight_turn", "without `tethers.bending_damping_time`"),
     (["hub.height=1", "hub.height=-1"], "hub.height", "positive"),
     (["chain.rods=3"], "chain", "[tethers]"),
     (["event.time=[5.0]"], "event.release", "missing"),

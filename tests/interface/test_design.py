@@ -3,13 +3,15 @@
 import dataclasses
 
 import jax
+import jax.numpy as jnp
 import numpy as np
+import optax
 import pytest
 
 import esail_jax as esail
 from esail_jax.cli import main
-from esail_jax.design import objectives
-from esail_jax.design.problem import Design, Variable, inward, outward
+from esail_jax.design import Design, Objective, Variable, objectives
+from esail_jax.design.problem import coordinate_of_start, value_of
 from support.quick import jit
 
 SMALL = {
@@ -38,18 +40,18 @@ def torque():
 
 @pytest.fixture(scope="module")
 def optimised(torque):
-    """A design after four iterations from zero modulation and from two starts near it."""
-    return torque.run(4, starts=3, seed=5)
+    """The states of four iterations from zero modulation and from two starts near it."""
+    return list(torque.optimise(4, starts=3, seed=5))
 
 
 def test_a_variable_keeps_its_limits():
     """A variable lies between its limits by construction, and starts where it is told to."""
     for variable in (Variable([0.2, 0.9], 0.1, 0.0, 1.0), Variable([3.0], 2.0)):
-        assert np.allclose(outward(variable, inward(variable)), variable.start, rtol=1e-12)
+        assert np.allclose(value_of(variable, coordinate_of_start(variable)), variable.start, rtol=1e-12)
     held = Variable([[0.5, 1.0]], 0.1, [[0.0, 1.0]], [[2.0, 1.0]])
-    assert np.allclose(outward(held, inward(held)), held.start, rtol=1e-12)
-    assert outward(held, np.full((1, 2), 3.0))[0, 1] == 1.0
-    far = outward(Variable([0.5], 0.1, 0.0, 2.0), np.linspace(-1e3, 1e3, 999))
+    assert np.allclose(value_of(held, coordinate_of_start(held)), held.start, rtol=1e-12)
+    assert value_of(held, np.full((1, 2), 3.0))[0, 1] == 1.0
+    far = value_of(Variable([0.5], 0.1, 0.0, 2.0), np.linspace(-1e3, 1e3, 999))
     assert far.min() >= 0.0 and far.max() <= 2.0
 
 
@@ -63,12 +65,51 @@ def test_mean_torque_is_cancelled(torque, optimised):
     states = optimised
     assert abs(float(states[0].value[0]) - 1.0) < 1e-6
     assert float(states[-1].value[0]) < 1e-10
-    after = esail.simulate(torque.designed(states[-1].x[0]))
+    after = esail.simulate(torque.scene_at(states[-1].x[0]))
     found = objectives.values(after, ("mean-torque", "thrust"))
-    assert found["mean-torque"] < 1e-6 * torque.before["mean-torque"]
-    assert found["thrust"] > 0.99 * torque.before["thrust"]
-    amplitude = np.abs(torque.designed(states[-1].x[0]).voltage.cosine[0])
+    assert found["mean-torque"] < 1e-6 * torque.objective.reference_values["mean-torque"]
+    assert found["thrust"] > 0.99 * torque.objective.reference_values["thrust"]
+    amplitude = np.abs(torque.scene_at(states[-1].x[0]).voltage.cosine[0])
     assert 1e-4 < amplitude < 0.1
+
+
+def test_a_design_simulates_nothing_before_it_is_needed(monkeypatch):
+    """Nor does an objective; names are checked at once."""
+
+    def simulate_nothing(*_):
+        raise AssertionError("simulated")
+
+    monkeypatch.setattr("esail_jax.design.objective.simulate", simulate_nothing)
+    design = problem()
+    assert design.scene_at(design.start).voltage.cosine == (0.0,)
+    with pytest.raises(esail.SceneError, match="`objective` must be one of"):
+        Objective(design.scene, {"speed": 1.0})
+    with pytest.raises(esail.SceneError, match=r"`voltage.value` must be given for a design"):
+        Objective(esail.load_scene("steel-chain"), {"spin": 1.0})
+
+
+@pytest.mark.slow
+def test_bare_objective_for_any_optimiser():
+    """A function of a dictionary by scene key. Traced before anything is simulated, it is the concrete one,
+    where no modulation counts 1; its gradient is the quotient of fourth order; optax makes it small."""
+    objective = Objective(esail.load_scene("baseline", SMALL), {"mean-torque": 1.0, "thrust": 1.0})
+    of = jit(jax.value_and_grad(objective))
+    start = {"voltage.cosine": jnp.array([0.03]), "voltage.sine": jnp.array([-0.01])}
+    along = {"voltage.cosine": jnp.array([1.0]), "voltage.sine": jnp.array([0.5])}
+    value, slope = of(start)
+    assert abs(value / objective(start) - 1.0) < 1e-7
+    e = 1e-3
+    ends = [objective(jax.tree.map(lambda x, d, s=s: x + s * e * d, start, along)) for s in (-2, -1, 1, 2)]
+    quotient = (8.0 * (ends[2] - ends[1]) - (ends[3] - ends[0])) / (12.0 * e)
+    assert abs(sum((slope[key] * along[key]).sum() for key in start) / quotient - 1.0) < 1e-5
+    unmodulated = jax.tree.map(jnp.zeros_like, start)
+    assert abs(of(unmodulated)[0] - 1.0) < 1e-6
+    parameters, optimiser = unmodulated, optax.adam(1e-4)
+    state = optimiser.init(parameters)
+    for _ in range(5):
+        changes, state = optimiser.update(of(parameters)[1], state)
+        parameters = optax.apply_updates(parameters, changes)
+    assert of(parameters)[0] < 0.3
 
 
 @pytest.mark.slow
@@ -83,9 +124,9 @@ def test_gradient_of_every_objective():
     x = np.array([0.5, -0.3])
 
     def each(x):
-        run = esail.simulate(design.scene, design.overrides(x))
+        run = esail.simulate(design.scene, design.parameters_at(x))
         found = objectives.values(run, tuple(names))
-        return jax.numpy.stack([found[name] / design.before[name] for name in names])
+        return jax.numpy.stack([found[name] / design.objective.reference_values[name] for name in names])
 
     exact = jit(jax.jacrev(each))(x)
     for i, along in enumerate(np.eye(2)):
@@ -139,15 +180,16 @@ def test_objective_is_the_mean_over_circumstances():
     weights = {"mean-torque": 1.0, "thrust": 2.0}
     design = Design(scene, weights, FREE, circumstances=WINDS)
     # The points: zero modulation, and another one.
-    state = design.begin(starts=2, seed=0, spread=0.5)
+    state = next(design.optimise(0, starts=2, seed=0, spread=0.5))
     x, value, slope = state.x[1], state.value[1], state.gradient[1]
     each = [{key: rows[i] for key, rows in WINDS.items()} for i in range(2)]
-    plain = [design.measured(design.unmodulated(circumstance)) for circumstance in each]
+    aim = design.objective
+    plain = [aim.measure(aim.simulate_reference(circumstance)) for circumstance in each]
     torque = 0.5 * (plain[0]["mean-torque"] + plain[1]["mean-torque"])
 
     def alone(x, circumstance, thrust):
-        run = esail.simulate(scene, design.overrides(x) | circumstance)
-        return objectives.of_run(run, weights, {"mean-torque": torque, "thrust": thrust})
+        run = esail.simulate(scene, design.parameters_at(x) | circumstance)
+        return objectives.weighted_sum(run, weights, {"mean-torque": torque, "thrust": thrust})
 
     one = jit(jax.value_and_grad(alone))
     found = [one(x, wind, before["thrust"]) for wind, before in zip(each, plain, strict=True)]
@@ -177,7 +219,7 @@ def test_several_starts_are_designs_of_their_own(torque, optimised):
             gradient=together[0].gradient[three],
             memory=jax.tree.map(lambda leaf, three=three: leaf[three], together[0].memory),
         )
-        states = [copies, *torque.iterations(copies, 3)]
+        states = [copies, *torque.optimise(3, copies)]
         for one, all in zip(states, together[:4], strict=True):
             assert np.allclose(one.x, all.x[i], rtol=1e-7, atol=1e-9)
             assert np.abs(one.value - all.value[i]).max() < 1e-9 * together[0].value[i]
@@ -221,3 +263,11 @@ def test_bad_input(arguments, message, tmp_path, capsys):
     assert main(["design", "baseline", "-o", str(folder), *arguments]) == 2
     assert message in capsys.readouterr().err
     assert not folder.exists()
+
+
+def test_help_lists_every_objective(capsys):
+    with pytest.raises(SystemExit):
+        main(["design", "--help"])
+    text = "".join(capsys.readouterr().out.split())
+    for name in (*objectives.NAMES, *objectives.PARAMETRISED):
+        assert name in text, name

@@ -17,10 +17,19 @@ import pytest
 import esail_jax as esail
 import esail_jax.cores
 from esail_jax.cli import main
-from esail_jax.ensembles.ensemble_file import load_ensemble, pieces_in
-from esail_jax.ensembles.members import Runner, simulate_members
-from esail_jax.ensembles.sampling import draw, parse_variation
-from esail_jax.ensembles.statistics import OUTCOMES, drivers, spread
+from esail_jax.ensembles import (
+    OUTCOMES,
+    MemberRunner,
+    Normal,
+    Uniform,
+    draw,
+    load_ensemble,
+    parse_variation,
+    sensitivities,
+    simulate_members,
+    spread,
+)
+from esail_jax.ensembles.ensemble_file import pieces_in
 from esail_jax.plotting.ensemble import plot_ensemble
 
 SMALL = {
@@ -92,14 +101,14 @@ def test_every_core_takes_a_member(scene, inputs, ensemble, monkeypatch):
 
     Each waits for the other to begin, which would fail if they ran one after the other.
     """
-    barrier, one = threading.Barrier(2, timeout=30.0), Runner._one
+    barrier, one = threading.Barrier(2, timeout=30.0), MemberRunner._run_one
 
     def together(self, member):
         barrier.wait()
         return one(self, member)
 
-    monkeypatch.setattr("esail_jax.ensembles.members.cores", lambda: 2)
-    monkeypatch.setattr(Runner, "_one", together)
+    monkeypatch.setattr("esail_jax.ensembles.member_runner.cores", lambda: 2)
+    monkeypatch.setattr(MemberRunner, "_run_one", together)
     found = simulate_members(scene, {key: x[:4] for key, x in inputs.items()})
     assert all(np.array_equal(found[name], x[:4], equal_nan=True) for name, x in ensemble.rows.items())
 
@@ -115,6 +124,40 @@ def test_processes_share_the_cores(processes, set_already, threads, monkeypatch)
         monkeypatch.delenv("NPROC")
     esail_jax.cores.share_cores(processes)
     assert os.environ["NPROC"] == threads
+
+
+def test_inputs_may_be_drawn_on_the_way(scene, inputs, ensemble):
+    """Distributions and a number of members in place of inputs: the same numbers, the same rows."""
+    vary = {
+        "tethers.length": Normal(10e3, 10, per_tether=True),
+        "initial.spin_rate": Uniform(3.9e-3, 4.1e-3),
+    }
+    found = simulate_members(scene, vary=vary, members=4, seed=3, observables=["coning_angle"])
+    assert all(np.array_equal(x, inputs[key][:4]) for key, x in found.inputs.items())
+    assert np.array_equal(found["coning_angle"], ensemble["coning_angle"][:4])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({}, r"`inputs` must be given, or `vary` and `members`, but neither is"),
+        ({"inputs": {}}, r"`inputs` must have a value for every member, but is empty"),
+        (
+            {"vary": {"voltage.value": "uniform:1:2"}},
+            "`members` must be given with `vary`",
+        ),
+        ({"vary": {}, "members": 0}, r"`members` must be a positive integer, but is 0"),
+        (
+            {"inputs": {"hub.radius": np.ones(2), "hub.height": np.ones(3)}},
+            r"`inputs\[hub.height\]` must have 2 members, as `inputs\[hub.radius\]` does, but has 3",
+        ),
+        ({"inputs": {"hub.radius": np.ones(2)}, "members": 2}, "but both are"),
+    ],
+)
+def test_members_that_are_none(scene, arguments, message):
+    """One line that names what is wrong, before anything is compiled."""
+    with pytest.raises(esail.SceneError, match=message):
+        simulate_members(scene, **arguments)
 
 
 @pytest.mark.slow
@@ -148,17 +191,17 @@ def test_failed_members_are_kept_apart(scene):
     assert np.array_equal(seen.mean, found["coning_angle"][0]) and not seen.deviation.any()
 
 
-def test_statistics_and_drivers():
-    """Statistics and sensitivities of known numbers are right."""
+def test_sensitivities():
+    """Sensitivities of known numbers are right."""
     rng = np.random.default_rng(0)
     inputs = {"a": rng.normal(size=4000), "b": rng.normal(size=(4000, 3)), "c": rng.normal(size=4000)}
     y = 2.0 * inputs["a"] + inputs["b"].sum(1) + 1e-3 * rng.normal(size=4000)
-    found = drivers(inputs, np.where(np.arange(4000) < 10, np.nan, y))
+    found = sensitivities(inputs, np.where(np.arange(4000) < 10, np.nan, y))
     # The shares are 4/7, 3/7 and 0, up to correlations within the sample, 1/sqrt(4000).
     assert abs(found.share["a"] - 4 / 7) < 0.03 and abs(found.share["b"] - 3 / 7) < 0.03
     assert found.share["c"] < 1e-3 and found.explained > 0.99999
     assert abs(found.correlation["a"] - np.sqrt(4 / 7)) < 0.05
-    few = drivers({"b": rng.normal(size=(29, 3))}, np.arange(29.0))
+    few = sensitivities({"b": rng.normal(size=(29, 3))}, np.arange(29.0))
     assert np.isnan(few.share["b"]) and np.isnan(few.explained)
 
 
@@ -371,7 +414,7 @@ import jax
 jax.config.update("jax_num_cpu_devices", 2)
 import numpy as np
 import esail_jax as esail
-from esail_jax.ensembles.members import simulate_members
+from esail_jax.ensembles import simulate_members
 scene = esail.load_scene("baseline", eval(sys.argv[1]))
 inputs = {"initial.spin_rate": np.array([3.9e-3, 4.0e-3, 4.1e-3])}
 found = simulate_members(scene, inputs, ["coning_angle"], batch=3, lockstep=True)
@@ -398,7 +441,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import esail_jax
-from esail_jax.ensembles.gradient import mean_gradient
+from esail_jax.ensembles import mean_gradient
 if len(sys.argv) > 2:
     jax.distributed.initialize(sys.argv[2], 2, int(sys.argv[3]))
 inputs = {"a": np.arange(5.0), "b": np.ones((5, 2))}

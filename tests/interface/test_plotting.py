@@ -5,17 +5,24 @@ point mass on a rod, and the spectrum with a sine.
 """
 
 import dataclasses
+import subprocess
+import sys
 
 import matplotlib.image
 import numpy as np
 import pytest
+from matplotlib import pyplot
+from matplotlib.figure import Figure
 from matplotlib.mathtext import MathTextParser
 from scipy.integrate import solve_ivp
 
+import esail_jax
 from esail_jax import plotting, simulate
+from esail_jax.observables import chain, sail
 from esail_jax.observables.rigid_pendulum import hinge_moments, inertia, rigid_pendulum, swing
 from esail_jax.plotting.chain import libration_angles
 from esail_jax.plotting.data import power_spectrum, readable
+from esail_jax.plotting.single import mathtext
 from esail_jax.scenes.scene import RemoteUnits, load_scene
 
 INTERVAL = 20.0
@@ -218,6 +225,85 @@ def test_nothing_is_written_without_data(tmp_path):
     assert plotting.plot_all(failed_at(0), tmp_path) == []
 
 
+# ---- plot -------------------------------------------------------------------------------------
+
+
+def test_plot_draws_one_observable_with_its_unit_and_symbol(runs):
+    """Into the axes that it is given, one coloured line per tether."""
+    run, given = runs["full"], Figure().add_subplot()
+    ax = esail_jax.plot(run, "coning_angle", ax=given)
+    assert ax is given
+    assert (ax.get_xlabel(), ax.get_ylabel()) == (r"time $t/T_s$ [-]", r"coning angle, $\gamma$ [rad]")
+    for line, values in zip(ax.lines, run["coning_angle"].T, strict=True):
+        np.testing.assert_allclose(line.get_xdata(), TIME / PERIOD)
+        np.testing.assert_array_equal(line.get_ydata(), values)
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["tether 1", "tether 2", "tether 3"]
+
+
+def test_plot_makes_axes_if_it_is_given_none(runs):
+    ax = esail_jax.plot(runs["full"], "kinetic_energy")
+    assert len(ax.lines) == 1 and ax.get_legend() is None
+    pyplot.close(ax.figure)
+
+
+def names_in_legend(ax):
+    return [text.get_text() for text in ax.get_legend().get_texts()]
+
+
+def test_components_of_vectors_and_angles_are_named(runs):
+    run, ax = runs["full"], Figure().add_subplot()
+    assert names_in_legend(esail_jax.plot(run, "thrust_O", ax=ax)) == ["x", "y", "z"]
+    assert ax.get_ylabel() == "thrust in O, $F_{c}$ [N]"
+    angles = esail_jax.plot(run, "euler_hub", ax=Figure().add_subplot())
+    assert names_in_legend(angles) == [r"$\psi$", r"$\theta$", r"$\phi$"]
+    tips = esail_jax.plot(run, "tip_position_I", ax=Figure().add_subplot())
+    assert names_in_legend(tips) == ["tether 1", "tether 2", "tether 3", "x", "y", "z"]
+    np.testing.assert_array_equal(tips.lines[5].get_ydata(), run["tip_position_I"][:, 1, 2])
+    assert tips.lines[5].get_linestyle() == ":"
+
+
+@pytest.mark.parametrize(
+    "entry", [*sail.OBSERVABLES, *chain.OBSERVABLES, chain.ENERGY_ERROR], ids=lambda x: x.name
+)
+def test_symbol_of_every_observable_can_be_typeset(entry):
+    MathTextParser("path").parse(mathtext(entry.symbol))
+
+
+def test_symbols_are_typeset_with_greek_letters_and_whole_indices():
+    found = [
+        mathtext(x)
+        for x in ("F_lambda", "eps_max", "omega^B", "F_c,i", "dE - W + E_d", "psi, theta, phi", "beta'")
+    ]
+    assert found == [
+        r"$F_{\lambda}$", r"$\epsilon_{max}$", r"$\omega^{B}$", "$F_{c,i}$", "$dE - W + E_{d}$",
+        r"$\psi, \theta, \phi$", r"$\beta'$",
+    ]  # fmt: skip
+
+
+def test_plot_without_a_name_makes_the_overview(runs):
+    """The figures that `esail plot` writes; without a hub the attitude is still there."""
+    figures = esail_jax.plot(runs["no hub"])
+    assert list(figures) == [make.__name__ for make in plotting.FIGURES]
+    assert esail_jax.plot(failed_at(0)) == {}
+
+
+def test_plot_refuses_what_it_cannot_draw(runs):
+    run = runs["no hub"]
+    with pytest.raises(ValueError, match=r"`name` must be one of coning_angle, .*, but is 'euler_hub'"):
+        esail_jax.plot(run, "euler_hub")
+    with pytest.raises(ValueError, match=r"`name` must be given with `ax`, but is None"):
+        esail_jax.plot(run, ax=Figure().add_subplot())
+    with pytest.raises(ValueError, match=r"`solution` must have a scene, but was computed under a trace"):
+        esail_jax.plot(FakeRun(None, run.time, run.data), "voltage")
+
+
+def test_the_package_does_not_import_matplotlib_by_itself():
+    program = "import sys, esail_jax; assert 'matplotlib' not in sys.modules; esail_jax.plot"
+    subprocess.run([sys.executable, "-c", program], check=True)
+    with pytest.raises(AttributeError, match="no attribute 'plots'"):
+        esail_jax.plots  # noqa: B018
+
+
 # ---- rod chains -------------------------------------------------------------------------------
 
 SHORT = {
@@ -267,6 +353,20 @@ def test_every_axis_of_a_chains_figures_says_what_it_shows(chains, make, name):
     on_orbit = name in ("satellite", "failed")
     assert bool(figure.axes) == (on_orbit or make is not plotting.chain_libration)
     check_axes(figure)
+
+
+def test_plot_draws_rods_and_joints_of_a_chain(chains):
+    run = chains["hanging"]
+    ax = esail_jax.plot(run, "tension", ax=Figure().add_subplot())
+    assert ax.get_ylabel() == "tension, $N$ [N]" and ax.get_xlabel() == "time $t$ [s]"
+    np.testing.assert_array_equal([line.get_ydata() for line in ax.lines], run["tension"].T)
+    ax = esail_jax.plot(run, "joint_position", ax=Figure().add_subplot())
+    assert len(ax.lines) == 12 * 3
+    assert list(esail_jax.plot(chains["one rod"])) == [
+        make.__name__ for make in plotting.CHAIN_FIGURES if make is not plotting.chain_libration
+    ]
+    with pytest.raises(ValueError, match=r"`name` must be one of joint_position, .*energy_error, but is"):
+        esail_jax.plot(run, "coning_angle")
 
 
 @pytest.mark.parametrize("name", ["satellite", "one rod"])

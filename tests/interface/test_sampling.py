@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import esail_jax as esail
-from esail_jax.ensembles.sampling import VariationError, draw, parse_variation
+from esail_jax.ensembles import Grid, Normal, Uniform, VariationError, draw, parse_variation
 from esail_jax.scenes.rules import SceneError
 
 
@@ -124,3 +124,76 @@ def test_a_key_is_given_once(scene):
     """A key may be varied for all tethers or for each, not both."""
     with pytest.raises(VariationError, match="given 2 times"):
         drawn(scene, "tethers.length=uniform:1:2", LENGTHS)
+
+
+def test_objects_and_texts_describe_the_same(scene):
+    """A mapping of objects, a mapping of texts, a list of texts: the same numbers."""
+    objects = {
+        "initial.spin_rate": Uniform(3e-3, 5e-3),
+        "tethers.length": Normal(10_000, 20, per_tether=True),
+        "hub.radius": Grid(1, 2, 3),
+    }
+    texts = {
+        "initial.spin_rate": "uniform:3e-3:5e-3",
+        "tethers.length[*]": "normal:10e3:20",
+        "hub.radius": "grid:1:2:3",
+    }
+    listed = [f"{key}={text}" for key, text in texts.items()]
+    first, *others = (draw(scene, vary, 8, 5) for vary in (objects, texts, listed))
+    assert first["tethers.length"].shape == (8, 3) and first["hub.radius"].tolist()[:4] == [1, 1.5, 2, 1]
+    for other in others:
+        assert list(other) == list(first) and all((other[key] == first[key]).all() for key in first)
+    # As files of ensembles have it, which are resumed only with the same text.
+    assert parse_variation("hub.radius=grid:1:2:3").text == "hub.radius=grid:1.0:2.0:3.0"
+    assert parse_variation(listed[1]).text == "tethers.length[*]=normal:10000.0:20.0"
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Uniform(2, 1), "`Uniform` must have a <= b, but has a = 2.0 and b = 1.0"),
+        (lambda: Normal(1, -1), "`Normal` must have sd >= 0, but has sd = -1.0"),
+        (lambda: Normal(1, np.inf), "`Normal` must have finite numbers, but has sd = inf"),
+        (lambda: Grid(1, 2, 2.5), "`Grid` must have a positive integer n, but has n = 2.5"),
+        (lambda: Grid(1, 2, 0), "`Grid` must have a positive integer n, but has n = 0.0"),
+    ],
+)
+def test_distributions_that_are_none(make, message):
+    """Refused where they are made, in one line."""
+    with pytest.raises(SceneError) as error:
+        make()
+    assert str(error.value) == message
+
+
+@pytest.mark.parametrize(
+    ("vary", "message"),
+    [
+        ({"hub.radius": "uniform:2:1"}, "`hub.radius` must have a <= b, but is uniform:2:1"),
+        (
+            {"hub.radius": "triangle:2:1"},
+            "`hub.radius` must look like one of uniform:a:b, normal:mean",
+        ),
+        (
+            {"hub.radius": Uniform(1, 2, per_tether=True)},
+            "`hub.radius[*]` must be a key with a",
+        ),
+    ],
+)
+def test_mappings_name_the_key(scene, vary, message):
+    with pytest.raises(SceneError) as error:
+        draw(scene, vary, 4)
+    assert str(error.value).startswith(message)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((0,), "`members` must be a positive integer, but is 0"),
+        ((4, -1), "`seed` must be an integer that is not negative, but is -1"),
+        ((4, 0, "even"), "`sampling` must be one of random, sobol, latin, but is 'even'"),
+    ],
+)
+def test_numbers_of_draws(scene, arguments, message):
+    with pytest.raises(SceneError) as error:
+        draw(scene, {}, *arguments)
+    assert str(error.value) == message

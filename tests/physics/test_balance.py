@@ -34,6 +34,15 @@ def test_a_balance_that_is_off_says_so(rows, said):
     assert said in balance_warning(rows)
 
 
+def test_energy_that_is_dissipated_or_supplied_is_not_missing():
+    """Rows of a chain with damping: its energy falls, and its balance holds."""
+    assert balance_warning(SOUND | {"energy_error": np.array([0.0, 0.3])}) == ""
+    settings = {"integrator.t_end": 0.3, "output.interval": 0.1, "chain.rods": 3}
+    settings |= {"chain.axial_damping_time": 1e-3, "initial.rod_vector": [1.0, 0.0, 0.0]}
+    run = esail.simulate("hanging-chain", settings)
+    assert run["energy_error"][-1] < -0.1 and run.stats["message"] == ""
+
+
 def test_rounding_is_not_a_loss():
     """A rounding error of 1e-10 of the energy causes no warning if no work is done."""
     still = dict.fromkeys(SOUND, np.zeros(2))

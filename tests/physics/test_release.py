@@ -146,4 +146,4 @@ def test_scene_without_events_pays_nothing():
     """The compiled system of a scene without events contains nothing of a release."""
     model = build_jitted(*split(load_scene("baseline", {"tethers.count": 3, "tethers.elements": 2})))
     assert model.system.roots.releases.release_time is None
-    assert model.system.since(jnp.asarray(1e9)) is model.system
+    assert model.system.with_events_until(jnp.asarray(1e9)) is model.system

@@ -1,6 +1,8 @@
 """Voltage laws and time-dependent wind: values, limits, and motions that are known in closed form."""
 
+import dataclasses
 import re
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -8,18 +10,25 @@ import numpy as np
 import pytest
 
 import esail_jax as esail
+from esail_jax.array_types import PerTether, Scalar
 from esail_jax.environment.gusts import gusty_wind, write_wind
+from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.loads.voltage import (
     OnOff,
-    Sight,
-    above_zero,
-    limited,
+    VoltageLaw,
+    limit,
     modulation,
+    smooth_positive_part,
     smooth_step,
     within_slew_rate,
 )
+from esail_jax.measurements import Measurements
+from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.builtin_scenes import builtin_text
 from esail_jax.scenes.scene import parse, to_toml
+from esail_jax.scenes.structure import split
+from esail_jax.steppers.transposable import Transposable
+from esail_jax.terms import Load, find_term
 from support.quick import jit
 from support.whole_runs import check_going_on
 
@@ -92,7 +101,7 @@ def test_well_within_a_limit_changes_nothing():
     """The smooth limit is the identity well within the limits, never exceeded, and monotonic, to
     rounding."""
     x = jnp.linspace(-10.0, 110.0, 1001)
-    cut = limited(x, jnp.asarray(100.0), smooth=True)
+    cut = limit(x, jnp.asarray(100.0), smooth=True)
     assert float(cut.min()) >= 0.0 and float(cut.max()) <= 100.0
     inside = (x > 2.1) & (x < 97.9)
     assert np.allclose(cut[inside], x[inside], rtol=1e-12)
@@ -101,7 +110,10 @@ def test_well_within_a_limit_changes_nothing():
 
 def test_smooth_corners():
     """The blend at a limit and the switch have continuous slopes."""
-    for function, corners in ((lambda x: above_zero(x, 1.0), (-1.0, 1.0)), (smooth_step, (0.0, 1.0))):
+    for function, corners in (
+        (lambda x: smooth_positive_part(x, 1.0), (-1.0, 1.0)),
+        (smooth_step, (0.0, 1.0)),
+    ):
         for corner in corners:
             before, after = (jax.grad(function)(corner + e) for e in (-1e-7, 1e-7))
             assert abs(before - after) < 1e-6
@@ -115,10 +127,10 @@ def test_a_pulse_rises_and_falls():
     """
     volts, on, off, rise_time = (jnp.asarray(x) for x in ([20e3], [100.0], [200.0], 5.0))
     time, nowhere, no_axis = jnp.linspace(90.0, 250.0, 321), jnp.zeros((3, 1)), jnp.zeros(3)
-    sights = jax.vmap(lambda t: Sight(t, no_axis, no_axis, nowhere, nowhere))(time)
-    for limit, rise in ((None, 5.0), (jnp.asarray(1e3), 37.5)):
-        law = OnOff(volts, on, off, rise_time, None, limit)
-        found = jax.vmap(law.wanted)(sights)[:, 0]
+    measured = jax.vmap(lambda t: Measurements(t, no_axis, nowhere, nowhere, no_axis))(time)
+    for slew_rate, rise in ((None, 5.0), (jnp.asarray(1e3), 37.5)):
+        law = OnOff(volts, on, off, rise_time, None, slew_rate)
+        found = jax.vmap(law.commanded)(measured)[:, 0]
         up, down = (np.clip((time - x) / rise, 0.0, 1.0) for x in (100.0, 200.0))
         expected = [10.0 * s**3 - 15.0 * s**4 + 6.0 * s**5 for s in (up, 1.0 - down)]
         assert np.allclose(found, 20e3 * np.minimum(*expected), rtol=0, atol=1e-8)
@@ -256,10 +268,71 @@ def test_planar_cone_keeps_its_coning_angle(sailing, coning):
     assert np.abs(np.rad2deg(away) - coning).max() > 1.0
 
 
-def test_a_constant_law_leaves_no_trace():
-    """Constant voltages are not reported as an observable."""
-    run = esail.simulate("baseline", FIXED)
-    assert "voltage" not in run.observables
+def test_a_constant_voltage_is_reported_as_given():
+    """A constant voltage is a row as well, tether by tether; a sail without wind has no voltage."""
+    given = {"voltage.value": [20e3, 0.0, 15e3]}
+    run = esail.simulate("baseline", FIXED | given | {"integrator.t_end": 20.0})
+    assert np.array_equal(run["voltage"], np.tile(given["voltage.value"], (len(run.time), 1)))
+    calm = {f"solar_wind.{key}": None for key in ("speed", "number_density", "cutoff_voltage")}
+    calm |= {"voltage.value": None, "integrator.t_end": 20.0}
+    assert "voltage" not in esail.simulate("baseline", FIXED | calm).observables
+
+
+class Drag(Load):
+    """A second load: f = -c r' [N/m]."""
+
+    coefficient: Scalar
+
+    name: ClassVar[str] = "drag"
+    depends_on: ClassVar[tuple[str, ...]] = ("r",)
+
+    def force(self, time, fields, rates):
+        return -self.coefficient * rates.r
+
+
+class Cosine(VoltageLaw):
+    """A law from outside the package: V = V_0 (1 + cos(phi) / 2), phi from the chords."""
+
+    value: PerTether
+    maximum: Scalar | None = None
+
+    name: ClassVar[str] = "cosine"
+
+    def commanded(self, measurements):
+        return self.value * (1.0 + 0.5 * measurements.tether_phase[0])
+
+
+def test_order_of_loads_does_not_matter():
+    """A second load may stand before or after the thrust, and a law may come from outside the package.
+    Forces and their derivatives are the same, and so is the transpose that steps use; to rounding, as sums
+    are taken in another order."""
+    model = build_jitted(*split(esail.load_scene("baseline", SMALL)))
+    (thrust,), drag = model.system.loads, Drag(jnp.asarray(1e-6))
+    thrust = CoulombThrust.of(thrust.wind, Cosine(jnp.full(3, 20e3)), 2)
+    random, time = np.random.default_rng(4), jnp.zeros(())
+    q, v, w = (jax.tree.map(lambda x: x + random.normal(size=x.shape), model.q) for _ in range(3))
+
+    def work(system, q):
+        residual, _ = system.residual(time, q, v, v, system.no_multipliers())
+        return sum(jax.tree.leaves(jax.tree.map(lambda f, w: (f * w).sum(), residual.forces, w)))
+
+    @jit
+    def found(system):
+        voltage = find_term(system.loads, CoulombThrust).commanded(system.measurements(time, q))
+        slopes = [jax.grad(work, 1)(x, q) for x in (system, Transposable.of(system))]
+        return work(system, q), slopes, voltage
+
+    alone, before, after = (
+        found(dataclasses.replace(model.system, loads=loads))
+        for loads in ((thrust,), (drag, thrust), (thrust, drag))
+    )
+    assert np.ptp(alone[2]) > 1e3 and abs(before[0] / alone[0] - 1.0) > 1e-9
+    assert abs(before[0] / after[0] - 1.0) < 1e-12
+    for value, (slope, turned), voltage in (alone, before, after):
+        assert np.array_equal(voltage, alone[2])
+        same = slope if value is alone[0] else before[1][0]
+        for x, *others in zip(*map(jax.tree.leaves, (slope, turned, same)), strict=True):
+            assert all(np.allclose(x, y, rtol=0, atol=1e-11 * np.abs(x).max()) for y in others)
 
 
 @pytest.mark.slow

@@ -15,6 +15,7 @@ from esail_jax.files import run_file
 from esail_jax.scenes.rules import rule_of
 from esail_jax.scenes.scene import load_scene, parse, to_toml
 from esail_jax.scenes.tables import CHAIN_TABLES, Initial
+from esail_jax.scenes.value_types import Shape
 from support.bits import check_same, esail_run, status_of
 from support.compiled_nothing import no_compilation
 from support.quick import jit
@@ -81,7 +82,7 @@ def test_every_key_can_be_given_and_written(key, chain):
         "chain.rods": 3, "chain.anchor": "free", "chain.strain": "green-lagrange", "chain.bending": True,
         "chain.root": "clamped", "integrator.method": "dopri5", "integrator.tolerance": 0.125,
     }  # fmt: skip
-    shape = {"vector": (1.0, 2.0, 0.5), "vectors": (1.0, 2.0, 0.5)}.get(FIELDS[key].shape, 0.125)
+    shape = (1.0, 2.0, 0.5) if FIELDS[key].shape in (Shape.VECTOR, Shape.VECTORS) else 0.125
     value = values.get(key, shape)
     scene = chain.replace(with_key(key, value))
     table, _, name = key.partition(".")
@@ -92,7 +93,7 @@ def test_every_key_can_be_given_and_written(key, chain):
 @pytest.mark.parametrize("key", [key for key, rule in FIELDS.items() if not rule.structure])
 def test_every_number_may_be_traced(key, chain, monkeypatch):
     """A traced number reaches the program of the traced run, which takes it as an argument."""
-    like = jnp.ones(3) if FIELDS[key].shape in ("vector", "vectors") else jnp.asarray(0.125)
+    like = jnp.ones(3) if FIELDS[key].shape in (Shape.VECTOR, Shape.VECTORS) else jnp.asarray(0.125)
     seen = []
 
     def run(structure, times, numbers, step):

@@ -8,10 +8,14 @@ import numpy as np
 import pytest
 
 import esail_jax as esail
+from esail_jax.elements.bending import BendingDissipation
+from esail_jax.scenes.build import material_terms
 from esail_jax.scenes.builtin_scenes import builtin_names, builtin_text, description
 from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.scene import Scene, load_scene, parse, to_toml
+from esail_jax.scenes.structure import split
 from esail_jax.scenes.tables import SAIL_TABLES, names_of
+from esail_jax.terms import find_term
 from support import small_sail
 
 SAIL_KEYS = [f"{table}.{name}" for table, content in SAIL_TABLES.items() for name in names_of(content)]
@@ -46,6 +50,8 @@ def beside(key: str) -> dict:
     table, name = key.split(".")
     if table == "event":
         return EVENT
+    if name == "straight_turn":
+        return {"tethers.bending_damping_time": 1.0}
     return LAW_OF.get(name, {}) if table == "voltage" else {}
 
 
@@ -179,6 +185,16 @@ def test_every_key_can_be_overridden(key, sail):
     for other in SAIL_TABLES:
         if other != table and not any(x.startswith(other + ".") for x in extra):
             assert getattr(scene, other) == getattr(sail, other)
+
+
+def test_straight_turn_sets_the_curvature_below_which_bending_is_not_damped():
+    """kappa_0 = turn / L, with 1e-4 as the default, which does not enter the scene's text."""
+    scene = load_scene("baseline")
+    assert "straight_turn" not in to_toml(scene)
+    for overrides, turn in (({}, 1e-4), ({"tethers.straight_turn": 1e-3}, 1e-3)):
+        _, dissipations = material_terms(*split(scene.replace(overrides)))
+        damping = find_term(dissipations, BendingDissipation)
+        assert np.array_equal(damping.straight_curvature, np.full(60, turn / 10e3))
 
 
 def test_overriding_an_absent_table_makes_it(sail):

@@ -16,10 +16,11 @@ from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.elements.axial import AxialDissipation, AxialEnergy
 from esail_jax.elements.bending import BendingEnergy
 from esail_jax.elements.rigid_body import RigidBody
-from esail_jax.elements.tether import Tethers, per_element
-from esail_jax.environment.solar_wind import SolarWind
+from esail_jax.elements.tether import TetherBatch
+from esail_jax.environment.solar_wind import SteadyWind
 from esail_jax.joints.roots import HubRoots
 from esail_jax.loads.coulomb import CoulombThrust
+from esail_jax.loads.voltage import Constant
 from esail_jax.steppers.consistent import consistent_acceleration
 from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
 from esail_jax.system import System
@@ -68,17 +69,17 @@ def build() -> System:
     """Everything on but damped bending, whose derivatives have rows of their own."""
     ones = jnp.ones((N - 1) * P)
     hub = RigidBody(*(jnp.asarray(x) for x in HUB))
-    wind = SolarWind(*(jnp.asarray(x) for x in (SPEED, DENSITY, CUTOFF, ORIGIN)))
+    wind = SteadyWind(*(jnp.asarray(x) for x in (SPEED, DENSITY, CUTOFF, ORIGIN)))
     fields = ("r", "r_x", "r_xx")
     return System(
-        tethers=Tethers(
+        tethers=TetherBatch(
             *(jnp.asarray(x) for x in (LENGTHS, LINE_DENSITY, TIP_MASS)), N - 1, "cable", fields
         ),
         roots=HubRoots(hub.weights(jnp.asarray(ANCHORS)), None),
         hub=hub,
         energies=(AxialEnergy(1.9 * ones, "green-lagrange"), BendingEnergy(0.7 * ones)),
         dissipations=(AxialDissipation(1.9 * ones, 0.6 * ones, "green-lagrange"),),
-        loads=(CoulombThrust(wind, per_element(jnp.asarray(VOLTAGE), N - 1)),),
+        loads=(CoulombThrust.of(wind, Constant(jnp.asarray(VOLTAGE)), N - 1),),
         gravity=None,
     )
 

@@ -18,11 +18,11 @@ from esail_jax import iteration_matrix
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.elements.axial import AxialDissipation, AxialEnergy, axial_strain
 from esail_jax.elements.bending import BendingDissipation, BendingEnergy, curvature_squared
-from esail_jax.elements.tether import Tethers
+from esail_jax.elements.tether import TetherBatch
 from esail_jax.joints.roots import FrameRoots
 from esail_jax.numerics.vectors import dot
 from esail_jax.system import System
-from esail_jax.terms import PointFields, Together, shape_of
+from esail_jax.terms import PointFields, SummedDeformations, find_term, invariants_of
 from oracles.ledger import relative_error
 
 GAUSS = 5
@@ -106,7 +106,7 @@ def cables() -> tuple[Cable, ...]:
 def system_of(length, axial, bending, axial_time, bending_time) -> System:
     """One tether of one element with the four material terms, its bending damping as printed."""
     one = jnp.ones(1)
-    tethers = Tethers(length * one, one, 0.0 * one, 1, "cable", ("r_x", "r_xx"))
+    tethers = TetherBatch(length * one, one, 0.0 * one, 1, "cable", ("r_x", "r_xx"))
     energies = AxialEnergy(axial * one, "green-lagrange"), BendingEnergy(bending * one)
     dissipations = (
         AxialDissipation(axial * one, axial_time * one, "green-lagrange"),
@@ -127,7 +127,7 @@ def judge_of_points(system: System, e, v) -> dict:
 
     def quantities(e):
         fields = system.tethers.interpolate(nodal(e))
-        shape = shape_of(fields)
+        shape = invariants_of(fields)
         stretch, squared = shape.stretch_squared, curvature_squared(shape)
         strain = axial_strain(stretch, "green-lagrange")
         return jnp.stack([strain, jnp.sqrt(squared), squared * stretch**3, stretch])[:, :, 0]
@@ -154,7 +154,9 @@ def judge_of_points(system: System, e, v) -> dict:
         """Returns the matrix of Phi_1, which is a quadratic form in r_xx."""
 
         def half(w):
-            return 0.5 * curvature_squared(shape_of(PointFields(None, slope, w))) * dot(slope, slope) ** 3
+            return (
+                0.5 * curvature_squared(invariants_of(PointFields(None, slope, w))) * dot(slope, slope) ** 3
+            )
 
         return jax.hessian(half)(second)
 
@@ -192,7 +194,7 @@ def judge_of_system(system: System, e, v) -> dict:
     tethers, time = system.tethers, jnp.zeros(())
     fields, rates = tethers.interpolate(nodal(e)), tethers.interpolate(nodal(v))
     total, _, _ = system.point_forces(time, fields, rates)
-    viscous = Together(system.dissipations).point_forces(time, fields, rates)
+    viscous = SummedDeformations(system.dissipations).point_forces(time, fields, rates)
 
     def generalised(conjugates):
         return -tethers.nodal_forces(conjugates)[..., 0].transpose(2, 0, 1).reshape(12, 1)
@@ -200,7 +202,7 @@ def judge_of_system(system: System, e, v) -> dict:
     def at_points(field):
         return field[:, :, 0].T[:, :, None]
 
-    axial = system.energies[0], system.dissipations[0]
+    axial = find_term(system.energies, AxialEnergy), find_term(system.dissipations, AxialDissipation)
     elastic = jax.tree.map(jnp.subtract, total, viscous)
     in_metres = jnp.repeat(jnp.tile(jnp.stack([jnp.ones(()), tethers.element_length[0]]), 2), 3)
 

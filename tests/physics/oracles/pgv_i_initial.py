@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from esail_jax import load_scene
-from esail_jax.equilibria.steady_stretch import steady_line, unstretched_line
+from esail_jax.equilibria import steady_line, unstretched_line
 from oracles.ledger import Errors, fails, holds, relative_error
 from oracles.sail_matrices import BASE_POINTS, tether_mass
 from oracles.sail_states import (

@@ -15,10 +15,11 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from esail_jax.environment.solar_wind import SolarWind
+from esail_jax.environment.solar_wind import SteadyWind
 from esail_jax.equilibria.equilibrium import equilibrium
 from esail_jax.equilibria.steady_stretch import steady_line
 from esail_jax.loads.coulomb import CoulombThrust
+from esail_jax.loads.voltage import Constant
 from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.scene import load_scene
 from esail_jax.scenes.structure import split
@@ -52,13 +53,13 @@ def test_small_coning_of_a_held_tether(validate):
     The voltage is 1 V above the cut-off, which gives slopes of 1e-6; EA is a thousand times larger, which
     gives strains of 1e-6.
     """
-    wind = SolarWind(*(jnp.asarray(x) for x in (4e5, 7.3e6, 1e3)), jnp.array([1.5e11, 0.0, 0.0]))
+    wind = SteadyWind(*(jnp.asarray(x) for x in (4e5, 7.3e6, 1e3)), jnp.array([1.5e11, 0.0, 0.0]))
 
     @jit
     def height(volts):
         made = one_tether(
             elements=20, length=LENGTH, axial=3e5, line_density=DENSITY, tip_mass=TIP, spin=SPIN,
-            loads=(CoulombThrust(wind, volts[None]),),
+            loads=(CoulombThrust.of(wind, Constant(volts[None]), 1),),
         )  # fmt: skip
         zero, spin = jnp.zeros(()), jnp.asarray(SPIN)
         line, _ = steady_line(made.tethers, made.energies, zero, spin, zero)

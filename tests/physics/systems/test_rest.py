@@ -4,12 +4,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from esail_jax.environment.solar_wind import SolarWind
+from esail_jax.environment.solar_wind import SteadyWind
 from esail_jax.equilibria.equilibrium import equilibrium
 from esail_jax.equilibria.modes import modes
 from esail_jax.equilibria.moving_frame import expanded
 from esail_jax.equilibria.steady_stretch import steady_line, unstretched_line
 from esail_jax.loads.coulomb import CoulombThrust
+from esail_jax.loads.voltage import Constant
 from support.elastica import TIP_ANGLE, elliptic
 from support.one_tether import STEPPERS, Pulled, integrate, one_tether, straight, turning
 from support.quick import jit
@@ -37,10 +38,10 @@ def catenary():
 
 def coning():
     """Returns the baseline's tether at 20 kV in a wind along the axis of its frame."""
-    wind = SolarWind(*(jnp.asarray(x) for x in (4e5, 7.3e6, 1e3)), jnp.array([1.5e11, 0.0, 0.0]))
+    wind = SteadyWind(*(jnp.asarray(x) for x in (4e5, 7.3e6, 1e3)), jnp.array([1.5e11, 0.0, 0.0]))
     made = one_tether(
         elements=4, length=1e4, axial=299.6, line_density=3.2755e-5, tip_mass=1.5, radius=1.0, spin=4e-3,
-        loads=(CoulombThrust(wind, jnp.array([20e3])),),
+        loads=(CoulombThrust.of(wind, Constant(jnp.array([20e3])), 1),),
     )  # fmt: skip
     line, _ = steady_line(made.tethers, made.energies, jnp.ones(()), jnp.asarray(4e-3), jnp.zeros(()))
     return made, straight(made, line=line), 4e-3, 1.0

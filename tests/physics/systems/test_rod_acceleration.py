@@ -14,14 +14,14 @@ from esail_jax import iteration_matrix
 from esail_jax.coordinates import Coordinates
 from esail_jax.elements.axial import AxialDissipation, AxialEnergy
 from esail_jax.elements.hinges import Hinges
-from esail_jax.elements.tether import Tethers
+from esail_jax.elements.tether import TetherBatch
 from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.joints.roots import FrameRoots
 from esail_jax.numerics import bordered
 from esail_jax.rod_chain import RodChain, RodState
 from esail_jax.steppers.consistent import consistent_acceleration
 from esail_jax.system import Power, System
-from esail_jax.terms import Load
+from esail_jax.terms import Load, find_term
 from support.quick import jit
 
 GRAVITY, MOTION, DAMPING = np.array([0.3, -0.7, 0.2]), 0.6, 0.4
@@ -68,7 +68,7 @@ def package(data, ends, free, parts):
     base, tip = (jnp.asarray([end]) for end in ends)
     loads = (Shear(jnp.asarray(data["shear"])),) if "load" in parts else ()
     fields = ("r",) * bool(loads) + ("r_x",)
-    tethers = Tethers(
+    tethers = TetherBatch(
         column["length"], column["mass"] / column["length"], tip, data["mass"].size, "rod", fields,
         base if free else None,
     )  # fmt: skip
@@ -93,7 +93,7 @@ def package(data, ends, free, parts):
     if free:
         x, v = np.hstack([data["first"], x]), np.hstack([data["first_v"], v])
     chain = jit(RodChain.of)(system, hinges)
-    work = Power(jnp.zeros(()), jnp.zeros(())) if chain.works else None
+    work = Power(jnp.zeros(()), jnp.zeros(())) if chain.has_work else None
     return chain, RodState(jnp.asarray(x), jnp.asarray(v), work)
 
 
@@ -224,7 +224,8 @@ def test_power_is_the_rate_of_the_energy(free):
     def energy(y):
         q, v = chain.coordinates(y)
         tethers = chain.system.tethers
-        stored = chain.system.integrate(chain.system.energies[0].density(tethers.interpolate(q.tether)))
+        axial = find_term(chain.system.energies, AxialEnergy)
+        stored = chain.system.integrate(axial.density(tethers.interpolate(q.tether)))
         return 0.5 * (v.tether * tethers.inertia(v.tether)).sum() + stored
 
     rate = chain(zero, state)
