@@ -235,7 +235,7 @@ def add_clamps(
 
 
 def to_vector(system: System, forces: Coordinates, constraints: Multipliers) -> bordered.Vector:
-    """Residual or right-hand side in the layout of the solver, slope rows per metre."""
+    """Residual or right-hand side in the layout of the solver, with slope rows divided by l."""
     border = local = None
     if system.hub is not None:
         border = jnp.concatenate([forces.hub.reshape(-1), constraints.hub])

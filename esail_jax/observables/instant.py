@@ -1,4 +1,4 @@
-"""One saved instant of a sail, with what several observables share."""
+"""The saved instant of a sail: the argument of every observable."""
 
 import equinox as eqx
 import jax
@@ -19,7 +19,13 @@ from esail_jax.terms import PointFields
 
 
 class Instant(eqx.Module):
-    """One saved instant, with what several observables share."""
+    """One saved instant of a sail, with the quantities that several observables share.
+
+    origin: R_0 [m]. forces: equations of motion without the reactions of the root joints
+    (`system.Residual`). power: that of the instant. work: its integral since the start. start_energy:
+    kinetic and elastic energy [J] at the start. load: force per length [N/m] of all loads at the Gauss
+    points; None without loads.
+    """
 
     system: System
     time: Scalar
@@ -36,11 +42,12 @@ class Instant(eqx.Module):
 
     @property
     def p(self) -> int:
+        """Number of tethers."""
         return self.q.tether.shape[-1]
 
     @property
     def rotation(self) -> Rotation:
-        """C_B^I."""
+        """Attitude C_B^I of the hub or of the turning frame."""
         return self.system.rotation(self.time, self.q)
 
     @property
@@ -50,24 +57,27 @@ class Instant(eqx.Module):
 
     @property
     def orbital(self) -> Rotation:
-        """C_O^I at the hub's current position."""
+        """Orientation C_O^I of the orbital frame at the hub's current position."""
         return orbital_frame(self.origin + self.centre)
 
     @property
     def body_to_orbital(self) -> Rotation:
+        """Rotation C_B^O from the body frame to the orbital frame."""
         return matmul(self.orbital.T, self.rotation)
 
     @property
     def tips(self) -> Float[Array, "3 tether"]:
+        """Positions of the tips [m]."""
         return self.q.tether[0, :, -1]
 
     @property
     def roots(self) -> Float[Array, "3 tether"]:
+        """Positions of the roots [m]."""
         return self.q.tether[0, :, 0]
 
     @property
     def root_slopes(self) -> Float[Array, "3 tether"]:
-        """r_x at the roots; a truss has the direction of its first element."""
+        """Slopes r_x at the roots; for a truss, those of the first elements."""
         nodal = self.q.tether
         if self.system.tethers.coefs == 2:
             return nodal[1, :, 0]
@@ -75,12 +85,12 @@ class Instant(eqx.Module):
 
     @property
     def root_reactions(self) -> Float[Array, "3 tether"]:
-        """Force of the hub on each tether [N]: what the root rows of M vdot - Q are short of."""
+        """Force of the hub on each tether [N]: the root rows of M vdot - Q."""
         return self.forces.tether[0, :, 0]
 
     @property
     def root_couples(self) -> Float[Array, "3 tether"]:
-        """Couple of the hub on each clamped root [N m]: r_x x (conjugate of the clamp)."""
+        """Couple of the hub on each clamped root [N m]: r_x x (force conjugate to the root slope)."""
         if not self.system.clamped:
             return jnp.zeros((3, self.p))
         pull = jax.vjp(lambda q: self.system.constraints(self.time, q), self.q)[1]
@@ -88,8 +98,8 @@ class Instant(eqx.Module):
         return jnp.cross(self.root_slopes, held, axis=0)
 
     def local_frame(self, vectors: Float[Array, "3 tether"]) -> Float[Array, "3 tether"]:
-        """Components in the frame Z of each tether's root: X_B, outward, azimuthal ([PGV]
-        Eq. 57-58)."""
+        """Components in the frame Z of each tether's root: axial (X_B), radial, azimuthal ([PGV] Eq.
+        57-58)."""
         body = matmul(self.rotation.T, vectors)
         azimuth = 2.0 * np.pi * np.arange(self.p) / self.p
         outward = radial_directions(jnp.asarray(azimuth))
@@ -103,11 +113,11 @@ class Instant(eqx.Module):
         return self.system.tethers.nodal_forces(PointFields(self.load, None))
 
     def thrusts(self) -> Float[Array, "3 tether"]:
-        """F_c of each tether [N]."""
+        """Thrust F_c of each tether [N]."""
         return self.thrust_nodal()[0].sum(1)
 
     def thrust_moments(self) -> Float[Array, "3 tether"]:
-        """Moment of the thrust about each root [N m]: nodal forces *and* slope forces."""
+        """Moment of the thrust about each root [N m]. Forces conjugate to slopes contribute as well."""
         nodal = self.thrust_nodal()
         arms = self.q.tether[0] - self.roots[:, None]
         moment = jnp.cross(arms, nodal[0], axis=0)
@@ -116,15 +126,15 @@ class Instant(eqx.Module):
         return moment.sum(1)
 
     def sail_axes(self) -> Rotation:
-        """C_E^I: the mean plane of the tips ([PGV] Eq. 67-70), of those tethers that are held; NaN below
-        three."""
+        """Orientation C_E^I of the mean plane of the tips ([PGV] Eq. 67-70). Released tethers do not count;
+        NaN if fewer than three are held."""
         nothing = jnp.full((3, 3), jnp.nan)
         if self.p < 3:
             return nothing
         tips, held = self.tips, self.p
         released = None if self.system.roots is None else self.system.roots.releases.released
         if released is not None:
-            # Tips where the mean is count for nothing.
+            # A tip at the mean position does not contribute.
             held = self.p - released.sum()
             mean = jnp.where(released, 0.0, tips).sum(1, keepdims=True) / held
             tips = jnp.where(released, mean, tips)
@@ -147,8 +157,10 @@ def make_instant(
     start_energy: Scalar,
     mass: FactoredMass | None = None,
 ) -> Instant:
-    """An instant from a state, with accelerations and multipliers that fit it. mass: as in
-    `consistent_motion`."""
+    """The instant of a state, with the accelerations and multipliers that are consistent with it.
+
+    mass: as in `consistent_motion`.
+    """
     vdot, lam, forces, power = consistent_motion(system, time, q, v, mass)
     load = None
     if system.loads:
