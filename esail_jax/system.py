@@ -26,7 +26,7 @@ from esail_jax.array_types import (
 )
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.elements.rigid_body import RigidBody
-from esail_jax.elements.tether import Tethers
+from esail_jax.elements.tether import TetherBatch
 from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.joints.roots import FrameRoots, HubRoots
 from esail_jax.measurements import Measurements
@@ -69,7 +69,7 @@ class System(eqx.Module):
     acceleration [m/s^2]. orbit: field of a circular orbit, in whose axes the chain then moves.
     """
 
-    tethers: Tethers
+    tethers: TetherBatch
     roots: HubRoots | FrameRoots | None
     hub: RigidBody | None
     energies: tuple[Term, ...]
@@ -200,7 +200,7 @@ class System(eqx.Module):
     def with_commands(self, commands: tuple[Float[Array, "*state tether"] | None, ...]) -> "System":
         """The system whose loads have the given commands, as `commands` returns them."""
         loads = tuple(
-            load if command is None else load.with_command(self.tethers.repeated(command))
+            load if command is None else load.with_command(self.tethers.repeat_per_element(command))
             for load, command in zip(self.loads, commands, strict=True)
         )
         return eqx.tree_at(lambda system: system.loads, self, loads)

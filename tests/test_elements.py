@@ -8,7 +8,7 @@ import pytest
 from esail_jax.elements.axial import AxialDissipation, AxialEnergy, axial_strain
 from esail_jax.elements.bending import BendingDissipation, BendingEnergy, curvature_squared
 from esail_jax.elements.rigid_body import RigidBody
-from esail_jax.elements.tether import Tethers
+from esail_jax.elements.tether import TetherBatch
 from esail_jax.numerics.vectors import dot
 from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.scene import load_scene
@@ -108,7 +108,7 @@ def test_bending_dissipation_is_smooth_when_straight_and_the_printed_law_when_be
 
 
 def tethers(kind="cable", elements=3):
-    return Tethers(
+    return TetherBatch(
         element_length=jnp.array([2.0, 3.0]),
         line_density=jnp.array([0.5, 0.25]),
         tip_mass=jnp.array([1.0, 0.0]),

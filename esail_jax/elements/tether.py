@@ -35,7 +35,7 @@ SAME_AXES = np.eye(3)
 """Inertia of a unit point mass: the force is along the acceleration."""
 
 
-class Tethers(eqx.Module):
+class TetherBatch(eqx.Module):
     """Tethers as chains of `elements` elements. The elements of a tether are equal; those of kind "rod" may
     differ.
 
@@ -139,7 +139,7 @@ class Tethers(eqx.Module):
         """
         return [x * self.lengths if c % self.coefs else x for c, x in enumerate(vectors)]
 
-    def repeated(self, x: Float[Array, "*state tether"]) -> Float[Array, "*state element"]:
+    def repeat_per_element(self, x: Float[Array, "*state tether"]) -> Float[Array, "*state element"]:
         """One number per element from one per tether."""
         return jnp.tile(x, self.elements)
 
@@ -173,7 +173,7 @@ class Tethers(eqx.Module):
         # Stacked into memory; otherwise they are computed again for every coefficient.
         values = stacked([x[None] for x in scaled.values()])
         tables = [(self.weights[:, None] * self.table(d)).T for d in scaled]
-        parts = [integrated(table, value) for table, value in zip(tables, values, strict=True)]
+        parts = [integrate_shapes(table, value) for table, value in zip(tables, values, strict=True)]
         if acceleration is not None:
             parts.append(self.element_inertia(acceleration))
         forces = self.assemble(sum(parts[1:], parts[0]))
@@ -182,7 +182,7 @@ class Tethers(eqx.Module):
     def element_inertia(self, acceleration: Nodal) -> Float[Array, "coef2 3 *state element"]:
         """Inertia forces M `acceleration` of every element, before assembly."""
         vectors = self.element_vectors(acceleration) * self.masses
-        return integrated(self.mass_table, jnp.swapaxes(vectors, 0, 1))
+        return integrate_shapes(self.mass_table, jnp.swapaxes(vectors, 0, 1))
 
     def add_point_masses(self, forces: Nodal, acceleration: Nodal) -> Nodal:
         """`forces` plus the inertia forces of the point masses at the ends."""
@@ -234,7 +234,7 @@ class Tethers(eqx.Module):
             tables.append(np.einsum("q,qa,qb->abq", self.weights, *pair))
             values.append(jnp.moveaxis(block * scale, 2, 0))
         # Axes: a, b, direction, component, element.
-        matrices = along_first(np.concatenate(tables, axis=2), stacked(values))
+        matrices = contract_first_axis(np.concatenate(tables, axis=2), stacked(values))
         coefs, axes = matrices.shape[0], matrices.shape[2]
         rows_first = matrices.transpose(0, 3, 1, 2, 4)
         return self.of_tethers(rows_first.reshape(coefs * axes, coefs * axes, -1))
@@ -264,7 +264,7 @@ def at_points(
     return (weights * vectors[:, :, None]).sum(0)
 
 
-def integrated(
+def integrate_shapes(
     table: Float[np.ndarray, "coef2 point"], values: Float[Array, "3 point *batch"]
 ) -> Float[Array, "coef2 3 *batch"]:
     """Integrals over the element of shape functions times values at points: the transpose of
@@ -273,7 +273,7 @@ def integrated(
     return (weights * values).sum(2)
 
 
-def along_first(table: np.ndarray, values: Float[Array, "first *batch"]) -> Array:
+def contract_first_axis(table: np.ndarray, values: Float[Array, "first *batch"]) -> Array:
     """Product over the last axis of the table and the first axis of the values, as one matrix product."""
     flat = one_each(table.reshape(-1, table.shape[-1])) @ values.reshape(values.shape[0], -1)
     return flat.reshape(*table.shape[:-1], *values.shape[1:])

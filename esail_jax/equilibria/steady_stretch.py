@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from esail_jax.array_types import Array, Float, Int, Nodal, PerTether, Scalar
-from esail_jax.elements.tether import Tethers
+from esail_jax.elements.tether import TetherBatch
 from esail_jax.numerics import block_tridiagonal as chains
 from esail_jax.system import add_fields
 from esail_jax.terms import Energy, PointFields
@@ -23,7 +23,7 @@ Line = Float[Array, "coef node tether"]
 """Distance from the root along the tether's line [m] and stretch [-] of every node."""
 
 
-def unstretched_line(tethers: Tethers) -> Line:
+def unstretched_line(tethers: TetherBatch) -> Line:
     """Distance and slope of the undeformed tether."""
     steps = jnp.arange(tethers.elements + 1.0)[:, None] * tethers.element_length
     return jnp.stack([steps, jnp.ones_like(steps)][: tethers.coefs])
@@ -35,7 +35,7 @@ def along(line: Line, direction: Float[Array, "3 tether"]) -> Nodal:
 
 
 def steady_line(
-    tethers: Tethers,
+    tethers: TetherBatch,
     energies: tuple[Energy, ...],
     radius: Scalar,
     spin: Scalar,
@@ -99,7 +99,7 @@ def steady_line(
     return found, jnp.where(folded, jnp.inf, left)
 
 
-def to_metres(tethers: Tethers, line: Line, power: int) -> Line:
+def to_metres(tethers: TetherBatch, line: Line, power: int) -> Line:
     """Slopes times l^power: solver unknowns and rows are in metres and newtons."""
     if tethers.coefs == 1:
         return line

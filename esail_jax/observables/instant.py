@@ -10,12 +10,13 @@ from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.environment.orbit import orbital_frame
 from esail_jax.iteration_matrix import FactoredMass
 from esail_jax.joints.roots import radial_directions
+from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.numerics.angles import smallest_eigenvector
 from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import dot
 from esail_jax.steppers.consistent import consistent_motion
 from esail_jax.system import Power, System
-from esail_jax.terms import PointFields
+from esail_jax.terms import PointFields, find_term
 
 
 class Instant(eqx.Module):
@@ -23,8 +24,8 @@ class Instant(eqx.Module):
 
     origin: R_0 [m]. forces: equations of motion without the reactions of the root joints
     (`system.Residual`). power: that of the instant. work: its integral since the start. start_energy:
-    kinetic and elastic energy [J] at the start. load: force per length [N/m] of all loads at the Gauss
-    points; None without loads.
+    kinetic and elastic energy [J] at the start. load: Coulomb thrust per length [N/m] at the Gauss
+    points; None without wind.
     """
 
     system: System
@@ -162,8 +163,8 @@ def make_instant(
     mass: as in `consistent_motion`.
     """
     vdot, lam, forces, power = consistent_motion(system, time, q, v, mass)
-    load = None
-    if system.loads:
+    load, thrust = None, find_term(system.with_commanded_loads(time, q).loads, CoulombThrust)
+    if thrust is not None:
         fields, rates = system.tethers.interpolate(q.tether), system.tethers.interpolate(v.tether)
-        load = sum(term.force(time, fields, rates) for term in system.with_commanded_loads(time, q).loads)
+        load = thrust.force(time, fields, rates)
     return Instant(system, time, q, v, vdot, lam, work, start_energy, origin, forces, power, load)

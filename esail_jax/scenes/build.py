@@ -17,7 +17,7 @@ from esail_jax.elements.axial import AxialDissipation, AxialEnergy, TensionOnlyE
 from esail_jax.elements.bending import STRAIGHT_TURN, BendingDissipation, BendingEnergy
 from esail_jax.elements.hinges import Hinges
 from esail_jax.elements.rigid_body import RigidBody
-from esail_jax.elements.tether import Tethers, per_element
+from esail_jax.elements.tether import TetherBatch, per_element
 from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.equilibria.steady_stretch import Line, along, steady_line, unstretched_line
 from esail_jax.joints import roots as joints
@@ -93,13 +93,13 @@ def material_terms(structure: Structure, n: Numbers) -> tuple[tuple, tuple]:
     return jax.tree.map(lambda x: per_element(x, elements), (tuple(energies), tuple(dissipations)))
 
 
-def tethers_of(structure: Structure, n: Numbers, loaded: bool) -> Tethers:
+def tethers_of(structure: Structure, n: Numbers, loaded: bool) -> TetherBatch:
     """The batch of tethers. It interpolates the fields that its terms need: r only if it is `loaded`."""
     elements = structure["tethers.elements"]
     length = n["tethers.length"]
     fields = ("r",) * loaded + ("r_x",) + ("r_xx",) * structure["tethers.bending"]
     mass = n.get("remote_units.mass", jnp.zeros_like(length))
-    return Tethers(
+    return TetherBatch(
         element_length=length / elements,
         line_density=n["tethers.density"] * n["tethers.area"],
         tip_mass=mass,
@@ -157,7 +157,7 @@ def initial_state(
     return system.place_roots(zero, q), system.place_roots(zero, v, derivative=1), unbalanced
 
 
-def printed_line(n: Numbers, tethers: Tethers, radius: Array) -> Line:
+def printed_line(n: Numbers, tethers: TetherBatch, radius: Array) -> Line:
     """The initial elongation of [PGV] Eq. 79-80 as printed.
 
     It is that of a rotating cable whose tip mass is the tether's own mass m_t, stretched from the axis
@@ -192,7 +192,7 @@ def build_chain(structure: Structure, n: Numbers) -> tuple[RodChain, RodState]:
         origin = n["initial.heliocentric_position_au"] * ASTRONOMICAL_UNIT
         # A chain has a voltage for every rod.
         loads = (CoulombThrust.of(wind_of(n, origin), Constant(n["voltage.value"]), 1),)
-    tethers = Tethers(
+    tethers = TetherBatch(
         element_length=length,
         line_density=column["chain.mass"] / length,
         tip_mass=n["chain.tip_mass"][None],

@@ -9,7 +9,7 @@ import numpy as np
 
 from esail_jax.coordinates import Coordinates
 from esail_jax.elements.axial import AxialEnergy
-from esail_jax.elements.tether import Tethers, per_element
+from esail_jax.elements.tether import TetherBatch, per_element
 from esail_jax.joints.roots import FrameRoots
 from esail_jax.steppers.consistent import consistent_acceleration
 from esail_jax.system import System
@@ -245,7 +245,7 @@ def hanging_trusses() -> tuple[list[Rods], np.ndarray, np.ndarray, np.ndarray]:
     nodal = jnp.asarray(ends.transpose(2, 1, 0)[None])
 
     def accelerations(length, density, axial, nodal):
-        tethers = Tethers(length, density, 0.0 * length, n, "truss", ("r_x",))
+        tethers = TetherBatch(length, density, 0.0 * length, n, "truss", ("r_x",))
         roots = FrameRoots(jnp.eye(3), jnp.zeros(()), jnp.zeros((3, count)), None)
         energy = AxialEnergy(per_element(axial, n), "engineering")
         system = System(tethers, roots, None, (energy,), (), (), jnp.asarray(gravity))

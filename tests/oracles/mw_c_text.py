@@ -4,7 +4,7 @@ Dormand and Prince's method, which is MATLAB's ode45, on an oscillator; closed f
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax.elements.tether import Tethers
+from esail_jax.elements.tether import TetherBatch
 from oracles.ledger import Errors, fails, holds, relative_error
 from oracles.mw_chains import SIZES, chains, judge
 from oracles.mw_rods import Rods, energies, g_matrix, mass_matrix
@@ -187,7 +187,7 @@ def rod_is_a_truss_element():
     """Textbook element, m/6 (2 1; 1 2), assembled; and the package's."""
     errors, element = [], np.array([[2.0, 1.0], [1.0, 2.0]]) / 6
     one = jnp.ones(1)
-    package = Tethers(one, one, 0.0 * one, 1, "truss", ("r_x",)).mass_table
+    package = TetherBatch(one, one, 0.0 * one, 1, "truss", ("r_x",)).mass_table
     for n in SIZES:
         for chain in chains(n):
             for matrix in (element, package):

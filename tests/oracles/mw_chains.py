@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.elements.axial import AxialEnergy
-from esail_jax.elements.tether import Tethers
+from esail_jax.elements.tether import TetherBatch
 from esail_jax.terms import PointFields
 from oracles.ledger import relative_error
 from oracles.mw_rods import (
@@ -86,7 +86,7 @@ def package(rods: Rods, x, v, a, load) -> dict:
     """The package's truss elements. `residual` is assembled by the package's own functions, the rest
     comes from its energies; M from its element matrices."""
     mass, length, axial = rods
-    tethers = Tethers(length, mass / length, 0.0 * mass, 1, "truss", ("r", "r_x"))
+    tethers = TetherBatch(length, mass / length, 0.0 * mass, 1, "truss", ("r", "r_x"))
     energy = AxialEnergy(axial, "engineering")
     weights, zero = tethers.weights[:, None], jnp.zeros(())
 

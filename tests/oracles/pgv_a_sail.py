@@ -16,7 +16,7 @@ from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.elements.axial import AxialDissipation, AxialEnergy
 from esail_jax.elements.bending import BendingEnergy
 from esail_jax.elements.rigid_body import RigidBody
-from esail_jax.elements.tether import Tethers
+from esail_jax.elements.tether import TetherBatch
 from esail_jax.environment.solar_wind import SolarWind
 from esail_jax.joints.roots import HubRoots
 from esail_jax.loads.coulomb import CoulombThrust
@@ -72,7 +72,7 @@ def build() -> System:
     wind = SolarWind(*(jnp.asarray(x) for x in (SPEED, DENSITY, CUTOFF, ORIGIN)))
     fields = ("r", "r_x", "r_xx")
     return System(
-        tethers=Tethers(
+        tethers=TetherBatch(
             *(jnp.asarray(x) for x in (LENGTHS, LINE_DENSITY, TIP_MASS)), N - 1, "cable", fields
         ),
         roots=HubRoots(hub.weights(jnp.asarray(ANCHORS)), None),

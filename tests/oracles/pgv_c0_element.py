@@ -18,7 +18,7 @@ from esail_jax import iteration_matrix
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.elements.axial import AxialDissipation, AxialEnergy, axial_strain
 from esail_jax.elements.bending import BendingDissipation, BendingEnergy, curvature_squared
-from esail_jax.elements.tether import Tethers
+from esail_jax.elements.tether import TetherBatch
 from esail_jax.joints.roots import FrameRoots
 from esail_jax.numerics.vectors import dot
 from esail_jax.system import System
@@ -106,7 +106,7 @@ def cables() -> tuple[Cable, ...]:
 def system_of(length, axial, bending, axial_time, bending_time) -> System:
     """One tether of one element with the four material terms, its bending damping as printed."""
     one = jnp.ones(1)
-    tethers = Tethers(length * one, one, 0.0 * one, 1, "cable", ("r_x", "r_xx"))
+    tethers = TetherBatch(length * one, one, 0.0 * one, 1, "cable", ("r_x", "r_xx"))
     energies = AxialEnergy(axial * one, "green-lagrange"), BendingEnergy(bending * one)
     dissipations = (
         AxialDissipation(axial * one, axial_time * one, "green-lagrange"),

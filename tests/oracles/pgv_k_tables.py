@@ -14,7 +14,7 @@ import scipy.optimize
 
 from esail_jax import load_scene
 from esail_jax.elements.axial import AxialEnergy
-from esail_jax.elements.tether import Tethers
+from esail_jax.elements.tether import TetherBatch
 from oracles.ledger import Errors, fails, holds, relative_error
 from oracles.sail_states import COMPILER
 
@@ -88,7 +88,7 @@ def element_frequencies() -> tuple[float, float, float]:
     """First elastic frequencies [Hz] out of plane, in plane and axial of the package's cable: five
     elements with its axial energy and mass, about the rotating equilibrium."""
     count = 5
-    tethers = Tethers(
+    tethers = TetherBatch(
         element_length=jnp.array([LENGTH / count]),
         line_density=jnp.array([LINE_DENSITY]),
         tip_mass=jnp.array([UNIT_MASS]),

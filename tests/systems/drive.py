@@ -15,7 +15,7 @@ from quick import jit
 from esail_jax.coordinates import Coordinates
 from esail_jax.elements.axial import AxialDissipation, AxialEnergy
 from esail_jax.elements.bending import BendingEnergy
-from esail_jax.elements.tether import Tethers
+from esail_jax.elements.tether import TetherBatch
 from esail_jax.equilibria.steady_stretch import along, unstretched_line
 from esail_jax.joints.roots import FrameRoots, HubRoots, clamp_normals
 from esail_jax.simulation.entry import fresh_state, with_jerk
@@ -56,7 +56,7 @@ def one_tether(
         energies.append(BendingEnergy(one(bending)))
     damping = [] if damping_time is None else [AxialDissipation(one(axial), one(damping_time), strain)]
     fields = ("r",) * bool(loads) + ("r_x",) + ("r_xx",) * (bending is not None)
-    tethers = Tethers(one(length / elements), one(line_density), one(tip_mass), elements, kind, fields)
+    tethers = TetherBatch(one(length / elements), one(line_density), one(tip_mass), elements, kind, fields)
     anchor = jnp.array([[0.0], [radius], [0.0]])
     normals = clamp_normals(AZIMUTH) if clamped else None
     if hub is None:

@@ -15,7 +15,7 @@ from esail_jax import iteration_matrix
 from esail_jax.coordinates import Coordinates
 from esail_jax.elements.axial import AxialDissipation, AxialEnergy
 from esail_jax.elements.hinges import Hinges
-from esail_jax.elements.tether import Tethers
+from esail_jax.elements.tether import TetherBatch
 from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.joints.roots import FrameRoots
 from esail_jax.numerics import bordered
@@ -68,7 +68,7 @@ def package(data, ends, free, parts):
     base, tip = (jnp.asarray([end]) for end in ends)
     loads = (Shear(jnp.asarray(data["shear"])),) if "load" in parts else ()
     fields = ("r",) * bool(loads) + ("r_x",)
-    tethers = Tethers(
+    tethers = TetherBatch(
         column["length"], column["mass"] / column["length"], tip, data["mass"].size, "rod", fields,
         base if free else None,
     )  # fmt: skip
