@@ -213,8 +213,7 @@ def joint_masses(system: System) -> tuple[Float[Array, " joint"], Float[Array, "
 
 
 def factor(diagonal: Float[Array, " joint"], beside: Float[Array, " rod"], held: bool) -> MassFactors:
-    """Factors of G from its diagonal and off-diagonal over all joints. held: whether the first joint is
-    fixed."""
+    """Factors of G from its diagonal and off-diagonal. held: whether the first joint is fixed."""
     if held:
         diagonal, before = diagonal[1:], beside
     else:

@@ -36,13 +36,12 @@ SAME_AXES = np.eye(3)
 
 
 class TetherBatch(eqx.Module):
-    """Tethers as chains of `elements` elements. The elements of a tether are equal; those of kind "rod" may
-    differ.
+    """Tethers as chains of elements, which are equal within a tether; those of kind "rod" may differ.
 
-    element_length: l [m]. line_density: rho A [kg/m]. tip_mass: m_u [kg] of the remote unit, a point mass
-    at the last node. Each has one number per tether; rods have one of the first two per element. base_mass:
-    [kg] of a point mass at the first node of a chain that nothing holds; None without such a mass.
-    fields_used: the fields of `PointFields` that are interpolated.
+    elements: number of elements of a tether. element_length: l [m]. line_density: rho A [kg/m]. tip_mass:
+    m_u [kg] of the remote unit, a point mass at the last node. Each has one number per tether; rods have
+    one of the first two per element. base_mass: [kg] of a point mass at the first node of a chain that
+    nothing holds; None without such a mass. fields_used: the fields of `PointFields` that are interpolated.
 
     lengths [m] and masses [kg] of all elements are computed once. If they were computed where they are
     used, their repetition would be part of every loop over the points.
@@ -109,8 +108,7 @@ class TetherBatch(eqx.Module):
         return np.einsum("q,qa,qb->ab", self.weights, shapes, shapes)
 
     def scale_slopes(self, nodal: Float[Array, "coef 3 *batch tether"]) -> Array:
-        """Nodal vectors with slopes in metres: l r_x. The same factor is the transpose for conjugate
-        forces."""
+        """Nodal vectors with slopes in metres, l r_x. The map is its own transpose."""
         if self.coefs == 1:
             return nodal
         slope = nodal[1] * self.element_length
@@ -267,8 +265,7 @@ def at_points(
 def integrate_shapes(
     table: Float[np.ndarray, "coef2 point"], values: Float[Array, "3 point *batch"]
 ) -> Float[Array, "coef2 3 *batch"]:
-    """Integrals over the element of shape functions times values at points: the transpose of
-    `at_points`."""
+    """Integrals of shape functions times values at points: the transpose of `at_points`."""
     weights = table.reshape(table.shape[0], 1, table.shape[1], *(1,) * (values.ndim - 2))
     return (weights * values).sum(2)
 

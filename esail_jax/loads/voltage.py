@@ -99,8 +99,7 @@ class Harmonic(VoltageLaw):
 
 
 class TimeTable(VoltageLaw):
-    """A table of voltages over time, interpolated linearly; constant before the first and after the last
-    instant.
+    """Voltages interpolated linearly in a table; constant before the first and after the last instant.
 
     time: increasing instants [s]. table: voltages [V], (instant, tether).
     """
@@ -249,8 +248,7 @@ def modulation(
 
 
 def slew_rate_factor(fastest: PerTether, slew_rate: Scalar | PerTether) -> PerTether:
-    """Fraction of a modulation that a slew rate allows. fastest: largest rate of the full modulation
-    [V/s]."""
+    """Fraction of a modulation that a slew rate allows. fastest: its largest rate [V/s]."""
     return jnp.minimum(1.0, slew_rate / jnp.maximum(fastest, 1e-30))
 
 

@@ -99,8 +99,7 @@ class Instant(eqx.Module):
         return jnp.cross(self.root_slopes, held, axis=0)
 
     def local_frame(self, vectors: Float[Array, "3 tether"]) -> Float[Array, "3 tether"]:
-        """Components in the frame Z of each tether's root: axial (X_B), radial, azimuthal ([PGV] Eq.
-        57-58)."""
+        """Components in the frame Z of each root: axial (X_B), radial, azimuthal ([PGV] Eq. 57-58)."""
         body = matmul(self.rotation.T, vectors)
         azimuth = 2.0 * np.pi * np.arange(self.p) / self.p
         outward = radial_directions(jnp.asarray(azimuth))

@@ -31,8 +31,7 @@ def coning(local: Float[Array, "3 tether"]) -> Float[Array, " tether"]:
 
 
 def lagging(local: Float[Array, "3 tether"]) -> Float[Array, " tether"]:
-    """Lagging angle in the spin plane from the root's radial direction, positive in the sense of the
-    spin."""
+    """Lagging angle in the spin plane from the root's radial direction, positive with the spin."""
     return safe_angle(local[2], local[1])
 
 

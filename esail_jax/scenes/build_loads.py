@@ -1,5 +1,4 @@
-"""Builds the Coulomb load of a scene: the wind and the voltage law; and the initial attitude they refer
-to."""
+"""Builds the Coulomb load of a scene (wind and voltage law) and the initial attitude."""
 
 import jax.numpy as jnp
 
