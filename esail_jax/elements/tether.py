@@ -40,8 +40,8 @@ class TetherBatch(eqx.Module):
 
     element_length: l [m] and line_density: rho A [kg/m], one number per tether, or per element for rods.
     tip_mass: m_u [kg] per tether, the remote unit as a point mass at the last node. base_mass: [kg] of a
-    point mass at the first node of a chain that nothing holds; None without such a mass. elements: number of
-    elements of a tether. fields_used: the fields of `PointFields` that are interpolated.
+    point mass at the first node of a chain that nothing holds; None without such a mass. elements: number
+    of elements of a tether. fields_used: the fields of `PointFields` that are interpolated.
 
     lengths [m] and masses [kg] of all elements are computed once. If they were computed where they are
     used, their repetition would be part of every loop over the points.

@@ -30,9 +30,9 @@ Volts = Float[Array, "*any"]
 class VoltageLaw(eqx.Module):
     """The voltage V_i of every tether as a function of measurements.
 
-    A subclass gives `commanded` and `name`. maximum: V_max [V]; None for no upper limit. smooth: whether
-    the limits are approached smoothly, as laws need that may come close to a limit while their numbers are
-    optimised.
+    A subclass gives `commanded`, `name` and `maximum`. maximum: V_max [V]; None for no upper limit. smooth:
+    whether V bends smoothly towards its limits. Laws whose parameters are optimised need that, as a voltage
+    may reach a limit on the way.
     """
 
     smooth: ClassVar[bool] = False
