@@ -17,7 +17,7 @@ import numpy as np
 
 from esail_jax.array_types import Array, Float, Nodal, PerElement, PerMember, PerTether
 from esail_jax.elements import ancf_cable, truss
-from esail_jax.numerics.lockstep import one_each
+from esail_jax.numerics.lockstep import per_member_table
 from esail_jax.numerics.quadrature import gauss_legendre
 from esail_jax.numerics.vectors import stacked
 from esail_jax.terms import PointFields
@@ -272,5 +272,7 @@ def integrate_shapes(
 
 def contract_first_axis(table: np.ndarray, values: Float[Array, "first *batch"]) -> Array:
     """Product over the last axis of the table and the first axis of the values, as one matrix product."""
-    flat = one_each(table.reshape(-1, table.shape[-1])) @ values.reshape(values.shape[0], -1)
+    flat = per_member_table(table.reshape(-1, table.shape[-1]), values) @ values.reshape(
+        values.shape[0], -1
+    )
     return flat.reshape(*table.shape[:-1], *values.shape[1:])

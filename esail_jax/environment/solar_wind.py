@@ -8,7 +8,7 @@ from esail_jax.constants import PROTON_MASS, THRUST_FACTOR, VACUUM_PERMITTIVITY
 from esail_jax.numerics.vectors import norm
 
 
-class SolarWind(eqx.Module):
+class SteadyWind(eqx.Module):
     """Steady solar wind at the sail.
 
     speed: u [m/s]. number_density: n_0 [1/m^3]. cutoff_voltage: V_1 [V], bulk kinetic energy of a proton
@@ -20,7 +20,7 @@ class SolarWind(eqx.Module):
     cutoff_voltage: Scalar
     origin: Vector
 
-    def at(self, time: Instants) -> "SolarWind":
+    def at(self, time: Instants) -> "SteadyWind":
         """The wind at an instant: a steady wind is the same at all."""
         return self
 
@@ -41,7 +41,7 @@ class WindSeries(eqx.Module):
     constant before the first and after the last.
 
     The wind changes everywhere at once: it crosses a sail of 20 km in less than a tenth of a second.
-    time: instants [s]. The other fields are those of `SolarWind`.
+    time: instants [s]. The other fields are those of `SteadyWind`.
     """
 
     time: Float[Array, " instant"]
@@ -50,7 +50,7 @@ class WindSeries(eqx.Module):
     cutoff_voltage: Scalar
     origin: Vector
 
-    def at(self, time: Instants) -> SolarWind:
+    def at(self, time: Instants) -> SteadyWind:
         """The wind at one or several instants."""
         now = (jnp.interp(time, self.time, x) for x in (self.speed, self.number_density))
-        return SolarWind(*now, self.cutoff_voltage, self.origin)
+        return SteadyWind(*now, self.cutoff_voltage, self.origin)

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 
 from esail_jax.array_types import Array, Float, Instants, PerElement, PerTether, VectorPerPoint
 from esail_jax.elements.tether import per_element
-from esail_jax.environment.solar_wind import SolarWind, WindSeries
+from esail_jax.environment.solar_wind import SteadyWind, WindSeries
 from esail_jax.loads.voltage import Constant, VoltageLaw
 from esail_jax.measurements import Measurements
 from esail_jax.numerics.vectors import dot, reciprocal
@@ -21,7 +21,7 @@ class CoulombThrust(ControlledLoad):
     voltage: V [V] of every element; None until the voltage law has commanded it.
     """
 
-    wind: SolarWind | WindSeries
+    wind: SteadyWind | WindSeries
     voltage_law: VoltageLaw
     voltage: PerElement | None = None
 
@@ -29,7 +29,7 @@ class CoulombThrust(ControlledLoad):
     depends_on: ClassVar[tuple[str, ...]] = ("r", "r_x")
 
     @classmethod
-    def of(cls, wind: SolarWind | WindSeries, voltage_law: VoltageLaw, elements: int) -> "CoulombThrust":
+    def of(cls, wind: SteadyWind | WindSeries, voltage_law: VoltageLaw, elements: int) -> "CoulombThrust":
         """The load on tethers of `elements` elements each. A constant voltage is set here, once."""
         constant = isinstance(voltage_law, Constant)
         return cls(wind, voltage_law, per_element(voltage_law.value, elements) if constant else None)

@@ -1,4 +1,4 @@
-"""The saved instant of a sail: the argument of every observable."""
+"""`Instant`: the state of a sail at a saved instant, with quantities that several observables use."""
 
 import equinox as eqx
 import jax
@@ -20,12 +20,15 @@ from esail_jax.terms import PointFields, find_term
 
 
 class Instant(eqx.Module):
-    """One saved instant of a sail, with the quantities that several observables share.
+    """State of a sail at one saved instant, with quantities that several observables use.
 
-    origin: R_0 [m]. forces: equations of motion without the reactions of the root joints
-    (`system.Residual`). power: that of the instant. work: its integral since the start. start_energy:
-    kinetic and elastic energy [J] at the start. load: Coulomb thrust per length [N/m] at the Gauss
-    points; None without wind.
+    time [s], q, v, vdot, lam: the state, with the accelerations and multipliers that belong to it
+    work: dissipated energy and external work since the start [J]
+    start_energy: kinetic and elastic energy at the start [J]
+    origin: heliocentric position [m] of the origin of the inertial frame
+    forces: left-hand side of the equations of motion [N] without the reactions of the root joints
+    power: dissipated and external power [W]
+    load: Coulomb thrust at the quadrature points [N/m]; None without wind
     """
 
     system: System
@@ -48,17 +51,17 @@ class Instant(eqx.Module):
 
     @property
     def rotation(self) -> Rotation:
-        """Attitude C_B^I of the hub or of the turning frame."""
+        """Rotation C_B^I of the hub."""
         return self.system.rotation(self.time, self.q)
 
     @property
     def centre(self) -> Vector:
-        """Hub centre O_B, or the fixed centre of the turning frame [m]."""
+        """Position of the hub centre O_B, or of the fixed centre of the rotating frame [m]."""
         return jnp.zeros(3) if self.system.hub is None else self.system.hub.centre(self.q.hub)
 
     @property
     def orbital(self) -> Rotation:
-        """Orientation C_O^I of the orbital frame at the hub's current position."""
+        """Rotation C_O^I of the orbital frame at the hub's current position."""
         return orbital_frame(self.origin + self.centre)
 
     @property
@@ -78,7 +81,7 @@ class Instant(eqx.Module):
 
     @property
     def root_slopes(self) -> Float[Array, "3 tether"]:
-        """Slopes r_x at the roots; for a truss, those of the first elements."""
+        """Slopes r_x at the roots. A truss has those of its first elements."""
         nodal = self.q.tether
         if self.system.tethers.coefs == 2:
             return nodal[1, :, 0]
@@ -86,12 +89,12 @@ class Instant(eqx.Module):
 
     @property
     def root_reactions(self) -> Float[Array, "3 tether"]:
-        """Force of the hub on each tether [N]: the root rows of M vdot - Q."""
+        """Forces of the hub on the tethers [N], the root rows of M vdot - Q."""
         return self.forces.tether[0, :, 0]
 
     @property
     def root_couples(self) -> Float[Array, "3 tether"]:
-        """Couple of the hub on each clamped root [N m]: r_x x (force conjugate to the root slope)."""
+        """Couples of the hub on clamped roots [N m]: r_x x (generalized force of the clamp on r_x)."""
         if not self.system.clamped:
             return jnp.zeros((3, self.p))
         pull = jax.vjp(lambda q: self.system.constraints(self.time, q), self.q)[1]
@@ -99,7 +102,8 @@ class Instant(eqx.Module):
         return jnp.cross(self.root_slopes, held, axis=0)
 
     def local_frame(self, vectors: Float[Array, "3 tether"]) -> Float[Array, "3 tether"]:
-        """Components in the frame Z of each root: axial (X_B), radial, azimuthal ([PGV] Eq. 57-58)."""
+        """Returns the components of vectors in the frame Z of each tether's root, with the axes X_B,
+        outward and azimuthal ([PGV] Eq. 57-58)."""
         body = matmul(self.rotation.T, vectors)
         azimuth = 2.0 * np.pi * np.arange(self.p) / self.p
         outward = radial_directions(jnp.asarray(azimuth))
@@ -107,17 +111,17 @@ class Instant(eqx.Module):
         return jnp.stack([body[0], dot(outward, body), dot(sideways, body)])
 
     def thrust_nodal(self) -> Float[Array, "coef 3 node tether"]:
-        """Generalized Coulomb forces ([PGV] Eq. 34)."""
+        """Returns the generalized Coulomb forces on the nodes ([PGV] Eq. 34)."""
         if self.load is None:
             return jnp.zeros_like(self.q.tether)
         return self.system.tethers.nodal_forces(PointFields(self.load, None))
 
     def thrusts(self) -> Float[Array, "3 tether"]:
-        """Thrust F_c of each tether [N]."""
+        """Returns the thrust F_c of each tether [N]."""
         return self.thrust_nodal()[0].sum(1)
 
     def thrust_moments(self) -> Float[Array, "3 tether"]:
-        """Moment of the thrust about each root [N m]. Forces conjugate to slopes contribute as well."""
+        """Returns the moment of the thrust about each root [N m], from nodal forces *and* slope forces."""
         nodal = self.thrust_nodal()
         arms = self.q.tether[0] - self.roots[:, None]
         moment = jnp.cross(arms, nodal[0], axis=0)
@@ -126,15 +130,15 @@ class Instant(eqx.Module):
         return moment.sum(1)
 
     def sail_axes(self) -> Rotation:
-        """Orientation C_E^I of the mean plane of the tips ([PGV] Eq. 67-70). Released tethers do not count;
-        NaN if fewer than three are held."""
+        """Returns the rotation C_E^I to the mean plane of the tips ([PGV] Eq. 67-70). Released tethers do
+        not count; the result is NaN if fewer than three are held."""
         nothing = jnp.full((3, 3), jnp.nan)
         if self.p < 3:
             return nothing
         tips, held = self.tips, self.p
         released = None if self.system.roots is None else self.system.roots.releases.released
         if released is not None:
-            # A tip at the mean position does not contribute.
+            # Released tips are moved to the mean, where they have no effect on the plane.
             held = self.p - released.sum()
             mean = jnp.where(released, 0.0, tips).sum(1, keepdims=True) / held
             tips = jnp.where(released, mean, tips)
@@ -157,10 +161,9 @@ def make_instant(
     start_energy: Scalar,
     mass: FactoredMass | None = None,
 ) -> Instant:
-    """The instant of a state, with the accelerations and multipliers that are consistent with it.
+    """Returns the instant of a state, with the accelerations and multipliers that belong to the state.
 
-    mass: as in `consistent_motion`.
-    """
+    mass: factors of the mass matrix, as in `consistent_motion`."""
     vdot, lam, forces, power = consistent_motion(system, time, q, v, mass)
     load, thrust = None, find_term(system.with_commanded_loads(time, q).loads, CoulombThrust)
     if thrust is not None:

@@ -1,7 +1,7 @@
 """Observables of a sail: the auxiliary variables of [PGV] Sec. 3 and the energies.
 
-Every observable is a function of one instant, with its name, unit, symbol, axes and equation. "derived"
-marks those whose printed formula is wrong and has been replaced by a derived one.
+Every observable is a function of one instant, with name, unit, symbol, axes and equation. If the printed
+formula is wrong, the observable uses a derived one, and its entry says "derived".
 """
 
 import jax.numpy as jnp
@@ -19,27 +19,28 @@ from esail_jax.system import System
 from esail_jax.terms import find_term
 
 STRAIN_POINTS = 11
-"""Number of points per element, ends included, over which the largest strain is taken."""
+"""Number of points per element, including its ends, at which the strain is evaluated to find its
+maximum."""
 
 
 # ---- angles and lengths ----------------------------------------------------------------------
 
 
 def coning(local: Float[Array, "3 tether"]) -> Float[Array, " tether"]:
-    """Coning angle: elevation from the spin plane towards X_B. [PGV] Eq. 59 lacks the square root."""
+    """Returns the elevation from the spin plane towards X_B. In [PGV] Eq. 59 the square root is missing."""
     return safe_angle(local[0], safe_length(local[1], local[2]))
 
 
 def lagging(local: Float[Array, "3 tether"]) -> Float[Array, " tether"]:
-    """Lagging angle in the spin plane from the root's radial direction, positive with the spin."""
+    """Returns the angle in the spin plane from the root's radial direction, positive in the sense of the
+    spin."""
     return safe_angle(local[2], local[1])
 
 
 def tether_distance(i: Instant) -> Scalar:
-    """Smallest distance [m] from a remote unit to another tether, as a polyline through its nodes.
+    """Returns the smallest distance [m] from a remote unit to another tether (polyline through its nodes).
 
-    Two nearly straight tethers of one hub meet first, and part last, at the tip of the shorter one.
-    """
+    Two nearly straight tethers of one hub touch first, and separate last, at the tip of the shorter one."""
     if i.p < 2:
         return jnp.asarray(jnp.nan)
     starts, ends = i.q.tether[0, :, :-1], i.q.tether[0, :, 1:]
@@ -53,7 +54,8 @@ def tether_distance(i: Instant) -> Scalar:
 
 
 def largest_strain(i: Instant) -> Float[Array, " tether"]:
-    """Largest axial strain of each tether, in the scene's measure, over points that include the nodes."""
+    """Returns the largest axial strain, in the scene's strain measure, over points that include the
+    nodes."""
     tethers = i.system.tethers
     shapes = tethers.shape_table(np.linspace(0.0, 1.0, STRAIN_POINTS), 1)
     r_x = jnp.tensordot(shapes, tethers.element_vectors(i.q.tether), 1) / tethers.lengths
@@ -64,7 +66,7 @@ def largest_strain(i: Instant) -> Float[Array, " tether"]:
 
 
 def arc_length(i: Instant) -> Float[Array, " tether"]:
-    """Arc length of each tether: the integral of |r_x| dx [m]."""
+    """Returns the length of the deformed tether [m], the integral of |r_x| dx."""
     tethers = i.system.tethers
     r_x = tethers.interpolate(i.q.tether).r_x
     stretch = jnp.sqrt(dot(r_x, r_x))
@@ -72,7 +74,8 @@ def arc_length(i: Instant) -> Float[Array, " tether"]:
 
 
 def reaction_moments(i: Instant) -> Vector:
-    """Moment of the root reactions about the hub centre [N m], couples of clamped roots included."""
+    """Returns the moment of the root reactions about the hub centre [N m], with the couples of clamped
+    roots."""
     arms = i.roots - i.centre[:, None]
     return (jnp.cross(arms, i.root_reactions, axis=0) + i.root_couples).sum(1)
 
@@ -89,7 +92,7 @@ def total_energy(i: Instant) -> Scalar:
 
 
 def transverse_angle(force: Vector) -> Scalar:
-    """Angle of a force in the orbital frame O from Z_O: atan2(transverse, axial)."""
+    """Returns the angle [rad] of a force in O from Z_O: atan2(transverse, axial)."""
     return safe_angle(safe_length(force[0], force[1]), force[2])
 
 

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 
 from esail_jax.array_types import Array, PerTether, Rotation
-from esail_jax.compiler import ONCE_COMPILE
+from esail_jax.compiler import START_OPTIONS
 from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.coordinates import Coordinates
 from esail_jax.elements.axial import AxialDissipation, AxialEnergy, TensionOnlyEnergy
@@ -220,4 +220,4 @@ def build_chain(structure: Structure, n: Numbers) -> tuple[RodChain, RodState]:
     return chain, RodState(x, v, Power(zero, zero) if chain.has_work else None)
 
 
-build_jitted = jax.jit(build, static_argnums=0, compiler_options=ONCE_COMPILE)
+build_jitted = jax.jit(build, static_argnums=0, compiler_options=START_OPTIONS)

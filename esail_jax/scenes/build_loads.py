@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from esail_jax.array_types import Array, Float, PerTether, Rotation
 from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.environment.orbit import orbital_frame
-from esail_jax.environment.solar_wind import SolarWind, WindSeries
+from esail_jax.environment.solar_wind import SteadyWind, WindSeries
 from esail_jax.joints import roots as joints
 from esail_jax.loads import voltage
 from esail_jax.loads.coulomb import CoulombThrust
@@ -20,19 +20,19 @@ def coulomb_thrust(
     return CoulombThrust.of(wind, voltage_law(structure, n, wind), elements)
 
 
-def wind_of(n: Numbers, origin: Float[Array, "3"]) -> SolarWind | WindSeries:
+def wind_of(n: Numbers, origin: Float[Array, "3"]) -> SteadyWind | WindSeries:
     """The wind of [solar_wind]. origin: R_0 [m], heliocentric position of the inertial frame's origin."""
     keys = ("solar_wind.speed", "solar_wind.number_density")
     speed, density = (n[key] for key in keys)
     cutoff = n["solar_wind.cutoff_voltage"]
     if "solar_wind.time" not in n:
-        return SolarWind(speed, density, cutoff, origin)
+        return SteadyWind(speed, density, cutoff, origin)
     time = n["solar_wind.time"]
     speed, density = (jnp.broadcast_to(x, time.shape) for x in (speed, density))
     return WindSeries(time, speed, density, cutoff, origin)
 
 
-def voltage_law(structure: Structure, n: Numbers, wind: SolarWind | WindSeries) -> voltage.VoltageLaw:
+def voltage_law(structure: Structure, n: Numbers, wind: SteadyWind | WindSeries) -> voltage.VoltageLaw:
     """The voltage law of [voltage]."""
     law, maximum = structure["voltage.law"], n.get("voltage.maximum")
     value, slew = n.get("voltage.value"), n.get("voltage.slew_rate")
@@ -60,7 +60,7 @@ def voltage_law(structure: Structure, n: Numbers, wind: SolarWind | WindSeries) 
 
 
 def planar_cone(
-    n: Numbers, wind: SolarWind | WindSeries, maximum: Array | None, slew: Array | None
+    n: Numbers, wind: SteadyWind | WindSeries, maximum: Array | None, slew: Array | None
 ) -> voltage.PlanarCone:
     """The planar-cone law for rigid tethers of the scene's lengths and masses at its sailing angle."""
     coning, sailing = (

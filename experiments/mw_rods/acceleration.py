@@ -31,7 +31,7 @@ from common import write
 from jax import lax
 
 import esail_jax  # noqa: F401, for double precision
-from esail_jax.compiler import CHAIN_COMPILE
+from esail_jax.compiler import CHAIN_OPTIONS
 from esail_jax.elements.axial import AxialEnergy
 from esail_jax.elements.tether import TetherBatch
 from esail_jax.joints.roots import FrameRoots
@@ -75,7 +75,7 @@ def dense_rate(rods: int) -> Callable[[RodState], RodState]:
     return rate
 
 
-jit = partial(jax.jit, compiler_options=CHAIN_COMPILE)
+jit = partial(jax.jit, compiler_options=CHAIN_OPTIONS)
 """As a run compiles it."""
 
 
