@@ -83,6 +83,8 @@ def test_a_design_simulates_nothing_before_it_is_needed(monkeypatch):
     with pytest.raises(esail.SceneError, match="`objective` must be one of"):
         Objective(design.scene, {"speed": 1.0})
     with pytest.raises(esail.SceneError, match=r"`voltage.value` must be given for a design"):
+        Objective(esail.load_scene("voltage-off"), {"spin": 1.0})
+    with pytest.raises(esail.SceneError, match="`chain` must be left out of a design, but is given"):
         Objective(esail.load_scene("steel-chain"), {"spin": 1.0})
 
 

@@ -43,8 +43,7 @@ class Objective:
     ):
         for name in weights:
             objectives.function_of(name)
-        if scene.voltage is None or scene.chain is not None:
-            raise SceneError("voltage.value", "be given for a design", "is missing")
+        check_voltage(scene)
         self.scene, self.weights = scene, dict(weights)
         self.circumstances = dict(circumstances or {})
 
@@ -107,3 +106,11 @@ class Objective:
         # A run with constant voltage has no observable of that name.
         voltage = np.broadcast_to(constant.voltage.value, (len(run.time), constant.tethers.count))
         return dataclasses.replace(run, rows=run.rows | {"voltage": np.asarray(voltage)})
+
+
+def check_voltage(scene: Scene) -> None:
+    """Raises SceneError unless a scene is a sail with a voltage."""
+    if scene.chain is not None:
+        raise SceneError("chain", "be left out of a design", "is given")
+    if scene.voltage is None:
+        raise SceneError("voltage.value", "be given for a design", "is missing")
