@@ -72,7 +72,7 @@ def test_mean_torque_is_cancelled(torque, optimised):
 
 
 def test_a_design_simulates_nothing_before_it_is_needed(monkeypatch):
-    """Nor does an objective; names are checked at once."""
+    """Neither a design nor an objective simulates when it is made; names are checked at once."""
 
     def simulate_nothing(*_):
         raise AssertionError("simulated")
@@ -90,8 +90,9 @@ def test_a_design_simulates_nothing_before_it_is_needed(monkeypatch):
 
 @pytest.mark.slow
 def test_bare_objective_for_any_optimiser():
-    """A function of a dictionary by scene key. Traced before anything is simulated, it is the concrete one,
-    where no modulation counts 1; its gradient is the quotient of fourth order; optax makes it small."""
+    """The objective is a function of a dictionary by scene key. Traced and concrete values agree, its
+    value is 1 without modulation, its gradient is the fourth-order difference quotient, and optax
+    minimises it."""
     objective = Objective(esail.load_scene("baseline", SMALL), {"mean-torque": 1.0, "thrust": 1.0})
     of = jit(jax.value_and_grad(objective))
     start = {"voltage.cosine": jnp.array([0.03]), "voltage.sine": jnp.array([-0.01])}

@@ -124,8 +124,9 @@ def test_processes_share_the_cores(processes, set_already, threads, monkeypatch)
     assert os.environ["NPROC"] == threads
 
 
-def test_inputs_may_be_drawn_on_the_way(scene, inputs, ensemble):
-    """Distributions and a number of members in place of inputs: the same numbers, the same rows."""
+def test_simulate_members_draws_inputs(scene, inputs, ensemble):
+    """With distributions and a number of members in place of inputs, members have the same numbers and
+    rows."""
     vary = {
         "tethers.length": Normal(10e3, 10, per_tether=True),
         "initial.spin_rate": Uniform(3.9e-3, 4.1e-3),
@@ -156,7 +157,7 @@ def test_inputs_may_be_drawn_on_the_way(scene, inputs, ensemble):
     ],
 )
 def test_members_that_are_none(scene, arguments, message):
-    """One line that names what is wrong, before anything is compiled."""
+    """Wrong arguments are refused in one line, before anything is compiled."""
     with pytest.raises(esail.SceneError, match=message):
         simulate_members(scene, **arguments)
 
@@ -335,7 +336,7 @@ def wait_for_pieces(folder, count, *processes):
 
 @pytest.mark.slow
 def test_a_worker_computes_pieces(scene, tmp_path):
-    """The process that the command starts beside itself takes pieces of a published task and ends."""
+    """A worker process computes the pieces of a published task and ends."""
     task = task_of(scene, 2, VARY, 3, "random", ["coning_angle"])
     publish_pieces(task, tmp_path, np.arange(2), 2)
     assert start_worker(tmp_path).wait(timeout=300) == 0
