@@ -21,7 +21,8 @@ import numpy as np
 
 from esail_jax.observables import chain, sail
 from esail_jax.scenes.scene import Scene
-from esail_jax.simulation.simulate import Solution, simulate
+from esail_jax.simulation.simulate import simulate
+from esail_jax.simulation.solution import Solution
 
 Curve = tuple[str, str, tuple[float, ...]]
 """A method, the key it varies (`step` [s] or `tolerance`), and the values of that key."""

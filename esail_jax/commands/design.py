@@ -18,7 +18,8 @@ from esail_jax.design.optimiser import State
 from esail_jax.design.problem import Design
 from esail_jax.files.run_file import RunFileError, save
 from esail_jax.scenes.scene import Scene, to_toml
-from esail_jax.simulation.simulate import Solution, simulate
+from esail_jax.simulation.simulate import simulate
+from esail_jax.simulation.solution import Solution
 
 WEIGHTS = {"mean-torque": 1.0, "thrust": 1.0}
 """Weights if none are given: no mean torque that turns the spin axis, and 96 % of the thrust retained."""
@@ -75,8 +76,6 @@ def save_design(design: Design, state: State, folder: Path) -> Solution:
     best = design.scene_at(state.x[state.best])
     (folder / "designed.toml").write_text(to_toml(best), encoding="utf-8")
     before, after = design.reference_run, simulate(best)
-    # A run file of constant voltage has no observable `voltage`, which `reference_run` adds.
-    rows = {name: row for name, row in before.rows.items() if name != "voltage"}
-    save(dataclasses.replace(before, rows=rows), folder / "before.h5", overwrite=True)
+    save(before, folder / "before.h5", overwrite=True)
     save(after, folder / "after.h5", overwrite=True)
     return after

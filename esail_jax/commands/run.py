@@ -16,20 +16,20 @@ from esail_jax.commands.interrupts import Interrupts
 from esail_jax.commands.progress import Progress
 from esail_jax.files.hdf5 import to_python
 from esail_jax.files.run_file import (
+    Content,
     RunFileError,
     RunWriter,
     load_checkpoint,
     open_run,
     open_single,
+    progress_of,
     scene_of_run,
 )
 from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.scene import Scene, parse
-from esail_jax.simulation.block_march import BlockMarch
-from esail_jax.simulation.explicit import ExplicitMarch
-from esail_jax.simulation.march import March, march_of
-from esail_jax.simulation.prepare import plan_of, prepare
-from esail_jax.simulation.results import SimulationError
+from esail_jax.simulation.host import HostRun, compile_scene
+from esail_jax.simulation.results import Checkpoint, SimulationError
+from esail_jax.steppers.results import RESULTS
 
 
 def run_scene(scene: Scene, path: Path, resume: bool, quiet: bool) -> ExitCode:
@@ -43,19 +43,13 @@ def run_scene(scene: Scene, path: Path, resume: bool, quiet: bool) -> ExitCode:
         return ExitCode.DONE
     progress = Progress(scene.integrator.t_end, functools.partial(progress_text, scene), quiet)
     try:
-        prepared = prepare(scene)
+        compiled = compile_scene(scene)
         ready = time.perf_counter()
-        checkpoint = None
-        if going_on == "resume":
-            with open_run(path) as file:
-                checkpoint = load_checkpoint(file, prepared.carry)
+        run = HostRun(compiled, checkpoint_of(path) if going_on == "resume" else None)
+        writer = RunWriter(path, Content.of_run(compiled), resume=going_on == "resume")
         with Interrupts() as interrupts:
-            message, code = march_on(
-                march_of(prepared, checkpoint),
-                RunWriter(path, prepared, resume=going_on == "resume"),
-                progress,
-                interrupts,
-                lambda: (ready - began, time.perf_counter() - ready),
+            message, code = write_run(
+                run, writer, progress, interrupts, lambda: (ready - began, time.perf_counter() - ready)
             )
     finally:
         progress.close()
@@ -66,8 +60,14 @@ def run_scene(scene: Scene, path: Path, resume: bool, quiet: bool) -> ExitCode:
     return code
 
 
-def march_on(
-    march: March | ExplicitMarch | BlockMarch,
+def checkpoint_of(path: Path) -> Checkpoint:
+    """The checkpoint of a run file."""
+    with open_run(path) as file:
+        return load_checkpoint(file)
+
+
+def write_run(
+    run: HostRun,
     writer: RunWriter,
     progress: Progress,
     interrupts: Interrupts,
@@ -76,19 +76,20 @@ def march_on(
     """Runs to the end, to a failure or to an interruption. Returns the message and the exit code.
 
     times(): seconds spent on compiling and on running."""
-    status, message, code = "complete", "", ExitCode.DONE
+    ended, code = ("complete", "", RESULTS.successful), ExitCode.DONE
     try:
-        for piece in march.pieces():
-            writer.add(piece, march, times())
-            progress.update(piece.reached)
+        for chunk in run.chunks():
+            if writer.add(chunk):
+                writer.write(progress_of(run, times()))
+            progress.update(chunk.reached)
             if interrupts.asked:
-                status, message = "interrupted", "Interrupted; --resume continues."
+                ended = ("interrupted", "Interrupted; --resume continues.", RESULTS.successful)
                 code = ExitCode.INTERRUPTED
                 break
     except SimulationError as error:
-        status, message, code = "failed", str(error), ExitCode.FAILED
-    writer.write(march, times(), status, message)
-    return message, code
+        ended, code = ("failed", str(error), error.result), ExitCode.FAILED
+    writer.write(progress_of(run, times(), *ended))
+    return ended[1], code
 
 
 def progress_text(scene: Scene, reached: float, speed: float) -> str:
@@ -132,17 +133,14 @@ def check_output(scene: Scene, path: Path, resume: bool) -> str:
 
 def check_checkpoint(before: Scene, scene: Scene, state: h5py.Group, path: Path) -> None:
     """Raises RunFileError unless the run of `scene` passes through the checkpoint of that of `before`."""
-    kept = state.attrs
-    (old, new), position = (plan_of(with_method(s)) for s in (before, scene)), int(kept["position"])
-    if old is None and new is None:  # adaptive steps do not depend on the end time
-        return
-    if old is None or new is None:
-        raise RunFileError("`--t-end` must not change the method of integration, but does")
-    if kept.get("steps_per_entry", new.steps_per_entry) != new.steps_per_entry or "errors" not in state:
+    if "motion" not in state:
         raise RunFileError(
             f"`--resume` must continue a run of this version of esail_jax, but {path} is of another"
         )
-    if old.entries[:position] != new.entries[:position]:
+    old, new = (with_method(s).integrator for s in (before, scene))
+    if old.method != new.method:
+        raise RunFileError("`--t-end` must not change the method of integration, but does")
+    if old.step != new.step:
         raise RunFileError(
             f"`--t-end` must let the run go on from the state in {path}, but is {scene.integrator.t_end:g}"
         )

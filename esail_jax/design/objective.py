@@ -1,6 +1,5 @@
 """The objective of a design as a function of numbers of its scene."""
 
-import dataclasses
 import functools
 from collections.abc import Mapping
 from typing import Any
@@ -13,7 +12,8 @@ from esail_jax.array_types import Array, Float, Scalar
 from esail_jax.design import objectives
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
-from esail_jax.simulation.simulate import Solution, simulate
+from esail_jax.simulation.simulate import simulate
+from esail_jax.simulation.solution import Solution
 
 
 class Objective:
@@ -102,10 +102,7 @@ class Objective:
         """The run with constant voltage, in the scene itself or in one circumstance."""
         law = {f"voltage.{x}": None for x in vars(self.scene.voltage) if x not in ("value", "law")}
         constant = self.scene.replace(law | {"voltage.law": "constant"})
-        run = simulate(constant, circumstance)
-        # A run with constant voltage has no observable of that name.
-        voltage = np.broadcast_to(constant.voltage.value, (len(run.time), constant.tethers.count))
-        return dataclasses.replace(run, rows=run.rows | {"voltage": np.asarray(voltage)})
+        return simulate(constant, circumstance)
 
 
 def check_voltage(scene: Scene) -> None:

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from esail_jax.array_types import Array, Float, Scalar
 from esail_jax.joints.roots import rotation_about_y
 from esail_jax.scenes.rules import SceneError
-from esail_jax.simulation.simulate import Solution
+from esail_jax.simulation.solution import Solution
 
 
 def mean(run: Solution, values: Float[Array, "time *some"]) -> Float[Array, "*some"]:

@@ -15,11 +15,11 @@ import numpy as np
 from jax import lax
 
 from esail_jax.array_types import Array, Float, Scalar
-from esail_jax.compiler import COMPILER_OPTIONS
+from esail_jax.compiler import jit
 from esail_jax.design.objective import Objective
 from esail_jax.design.optimiser import Optimiser, State
 from esail_jax.scenes.scene import Scene
-from esail_jax.simulation.simulate import Solution
+from esail_jax.simulation.solution import Solution
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Design:
         self.objective = Objective(scene, weights, circumstances)
         self.scene, self.variables = scene, dict(variables)
         each = jax.value_and_grad(self.objective_at)
-        evaluate = jax.jit(lambda x: lax.map(each, x), compiler_options=COMPILER_OPTIONS)
+        evaluate = jit(lambda x: lax.map(each, x))
         self.optimiser = Optimiser(evaluate, method, rate)
 
     @property

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import jax
 import numpy as np
 
-from esail_jax.compiler import compiled
+from esail_jax.compiler import compile_lowered
 
 HOST_BYTES = 2**28
 """Memory for the results of one call on a CPU [B]."""
@@ -35,7 +35,7 @@ def batch_in_lockstep(result_bytes: int, lower: Callable[[int], jax.stages.Lower
     devices = jax.local_devices()
     room = (devices[0].memory_stats() or {}).get("bytes_limit", HOST_BYTES)
     # The analysis counts the memory of one device's share of the program.
-    memory = compiled(lower(PROBE_BATCH * len(devices))).memory_analysis()
+    memory = compile_lowered(lower(PROBE_BATCH * len(devices))).memory_analysis()
     measured = (memory.temp_size_in_bytes + memory.output_size_in_bytes) / PROBE_BATCH
     each = max(result_bytes, measured)
     return int(np.clip(GPU_SHARE * room / each, 1, MOST_ON_GPU)) * len(devices)

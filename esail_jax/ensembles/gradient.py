@@ -10,7 +10,7 @@ from jax import lax
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 from esail_jax.array_types import Array, Scalar
-from esail_jax.compiler import COMPILER_OPTIONS
+from esail_jax.compiler import jit
 from esail_jax.ensembles.sampling import Inputs
 
 MEMBER = "member"
@@ -64,9 +64,8 @@ def mean_gradient(
         return MeanGradient(value / counted, jax.tree.map(lambda x: x / counted, gradient), counted)
 
     specs = (PartitionSpec(), PartitionSpec(MEMBER))
-    evaluate = jax.jit(
-        jax.shard_map(mean_of_share, mesh=mesh, in_specs=specs, out_specs=PartitionSpec(), check_vma=False),
-        compiler_options=COMPILER_OPTIONS,
+    evaluate = jit(
+        jax.shard_map(mean_of_share, mesh=mesh, in_specs=specs, out_specs=PartitionSpec(), check_vma=False)
     )
 
     def evaluate_everywhere(parameters: Any) -> MeanGradient:

@@ -4,8 +4,7 @@ Members share one compiled program, so they share the method of integration and 
 choice; only physical numbers differ between them.
 """
 
-import functools
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -13,20 +12,11 @@ import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 
-from esail_jax.array_types import Array
 from esail_jax.ensembles.sampling import Inputs
-from esail_jax.numerics.lockstep import LOCKSTEP
-from esail_jax.observables import listed, shape_of
 from esail_jax.observables.run_warning import STEP_ERRORS
-from esail_jax.scenes.build import build
-from esail_jax.scenes.method_choice import with_method
-from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
-from esail_jax.scenes.structure import split
-from esail_jax.simulation.prepare import plan_of
-from esail_jax.simulation.results import RESULTS
 from esail_jax.simulation.simulate import simulate_traced
-from esail_jax.system import System
+from esail_jax.steppers.results import RESULTS
 
 
 class MemberResult(NamedTuple):
@@ -61,7 +51,7 @@ def member_function(scene: Scene, names: tuple[str, ...]) -> Callable:
         run = simulate_traced(scene.replace(inputs))
         # The member's number makes the result depend on an argument, even if nothing is varied. Otherwise
         # the whole run would be a constant, computed while compiling.
-        steps = steps_of(scene, run.stats) + 0 * member
+        steps = run.stats["steps"] + 0 * member
         errors = run.stats.get("step_errors", jnp.zeros(len(STEP_ERRORS)))
         rows = {name: run[name] for name in names}
         return MemberResult(rows, run.result == RESULTS.successful, steps, errors)
@@ -71,53 +61,10 @@ def member_function(scene: Scene, names: tuple[str, ...]) -> Callable:
 
 def in_lockstep(function: Callable) -> Callable:
     """A function of one member, for many members in lockstep, divided among the local devices."""
-    side_by_side = jax.vmap(function, axis_name=LOCKSTEP)
+    side_by_side = jax.vmap(function)
     devices = jax.local_devices()
     if len(devices) == 1:
         return side_by_side
     mesh = Mesh(np.array(devices), ("member",))
     shares = PartitionSpec("member")
     return jax.shard_map(side_by_side, mesh=mesh, in_specs=shares, out_specs=shares, check_vma=False)
-
-
-def steps_of(scene: Scene, stats: dict[str, Any]) -> Array | float:
-    """Number of steps of a traced run."""
-    return stats["steps"] if "steps" in stats else planned_steps(scene)
-
-
-@functools.lru_cache(maxsize=8)
-def planned_steps(scene: Scene) -> float:
-    """Number of steps of a method of fixed steps."""
-    return float(sum(entry.take for entry in plan_of(scene).entries if entry.kind == "march"))
-
-
-# ---- what members have in common ----------------------------------------------------------------
-
-
-def with_common_method(scene: Scene) -> Scene:
-    """The scene with the method of integration, and the fixed step if there is one, that the scene's own
-    numbers call for. All members use them. A tolerance that is not given follows from each member's
-    numbers."""
-    table = with_method(scene).integrator
-    chosen = {"integrator.method": table.method, "integrator.step": table.step}
-    return scene.replace({key: value for key, value in chosen.items() if value is not None})
-
-
-def system_of(scene: Scene) -> System:
-    """The scene's system, with shapes in place of numbers."""
-    structure, numbers = split(with_method(scene))
-    return jax.eval_shape(lambda n: build(structure, n).system, numbers)
-
-
-def observable_shapes(scene: Scene) -> dict[str, tuple[int, ...]]:
-    """Shapes of the scene's observables at one instant, by name."""
-    return {x.name: shape_of(x.axes, scene.members.count) for x in listed(system_of(scene))}
-
-
-def select_observables(known: Iterable[str], names: Sequence[str] | None) -> tuple[str, ...]:
-    """The given names without repetition, or all known ones if None. Raises SceneError for an unknown
-    name."""
-    for name in names or ():
-        if name not in known:
-            raise SceneError("observables", f"be among {', '.join(known)}", f"is {name!r}")
-    return tuple(known) if names is None else tuple(dict.fromkeys(names))

@@ -13,7 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 import jax
 import numpy as np
 
-from esail_jax.compiler import compiled
+from esail_jax.compiler import compile_lowered
 from esail_jax.cores import cores
 from esail_jax.ensembles.batch_size import batch_in_lockstep, batch_on_cores
 from esail_jax.ensembles.ensemble import Ensemble
@@ -29,12 +29,12 @@ from esail_jax.observables.balance import TERMS
 from esail_jax.observables.run_warning import joined_warnings
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
-from esail_jax.simulation.prepare import require_64_bit
-from esail_jax.simulation.results import RESULTS
+from esail_jax.simulation.problem import require_64_bit
 from esail_jax.simulation.schedule import save_times
 from esail_jax.simulation.simulate import simulate
+from esail_jax.steppers.results import RESULTS
 
-BALANCE = {"tethers": TERMS, "chain": ("energy_error",)}
+BALANCE = {"tethers": TERMS, "chain": ("energy_error", *TERMS)}
 """Observables that show whether a member's energy is balanced, for sails and for chains."""
 
 
@@ -97,7 +97,7 @@ class MemberRunner:
     def compile(self) -> None:
         """Compiles the program, unless this is done already."""
         if self._program is None:
-            self._program = compiled(self.lower(self.batch if self.lockstep else None))
+            self._program = compile_lowered(self.lower(self.batch if self.lockstep else None))
 
     def _fitting_batch(self) -> int:
         """Members in one call: as many as the memory holds; on a CPU not more than take some seconds."""

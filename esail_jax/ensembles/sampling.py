@@ -27,6 +27,7 @@ from esail_jax.ensembles.distributions import (
 from esail_jax.scenes.rules import Rule, SceneError, rule_of
 from esail_jax.scenes.scene import Scene, unknown
 from esail_jax.scenes.tables import names_of, tables_of
+from esail_jax.scenes.value_types import Kind, Shape
 
 Inputs = dict[str, Float[np.ndarray, "member ..."]]
 """Values by scene key, member first."""
@@ -140,7 +141,7 @@ def columns_of(scene: Scene, variation: Variation) -> int:
     rule = varied_rule(scene, variation.key)
     if not variation.distribution.per_tether:
         return 1
-    if rule.shape != "member":
+    if rule.shape is not Shape.MEMBER:
         name = scene.members.name
         raise SceneError(f"{variation.key}{PER_TETHER}", f"be a key with a number per {name}", "is none")
     return scene.members.count
@@ -153,7 +154,7 @@ def varied_rule(scene: Scene, key: str) -> Rule:
     if table not in kinds or name not in names_of(kinds[table]):
         raise unknown(key, kinds)
     rule = rule_of(kinds[table].__dataclass_fields__[name])
-    if rule.structure or rule.kind != "number":
+    if rule.structure or rule.kind is not Kind.NUMBER:
         raise SceneError(key, "be a physical number to be varied", "is structure")
     return rule
 

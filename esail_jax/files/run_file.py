@@ -9,13 +9,13 @@ copied less often, which keeps the cost below a few per cent of the run time, ho
 import os
 import time
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, NamedTuple
 
 import h5py
 import jax
-import jax.numpy as jnp
 import numpy as np
 
+from esail_jax.coordinates import Coordinates
 from esail_jax.files.hdf5 import (
     append,
     atomic_file,
@@ -25,13 +25,17 @@ from esail_jax.files.hdf5 import (
     to_python,
     versions,
 )
-from esail_jax.observables import listed
+from esail_jax.observables import Observable, described, listed
 from esail_jax.observables.run_warning import run_warning
 from esail_jax.scenes.scene import Scene, parse, to_toml
-from esail_jax.simulation.march import numerics_of
-from esail_jax.simulation.prepare import Prepared, empty_carry, prepare, require_64_bit
-from esail_jax.simulation.results import RESULTS, Checkpoint, Piece, join, result_of
-from esail_jax.simulation.simulate import Solution, final_state
+from esail_jax.simulation.host import CompiledScene, HostRun, paths
+from esail_jax.simulation.problem import require_64_bit
+from esail_jax.simulation.results import Checkpoint, Chunk, join
+from esail_jax.simulation.solution import Solution
+from esail_jax.simulation.statistics import Pending
+from esail_jax.steppers.results import RESULTS, name_of
+from esail_jax.steppers.stepper import Point
+from esail_jax.system import Power
 
 SCHEMA_VERSION = 1
 
@@ -40,14 +44,6 @@ CHECKPOINT_SECONDS = 1.0
 
 COPY_SHARE = 0.03
 """Largest part of the run time that copying the file may take."""
-
-
-@runtime_checkable
-class Progressed(Protocol):
-    """A run in progress or a solution: number of steps taken, and the checkpoint to continue from."""
-
-    steps: int
-    checkpoint: Checkpoint
 
 
 class RunFileError(ValueError):
@@ -59,62 +55,107 @@ def scene_of_run(scene: Scene) -> str:
     return to_toml(scene.replace({"integrator.t_end": 1.0}))
 
 
-def create(file: h5py.File, prepared: Prepared) -> None:
+class Content(NamedTuple):
+    """What a run file holds beside its rows: the scene, the observables, units of the numerics by name, and the names of
+    the terms of the model; method: the stepper's name."""
+
+    scene: Scene
+    observables: list[Observable]
+    numerics: dict[str, str]
+    terms: tuple[str, ...]
+    method: str
+
+    @classmethod
+    def of_run(cls, compiled: CompiledScene) -> "Content":
+        """The content of the file of a compiled scene."""
+        problem = compiled.problem
+        return cls(
+            compiled.scene, listed(problem.system), compiled.numerics, problem.terms, problem.stepper.name
+        )
+
+    @classmethod
+    def of_solution(cls, solution: Solution) -> "Content":
+        """The content of the file of a solution."""
+        stats = solution.stats
+        return cls(
+            solution.scene,
+            [described(name) for name in solution],
+            stats["numerics_units"],
+            stats["terms"],
+            stats["method"],
+        )
+
+
+def create(file: h5py.File, content: Content) -> None:
     """Fills a new run file with everything but rows: scene, attributes, empty datasets."""
-    file["scene"] = to_toml(prepared.scene)
+    file["scene"] = to_toml(content.scene)
     attributes = versions() | {
         "schema_version": SCHEMA_VERSION,
         "device": jax.devices()[0].device_kind,
+        "method": content.method,
         "status": "running",
         "message": "",
+        "result": "successful",
         "steps": 0,
+        "rejected_steps": 0,
         "wall_time": 0.0,
         "compile_time": 0.0,
     }
     file.attrs.update(attributes)
     create_quantity(file, "time", (0,), ["time"], "s", "t", grows=True)
-    members = prepared.scene.members.count
-    create_observables(file, listed(prepared.problem.system), members, {"time": 0}, grows=True)
-    for name, unit in numerics_of(prepared).items():
+    create_observables(file, content.observables, content.scene.members.count, {"time": 0}, grows=True)
+    for name, unit in content.numerics.items():
         create_quantity(file, f"numerics/{name}", (0,), ["time"], unit, name, grows=True)
-    file["numerics"].attrs["terms"] = list(prepared.problem.terms)
+    file["numerics"].attrs["terms"] = list(content.terms)
+
+
+class Progress(NamedTuple):
+    """How far a run is: the checkpoint to continue from, the last saved point, numbers of steps, seconds spent on
+    compiling and on running, and how the run ended, if it has."""
+
+    checkpoint: Checkpoint | None
+    point: Point | None
+    steps: int
+    rejected: int
+    times: tuple[float, float]
+    status: str = "running"
+    message: str = ""
+    result: RESULTS = RESULTS.successful
+
+
+def progress_of(run: HostRun, times: tuple[float, float], *ended: Any) -> Progress:
+    """The progress of a run on the host; ended: status, message and result."""
+    counts = run.checkpoint.motion.counts
+    return Progress(run.checkpoint, run.point, int(counts[0]), int(counts[1]), times, *ended)
 
 
 class RunWriter:
-    """Writes the pieces of a run to a run file while the run goes on.
+    """Writes the chunks of a run to a run file while the run goes on.
 
     path: the file; resume: continue an existing file from its checkpoint and drop the rows after it.
     """
 
-    def __init__(self, path: Path, prepared: Prepared, resume: bool):
-        self.path, self.prepared = path, prepared
-        self._pending: list[Piece] = []
+    def __init__(self, path: Path, content: Content, resume: bool):
+        self.path, self.scene = path, content.scene
+        self._pending: list[Chunk] = []
         self._dropped_to: int | None = None
         self._next_write = 0.0
         self._before = (0.0, 0.0)
         if resume:
             with h5py.File(path) as file:
                 self._dropped_to = int(file["state"].attrs["rows"])
-                self._before = (float(file.attrs["wall_time"]), float(file.attrs["compile_time"]))
+                self._before = (float(file.attrs["compile_time"]), float(file.attrs["wall_time"]))
         else:
             with atomic_hdf5(path) as file:
-                create(file, prepared)
+                create(file, content)
 
-    def add(self, piece: Piece, progress: Progressed, times: tuple[float, float]) -> None:
-        """Keeps a piece in memory, and writes all of them once the last write is long enough ago."""
-        self._pending.append(piece)
-        if time.perf_counter() >= self._next_write:
-            self.write(progress, times)
+    def add(self, chunk: Chunk) -> bool:
+        """Keeps a chunk in memory. Returns true if it is time to write."""
+        self._pending.append(chunk)
+        return time.perf_counter() >= self._next_write
 
-    def write(
-        self,
-        progress: Progressed,
-        times: tuple[float, float],
-        status: str = "running",
-        message: str = "",
-    ) -> None:
-        """Writes the pieces kept in memory. progress: a run in progress or a solution; times: seconds that
-        this process has spent on compiling and on running."""
+    def write(self, progress: Progress) -> None:
+        """Writes the chunks kept in memory, and the progress."""
         began = time.perf_counter()
         with atomic_hdf5(self.path, update=True) as file:
             if self._dropped_to is not None:
@@ -122,27 +163,35 @@ class RunWriter:
                     data.resize(self._dropped_to, axis=0)
             if self._pending:
                 self._append(file)
-            if status == "complete":
+            message = progress.message
+            if progress.status == "complete":
                 seen = ({name: x[()] for name, x in file[of].items()} for of in ("observables", "numerics"))
                 message = run_warning(*seen)
-            save_checkpoint(file, progress.checkpoint)
-            if self.prepared.plan is not None:
-                file["state"].attrs["steps_per_entry"] = self.prepared.plan.steps_per_entry
-            file.attrs.update({"status": status, "message": message, "steps": progress.steps})
-            file.attrs["compile_time"] = self._before[1] + times[0]
-            file.attrs["wall_time"] = self._before[0] + times[1]
+            if progress.checkpoint is not None:
+                save_checkpoint(file, progress.checkpoint)
+            if progress.point is not None:
+                save_point(file, progress.point)
+            attributes = {
+                "status": progress.status,
+                "message": message,
+                "result": name_of(progress.result),
+                "steps": progress.steps,
+                "rejected_steps": progress.rejected,
+                "compile_time": self._before[0] + progress.times[0],
+                "wall_time": self._before[1] + progress.times[1],
+            }
+            file.attrs.update(attributes)
             del file["scene"]
-            file["scene"] = to_toml(self.prepared.scene)
+            file["scene"] = to_toml(self.scene)
         self._pending, self._dropped_to = [], None
         cost = time.perf_counter() - began
         self._next_write = time.perf_counter() + max(CHECKPOINT_SECONDS, cost / COPY_SHARE)
 
     def _append(self, file: h5py.File) -> None:
-        append(file["time"], np.concatenate([piece.time for piece in self._pending]))
-        for name, values in join([piece.rows for piece in self._pending]).items():
-            append(file["observables"][name], values)
-        for name, values in join([piece.numerics for piece in self._pending]).items():
-            append(file["numerics"][name], values)
+        append(file["time"], np.concatenate([chunk.time for chunk in self._pending]))
+        for part in ("observables", "numerics"):
+            for name, values in join([getattr(chunk, part) for chunk in self._pending]).items():
+                append(file[part][name], values)
 
 
 def rows_of(file: h5py.File) -> list[h5py.Dataset]:
@@ -151,33 +200,52 @@ def rows_of(file: h5py.File) -> list[h5py.Dataset]:
 
 
 def save_checkpoint(file: h5py.File, checkpoint: Checkpoint) -> None:
-    """/state: the leaves of the carry under their path."""
+    """Writes /state: the arrays of the motion by path, and what belongs to it."""
     if "state" in file:
         del file["state"]
     group = file.create_group("state")
-    for path, leaf in jax.tree_util.tree_leaves_with_path(checkpoint.carry):
-        group["/".join(str(getattr(key, "name", key)) for key in path)] = np.asarray(leaf)
-    group["tally"] = np.array(checkpoint.tally)
+    arrays = checkpoint.motion if isinstance(checkpoint.motion, dict) else paths(checkpoint.motion)
+    for name, leaf in arrays.items():
+        group[f"motion/{name}"] = np.asarray(leaf)
+    group["pending"] = checkpoint.pending.table
     group["energy"] = np.array(checkpoint.energy)
-    group.attrs.update(
-        {"position": checkpoint.position, "rows": checkpoint.rows, "steps": checkpoint.steps}
-    )
+    group.attrs.update({"rows": checkpoint.rows, "segment": checkpoint.segment})
 
 
-def load_checkpoint(file: h5py.File, like: Any) -> Checkpoint:
-    """The checkpoint of a run file, in the layout of the scene's carry (arrays or their shapes): zeros for
-    what an older version did not keep."""
-    group = file["state"]
-    leaves, structure = jax.tree_util.tree_flatten_with_path(like)
-    names = ("/".join(str(getattr(key, "name", key)) for key in path) for path, _ in leaves)
-    values = [
-        jnp.asarray(group[name][()]) if name in group else jnp.zeros(leaf.shape, leaf.dtype)
-        for name, (_, leaf) in zip(names, leaves, strict=True)
-    ]
-    carry = jax.tree_util.tree_unflatten(structure, values)
-    counts = (int(group.attrs[name]) for name in ("position", "rows", "steps"))
-    energy = tuple(group["energy"][()]) if "energy" in group else Checkpoint._field_defaults["energy"]
-    return Checkpoint(carry, *counts, tuple(group["tally"][()]), energy)
+def load_checkpoint(file: h5py.File) -> Checkpoint:
+    """The checkpoint of a run file, with the motion as arrays by path (`simulation.host.restored`)."""
+    group, motion = file["state"], {}
+
+    def visit(name, data):
+        if isinstance(data, h5py.Dataset):
+            motion[name] = data[()]
+
+    group["motion"].visititems(visit)
+    rows, segment = (int(group.attrs[name]) for name in ("rows", "segment"))
+    energy = tuple(float(x) for x in group["energy"][()])
+    return Checkpoint(motion, rows, segment, Pending(group["pending"][()]), energy)
+
+
+def save_point(file: h5py.File, point: Point) -> None:
+    """Writes /final: the last saved instant, from which another run may start."""
+    if "final" in file:
+        del file["final"]
+    for name, leaf in paths(point).items():
+        file[f"final/{name}"] = np.asarray(leaf)
+
+
+def load_point(file: h5py.File) -> Point | None:
+    """The last saved instant of a run file; None if it has none."""
+    if "final" not in file:
+        return None
+    group = file["final"]
+
+    def coordinates(name: str) -> Coordinates:
+        hub = group[f"{name}/hub"][()] if "hub" in group[name] else None
+        return Coordinates(group[f"{name}/tether"][()], hub)
+
+    work = Power(*(group[f"work/{name}"][()] for name in Power._fields))
+    return Point(group["time"][()], coordinates("q"), coordinates("v"), work, group["exact"][()])
 
 
 def holds_ensemble(path: str | os.PathLike) -> bool:
@@ -222,18 +290,20 @@ def save(solution: Solution, path: str | os.PathLike, overwrite: bool = False) -
         raise ValueError("`solution` must come from a run on concrete numbers, but was traced")
     if path.exists() and not overwrite:
         raise FileExistsError(f"`{path}` must not exist (or pass overwrite=True), but does")
-    prepared = prepare(solution.scene)
-    reached, stats = float(solution.time[-1]), solution.stats
-    times = (stats["compile_time"], stats["wall_time"])
+    stats = solution.stats
+    reached = float(solution.time[-1])
     status = "complete" if solution.result == RESULTS.successful else "failed"
+    times = (stats["compile_time"], stats["wall_time"])
+    steps = (int(stats["steps"]), int(stats["rejected_steps"]))
+    ended = (status, stats["message"], solution.result)
     with atomic_file(path) as temporary:
-        writer = RunWriter(temporary, prepared, resume=False)
-        writer._pending.append(Piece(solution.rows, solution.time, solution.numerics, reached))
-        writer.write(solution, times, status, stats["message"])
+        writer = RunWriter(temporary, Content.of_solution(solution), resume=False)
+        writer.add(Chunk(solution.time, solution.observables, solution.numerics, reached))
+        writer.write(Progress(solution.checkpoint, solution.final_state, *steps, times, *ended))
 
 
 def load(path: str | os.PathLike) -> Solution:
-    """Reads a run file as a solution; `final_state` is the state that a longer run continues from.
+    """Reads a run file as a solution. Its `final_state` is the last saved instant.
 
     Raises RunFileError, and RuntimeError in 32-bit mode.
     """
@@ -244,8 +314,8 @@ def load(path: str | os.PathLike) -> Solution:
         numerics = {name: data[()] for name, data in file["numerics"].items()}
         stats: dict[str, Any] = {name: to_python(value) for name, value in file.attrs.items()}
         stats["terms"] = tuple(file["numerics"].attrs["terms"])
-        checkpoint = load_checkpoint(file, empty_carry(scene)) if "state" in file else None
-        times = file["time"][()]
-    result = RESULTS.successful if stats["status"] != "failed" else result_of(stats["message"])
-    state = final_state(checkpoint.carry) if checkpoint else None
-    return Solution(times, rows, result, state, stats, numerics, checkpoint, scene)
+        stats["numerics_units"] = {name: data.attrs["unit"] for name, data in file["numerics"].items()}
+        checkpoint = load_checkpoint(file) if "state" in file else None
+        point, times = load_point(file), file["time"][()]
+    result = getattr(RESULTS, stats["result"])
+    return Solution(times, rows, result, point, stats, numerics, checkpoint, scene)

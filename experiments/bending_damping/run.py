@@ -1,11 +1,8 @@
 """What the regularisation of the bending dissipation changes: python run.py prints the table."""
 
-import jax
 import numpy as np
 
 import esail_jax as esail
-from esail_jax.scenes import build
-from esail_jax.simulation import programs
 
 STIFF = {
     "tethers.count": 2,
@@ -27,10 +24,7 @@ STIFF = {
 
 def run(overrides: dict, turn: float):
     """A run with another kappa_0 L."""
-    build.STRAIGHT_TURN = turn
-    programs._compiled.cache_clear()
-    jax.clear_caches()
-    return esail.simulate("baseline", overrides)
+    return esail.simulate("baseline", overrides | {"tethers.straight_turn": turn})
 
 
 def main() -> None:

@@ -183,7 +183,7 @@ def write(name: str, head: tuple, rows: list[tuple]) -> None:
 def main() -> None:
     """Compute, check, write."""
     began = time.perf_counter()
-    jacobian = jax.jit(jax.jacrev(outcome), compiler_options=COMPILER_OPTIONS)
+    jacobian = esail.jit(jax.jacrev(outcome))
     found, costs, eigen, checks = {}, [], [], []
     for sailing in ANGLES:
         slopes = np.asarray(jacobian(jnp.ones((SLOTS + 1, TETHERS)), sailing))

@@ -17,7 +17,7 @@ import numpy as np
 
 import esail_jax as esail
 from esail_jax.design import Design, Variable, objectives
-from esail_jax.environment.solar_wind import SolarWind
+from esail_jax.environment.solar_wind import SteadyWind
 from esail_jax.loads import voltage
 from esail_jax.plotting.design import design_figure
 from esail_jax.scenes.scene import to_toml
@@ -53,7 +53,7 @@ def planar_cone_harmonic(scene: esail.Scene) -> dict[str, list[float]]:
     sin Lambda = sigma_bar L^2 cos alpha / (2 I omega_0^2).
     """
     tethers, wind, volts = scene.tethers, scene.solar_wind, scene.voltage.value
-    thrust = SolarWind(wind.speed, wind.number_density, wind.cutoff_voltage, np.zeros(3))
+    thrust = SteadyWind(wind.speed, wind.number_density, wind.cutoff_voltage, np.zeros(3))
     load = float(wind.speed * thrust.thrust_per_speed(volts))
     length, alpha = tethers.length, np.deg2rad(scene.initial.sailing_angle_deg)
     mass = tethers.density * tethers.area * length
