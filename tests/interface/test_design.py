@@ -74,7 +74,7 @@ def test_mean_torque_is_cancelled(torque, optimised):
 
 
 def test_a_design_simulates_nothing_before_it_is_needed(monkeypatch):
-    """Nor does an objective; names are checked at once."""
+    """Neither a design nor an objective simulates when it is made; names are checked at once."""
 
     def simulate_nothing(*_):
         raise AssertionError("simulated")
@@ -85,13 +85,16 @@ def test_a_design_simulates_nothing_before_it_is_needed(monkeypatch):
     with pytest.raises(esail.SceneError, match="`objective` must be one of"):
         Objective(design.scene, {"speed": 1.0})
     with pytest.raises(esail.SceneError, match=r"`voltage.value` must be given for a design"):
+        Objective(esail.load_scene("voltage-off"), {"spin": 1.0})
+    with pytest.raises(esail.SceneError, match="`chain` must be left out of a design, but is given"):
         Objective(esail.load_scene("steel-chain"), {"spin": 1.0})
 
 
 @pytest.mark.slow
 def test_bare_objective_for_any_optimiser():
-    """A function of a dictionary by scene key. Traced before anything is simulated, it is the concrete one,
-    where no modulation counts 1; its gradient is the quotient of fourth order; optax makes it small."""
+    """The objective is a function of a dictionary by scene key. Traced and concrete values agree, its
+    value is 1 without modulation, its gradient is the fourth-order difference quotient, and optax
+    minimises it."""
     objective = Objective(esail.load_scene("baseline", SMALL), {"mean-torque": 1.0, "thrust": 1.0})
     of = jit(jax.value_and_grad(objective))
     start = {"voltage.cosine": jnp.array([0.03]), "voltage.sine": jnp.array([-0.01])}

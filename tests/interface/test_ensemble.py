@@ -17,6 +17,7 @@ import pytest
 import esail_jax as esail
 import esail_jax.cores
 from esail_jax.cli import main
+from esail_jax.commands.ensemble import publish_pieces, start_worker, task_of
 from esail_jax.ensembles import (
     OUTCOMES,
     MemberRunner,
@@ -126,8 +127,9 @@ def test_processes_share_the_cores(processes, set_already, threads, monkeypatch)
     assert os.environ["NPROC"] == threads
 
 
-def test_inputs_may_be_drawn_on_the_way(scene, inputs, ensemble):
-    """Distributions and a number of members in place of inputs: the same numbers, the same rows."""
+def test_simulate_members_draws_inputs(scene, inputs, ensemble):
+    """With distributions and a number of members in place of inputs, members have the same numbers and
+    rows."""
     vary = {
         "tethers.length": Normal(10e3, 10, per_tether=True),
         "initial.spin_rate": Uniform(3.9e-3, 4.1e-3),
@@ -135,6 +137,9 @@ def test_inputs_may_be_drawn_on_the_way(scene, inputs, ensemble):
     found = simulate_members(scene, vary=vary, members=4, seed=3, observables=["coning_angle"])
     assert all(np.array_equal(x, inputs[key][:4]) for key, x in found.inputs.items())
     assert np.array_equal(found["coning_angle"], ensemble["coning_angle"][:4])
+    assert "coning_angle" in found and "spin" not in found and list(dict(found)) == ["coning_angle"]
+    text = "Ensemble(4 members, 4 complete; 11 instants to 200 s; observables coning_angle)"
+    assert repr(found) == text
 
 
 @pytest.mark.parametrize(
@@ -155,7 +160,7 @@ def test_inputs_may_be_drawn_on_the_way(scene, inputs, ensemble):
     ],
 )
 def test_members_that_are_none(scene, arguments, message):
-    """One line that names what is wrong, before anything is compiled."""
+    """Wrong arguments are refused in one line, before anything is compiled."""
     with pytest.raises(esail.SceneError, match=message):
         simulate_members(scene, **arguments)
 
@@ -340,6 +345,15 @@ def wait_for_pieces(folder, count, *processes):
     while len(pieces_in(folder)) < count:
         assert time.monotonic() < end and all(p.poll() is None for p in processes)
         time.sleep(0.02)
+
+
+@pytest.mark.slow
+def test_a_worker_computes_pieces(scene, tmp_path):
+    """A worker process computes the pieces of a published task and ends."""
+    task = task_of(scene, 2, VARY, 3, "random", ["coning_angle"])
+    publish_pieces(task, tmp_path, np.arange(2), 2)
+    assert start_worker(tmp_path).wait(timeout=300) == 0
+    assert len(pieces_in(tmp_path)) == 2
 
 
 @pytest.mark.slow

@@ -127,7 +127,7 @@ def test_a_key_is_given_once(scene):
 
 
 def test_objects_and_texts_describe_the_same(scene):
-    """A mapping of objects, a mapping of texts, a list of texts: the same numbers."""
+    """A mapping of objects, a mapping of texts and a list of texts give the same numbers."""
     objects = {
         "initial.spin_rate": Uniform(3e-3, 5e-3),
         "tethers.length": Normal(10_000, 20, per_tether=True),
@@ -143,7 +143,7 @@ def test_objects_and_texts_describe_the_same(scene):
     assert first["tethers.length"].shape == (8, 3) and first["hub.radius"].tolist()[:4] == [1, 1.5, 2, 1]
     for other in others:
         assert list(other) == list(first) and all((other[key] == first[key]).all() for key in first)
-    # As files of ensembles have it, which are resumed only with the same text.
+    # Files of ensembles hold this text; they are resumed only if it is the same.
     assert parse_variation("hub.radius=grid:1:2:3").text == "hub.radius=grid:1.0:2.0:3.0"
     assert parse_variation(listed[1]).text == "tethers.length[*]=normal:10000.0:20.0"
 
@@ -159,7 +159,7 @@ def test_objects_and_texts_describe_the_same(scene):
     ],
 )
 def test_distributions_that_are_none(make, message):
-    """Refused where they are made, in one line."""
+    """Wrong parameters are refused by the constructor, in one line."""
     with pytest.raises(SceneError) as error:
         make()
     assert str(error.value) == message
