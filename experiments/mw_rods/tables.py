@@ -39,10 +39,10 @@ def acceleration() -> str:
         "rods",
         "call, us",
         "in a loop, us",
-        "ns a rod",
+        "ns per rod",
         "dense, us",
-        "bytes a rod",
-        "copying those, ns a rod",
+        "bytes per rod",
+        "copying as many bytes, ns per rod",
     )
     keys = ("rods", "call_us", "loop_us", "loop_ns_per_rod", "dense_us", "bytes_per_rod", "copy_ns_per_rod")
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
