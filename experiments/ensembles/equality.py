@@ -1,5 +1,6 @@
-"""256 members against 256 single runs: over the first hundred steps, and over three spin periods; and what
-one unit in the last place of positions and velocities makes of every signal.
+"""Compares 256 ensemble members with 256 single runs, over the first hundred steps and three spin periods.
+
+Also measures how much each signal changes when positions and velocities change by one rounding error.
 
 python experiments/ensembles/equality.py      # equality.csv; five minutes on one core
 """
@@ -33,12 +34,12 @@ VARY = (
 )
 
 DRAWS = 32
-"""Of which the largest change by a last place is kept."""
+"""Number of random roundings of a state; the largest change of each signal counts."""
 
 
-def of_last_places(scene: esail.Scene) -> dict[str, float]:
-    """Largest change of every signal, over its size, when every number of a state (after 400 s) goes up or
-    down to the next one that double precision has."""
+def rounding_sensitivity(scene: esail.Scene) -> dict[str, float]:
+    """Returns the largest change of every signal, relative to its size, when every number of a state (after
+    400 s) is rounded up or down to the next number in double precision."""
     march = march_of(prepare(scene.replace({"integrator.t_end": 400.0})))
     for _ in march.pieces():
         pass
@@ -60,7 +61,7 @@ def of_last_places(scene: esail.Scene) -> dict[str, float]:
 
 
 def main() -> None:
-    """Compare and write."""
+    """Compares members with single runs and writes equality.csv."""
     scene = esail.load_scene("baseline", {"output.interval": 30.0})
     inputs = draw(scene, [parse_variation(text) for text in VARY], MEMBERS, 1)
     ensemble = simulate_members(scene, inputs, SIGNALS)
@@ -76,8 +77,8 @@ def main() -> None:
             gap = np.abs(exact - found)
             early[name] = max(early[name], gap[first].max() / size)
             late[name] = max(late[name], gap.max() / max(width, 1e-3 * size))
-    last_place = of_last_places(scene)
-    print(f"{ensemble.complete.sum()} complete, as many steps in {same_steps} of {MEMBERS}")
+    last_place = rounding_sensitivity(scene)
+    print(f"{ensemble.complete.sum()} members complete; same number of steps in {same_steps} of {MEMBERS}")
     with open(HERE / "equality.csv", "w", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
         titles = ("first_100_steps_over_size", "three_periods_over_range", "last_place_over_size")

@@ -1,7 +1,7 @@
-"""The classical explicit Runge-Kutta method on the same sail, through `consistent_acceleration`.
+"""The classical explicit Runge-Kutta method for the same sail, with `consistent_acceleration`.
 
-v' = vdot with M vdot + Phi_q^T lam = Q and d^2 Phi / dt^2 = 0: no constraint is left. One factorisation
-of the mass matrix per evaluation; a code made for this would keep it.
+The method integrates v' = vdot, where M vdot + Phi_q^T lam = Q and d^2 Phi / dt^2 = 0, so no constraint
+remains. Every evaluation factors the mass matrix; a code made for this method would keep the factors.
 """
 
 import functools
@@ -18,16 +18,16 @@ from esail_jax.simulation import blocks
 from esail_jax.steppers.consistent import consistent_acceleration
 
 WORKS = ("external_work", "dissipated_energy", "energy_balance_error")
-"""Observables that need integrals along the run, which are not taken here."""
+"""Observables that need integrals over time; this script does not compute these integrals."""
 
 
 def moved(x, h, rate):
-    """x + h rate."""
+    """Returns x + h rate."""
     return jax.tree.map(lambda a, b: a + h * b, x, rate)
 
 
 def step(system, t, q, v, h):
-    """One step of the classical method."""
+    """Returns q and v after one step of the classical method."""
 
     def vdot(c, q, v):
         return consistent_acceleration(system, t + c * h, q, v)[0]
@@ -48,7 +48,7 @@ def step(system, t, q, v, h):
 
 @functools.partial(jax.jit, static_argnums=(4, 5), compiler_options=esail.COMPILER_OPTIONS)
 def states(system, q, v, h, rows, per_row):
-    """States at saved instants, the start first."""
+    """Returns q and v at the saved instants, including the start."""
 
     def row(y, k):
         def one(j, y):
@@ -62,7 +62,7 @@ def states(system, q, v, h, rows, per_row):
 
 
 def measure(scene: esail.Scene, h: float, span: float, runs: int = 2) -> Run:
-    """Runs up to the last saved instant within `span`; observables are in the time, as elsewhere."""
+    """Measures runs up to the last saved instant within `span` [s]; their times include the observables."""
     scene = with_method(scene, "collocation", "tolerance", 1e-9)
     _, problem, carry = jax.jit(blocks.problem_of, static_argnums=0)(*split(scene), None)
     interval = scene.output.interval
