@@ -1,4 +1,4 @@
-"""Where the differences come from: the baseline for 600 s, one thing changed at a time.
+"""Finds the causes of the differences: simulates the baseline for 600 s with one change at a time.
 
 python experiments/peer_exudyn/causes.py
 """
@@ -22,7 +22,7 @@ LOOKED_AT = ("tip_position_I", "kinetic_energy", "root_coning_angle", "angular_v
 
 @contextlib.contextmanager
 def plain_start():
-    """esail_jax started as Exudyn starts, with a_0 = vdot_0: no jerk in the first a."""
+    """Starts esail_jax as Exudyn does, with a_0 = vdot_0: without the jerk in the first a."""
     usual = entry.with_jerk
     entry.with_jerk = lambda stepper, state, v_next: state
     forget_programs()
@@ -34,38 +34,38 @@ def plain_start():
 
 
 def forget_programs() -> None:
-    """Programs of the other start must not be used again."""
+    """Drops compiled programs, which contain the other start."""
     jax.clear_caches()
     programs._compiled.cache_clear()
 
 
 def run_ours(scene: esail.Scene, plain: bool) -> dict[str, np.ndarray]:
-    """Signals of esail_jax with either start."""
+    """Returns the signals of esail_jax; plain: with a_0 = vdot_0."""
     with plain_start() if plain else contextlib.nullcontext():
         ours = esail.simulate(scene)
     return {name: np.asarray(ours[name]) for name in ours.observables}
 
 
 def run_theirs(scene: esail.Scene, step: float, **options) -> dict[str, np.ndarray]:
-    """Signals of Exudyn."""
+    """Returns the signals of Exudyn."""
     given, every = sail_of(scene), round(INTERVAL / step)
     return signals(given, sail.simulate(given, step, round(T_END / step), every, **options))
 
 
 def line(label: str, ours: dict, theirs: dict) -> None:
-    """Largest differences, in the units of the signals."""
+    """Prints the largest differences, in the units of the signals."""
     gaps = [abs(ours[name] - theirs[name]).max() for name in LOOKED_AT]
     print(f"{label:58s}" + "".join(f"{gap:19.1e}" for gap in gaps), flush=True)
 
 
 def with_wind(step: float) -> None:
-    """Start, hub and tolerance changed one at a time."""
+    """Prints the effects of the start, the hub's coordinates and the tolerance."""
     scene = scene_of(step, 5, T_END)
     usual, theirs = run_ours(scene, plain=False), run_theirs(scene, step)
     plain = run_ours(scene, plain=True)
     line(f"{step} s, as compared", usual, theirs)
     line(f"{step} s, esail_jax with a_0 = vdot_0", plain, theirs)
-    line(f"{step} s, esail_jax with either start", usual, plain)
+    line(f"{step} s, esail_jax: one start or the other", usual, plain)
     turning = run_theirs(scene, step, lie_group=True)
     line(f"{step} s, Exudyn's hub on the Lie group, same start", plain, turning)
     line(f"{step} s, Exudyn's hub: Lie group or Euler parameters", turning, theirs)
@@ -75,7 +75,7 @@ def with_wind(step: float) -> None:
 
 
 def without_wind(step: float) -> None:
-    """No wind: the exact motion is a rigid rotation of constant energy."""
+    """Prints errors without wind, where the exact motion is a rigid rotation of constant energy."""
     scene = scene_of(step, 5, T_END)
     scene = dataclasses.replace(scene, voltage=None, solar_wind=None)
     time = np.arange(0.0, T_END + 1.0, INTERVAL)
@@ -91,14 +91,14 @@ def without_wind(step: float) -> None:
         late = np.linalg.norm(tip[0]) * (turned - 4e-3 * time)
         print(
             f"{step} s, no wind, {name:28s} tip ahead of the exact motion by {late[-1]:9.2e} m after "
-            f"{T_END:g} s; energy off by {energy[1] - energy[0]:9.2e} J after 5 s, "
-            f"{energy[-1] - energy[0]:9.2e} J in the end",
+            f"{T_END:g} s; energy changed by {energy[1] - energy[0]:9.2e} J after 5 s, "
+            f"{energy[-1] - energy[0]:9.2e} J at the end",
             flush=True,
         )
 
 
 def root_gaps(step: float, t_end: float) -> None:
-    """How far the root nodes end up from the points of the hub that hold them."""
+    """Prints the final gap between the root nodes and the points of the hub that hold them."""
     scene = scene_of(step, 5, t_end)
     given = sail_of(scene)
     final = esail.simulate(scene).final_state.q
