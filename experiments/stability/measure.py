@@ -1,4 +1,5 @@
-"""One run of one case, measured; a worker process does the runs of one structure, one line of JSON each."""
+"""Measures runs of cases. A worker process makes the runs of one structure and prints a line of JSON for
+each."""
 
 import dataclasses
 import json
@@ -18,13 +19,14 @@ from esail_jax.simulation.prepare import prepare
 from esail_jax.simulation.results import join
 
 GUARD = 20.0
-"""Processor seconds after which a run is stopped, compiling excluded: what else the machine does changes
-nothing."""
+"""Processor seconds, without compiling, after which a run is stopped. Processor time does not depend on
+other programs on the machine."""
 
 FIXED_STEP = 0.1  # generalized-alpha's default [s]
 
 AT_LEAST = 1e-4
-"""Of its size is what something is said to range over: at rest only rounding would be left to compare."""
+"""A signal's range is taken to be at least this fraction of its magnitude. Otherwise a signal at rest
+would be compared with rounding errors."""
 
 VARIANTS = {
     "generalized-alpha": ("generalized-alpha", 1.0),
@@ -32,15 +34,16 @@ VARIANTS = {
     "generalized-alpha, finer": ("generalized-alpha", 0.25),
     "collocation, finer": ("collocation", 0.25),
 }
-"""Method, and part of the step. With a tolerance instead: a thousandth of the default."""
+"""Name of a variant, its method, and the factor of its step. A finer run with a tolerance uses 1e-12
+instead."""
 
 
 class OutOfTimeError(Exception):
-    """The guard's."""
+    """Raised in a run that exceeds GUARD."""
 
 
 def scene_of(case: Case, variant: str) -> esail.Scene:
-    """The scene of a case for one of `VARIANTS`."""
+    """Returns the scene of a case for one of `VARIANTS`."""
     method, part = VARIANTS[variant]
     settings = SMALL | case.settings | {"integrator.method": method}
     if method == "generalized-alpha":
@@ -59,7 +62,7 @@ def scene_of(case: Case, variant: str) -> esail.Scene:
 
 
 def measured(case: Case, variant: str) -> dict:
-    """Outcome and numbers of a run."""
+    """Makes a run and returns its outcome and numbers."""
     row = {"case": case.name, "method": variant}
     try:
         prepared = with_start(prepare(scene_of(case, variant)), case.start)
@@ -85,11 +88,12 @@ def measured(case: Case, variant: str) -> dict:
 
 
 def out_of_time(*_) -> None:
+    """Raises OutOfTimeError; called by the timer."""
     raise OutOfTimeError
 
 
 def where(march) -> str:
-    """How far a run of collocation got, and with which step; of others the time."""
+    """Returns a sentence with the time, steps and step size that a run of collocation has reached."""
     progress = getattr(march.carry, "progress", None)
     if progress is None:
         return ""
@@ -100,7 +104,7 @@ def where(march) -> str:
 
 
 def numbers(pieces: list) -> dict:
-    """Energy balance, constraints, steps and the end of what was seen."""
+    """Returns energy balance, constraint violation, steps and the final signals of a run."""
     rows, numerics = join([piece.rows for piece in pieces]), join([piece.numerics for piece in pieces])
     times = np.concatenate([piece.time for piece in pieces])
     energy = rows["kinetic_energy"] + rows["elastic_energy"]
@@ -128,17 +132,17 @@ def numbers(pieces: list) -> dict:
 
 
 def largest(x: np.ndarray) -> float:
-    """Of the finite ones."""
+    """Returns the largest magnitude of the finite numbers."""
     return float(np.nanmax(np.abs(x), initial=0.0))
 
 
 def spread(x: np.ndarray) -> float:
-    """Largest range of a component."""
+    """Returns the largest range of a component."""
     return float(np.nanmax(np.nanmax(x, 0) - np.nanmin(x, 0), initial=0.0))
 
 
 def main() -> None:
-    """Jobs come as lines of JSON, [case, variant]; each is answered by its row."""
+    """Reads jobs, lines of JSON [case, variant], and prints a row for each."""
     cases = {case.name: case for case in GROUPS[sys.argv[1]]}
     for line in sys.stdin:
         name, variant = json.loads(line)

@@ -1,4 +1,4 @@
-"""Starts that no scene key describes: the tethers of a prepared scene laid out anew, turning rigidly."""
+"""Makes initial states that no scene key describes: another shape of the tethers, with rigid rotation."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -9,7 +9,7 @@ from esail_jax.simulation.prepare import Prepared
 
 
 def with_start(prepared: Prepared, start: str) -> Prepared:
-    """The prepared scene with another start: "short 0.9", "arc 180" or "inwards 5"."""
+    """Returns the prepared scene with another start: "short 0.9", "arc 180" or "inwards 5"."""
     if not start:
         return prepared
     kind, number = start.split()
@@ -22,14 +22,14 @@ def with_start(prepared: Prepared, start: str) -> Prepared:
 
 
 def state_of(prepared: Prepared) -> tuple[Coordinates, Coordinates]:
-    """Where the run would start."""
+    """Returns q and v at the start of the run."""
     carry = prepared.carry
     state = carry.state if isinstance(carry, entry.Carry) else carry.seen
     return state.q, state.v
 
 
 def carry_of(prepared: Prepared, q: Coordinates, v: Coordinates):
-    """What the method of a run starts with."""
+    """Returns the initial state of the method for given q and v."""
     system = prepared.problem.system
     if not prepared.collocated:
         return entry.starting_carry(q, v, system)
@@ -39,18 +39,18 @@ def carry_of(prepared: Prepared, q: Coordinates, v: Coordinates):
 
 
 def omega_of(prepared: Prepared) -> jnp.ndarray:
-    """Angular velocity of the start in I [rad/s]; X_B is the spin axis."""
+    """Returns the initial angular velocity in I [rad/s]; X_B is the spin axis."""
     axis = prepared.problem.system.rotation(jnp.zeros(()), state_of(prepared)[0])[:, 0]
     return axis * prepared.scene.initial.spin_rate
 
 
 def turning(prepared: Prepared, tether: jnp.ndarray) -> jnp.ndarray:
-    """Velocities of nodal vectors that turn with the hub."""
+    """Returns the velocities of nodal vectors that rotate with the hub."""
     return jnp.moveaxis(jnp.cross(omega_of(prepared), jnp.moveaxis(tether, 1, -1)), -1, 1)
 
 
 def shortened(prepared: Prepared, q: Coordinates, v: Coordinates, part: float):
-    """Straight tethers compressed to a part of their start's length."""
+    """Returns straight tethers that are compressed to a part of their initial length."""
     root = q.tether[:1, :, :1]
     tether = part * q.tether
     tether = tether.at[0].add((1.0 - part) * root[0])
@@ -58,7 +58,7 @@ def shortened(prepared: Prepared, q: Coordinates, v: Coordinates, part: float):
 
 
 def bent(prepared: Prepared, q: Coordinates, v: Coordinates, degrees: float):
-    """Unstretched arcs in the spin plane that leave their roots radially and turn by `degrees` in all."""
+    """Returns unstretched arcs of `degrees` in the spin plane, radial at their roots."""
     tethers = prepared.problem.system.tethers
     root, total = q.tether[0, :, 0], np.deg2rad(degrees)
     length = jnp.broadcast_to(tethers.element_length, (tethers.elements, tethers.count)).sum(0)
@@ -75,7 +75,8 @@ def bent(prepared: Prepared, q: Coordinates, v: Coordinates, degrees: float):
 
 
 def moving(prepared: Prepared, q: Coordinates, v: Coordinates, speed: float):
-    """Tethers shrinking evenly, their tips at `speed` [m/s] towards the root."""
+    """Returns tethers with a uniform rate of contraction; the tips move at `speed` [m/s] towards the
+    root."""
     offset = q.tether.at[0].add(-q.tether[0, :, :1])
     reach = jnp.linalg.norm(offset[0, :, -1], axis=0)
     return q, v._replace(tether=v.tether - speed * offset / reach)

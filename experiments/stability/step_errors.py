@@ -1,9 +1,9 @@
-"""What fixed steps of generalized-alpha are said to be off by, beside what they are off by.
+"""Compares estimated and true errors of fixed steps of generalized-alpha.
 
     python experiments/stability/step_errors.py                  # all groups; rewrites step_errors.csv
     python experiments/stability/step_errors.py base truss       # groups of cases.py
 
-The truth is collocation's run: largest difference over all saved instants, in parts of the range.
+The true error is the largest difference from collocation over all saved instants, relative to the range.
 """
 
 import csv
@@ -37,11 +37,12 @@ COLUMNS = (
 )
 
 RIGHT, OFF = 1e-3, 1e-2
-"""Parts of the range: below the first nothing should be said, above the second something must."""
+"""Errors relative to the range: below RIGHT a warning is false, from OFF on a missing warning is an
+error."""
 
 
 def rows_of(case: Case, variant: str) -> tuple[dict, dict] | None:
-    """Observables and numerics of a run, None if it does not come to its end."""
+    """Returns observables and numerics of a run, None if it fails or is too slow."""
     prepared, pieces = with_start(prepare(scene_of(case, variant)), case.start), []
     signal.signal(signal.SIGPROF, out_of_time)
     signal.setitimer(signal.ITIMER_PROF, GUARD)
@@ -55,7 +56,8 @@ def rows_of(case: Case, variant: str) -> tuple[dict, dict] | None:
 
 
 def compared(case: Case) -> dict | None:
-    """Estimate and truth, as far as there are both."""
+    """Returns estimates and, if collocation succeeds, true errors of a case; None if generalized-alpha
+    fails."""
     run, true = (rows_of(case, method) for method in ("generalized-alpha", "collocation"))
     if run is None:
         return None
@@ -70,7 +72,7 @@ def compared(case: Case) -> dict | None:
 
 
 def verdict(row: dict) -> str:
-    """Is the warning right, missed or false?"""
+    """Returns whether the warning is right, missed or false."""
     warned = not max(row["tips_estimate"], row["forces_estimate"]) <= MOST_OFF
     if "tips" not in row:
         return "warned, truth unknown" if warned else "truth unknown"
@@ -81,6 +83,7 @@ def verdict(row: dict) -> str:
 
 
 def main() -> None:
+    """Measures the chosen groups and writes step_errors.csv."""
     rows = []
     for group in sys.argv[1:] or GROUPS:
         for case in GROUPS[group]:
