@@ -57,7 +57,7 @@ class LinearBending(Term):
         return 0.5 * self.stiffness * dot(fields.r_xx, fields.r_xx)
 
     def point_forces(self, time: Instants, fields: PointFields, rates: PointFields) -> PointFields:
-        """Returns the generalized force dW/dr_xx of every point."""
+        """Returns the stress dW/dr_xx of every point."""
         stress = jax.grad(lambda r_xx: self.density(fields._replace(r_xx=r_xx)).sum())(fields.r_xx)
         return PointFields(None, None, stress)
 

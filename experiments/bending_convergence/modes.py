@@ -4,7 +4,8 @@
     K = integral of T w'^2 + EI w''^2 dx,    M = integral of mu w^2 dx + m_u w(L)^2
 
 The equations hold out of the spin plane; in the plane omega_k^2 is less by omega^2. The first mode, w = x,
-has the frequency of the spin. The root of the tether is at the centre; its stretch is neglected."""
+has the frequency of the spin. The root of the tether is at the centre; its stretch is neglected.
+"""
 
 from collections.abc import Callable
 

@@ -1,5 +1,4 @@
-"""Measures members per second: of ensembles by number of processes, and of single runs in parallel
-processes.
+"""Measures members per second of ensembles and of single runs, by number of processes.
 
 The cases are `esail ensemble` with 1, 2, ... processes (each with its own core), an ensemble in this
 process on all cores, and independent processes that make single runs.

@@ -8,9 +8,8 @@ uses the result of the one before (with an addition and a multiplication per coo
 pass). For comparison:
 
 dense:     the same with the full mass matrix of the paper's Eq. 8 and `jnp.linalg.solve` in every call;
-one loop:  the least time of a program that reads x and the factors and writes x'', 24 + 16 + 24 bytes per
-rod; copies:    NumPy's copy of arrays of that many bytes, and of as many as XLA counts for the compiled
-call.
+one loop:  the least time to read x and the factors and to write x'', 24 + 16 + 24 bytes per rod;
+copies:    NumPy's copy of arrays of that many bytes, and of as many as XLA counts for the compiled call.
 
 All use one thread. Times are medians, and the least time in the loop; every timing waits for its result
 (`block_until_ready`).

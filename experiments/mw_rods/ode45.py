@@ -4,7 +4,8 @@ The method is the pair 5(4) of Dormand and Prince. The largest |error_i| / max(|
 be below RelTol (RelTol 1e-3 and AbsTol 1e-6 by default); a step is at most a tenth of the duration. Output
 at given times, here every 1e-4 s, is interpolated within steps by a polynomial of degree 4. The code was
 written from memory of the published algorithm and was not compared with MATLAB. It uses no code of
-esail_jax."""
+esail_jax.
+"""
 
 import numpy as np
 from chains import DIRECTIONS, Chain

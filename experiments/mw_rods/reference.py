@@ -2,13 +2,14 @@
 
     python experiments/mw_rods/reference.py soft growth stiff    # any of the three
 
-soft:   n = 20, EA = 1000 N, T = 5 s, gravity along +-X, +-Y, +-Z: paths of the tip. growth: the same chain
-from starts that differ slightly: growth rate of their distance, and when rods go slack. stiff:  n = 11
-rods of steel, T = 1 s, gravity along +X: path of the tip; checks that +Z is its mirror image.
+soft:   n = 20, EA = 1000 N, T = 5 s, gravity along +-X, +-Y, +-Z: paths of the tip.
+growth: the same chain, starts that differ slightly: growth rate of their distance, and when rods go slack.
+stiff:  n = 11 rods of steel, T = 1 s, gravity along +X: path of the tip; +Z must be its mirror image.
 
 The script uses no code of esail_jax: chains.py has the equations and the two integrators. The reference is
 Gauss with the shorter step; each file of references/ states the distance to Gauss with the longer step and
-to DOP853 with two tolerances. Constants are the double-precision numbers nearest to the decimal ones."""
+to DOP853 with two tolerances. Constants are the double-precision numbers nearest to the decimal ones.
+"""
 
 import argparse
 import time

@@ -11,7 +11,8 @@ steps:      fixed explicit steps in the second experiment; steps.csv
 precision:  error against run time of several methods (precision.py); work_precision.csv
 
 Figures are written to figures/. References come from reference.py (no code of esail_jax) and peer.py
-(Exudyn)."""
+(Exudyn).
+"""
 
 import argparse
 

@@ -4,7 +4,8 @@
     python experiments/peer_exudyn/run.py [--check] [--t-end 200] [--timing]
 
 Writes differences.csv and figures/*.png beside this file and prints the tables of the README. With --check
-the exit status is 1 when a difference exceeds its bound; --timing measures the time per step instead."""
+the exit status is 1 when a difference exceeds its bound; --timing measures the time per step instead.
+"""
 
 import argparse
 import csv

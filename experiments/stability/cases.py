@@ -3,7 +3,8 @@
 The sail is the baseline (wind, bending, both dampings, hub) with three tethers of three elements. It is
 small, so that a case takes seconds, but as stiff as a large sail: only the number of elements per tether
 changes the stiffness of an element. Cases that differ in numbers only share compiled programs; cases with
-another compiled structure form a group of their own."""
+another compiled structure form a group of their own.
+"""
 
 from dataclasses import dataclass, field
 

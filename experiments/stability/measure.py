@@ -1,5 +1,6 @@
 """Measures runs of cases. A worker process makes the runs of one structure and prints a line of JSON for
-each."""
+each.
+"""
 
 import dataclasses
 import json

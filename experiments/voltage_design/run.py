@@ -4,7 +4,8 @@
 
 Writes results.csv, <design>.png and <design>.toml; --check only measures the designs in <design>.toml
 again. Each design is compared with a known control that is not optimised: the first harmonic of the
-published planar-cone law, and a smooth step as long as the designed one."""
+published planar-cone law, and a smooth step as long as the designed one.
+"""
 
 import csv
 import sys
@@ -36,7 +37,7 @@ TORQUE = {
     "voltage.maximum": 40e3,
 }  # fmt: skip
 WAVES = {f"voltage.{name}": Variable([0.0, 0.0], 0.1) for name in ("cosine", "sine")}
-"""Variables of `torque`: the amplitudes of two harmonics of the spin phase."""
+"""Variables of `torque`, one turn at 10 deg: the amplitudes of two harmonics of the spin phase."""
 
 
 def torque() -> Design:

@@ -4,7 +4,8 @@ python experiments/voltage_design/turn.py    # writes turn.csv, turn-voltages.cs
 
 Voltages are limited to [0, 40 kV]; they are 20 kV without modulation. Every control is open loop, a table
 in time, except the laws of the spin phase and of attitude feedback, which measure the hub. "All or
-nothing" is bang-bang control."""
+nothing" is bang-bang control.
+"""
 
 import csv
 import time

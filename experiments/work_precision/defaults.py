@@ -3,7 +3,8 @@
     python experiments/work_precision/defaults.py [scene ...]      # a line per scene, and defaults.csv
 
 The reference is the most accurate method at a tolerance near rounding. Its uncertainty is the difference
-from a run at ten times that tolerance (`esail_jax/commands/bench.py`)."""
+from a run at ten times that tolerance (`esail_jax/commands/bench.py`).
+"""
 
 import csv
 import sys
