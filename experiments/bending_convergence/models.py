@@ -144,7 +144,7 @@ def history(variant: str, structure, numbers: dict, lane: Lane, refine: int, sav
         q, v, vdot, lam = state.q, state.v, state.vdot, state.lam
         residual, power = system.residual(time, q, v, vdot, lam)
         fields, rates = system.tethers.interpolate(q.tether), system.tethers.interpolate(v.tether)
-        load = system.loads[0].force(time, fields, rates)
+        load = sum(term.force(time, fields, rates) for term in system.loads)
         instant = observables.Instant(
             system, time, q, v, vdot, lam, state.work, zero, origin, residual.forces, power, load
         )

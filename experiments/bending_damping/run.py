@@ -3,12 +3,9 @@
 python experiments/bending_damping/run.py
 """
 
-import jax
 import numpy as np
 
 import esail_jax as esail
-from esail_jax.scenes import build
-from esail_jax.simulation import programs
 
 STIFF = {
     "tethers.count": 2,
@@ -29,12 +26,8 @@ STIFF = {
 
 
 def run(overrides: dict, turn: float):
-    """Simulates the baseline with another kappa_0 L [rad]; compiled programs of the old value are
-    dropped."""
-    build.STRAIGHT_TURN = turn
-    programs._compiled.cache_clear()
-    jax.clear_caches()
-    return esail.simulate("baseline", overrides)
+    """Simulates the baseline with another kappa_0 L [rad]."""
+    return esail.simulate("baseline", overrides | {"tethers.straight_turn": turn})
 
 
 def main() -> None:

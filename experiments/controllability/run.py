@@ -15,8 +15,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import esail_jax as esail
-from esail_jax.compiler import COMPILER_OPTIONS
-from esail_jax.design.objectives import plane_normals
+from esail_jax.design import plane_normals
 
 HERE = Path(__file__).parent
 TETHERS, SPIN, VOLTS = 12, 4e-3, 20e3
@@ -193,7 +192,7 @@ def write(name: str, head: tuple, rows: list[tuple]) -> None:
 def main() -> None:
     """Computes the Gramians, checks them by whole runs, writes tables and figure."""
     began = time.perf_counter()
-    jacobian = jax.jit(jax.jacrev(outcome), compiler_options=COMPILER_OPTIONS)
+    jacobian = esail.jit(jax.jacrev(outcome))
     found, costs, eigen, checks = {}, [], [], []
     for sailing in ANGLES:
         slopes = np.asarray(jacobian(jnp.ones((SLOTS + 1, TETHERS)), sailing))

@@ -12,8 +12,7 @@ import jax
 import numpy as np
 
 import esail_jax as esail
-from esail_jax.ensembles.members import simulate_members
-from esail_jax.ensembles.sampling import draw, of_members, parse_variation
+from esail_jax.ensembles import draw, parse_variation, select_members, simulate_members
 from esail_jax.simulation.blocks import observed
 from esail_jax.simulation.march import march_of
 from esail_jax.simulation.prepare import prepare
@@ -68,7 +67,7 @@ def main() -> None:
     early, late = dict.fromkeys(SIGNALS, 0.0), dict.fromkeys(SIGNALS, 0.0)
     same_steps = 0
     for member in range(MEMBERS):
-        run = esail.simulate(scene, of_members(inputs, member))
+        run = esail.simulate(scene, select_members(inputs, member))
         same_steps += run.steps == ensemble.steps[member]
         first = np.cumsum(run.numerics["steps"]) <= STEPS
         for name in SIGNALS:

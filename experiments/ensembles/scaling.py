@@ -34,7 +34,7 @@ COMMAND += ["--observables", ",".join(OBSERVABLES), "--set", f"output.interval={
 def drawn(members: int):
     """Returns the scene and the inputs of `members` members."""
     import esail_jax as esail
-    from esail_jax.ensembles.sampling import draw, parse_variation
+    from esail_jax.ensembles import draw, parse_variation
 
     scene = esail.load_scene("baseline", {"output.interval": INTERVAL})
     return scene, draw(scene, [parse_variation(text) for text in VARY], members, 1)
@@ -44,14 +44,14 @@ def single_runs(ready, done) -> None:
     """Makes the single runs of one process, after all processes have compiled; puts their time [s] into
     `done`."""
     import esail_jax as esail
-    from esail_jax.ensembles.sampling import of_members
+    from esail_jax.ensembles import select_members
 
     scene, inputs = drawn(SINGLE)
-    esail.simulate(scene, of_members(inputs, 0))
+    esail.simulate(scene, select_members(inputs, 0))
     ready.wait()
     began = time.perf_counter()
     for member in range(SINGLE):
-        esail.simulate(scene, of_members(inputs, member))
+        esail.simulate(scene, select_members(inputs, member))
     done.put(time.perf_counter() - began)
 
 
@@ -70,10 +70,10 @@ def single_run_rate(processes: int) -> float:
 
 def in_process_rate() -> float:
     """Returns members per second of an ensemble in this process, on all its cores."""
-    from esail_jax.ensembles.members import Runner
+    from esail_jax.ensembles import MemberRunner
 
     scene, inputs = drawn(MEMBERS)
-    run = Runner(scene, inputs, OBSERVABLES)
+    run = MemberRunner(scene, inputs, OBSERVABLES)
     run(np.arange(1))
     began = time.perf_counter()
     for first in range(0, MEMBERS, run.batch):

@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import esail_jax as esail
-from esail_jax.ensembles.members import Runner
-from esail_jax.ensembles.sampling import draw, of_members, parse_variation
+from esail_jax.ensembles import MemberRunner, draw, parse_variation, select_members
 
 HERE = Path(__file__).parent
 VARY = (
@@ -49,13 +48,13 @@ def timed(call) -> float:
 def one_by_one(name: str, scene: esail.Scene) -> list[tuple]:
     """Times single runs, and members of an ensemble one after the other."""
     inputs = draw(scene, [parse_variation(text) for text in VARY], MEMBERS, 1)
-    three = Runner(scene, inputs, THREE, one_core=True)
-    everything, members = Runner(scene, inputs, one_core=True), np.arange(MEMBERS)
+    three = MemberRunner(scene, inputs, THREE, one_core=True)
+    everything, members = MemberRunner(scene, inputs, one_core=True), np.arange(MEMBERS)
     steps = three(members).steps.sum()
     everything(members[:1])
-    esail.simulate(scene, of_members(inputs, 0))
+    esail.simulate(scene, select_members(inputs, 0))
     ways = {
-        "single runs": lambda: [esail.simulate(scene, of_members(inputs, m)) for m in members],
+        "single runs": lambda: [esail.simulate(scene, select_members(inputs, m)) for m in members],
         "ensemble, all observables": lambda: everything(members),
         "ensemble, three observables": lambda: three(members),
     }
@@ -76,14 +75,14 @@ def main() -> None:
     scene = esail.load_scene("baseline", SHORT)
     inputs = draw(scene, [parse_variation(text) for text in VARY], max(LOCKSTEP), 1)
     names = ("coning_angle",)
-    single = Runner(scene, inputs, names, one_core=True)
+    single = MemberRunner(scene, inputs, names, one_core=True)
     single(np.arange(1))
     for count in LOCKSTEP:
         members = np.arange(count)
-        side = Runner(scene, inputs, names, batch=count, lockstep=True)
+        side = MemberRunner(scene, inputs, names, batch=count, lockstep=True)
         steps = side(members).steps.sum()
         alone, together = timed(lambda m=members: single(m)), timed(lambda s=side, m=members: s(m))
-        used = side._lowered(count).compile().memory_analysis()
+        used = side.lower(count).compile().memory_analysis()
         memory = (used.temp_size_in_bytes + used.output_size_in_bytes) / count / 2**20
         name = f"baseline, {SHORT['integrator.t_end']:g} s"
         ratio = alone / together

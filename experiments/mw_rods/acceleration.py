@@ -32,9 +32,9 @@ from common import write
 from jax import lax
 
 import esail_jax  # noqa: F401, for double precision
-from esail_jax.compiler import CHAIN_COMPILE
+from esail_jax.compiler import CHAIN_OPTIONS
 from esail_jax.elements.axial import AxialEnergy
-from esail_jax.elements.tether import Tethers
+from esail_jax.elements.tether import TetherBatch
 from esail_jax.joints.roots import FrameRoots
 from esail_jax.rod_chain import RodChain, RodState
 from esail_jax.system import System
@@ -49,7 +49,7 @@ CALLS, LOOPS = 31, 7  # number of timings of a median
 def chain_of(rods: int) -> RodChain:
     """Returns the chain of the first experiment with another number of rods."""
     ones = jnp.ones((rods, 1))
-    tethers = Tethers(ones * LENGTH, ones * MASS / LENGTH, jnp.zeros(1), rods, "rod", ("r_x",))
+    tethers = TetherBatch(ones * LENGTH, ones * MASS / LENGTH, jnp.zeros(1), rods, "rod", ("r_x",))
     roots = FrameRoots(jnp.eye(3), jnp.zeros(()), jnp.zeros((3, 1)), None)
     axial = AxialEnergy(ones[:, 0] * STIFFNESS, "engineering")
     return RodChain.of(System(tethers, roots, None, (axial,), (), (), jnp.array(GRAVITY)))
@@ -77,7 +77,7 @@ def dense_rate(rods: int) -> Callable[[RodState], RodState]:
     return rate
 
 
-jit = partial(jax.jit, compiler_options=CHAIN_COMPILE)
+jit = partial(jax.jit, compiler_options=CHAIN_OPTIONS)
 """`jax.jit` with the compiler options of a run."""
 
 

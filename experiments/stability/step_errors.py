@@ -18,7 +18,7 @@ from starts import with_start
 
 import esail_jax as esail
 from esail_jax.observables.balance import balance_warning
-from esail_jax.observables.run_warning import MOST_OFF, STEP_ERRORS
+from esail_jax.observables.run_warning import STEP_ERRORS, WARN_ABOVE
 from esail_jax.simulation.march import march_of
 from esail_jax.simulation.prepare import prepare
 from esail_jax.simulation.results import join
@@ -73,7 +73,7 @@ def compared(case: Case) -> dict | None:
 
 def verdict(row: dict) -> str:
     """Returns whether the warning is right, missed or false."""
-    warned = not max(row["tips_estimate"], row["forces_estimate"]) <= MOST_OFF
+    warned = not max(row["tips_estimate"], row["forces_estimate"]) <= WARN_ABOVE
     if "tips" not in row:
         return "warned, truth unknown" if warned else "truth unknown"
     off = np.maximum(row["tips"], row["forces"])

@@ -14,8 +14,7 @@ from matplotlib.figure import Figure
 from run import TORQUE, TURN, WAVES, finer, plain, planar_cone_harmonic
 
 import esail_jax as esail
-from esail_jax.design import objectives
-from esail_jax.design.problem import Design
+from esail_jax.design import Design, objectives
 from esail_jax.environment.gusts import gusty_wind
 from esail_jax.scenes.scene import Scene, to_toml
 
@@ -91,8 +90,11 @@ def main() -> None:
     scene = sail()
     weights = {"mean-torque": 1.0, "thrust": 1.0}
     problem = Design(scene, weights, WAVES, circumstances=draws(0, SEEN))
-    states = problem.run(ITERATIONS, each=lambda state: print(state.iteration, state.value, flush=True))
-    best = problem.designed(states[-1].x[states[-1].best])
+    states = []
+    for state in problem.optimise(ITERATIONS):
+        states.append(state)
+        print(state.iteration, state.value, flush=True)
+    best = problem.scene_at(states[-1].x[states[-1].best])
     (HERE / "robust.toml").write_text(to_toml(best))
     print(f"designed in {time.perf_counter() - began:.0f} s", best.voltage.cosine, best.voltage.sine)
     calm = esail.load_scene(HERE / "torque.toml").voltage

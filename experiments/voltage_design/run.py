@@ -16,9 +16,8 @@ import jax
 import numpy as np
 
 import esail_jax as esail
-from esail_jax.design import objectives
-from esail_jax.design.problem import Design, Variable
-from esail_jax.environment.solar_wind import SolarWind
+from esail_jax.design import Design, Variable, objectives
+from esail_jax.environment.solar_wind import SteadyWind
 from esail_jax.loads import voltage
 from esail_jax.plotting.design import design_figure
 from esail_jax.scenes.scene import to_toml
@@ -54,7 +53,7 @@ def planar_cone_harmonic(scene: esail.Scene) -> dict[str, list[float]]:
     sin Lambda = sigma_bar L^2 cos alpha / (2 I omega_0^2).
     """
     tethers, wind, volts = scene.tethers, scene.solar_wind, scene.voltage.value
-    thrust = SolarWind(wind.speed, wind.number_density, wind.cutoff_voltage, np.zeros(3))
+    thrust = SteadyWind(wind.speed, wind.number_density, wind.cutoff_voltage, np.zeros(3))
     load = float(wind.speed * thrust.thrust_per_speed(volts))
     length, alpha = tethers.length, np.deg2rad(scene.initial.sailing_angle_deg)
     mass = tethers.density * tethers.area * length
@@ -107,12 +106,17 @@ def designed(name: str) -> None:
     """Solves a design problem; writes the scene and the figure."""
     make, count, _ = DESIGNS[name]
     problem, began = make(), time.perf_counter()
-    states = problem.run(count, each=lambda state: print(state.iteration, state.value, flush=True))
+    states = []
+    for state in problem.optimise(count):
+        states.append(state)
+        print(state.iteration, state.value, flush=True)
     print(f"{name}: {time.perf_counter() - began:.0f} s", flush=True)
-    best = problem.designed(states[-1].x[states[-1].best])
+    best = problem.scene_at(states[-1].x[states[-1].best])
     (HERE / f"{name}.toml").write_text(to_toml(best))
     history = np.stack([np.asarray(state.value) for state in states])
-    design_figure(problem.plain, esail.simulate(best), history).savefig(HERE / f"{name}.png", dpi=110)
+    design_figure(problem.reference_run, esail.simulate(best), history).savefig(
+        HERE / f"{name}.png", dpi=110
+    )
     jax.clear_caches()
 
 

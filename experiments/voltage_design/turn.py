@@ -17,8 +17,7 @@ from run import COARSE, TURN, finer
 
 import esail_jax as esail
 from esail_jax.constants import PROTON_MASS, THRUST_FACTOR, VACUUM_PERMITTIVITY
-from esail_jax.design.objectives import plane_normals
-from esail_jax.design.problem import Design, Variable
+from esail_jax.design import Design, Variable, plane_normals
 from esail_jax.scenes.scene import Scene
 from esail_jax.simulation.simulate import Solution
 
@@ -222,9 +221,12 @@ def problem(turns: float) -> Design:
 def design(turns: float) -> np.ndarray:
     """Solves the design problem and returns its table, without the last row."""
     began, found = time.perf_counter(), problem(turns)
-    states = found.run(ITERATIONS, each=lambda state: print(state.iteration, state.value, flush=True))
+    states = []
+    for state in found.optimise(ITERATIONS):
+        states.append(state)
+        print(state.iteration, state.value, flush=True)
     print(f"{turns:.3f} turns: {time.perf_counter() - began:.0f} s", flush=True)
-    return np.asarray(found.designed(states[-1].x[0]).voltage.table)[:-1]
+    return np.asarray(found.scene_at(states[-1].x[0]).voltage.table)[:-1]
 
 
 def draw(runs: dict[str, Solution], table: np.ndarray, turns: float) -> Figure:

@@ -10,7 +10,7 @@ import numpy as np
 import esail_jax as esail
 from esail_jax.commands.bench import REFERENCE, errors, measure
 
-GOLDEN = Path(__file__).parents[2] / "tests" / "golden" / "baseline.npz"
+GOLDEN = Path(__file__).parents[2] / "tests" / "physics" / "golden" / "baseline.npz"
 
 
 def main() -> None:

@@ -46,7 +46,7 @@ def step(system, t, q, v, h):
     return moved(q, h, mean(v, v2, v3, v4)), moved(v, h, mean(a1, a2, a3, a4))
 
 
-@functools.partial(jax.jit, static_argnums=(4, 5), compiler_options=esail.COMPILER_OPTIONS)
+@functools.partial(esail.jit, static_argnums=(4, 5))
 def states(system, q, v, h, rows, per_row):
     """Returns q and v at the saved instants, including the start."""
 
@@ -69,7 +69,7 @@ def measure(scene: esail.Scene, h: float, span: float, runs: int = 2) -> Run:
     rows, per_row = int(span / interval + 1e-9), round(interval / h)
     start = carry.progress.now
 
-    @functools.partial(jax.jit, compiler_options=esail.COMPILER_OPTIONS)
+    @esail.jit
     def look(q, v):
         times = interval * jnp.arange(rows + 1)
 
