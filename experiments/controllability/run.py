@@ -49,13 +49,12 @@ def outcome(table, sailing_deg):
     """
     run = esail.simulate("baseline", settings(len(table) - 1) | {
         "voltage.table": table, "initial.sailing_angle_deg": sailing_deg})  # fmt: skip
-    rows = {name: jnp.asarray(x) for name, x in run.rows.items()}
-    start = rows["rotation_IB"][0]
+    start = jnp.asarray(run["rotation_IB"][0])
     normal = plane_normals(run)[-1]
     tilts = jnp.stack([-start[:, 2] @ normal, start[:, 1] @ normal])
-    spin = rows["angular_velocity_B"][-1, :1]
+    spin = jnp.asarray(run["angular_velocity_B"][-1, :1])
     parts = jnp.stack([pattern / (pattern @ pattern) for _, pattern in PATTERNS])
-    return jnp.concatenate([tilts, spin, parts @ rows["lagging_angle"][-1]]) / UNITS
+    return jnp.concatenate([tilts, spin, parts @ run["lagging_angle"][-1]]) / UNITS
 
 
 def settings(slots: int) -> dict:

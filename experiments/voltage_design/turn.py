@@ -19,7 +19,6 @@ import esail_jax as esail
 from esail_jax.constants import PROTON_MASS, THRUST_FACTOR, VACUUM_PERMITTIVITY
 from esail_jax.design import Design, Variable, plane_normals
 from esail_jax.scenes.scene import Scene
-from esail_jax.simulation.simulate import Solution
 
 HERE = Path(__file__).parent
 SPIN, VOLTS, MAXIMUM = 4e-3, 20e3, 40e3
@@ -136,14 +135,14 @@ def known_controls() -> dict[str, dict]:
 # ---- results of controls --------------------------------------------------------------------------
 
 
-def turned(run: Solution) -> np.ndarray:
+def turned(run: esail.Solution) -> np.ndarray:
     """Returns angles [deg] of the spin plane's normal from its start, towards the target and across
     (instant, 2)."""
     normal = np.asarray(plane_normals(run)) @ run["rotation_IB"][0]
     return np.rad2deg(np.stack([np.arctan2(-normal[:, 2], normal[:, 0]), np.arcsin(normal[:, 1])], axis=1))
 
 
-def turned_in_the_mean(run: Solution) -> tuple[np.ndarray, np.ndarray]:
+def turned_in_the_mean(run: esail.Solution) -> tuple[np.ndarray, np.ndarray]:
     """Returns instants [s], and `turned` averaged over half a turn about them; the mean removes the
     nutation."""
     window = np.ones(SAVED // 2 + 1)
@@ -152,13 +151,13 @@ def turned_in_the_mean(run: Solution) -> tuple[np.ndarray, np.ndarray]:
     return np.asarray(run.time)[SAVED // 4 : -(SAVED // 4)], mean
 
 
-def swing(run: Solution) -> np.ndarray:
+def swing(run: esail.Solution) -> np.ndarray:
     """Returns the angle between the hub's axis and the spin plane's normal [deg]."""
     apart = np.linalg.norm(run["rotation_IB"][:, :, 0] - np.asarray(plane_normals(run)), axis=1)
     return np.rad2deg(2.0 * np.arcsin(0.5 * apart))
 
 
-def flown(name: str, run: Solution) -> tuple:
+def flown(name: str, run: esail.Solution) -> tuple:
     """Returns the row of turn.csv of a control that does not stop.
 
     It has the number of turns until ANGLE is reached (nan: never), and the state there, or at the end."""
@@ -174,7 +173,7 @@ def flown(name: str, run: Solution) -> tuple:
     return name, "5", float(needed), along, off, np.nan, float(largest), np.nan
 
 
-def stopped(name: str, elements: int, turns: float, run: Solution) -> tuple:
+def stopped(name: str, elements: int, turns: float, run: esail.Solution) -> tuple:
     """Returns the row of turn.csv of a control that ends after some turns.
 
     It has the mean of the spin plane's normal over REST from then on, the largest distance from that mean
@@ -229,7 +228,7 @@ def design(turns: float) -> np.ndarray:
     return np.asarray(found.scene_at(states[-1].x[0]).voltage.table)[:-1]
 
 
-def draw(runs: dict[str, Solution], table: np.ndarray, turns: float) -> Figure:
+def draw(runs: dict[str, esail.Solution], table: np.ndarray, turns: float) -> Figure:
     """Draws the angle of the spin plane's normal, the hub's swing, and the designed voltages."""
     figure = Figure(figsize=(12.0, 4.0), layout="constrained")
     way, hub, volts = figure.subplots(1, 3)
