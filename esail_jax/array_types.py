@@ -1,18 +1,19 @@
-"""Array aliases with named axes.
+"""Array types with named axes.
 
 The axis names are the same words in signatures, run files and plots:
 
 `member`  ensemble member          `tether`  index of the tether, 0 ... p-1
 `time`    saved instant            `node`    node of a tether, root first
 `elem`    finite element           `point`   quadrature point of an element
-`element` one of all elements of all tethers, e p + i being element e of tether i
+`element` one of all elements of all tethers; e p + i is element e of tether i
 `state`   one of several states of motion that are evaluated at once
 `coef`    nodal vector of a node (position, slope) or of an element (four of them for a cable)
 `xyz`     Cartesian component
 
-Arrays of physical points carry `xyz` first and `element` last, so that a density written for one
-point acts on all points of all elements of all tethers at once. One long last axis: loops over a short
-one, such as twelve tethers, the compiler unrolls and does not vectorise, which takes four times as long.
+Arrays of physical points have `xyz` first and `element` last, so that a density written for one point acts
+on all points of all elements of all tethers at once. The elements of all tethers share one long axis
+because the compiler unrolls loops over a short axis, such as twelve tethers, and does not vectorise them,
+which takes four times as long.
 """
 
 from jaxtyping import Array, Bool, Complex, Float, Inexact, Int
@@ -24,14 +25,14 @@ Vector = Float[Array, "3"]
 Rotation = Float[Array, "3 3"]
 PerTether = Float[Array, " tether"]
 PerMember = Float[Array, "*elem tether"]
-"""One number per tether, or one per element of each."""
+"""One number per tether, or one per element of each tether."""
 PerElement = Float[Array, "*state #element"]
-"""One number per element, of one state of motion or of several; or one for all elements."""
+"""One number per element, for one or several states of motion; or one number for all elements."""
 PerPoint = Float[Array, "*point"]
 VectorPerPoint = Float[Array, "xyz *point"]
-"""Components first: x, y, z; or, for an energy, of two such vectors at once (`energy_momentum.Secant`)."""
+"""One vector per point, components first: x, y, z, or those of two vectors (`energy_momentum.Secant`)."""
 Nodal = Float[Array, "coef 3 *state node tether"]
-"""Of one state of motion, or of several at once."""
+"""Nodal vectors of one or several states of motion."""
 HubPoints = Float[Array, "4 3"]
 
 __all__ = [

@@ -1,7 +1,6 @@
 """The command `esail`: run, scenes, info, plot, ensemble, design, bench.
 
-Exit status: 0 done; 2 bad input, one line on stderr, nothing written; 3 the solver gave up, the file
-holds everything before; 130 interrupted, resumable.
+Exit codes are those of `commands/exit_codes.py`. Errors are one line on stderr.
 """
 
 import argparse
@@ -13,7 +12,15 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
-DONE, BAD_INPUT, GAVE_UP, INTERRUPTED = 0, 2, 3, 130
+from esail_jax.commands.exit_codes import ExitCode
+
+OBJECTIVES_HELP = (
+    "mean-torque, attitude, final-attitude, hub-swing, lagging, coning, spin, hub-torque, power and "
+    "closeness are made small; of thrust at least 96 %% is retained; spin-plane:A or spin-plane:A,P or "
+    "spin-plane:A,P,T turns the spin plane to a sailing angle A and a precession angle P [deg], at the end "
+    "or in the mean over the last T seconds"
+)
+"""Objectives of `esail design`, as in `design/objectives.py`."""
 
 
 class UsageError(ValueError):
@@ -21,68 +28,180 @@ class UsageError(ValueError):
 
 
 class Parser(argparse.ArgumentParser):
-    """Errors in one line."""
+    """A parser whose errors are one line."""
 
     def error(self, message: str):
         raise UsageError(f"{self.prog}: {message}")
 
 
 def parser() -> Parser:
-    """The command line."""
-    top = Parser(prog="esail", description="Electric solar-wind sails, simulated.", allow_abbrev=False)
+    """The parser of the command line."""
+    top = Parser(
+        prog="esail",
+        description="Simulates electric solar-wind sails and tethered satellites.",
+        epilog="Exit codes: 0 done; 2 bad input (one line on stderr, nothing written); 3 the solver failed "
+        "(the file holds everything before the failure); 130 interrupted (--resume continues).",
+        allow_abbrev=False,
+    )
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    run = commands.add_parser("run", help="run a scene", allow_abbrev=False)
-    of_scene(run)
-    run.add_argument("-o", "--output", required=True, type=Path, metavar="RUN.h5")
-    run.add_argument("--resume", action="store_true", help="continue RUN.h5 if it is there")
-    run.add_argument("--quiet", action="store_true", help="no progress bar, no summary")
-    commands.add_parser("scenes", help="list the built-in scenes", allow_abbrev=False)
-    info = commands.add_parser("info", help="what was run, and how it ended", allow_abbrev=False)
-    info.add_argument("run", type=Path, metavar="RUN.h5")
-    plot = commands.add_parser("plot", help="draw figures of a run", allow_abbrev=False)
-    plot.add_argument("run", type=Path, metavar="RUN.h5")
-    plot.add_argument("-o", "--output", required=True, type=Path, metavar="DIR")
-    design = commands.add_parser("design", help="gradient-based voltage design", allow_abbrev=False)
-    of_scene(design)
-    design.add_argument("-o", "--output", required=True, type=Path, metavar="DIR")
-    design.add_argument("--objective", action="append", default=[], metavar="NAME=WEIGHT", dest="weights")
-    design.add_argument("--iterations", type=int, default=30, metavar="N")
-    design.add_argument("--method", choices=("lbfgs", "adam"), default="lbfgs")
-    design.add_argument("--starts", type=int, default=1, metavar="N", help="begun from")
-    design.add_argument("--seed", type=int, default=0, help="of the other starts")
-    design.add_argument("--resume", action="store_true", help="go on with the design in DIR")
-    design.add_argument("--quiet", action="store_true", help="no progress, no summary")
-    ensemble = commands.add_parser("ensemble", help="many runs, numbers drawn", allow_abbrev=False)
-    of_scene(ensemble)
-    ensemble.add_argument("-o", "--output", required=True, type=Path, metavar="DIR")
-    ensemble.add_argument("--members", type=int, required=True, metavar="N")
-    ensemble.add_argument("--seed", type=int, default=0, metavar="K")
-    ensemble.add_argument("--vary", action="append", default=[], metavar="KEY=DIST", dest="variations")
-    ensemble.add_argument("--sampling", choices=("random", "sobol", "latin"), default="random")
-    ensemble.add_argument("--observables", metavar="NAME,...", help="those to keep, all if not given")
-    ensemble.add_argument("--processes", type=int, metavar="P", help="on this machine; one per core")
-    ensemble.add_argument("--distributed", action="store_true", help="one of many processes of a cluster")
-    ensemble.add_argument("--coordinator", metavar="HOST:PORT", help="of them, where JAX finds no cluster")
-    ensemble.add_argument("--process", type=int, metavar="I", help="number of this one, likewise")
-    ensemble.add_argument("--resume", action="store_true", help="compute what DIR lacks")
-    ensemble.add_argument("--quiet", action="store_true", help="no progress, no summary")
-    bench = commands.add_parser("bench", help="error against run time on this machine", allow_abbrev=False)
-    bench.add_argument("--scene", default="baseline", help="a built-in scene or a TOML file")
-    bench.add_argument("--t-end", metavar="SECONDS", help="end time in place of the scene's")
-    bench.add_argument("--json", type=Path, metavar="FILE", help="write JSON lines")
-    bench.set_defaults(settings=[])
+    for add in (add_run, add_scenes, add_info, add_plot, add_design, add_ensemble, add_bench):
+        add(commands)
     return top
 
 
-def of_scene(command: argparse.ArgumentParser) -> None:
-    """What every command that runs scenes takes."""
-    command.add_argument("scene", help="a built-in scene or a TOML file")
-    command.add_argument("--t-end", metavar="SECONDS", help="end time in place of the scene's")
-    command.add_argument("--set", action="append", default=[], metavar="table.key=VALUE", dest="settings")
+def add_command(commands: Any, name: str, text: str) -> argparse.ArgumentParser:
+    """A parser of one command. text: its help."""
+    return commands.add_parser(
+        name, help=text, description=f"{text[0].upper()}{text[1:]}.", allow_abbrev=False
+    )
+
+
+def add_scene(command: argparse.ArgumentParser) -> None:
+    """Adds the arguments of every command that simulates a given scene."""
+    command.add_argument("scene", metavar="SCENE", help="name of a built-in scene, or path of a TOML file")
+    command.add_argument("--t-end", metavar="SECONDS", help="end time [s] instead of the scene's")
+    command.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="table.key=VALUE",
+        dest="settings",
+        help="value of a scene key instead of the scene's, in TOML; may be given several times",
+    )
+
+
+def add_run(commands: Any) -> None:
+    """Adds `esail run`."""
+    run = add_command(commands, "run", "simulate a scene and write its run file")
+    add_scene(run)
+    run.add_argument(
+        "-o", "--output", required=True, type=Path, metavar="RUN.h5", help="run file to write (HDF5)"
+    )
+    run.add_argument(
+        "--resume", action="store_true", help="continue RUN.h5 from its last checkpoint, if it exists"
+    )
+    run.add_argument("--quiet", action="store_true", help="print no progress bar and no summary")
+
+
+def add_scenes(commands: Any) -> None:
+    """Adds `esail scenes`."""
+    add_command(commands, "scenes", "list the built-in scenes")
+
+
+def add_info(commands: Any) -> None:
+    """Adds `esail info`."""
+    info = add_command(
+        commands, "info", "print model, method, status, speed and accuracy of a run or an ensemble"
+    )
+    info.add_argument("run", type=Path, metavar="RUN.h5", help="run file, or ensemble.h5 of an ensemble")
+
+
+def add_plot(commands: Any) -> None:
+    """Adds `esail plot`."""
+    plot = add_command(commands, "plot", "draw the figures of a run or an ensemble")
+    plot.add_argument("run", type=Path, metavar="RUN.h5", help="run file, or ensemble.h5 of an ensemble")
+    plot.add_argument(
+        "-o", "--output", required=True, type=Path, metavar="DIR", help="folder for the PNG files"
+    )
+
+
+def add_design(commands: Any) -> None:
+    """Adds `esail design`."""
+    design = add_command(
+        commands, "design", "choose the numbers of a scene's voltage law by gradients of the whole run"
+    )
+    add_scene(design)
+    design.add_argument(
+        "-o", "--output", required=True, type=Path, metavar="DIR",
+        help="folder for the history, the designed scene, the runs before and after, and a figure",
+    )  # fmt: skip
+    design.add_argument(
+        "--objective", action="append", default=[], metavar="NAME=WEIGHT", dest="weights",
+        help="an objective and its weight; may be given several times (default: mean-torque=1, thrust=1). "
+        f"Every objective is divided by its value at constant voltage: {OBJECTIVES_HELP}",
+    )  # fmt: skip
+    design.add_argument(
+        "--iterations", type=int, default=30, metavar="N",
+        help="largest number of iterations, those before --resume included (default: %(default)s)",
+    )  # fmt: skip
+    design.add_argument(
+        "--method", choices=("lbfgs", "adam"), default="lbfgs", help="optimiser (default: %(default)s)"
+    )
+    design.add_argument(
+        "--starts", type=int, default=1, metavar="N",
+        help="number of starts: the scene's own numbers, and N - 1 random ones about them (default: 1)",
+    )  # fmt: skip
+    design.add_argument(
+        "--seed", type=int, default=0, metavar="K", help="seed of the random starts (default: %(default)s)"
+    )
+    design.add_argument("--resume", action="store_true", help="continue the design in DIR, if there is one")
+    design.add_argument("--quiet", action="store_true", help="print no progress and no summary")
+
+
+def add_ensemble(commands: Any) -> None:
+    """Adds `esail ensemble`."""
+    ensemble = add_command(
+        commands, "ensemble", "simulate a scene for many members, each with its own random numbers"
+    )
+    add_scene(ensemble)
+    ensemble.add_argument(
+        "-o", "--output", required=True, type=Path, metavar="DIR", help="folder for ensemble.h5"
+    )
+    ensemble.add_argument("--members", type=int, required=True, metavar="N", help="number of members")
+    ensemble.add_argument(
+        "--seed", type=int, default=0, metavar="K", help="seed of the random numbers (default: %(default)s)"
+    )
+    ensemble.add_argument(
+        "--vary", action="append", default=[], metavar="KEY=DIST", dest="variations",
+        help="scene key and its distribution, in the units of the scene: uniform:a:b, normal:mean:sd or "
+        "grid:a:b:n (n equidistant numbers; several grids form all combinations). KEY= draws one number "
+        "for a member, KEY[*]= one for each of its tethers or rods. May be given several times",
+    )  # fmt: skip
+    ensemble.add_argument(
+        "--sampling", choices=("random", "sobol", "latin"), default="random",
+        help="independent draws, a scrambled Sobol sequence, or a Latin hypercube (default: %(default)s)",
+    )  # fmt: skip
+    ensemble.add_argument(
+        "--observables", metavar="NAME,...", help="observables to write to the file (default: all)"
+    )
+    ensemble.add_argument(
+        "--processes", type=int, metavar="P",
+        help="number of processes on this machine (default: one per core); with --coordinator, in all",
+    )  # fmt: skip
+    ensemble.add_argument(
+        "--distributed", action="store_true",
+        help="be one of many processes that a cluster has started with the same command",
+    )  # fmt: skip
+    ensemble.add_argument(
+        "--coordinator", metavar="HOST:PORT",
+        help="address of process 0, with --distributed; needed only if JAX does not know the cluster",
+    )  # fmt: skip
+    ensemble.add_argument(
+        "--process", type=int, metavar="I", help="number of this process, from 0, with --coordinator"
+    )
+    ensemble.add_argument(
+        "--resume", action="store_true",
+        help="compute only the members that DIR lacks; a larger --members adds members",
+    )  # fmt: skip
+    ensemble.add_argument("--quiet", action="store_true", help="print no progress bar and no summary")
+
+
+def add_bench(commands: Any) -> None:
+    """Adds `esail bench`."""
+    bench = add_command(
+        commands, "bench", "measure error and run time of the methods of integration on this machine"
+    )
+    bench.add_argument(
+        "--scene", default="baseline", metavar="SCENE",
+        help="name of a built-in scene, or path of a TOML file (default: %(default)s)",
+    )  # fmt: skip
+    bench.add_argument("--t-end", metavar="SECONDS", help="end time [s] instead of the scene's")
+    bench.add_argument("--json", type=Path, metavar="FILE", help="also write the results as JSON lines")
+    bench.set_defaults(settings=[])
 
 
 def settings(options: argparse.Namespace) -> dict[str, Any]:
-    """Overrides of `--set` and `--t-end`, by scene key."""
+    """Overrides from `--set` and `--t-end`, by scene key."""
     found = {}
     for text in options.settings:
         key, equals, value = text.partition("=")
@@ -95,7 +214,7 @@ def settings(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def toml_or_text(text: str) -> Any:
-    """VALUE read as TOML; what does not parse is a string."""
+    """The value of a TOML text, or the text itself if it is no TOML."""
     try:
         parsed = tomllib.loads(f"value = {text}")
     except (ValueError, RecursionError):
@@ -104,7 +223,7 @@ def toml_or_text(text: str) -> Any:
 
 
 def use_compilation_cache() -> None:
-    """Keep compiled programs between runs, unless the user has decided on a place already."""
+    """Keeps compiled programs between runs in the user's cache folder, unless JAX already has a folder."""
     import jax
 
     if jax.config.jax_compilation_cache_dir is None:
@@ -114,7 +233,7 @@ def use_compilation_cache() -> None:
         jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 
 
-def run(options: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> ExitCode:
     """`esail run`."""
     from esail_jax.commands.run import run_scene
     from esail_jax.scenes.scene import load_scene
@@ -124,16 +243,16 @@ def run(options: argparse.Namespace) -> int:
     return run_scene(scene, options.output, options.resume, options.quiet)
 
 
-def scenes(_: argparse.Namespace) -> int:
+def scenes(_: argparse.Namespace) -> ExitCode:
     """`esail scenes`."""
     from esail_jax.scenes.builtin_scenes import builtin_names, description
 
     for name in builtin_names():
         print(f"{name:15s} {description(name)}")
-    return DONE
+    return ExitCode.DONE
 
 
-def info(options: argparse.Namespace) -> int:
+def info(options: argparse.Namespace) -> ExitCode:
     """`esail info`."""
     from esail_jax.commands.run import describe
     from esail_jax.files.run_file import holds_ensemble
@@ -142,19 +261,19 @@ def info(options: argparse.Namespace) -> int:
         from esail_jax.commands.ensemble_report import describe_ensemble
 
         print(describe_ensemble(options.run))
-        return DONE
+        return ExitCode.DONE
     print(describe(options.run))
-    return DONE
+    return ExitCode.DONE
 
 
-def plot(options: argparse.Namespace) -> int:
+def plot(options: argparse.Namespace) -> ExitCode:
     """`esail plot`."""
     from esail_jax.files.run_file import holds_ensemble, load
     from esail_jax.plotting import plot_all
 
     use_compilation_cache()
     if holds_ensemble(options.run):
-        from esail_jax.ensembles.ensemble_file import load_ensemble
+        from esail_jax.ensembles import load_ensemble
         from esail_jax.plotting.ensemble import plot_ensemble
 
         paths = plot_ensemble(load_ensemble(options.run), options.output)
@@ -162,12 +281,12 @@ def plot(options: argparse.Namespace) -> int:
         paths = plot_all(load(options.run), options.output)
     for path in paths:
         print(path)
-    return DONE
+    return ExitCode.DONE
 
 
-def design(options: argparse.Namespace) -> int:
+def design(options: argparse.Namespace) -> ExitCode:
     """`esail design`."""
-    from esail_jax.commands.design import design_scene
+    from esail_jax.commands.design import Optimisation, run_design
     from esail_jax.scenes.scene import load_scene
 
     for name in ("iterations", "starts"):
@@ -181,17 +300,16 @@ def design(options: argparse.Namespace) -> int:
             raise UsageError(f"`--objective` must look like NAME=WEIGHT, but is {text!r}")
         weights[name.strip()] = float(value)
     use_compilation_cache()
-    names = ("iterations", "method", "starts", "seed", "resume", "quiet")
-    chosen = {name: getattr(options, name) for name in names}
+    how = Optimisation(options.iterations, options.method, options.starts, options.seed)
     scene = load_scene(options.scene, settings(options))
-    found = design_scene(scene, options.output, weights, **chosen)
+    found = run_design(scene, options.output, weights, how, options.resume, options.quiet)
     from esail_jax.plotting.design import design_figure
 
     design_figure(*found).savefig(options.output / "design.png", dpi=110)
-    return DONE
+    return ExitCode.DONE
 
 
-def ensemble(options: argparse.Namespace) -> int:
+def ensemble(options: argparse.Namespace) -> ExitCode:
     """`esail ensemble`."""
     check_ensemble(options)
     use_compilation_cache()
@@ -202,22 +320,17 @@ def ensemble(options: argparse.Namespace) -> int:
 
         share_cores(options.processes)
     from esail_jax.commands.ensemble import run_distributed, run_here, task_of
-    from esail_jax.ensembles.sampling import VariationError, parse_variation
     from esail_jax.scenes.scene import load_scene
 
     scene = load_scene(options.scene, settings(options))
     names = None
     if options.observables is not None:
         names = [name.strip() for name in options.observables.split(",")]
-    try:
-        variations = [parse_variation(text) for text in options.variations]
-        task = task_of(scene, options.members, variations, options.seed, options.sampling, names)
-    except VariationError as error:
-        raise UsageError(str(error)) from None
+    task = task_of(scene, options.members, options.variations, options.seed, options.sampling, names)
     if options.distributed:
         return run_distributed(task, options.output, options.resume, options.quiet)
     status = run_here(task, options.output, options.processes, options.resume, options.quiet)
-    if status == DONE and not options.quiet:
+    if status == ExitCode.DONE and not options.quiet:
         from esail_jax.commands.ensemble_report import describe_ensemble
 
         print(describe_ensemble(options.output / "ensemble.h5"))
@@ -225,7 +338,7 @@ def ensemble(options: argparse.Namespace) -> int:
 
 
 def check_ensemble(options: argparse.Namespace) -> None:
-    """Raise UsageError for numbers that cannot be."""
+    """Raises UsageError for options of `esail ensemble` that are out of range or do not fit together."""
     for name, least in (("members", 1), ("seed", 0), ("processes", 1), ("process", 0)):
         value = getattr(options, name)
         if value is not None and value < least:
@@ -243,7 +356,7 @@ def check_ensemble(options: argparse.Namespace) -> None:
 
 
 def join_cluster(options: argparse.Namespace) -> None:
-    """Become one of many processes: JAX finds SLURM, Open MPI and Kubernetes by itself."""
+    """Makes this process one of many. JAX recognises SLURM, Open MPI and Kubernetes by itself."""
     import jax
 
     try:
@@ -252,8 +365,8 @@ def join_cluster(options: argparse.Namespace) -> None:
         raise UsageError(f"`--distributed` must find the other processes, but does not: {error}") from None
 
 
-def bench(options: argparse.Namespace) -> int:
-    """`esail bench`: without the cache, so that compiling is timed."""
+def bench(options: argparse.Namespace) -> ExitCode:
+    """`esail bench`. It uses no cache of compiled programs, because it measures the compile time."""
     from esail_jax.commands.bench import NoReference, run_bench
     from esail_jax.scenes.scene import load_scene
 
@@ -262,8 +375,8 @@ def bench(options: argparse.Namespace) -> int:
         run_bench(scene, options.json)
     except NoReference as error:
         complain(error)
-        return GAVE_UP
-    return DONE
+        return ExitCode.FAILED
+    return ExitCode.DONE
 
 
 COMMANDS = {
@@ -273,28 +386,31 @@ COMMANDS = {
 
 
 def complain(error: Exception) -> None:
-    """One line on stderr."""
+    """Prints an error as one line on stderr."""
     print(" ".join(str(error).split()), file=sys.stderr)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Entry point; returns the exit status."""
+def main(arguments: list[str] | None = None) -> ExitCode:
+    """Runs a command line (None: that of the process). Returns the exit code."""
     try:
         options = parser().parse_args(arguments)
-        from esail_jax.files.run_file import RunFileError
-        from esail_jax.scenes.rules import SceneError
     except UsageError as error:
         complain(error)
-        return BAD_INPUT
+        return ExitCode.BAD_INPUT
+    from esail_jax import RunFileError, SceneError, SimulationError
+
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         return COMMANDS[options.command](options)
     except (UsageError, SceneError, RunFileError, OSError) as error:
         complain(error)
-        return BAD_INPUT
+        return ExitCode.BAD_INPUT
+    except SimulationError as error:
+        complain(error)
+        return ExitCode.FAILED
     except KeyboardInterrupt:
-        return INTERRUPTED
+        return ExitCode.INTERRUPTED
 
 
 if __name__ == "__main__":

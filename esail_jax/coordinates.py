@@ -1,8 +1,8 @@
 """Layout of the generalized coordinates q, of their rates, and of the multipliers.
 
-The spherical joints are linear, so a tether's root is not a coordinate of its own: the root node in
-`tether` always *is* its hub point (or its point of the turning frame). It is kept in the array, where
-every operation wants it, and nothing is solved for it.
+The spherical joints are linear, so the root of a tether is not an independent coordinate: the root node in
+`tether` always is its hub point, or its point of the turning frame. It stays in the array because every
+operation on elements needs it, but it is not an unknown of any solver.
 """
 
 from typing import NamedTuple
@@ -14,7 +14,10 @@ from esail_jax.numerics.small_matrices import matmul
 
 
 class Coordinates(NamedTuple):
-    """q, v, vdot or forces. tether: nodal vectors; hub: base points, None without a hub."""
+    """q, v, vdot or generalized forces.
+
+    tether: nodal vectors. hub: base points of the hub; None without a hub.
+    """
 
     tether: Nodal
     hub: HubPoints | None
@@ -24,16 +27,19 @@ class Coordinates(NamedTuple):
         return jax.tree.map(lambda a, b: a + factor * b, self, other)
 
     def rotate(self, rotation: Rotation) -> "Coordinates":
-        """Every vector turned by `rotation`."""
+        """Every vector rotated by `rotation`."""
         columns = rotation.T[:, None, :, None, None]
         tether = sum(columns[j] * self.tether[:, j : j + 1] for j in range(3))
         return Coordinates(tether, None if self.hub is None else matmul(self.hub, rotation.T))
 
 
 class Multipliers(NamedTuple):
-    """Lagrange multipliers [N]. hub: rigidity ([PGV] Eq. 45); clamp: the two conditions on the
-    direction of a clamped root slope. None where there is no such constraint. The multipliers of
-    the spherical joints are read off the equations of the root nodes (`System.root_reaction`)."""
+    """Lagrange multipliers [N].
+
+    hub: those of the rigidity constraints ([PGV] Eq. 45). clamp: those of the two conditions on the
+    direction of a clamped root slope. None where there is no such constraint. The multipliers of the
+    spherical joints are not unknowns: they are the residuals of the root nodes (`system.Residual`).
+    """
 
     hub: Float[Array, "6"] | None
     clamp: Float[Array, "2 tether"] | None

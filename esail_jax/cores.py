@@ -1,22 +1,25 @@
-"""The cores of this machine, and how many runs share them.
+"""Number of processor cores and of threads per process.
 
-XLA hands the loops of a program to as many threads as a process may use cores. Those of a sail take
-microseconds: the baseline takes a tenth more time on two threads than on one, and nearly half as much again
-of the cores. Beside another such process it takes twice as long as two processes of one thread each.
+XLA distributes the loops of a program over as many threads as the process may use cores. The loops of a
+sail take microseconds, too little for several threads: with two threads the baseline takes 10 % more time
+than with one, and nearly 50 % more processor time. Two such processes side by side take twice as long as
+two processes with one thread each.
 """
 
 import os
 
 THREADS = "NPROC"
-"""Environment variable from which XLA takes the number of threads, when JAX is first used."""
+"""Environment variable from which XLA reads its number of threads when JAX is first used."""
 
 
 def cores() -> int:
-    """Of this machine, as far as this process may use them."""
+    """Returns the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def share_cores(processes: int | None) -> None:
-    """Give this process, before it uses JAX, and those it starts their share of the cores in threads, of so
-    many side by side (None: one per core). A number that is set already stays."""
+    """Limits the threads of this process, and of those that it starts, to their share of the cores.
+
+    processes: number of processes that share the machine; None: one per core. Call it before JAX is used. A
+    number that the environment already sets is not changed."""
     os.environ.setdefault(THREADS, str(max(1, cores() // (processes or cores()))))

@@ -1,10 +1,11 @@
-"""The iteration matrix of a system, and the layout of its solver. Holds no physics.
+"""The iteration matrix of a system, and the layout of its linear solver. Holds no physics.
 
     [ M + s (K + c C)   Phi_q^T ] [ dq     ]
     [ Phi_q             0       ] [ s dlam ]
 
-Assembled block by block: element blocks along every tether, clamped roots at the ports, the hub in
-the border they share (`numerics/bordered.py`). With s = 0 it gives consistent accelerations.
+It is assembled from blocks: element blocks along every tether, clamped roots at the ports, and the hub in
+the border that the tethers share (`numerics/bordered.py`). With s = 0 it is the matrix of consistent
+accelerations.
 """
 
 from typing import NamedTuple
@@ -24,10 +25,10 @@ from esail_jax.terms import PointFields
 def point_jacobian(
     system: System, time: Scalar, fields: PointFields, rates: PointFields, rate_factor: Scalar
 ) -> dict[tuple[str, str], Array]:
-    """d(point forces)/d(fields) along rates that move with the fields: dF/dx + factor dF/dv.
+    """Jacobian of the point forces F with respect to the fields x, dF/dx + rate_factor dF/dx'.
 
-    By (row, column) field names, the pairs that some term couples: (direction, component,
-    point, element). One forward derivative per component a term depends on.
+    The result has an entry for every (row, column) pair of field names that a term couples, (direction,
+    component, point, element). Each component that a term depends on takes one forward derivative.
     """
     blocks = {}
     for term in (*system.inner_terms, *system.loads):
@@ -42,7 +43,7 @@ def point_jacobian(
 
         zeros = [jnp.zeros_like(getattr(fields, name)) for name in names]
         for index, column in enumerate(names):
-            rows = jax.vmap(lambda d, i=index, z=zeros: jax.jvp(shifted, z, one_of(z, i, d))[1])(
+            rows = jax.vmap(lambda d, i=index, z=zeros: jax.jvp(shifted, z, unit_tangent(z, i, d))[1])(
                 unit_directions(zeros[index])
             )
             for row in term.acts_on:
@@ -59,13 +60,15 @@ def tangent(
     stiffness_factor: Scalar,
     rate_factor: Scalar,
 ) -> bordered.Bordered:
-    """M + s (K + c C) and the constraint gradients, s = `stiffness_factor`, c = `rate_factor`,
-    K = d(residual)/dq, C = d(residual)/dv at given voltages. The unknowns beside dq are s dlam: with
-    that scaling the matrix tends to the mass matrix as the step tends to zero (Bottasso; Arnold &
-    Brüls)."""
+    """Iteration matrix M + s (K + c C) with the constraint gradients.
+
+    s = `stiffness_factor`, c = `rate_factor`; K = d(residual)/dq and C = d(residual)/dv at fixed commands
+    of the control laws. The unknowns beside dq are s dlam. With that scaling the matrix tends to that of
+    `mass` as the step tends to zero (Bottasso; Arnold & Brüls).
+    """
     tethers = system.tethers
     fields, rates = tethers.interpolate(q.tether), tethers.interpolate(v.tether)
-    jacobian = point_jacobian(system.steered(time, q), time, fields, rates, rate_factor)
+    jacobian = point_jacobian(system.with_commanded_loads(time, q), time, fields, rates, rate_factor)
     axes = np.eye(3)
     if system.orbit is not None:
         by_position, by_velocity = system.orbit.gradients
@@ -73,27 +76,28 @@ def tangent(
     elements = stiffness_factor * tethers.tangent_elements(jacobian)
     elements = elements + tethers.mass_elements(axes)
     scaled = jax.tree.map(lambda x: stiffness_factor * x, lam)
-    return assembled(system, time, q, elements, tethers.point_masses(axes), scaled)
+    return assemble(system, time, q, elements, tethers.point_masses(axes), scaled)
 
 
 def mass(system: System, time: Scalar, q: Coordinates) -> bordered.Bordered:
-    """M and the constraint gradients: the matrix of a consistent acceleration."""
+    """Mass matrix M with the constraint gradients: the matrix of consistent accelerations."""
     tethers = system.tethers
-    return assembled(
-        system, time, q, mass_elements(system), tethers.point_masses(), system.no_multipliers()
-    )
+    return assemble(system, time, q, mass_elements(system), tethers.point_masses(), system.no_multipliers())
 
 
 def mass_elements(system: System) -> Float[Array, "row col elem tether"]:
-    """Of every element, equal ones too."""
+    """Mass matrices of all elements, those of equal elements repeated."""
     elements = system.tethers.mass_elements()
     return jnp.broadcast_to(elements, (*elements.shape[:2], system.tethers.elements, elements.shape[-1]))
 
 
 class Inertia(NamedTuple):
-    """What no state of motion changes in a factorisation of `mass`: factors of the tethers' mass matrices,
-    their Schur complements on the roots, and, unless clamped or released roots make them depend on the
-    state, the factors of the ports of a system whose hub has the attitude 1."""
+    """The parts of the factorisation of `mass` that do not depend on the state.
+
+    chains: factors of the tethers' mass matrices. schur: their Schur complements at the roots. ports: the
+    factors of ports and hub at zero rotation; None if roots are clamped or may be released, as the factors
+    then depend on the state.
+    """
 
     chains: ChainFactors
     schur: Float[Array, "row row tether"]
@@ -101,7 +105,7 @@ class Inertia(NamedTuple):
 
 
 def inertia_of(system: System) -> Inertia:
-    """The inertia of a system."""
+    """Computes the state-independent part of the factorisation of `mass`."""
     elements, masses = mass_elements(system), system.tethers.point_masses()
     chains, schur = block_tridiagonal.factor(*chain_blocks(system, elements, masses))
     if system.clamped or (system.roots is not None and system.roots.releases.released is not None):
@@ -113,14 +117,17 @@ def inertia_of(system: System) -> Inertia:
 
 
 FactoredMass = tuple[bordered.Bordered, bordered.Factors]
-"""`mass` of a state and its factors."""
+"""The matrix `mass` of a state, and its factors."""
 
 
 def factor_mass(
     system: System, time: Scalar, q: Coordinates, inertia: Inertia | None = None
 ) -> FactoredMass:
-    """`mass` and its factors. inertia: that of the system, where many states share it; the hub must have
-    its shape then."""
+    """The matrix `mass` of a state, and its factors.
+
+    inertia: `inertia_of(system)`, if many states share it. The hub's base points must then form a rigid
+    body.
+    """
     matrix = mass(system, time, q)
     if inertia is None:
         return matrix, bordered.factor(matrix)
@@ -128,13 +135,13 @@ def factor_mass(
     if ports is None:
         ports = bordered.factor_ports(matrix, schur)
     elif system.hub is not None:
-        ports = turned(ports, system.rotation(time, q))
+        ports = rotate_ports(ports, system.rotation(time, q))
     return matrix, bordered.Factors(chains, ports)
 
 
-def turned(ports: bordered.PortFactors, attitude: Rotation) -> bordered.PortFactors:
-    """Those of a hub with another attitude: inertia is the same in all directions, the gradients of
-    rigidity turn with the hub."""
+def rotate_ports(ports: bordered.PortFactors, attitude: Rotation) -> bordered.PortFactors:
+    """Factors of the ports for a hub with another attitude. The inertia is the same in all directions; the
+    gradients of the rigidity constraints rotate with the hub."""
 
     def rows(a):
         points = attitude @ a[:12].reshape(4, 3, -1)
@@ -143,7 +150,7 @@ def turned(ports: bordered.PortFactors, attitude: Rotation) -> bordered.PortFact
     return ports._replace(border_inverse=rows(rows(ports.border_inverse).T).T)
 
 
-def assembled(
+def assemble(
     system: System,
     time: Scalar,
     q: Coordinates,
@@ -151,10 +158,11 @@ def assembled(
     masses: tuple[Array, Array | None],
     lam: Multipliers,
 ) -> bordered.Bordered:
-    """Element blocks and point masses (tip, base) in one matrix with what hub and clamps add."""
+    """Assembles element blocks, point masses (tip, base), and the blocks of hub and clamps in one
+    matrix."""
     weights = None
     if system.hub is not None:
-        weights = system.roots.releases.free(jnp.zeros(()), system.roots.weights)
+        weights = system.roots.releases.where_released(jnp.zeros(()), system.roots.weights)
     matrix = bordered.Bordered(
         *chain_blocks(system, elements, masses),
         weights,
@@ -171,7 +179,7 @@ def assembled(
 def chain_blocks(
     system: System, elements: Array, masses: tuple[Array, Array | None]
 ) -> tuple[Array, Array, Array]:
-    """Diagonal, upper and lower blocks of the tethers."""
+    """Diagonal, upper and lower blocks of the tethers, point masses included."""
     diag, upper, lower = system.tethers.blocks(elements)
     tip, base = masses
     diag = diag.at[-1].add(tip)
@@ -181,7 +189,7 @@ def chain_blocks(
 
 
 def hub_border(system: System, q: Coordinates, lam: Multipliers) -> Float[Array, "18 18"]:
-    """Hub mass, and the Hessian of lam . Phi in (base points, multipliers), which holds the
+    """Hub mass plus the Hessian of lam . Phi with respect to (base points, multipliers), which contains the
     constraint gradients and their geometric stiffness."""
 
     def potential(unknown):
@@ -195,10 +203,11 @@ def hub_border(system: System, q: Coordinates, lam: Multipliers) -> Float[Array,
 def add_clamps(
     system: System, time: Scalar, matrix: bordered.Bordered, q: Coordinates, lam: Multipliers
 ) -> bordered.Bordered:
-    """Hessian of mu . psi in (root slope in metres, mu) and the base points, root by root."""
+    """Adds the Hessian of mu . psi with respect to (root slope in metres, mu) and the base points, root by
+    root."""
     length = system.tethers.element_length
     if system.hub is None:
-        normals = system.roots.turn(time, system.roots.normals)
+        normals = system.roots.to_inertial(time, system.roots.normals)
     else:
         normals = system.roots.normals
 
@@ -226,7 +235,7 @@ def add_clamps(
 
 
 def to_vector(system: System, forces: Coordinates, constraints: Multipliers) -> bordered.Vector:
-    """Residual or right-hand side in the solver's layout (slopes in metres)."""
+    """Residual or right-hand side in the layout of the solver, slope rows per metre."""
     border = local = None
     if system.hub is not None:
         border = jnp.concatenate([forces.hub.reshape(-1), constraints.hub])
@@ -236,7 +245,7 @@ def to_vector(system: System, forces: Coordinates, constraints: Multipliers) -> 
 
 
 def from_vector(system: System, x: bordered.Vector) -> tuple[Coordinates, Multipliers]:
-    """Solution of the solver as coordinates and (scaled) multipliers."""
+    """Solution of the solver as coordinates and scaled multipliers s dlam."""
     tethers = system.tethers
     nodal = jnp.moveaxis(x.blocks.reshape(x.blocks.shape[0], tethers.coefs, 3, -1), 0, 2)
     if tethers.coefs == 2:
@@ -249,23 +258,23 @@ def from_vector(system: System, x: bordered.Vector) -> tuple[Coordinates, Multip
 
 
 def to_blocks(system: System, nodal: Nodal) -> Float[Array, "node row tether"]:
-    """Nodal values node by node, slopes in metres."""
+    """Nodal forces as one block per node, slope rows conjugate to slopes in metres."""
     if system.tethers.coefs == 2:
         nodal = jnp.stack([nodal[0], nodal[1] / system.tethers.element_length])
     return jnp.moveaxis(nodal, 2, 0).reshape(nodal.shape[2], -1, nodal.shape[3])
 
 
 def unit_directions(like: Float[Array, "3 *point"]) -> Float[Array, "3 3 *point"]:
-    """The three unit vectors, at every point."""
+    """The three unit vectors, repeated at every point."""
     axes = np.eye(3).reshape(3, 3, *(1,) * (like.ndim - 1))
     return jnp.broadcast_to(axes, (3, *like.shape))
 
 
-def one_of(zeros: list[Array], index: int, direction: Array) -> list[Array]:
-    """Tangents that are zero but for one field."""
+def unit_tangent(zeros: list[Array], index: int, direction: Array) -> list[Array]:
+    """Tangents of several fields: `direction` for one of them, zero for the others."""
     return [direction if i == index else zero for i, zero in enumerate(zeros)]
 
 
 def add_block(blocks: dict, key: tuple[str, str], value: Array) -> None:
-    """Accumulate into a dictionary."""
+    """Adds a block to a dictionary of blocks."""
     blocks[key] = blocks[key] + value if key in blocks else value

@@ -1,18 +1,17 @@
 """A chain of elastic rods in relative coordinates, solved in O(n) ([MW]).
 
-The coordinates are the rod vectors x_i from joint i-1 to joint i, before them the position of the
-first joint if nothing holds it. With Phi the sum over rods, M = Phi^T G Phi (Eq. 24): G, tridiagonal
-and constant, is the mass matrix in the joints' positions. Eq. 28-30 therefore read
+The coordinates are the rod vectors x_i from joint i-1 to joint i. If nothing holds the first joint, its
+position stands before them. The mass matrix is M = Phi^T G Phi (Eq. 24): Phi sums over rods, and G,
+tridiagonal and constant, is the mass matrix in the joints' positions. Eq. 28-30 therefore read
 
     tension of every rod -> force on every joint -> G eta = force -> x'' = difference of eta,
 
-eta being the joints' accelerations. G is factored once. The sums over all rods beyond a joint that
-Eq. 29 forms (Q_F F) cancel against the differences it takes right after; taking them out by hand leaves
-`cumsum` only where a load depends on position, and no digits are lost to forces summed over 10^5 rods.
-Accelerations are those relative to a freely falling particle, as everywhere (`System.field`): the
-field of an orbit is linear in x.
+where eta are the joints' accelerations. G is factored once. Eq. 29 forms sums over all rods beyond a joint
+(Q_F F), which cancel against the differences taken right after. Without both, `cumsum` is needed only where
+a load depends on position, and forces summed over 10^5 rods cannot cost digits. Accelerations are relative
+to a freely falling particle, as in `System.field`; the field of an orbit is linear in x.
 
-Energies, dissipations and loads are the system's own, evaluated on the same truss elements.
+Energies, dissipations and loads are those of the system, evaluated on the same truss elements.
 """
 
 from typing import NamedTuple
@@ -25,20 +24,24 @@ from jax import lax
 
 from esail_jax.array_types import Array, Float, Scalar, VectorPerPoint
 from esail_jax.coordinates import Coordinates
+from esail_jax.elements.axial import AbstractAxialEnergy, AxialDissipation
 from esail_jax.elements.hinges import Hinges
 from esail_jax.system import Power, System
-from esail_jax.terms import PointFields
+from esail_jax.terms import PointFields, find_term
 
 Rods = Float[Array, "3 vector"]
 
 UNROLL = 4
-"""Joints per iteration of the two loops. Measured: at 16, or with the differences inside, the compiler
-no longer makes one piece of code of an iteration, which costs two to ten times the time."""
+"""Joints per iteration of the two loops. At 16, or with the differences inside the loops, the compiler does
+not fuse an iteration, which takes two to ten times as long (measured)."""
 
 
 class RodState(NamedTuple):
-    """x [m], its rate v [m/s], and the work [J] since the start where there are loads or
-    dissipations (None otherwise). Or the time derivative of all that."""
+    """State of a chain, or the time derivative of a state.
+
+    x: coordinates [m]. v: their rates [m/s]. work: [J] since the start; None without loads and
+    dissipations.
+    """
 
     x: Rods
     v: Rods
@@ -46,11 +49,11 @@ class RodState(NamedTuple):
 
 
 class MassFactors(NamedTuple):
-    """G = U D U^T over the joints that move ([MW] Eq. 26-27 without square roots): pivots from the tip
-    to the root, U with ones on its diagonal and `outward` beside it.
+    """Factors of G = U D U^T over the joints that move ([MW] Eq. 26-27 without square roots). The
+    elimination runs from the tip to the root; U has ones on its diagonal and `outward` beside it.
 
-    pivot_inverse 1/p_i [1/kg]; outward e_i/p_{i+1}: to the next joint, 0 at the tip; inward
-    e_{i-1}/p_i: from the joint before, which for the first one is the anchor, or none.
+    pivot_inverse: 1/p_i [1/kg]. outward: e_i/p_{i+1}, the coupling to the next joint, 0 at the tip. inward:
+    e_{i-1}/p_i, the coupling to the joint before; for the first joint that is the anchor, or nothing.
     """
 
     pivot_inverse: Float[Array, " joint"]
@@ -59,9 +62,9 @@ class MassFactors(NamedTuple):
 
 
 class RodChain(eqx.Module):
-    """The right-hand side of x'' = a(t, x, x') for a system of one tether of rods.
+    """A chain of rods: the right-hand side of x'' = a(t, x, x') for a system of one tether of rods.
 
-    mass: factors of G over the joints that move.
+    hinges: springs at the joints; None without flexural rigidity. mass: factors of G.
     """
 
     system: System
@@ -70,22 +73,22 @@ class RodChain(eqx.Module):
 
     @classmethod
     def of(cls, system: System, hinges: Hinges | None = None) -> "RodChain":
-        """With the mass matrix factored."""
+        """The chain of a system, with its mass matrix factored."""
         return cls(system, hinges, factor(*joint_masses(system), held=system.roots is not None))
 
     @property
     def free(self) -> bool:
-        """Does nothing hold the first joint?"""
+        """Tells whether nothing holds the first joint."""
         return self.system.roots is None
 
     @property
     def terms(self) -> tuple[str, ...]:
-        """Names of everything that was built."""
+        """Names of all parts that were built."""
         return (*self.system.terms, *["hinges"] * (self.hinges is not None))
 
     @property
-    def works(self) -> bool:
-        """Is there work to keep account of?"""
+    def has_work(self) -> bool:
+        """Tells whether loads or dissipations do work, which the state then includes."""
         return bool(self.system.loads or self.system.dissipations)
 
     def rods(self, x: Rods) -> Float[Array, "3 rod"]:
@@ -93,25 +96,25 @@ class RodChain(eqx.Module):
         return x[:, 1:] if self.free else x
 
     def joints(self, x: Rods) -> Float[Array, "3 joint"]:
-        """Positions of the joints from the first one on (of rates: their velocities)."""
+        """Positions of all joints from coordinates, or velocities from their rates."""
         ends = jnp.cumsum(x, axis=1)
         return ends if self.free else jnp.pad(ends, ((0, 0), (1, 0)))
 
     def coordinates(self, state: RodState) -> tuple[Coordinates, Coordinates]:
-        """q and v of the joints, in the layout of the system."""
+        """Positions q and velocities v of the joints, in the layout of the system."""
         q, v = (self.joints(x)[None, :, :, None] for x in (state.x, state.v))
         return Coordinates(q, None), Coordinates(v, None)
 
     def state(self, q: Coordinates, v: Coordinates, work: Power | None) -> RodState:
-        """The state with given positions and velocities of the joints."""
+        """The state with given positions q and velocities v of the joints."""
         x, rate = (jnp.diff(c.tether[0, :, :, 0], axis=1) for c in (q, v))
         if self.free:
             first = [c.tether[0, :, :1, 0] for c in (q, v)]
             x, rate = (jnp.concatenate(pair, axis=1) for pair in zip(first, (x, rate), strict=True))
-        return RodState(x, rate, work if self.works else None)
+        return RodState(x, rate, work if self.has_work else None)
 
     def __call__(self, time: Scalar, state: RodState) -> RodState:
-        """d(x, v, work)/dt."""
+        """Time derivative of the state (x, v, work)."""
         x, v, _ = state
         stress, load, power = self.point_terms(time, x, v)
         if self.hinges is not None:
@@ -121,10 +124,10 @@ class RodChain(eqx.Module):
     def accelerate(
         self, x: Rods, v: Rods, stress: Float[Array, "3 rod"], load: Float[Array, "3 joint"] | None
     ) -> Rods:
-        """x'' from the axial forces of the rods and the loads on the joints: the two loops of Eq. 30.
+        """Accelerations x'' from the axial forces of the rods and the loads on the joints: Eq. 30.
 
-        The first runs from the tip to the root, eliminating joint by joint, the second back. In axes
-        that fall freely the anchor rises, which is where the second one starts.
+        The first loop eliminates joint by joint from the tip to the root, the second substitutes backwards.
+        In freely falling axes the anchor accelerates by -g, the value with which the second loop starts.
         """
         system, mass = self.system, self.mass
         force = jnp.diff(stress, axis=1, append=0.0)
@@ -156,11 +159,11 @@ class RodChain(eqx.Module):
     def point_terms(
         self, time: Scalar, x: Rods, v: Rods
     ) -> tuple[Float[Array, "3 rod"], Float[Array, "3 joint"] | None, Power | None]:
-        """Axial force vector of every rod [N], force of the loads on every joint [N] and power [W],
-        the last two None where there are none."""
+        """Axial force vector of every rod [N], force of the loads on every joint [N] (None without loads),
+        and power [W] (None if no work is done)."""
         system, tethers = self.system, self.system.tethers
         length = tethers.lengths
-        # Without loads everything is constant along a rod: one point is exact.
+        # Without loads all fields are constant along a rod: one point is exact.
         weights = tethers.weights if system.loads else np.ones(1)
 
         def fields_of(c: Rods) -> PointFields:
@@ -171,9 +174,9 @@ class RodChain(eqx.Module):
             return PointFields(between(tethers.table(0), self.joints(c)), slope)
 
         rates = fields_of(v)
-        total, lost, loads = system.point_forces(time, fields_of(x), rates)
+        total, dissipated_density, loads = system.point_forces(time, fields_of(x), rates)
         stress = jnp.tensordot(weights, total.r_x, (0, 1))
-        if not self.works:
+        if not self.has_work:
             return stress, None, None
         joint_force, external, dissipated = None, jnp.zeros(()), jnp.zeros(())
         if system.loads:
@@ -183,22 +186,22 @@ class RodChain(eqx.Module):
             )
             joint_force = jnp.pad(near, ((0, 0), (0, 1))) + jnp.pad(far, ((0, 0), (1, 0)))
             external = (joint_force * self.joints(v)).sum()
-        if system.weighted:
+        if system.has_field:
             q, rate = self.coordinates(RodState(x, v, None))
             external = external + (system.field(q, rate).tether * system.momenta(rate).tether).sum()
         if system.dissipations:
-            dissipated = ((weights @ lost) * length).sum()
+            dissipated = ((weights @ dissipated_density) * length).sum()
         return stress, joint_force, Power(external, dissipated)
 
 
 def between(shapes: np.ndarray, joints: Float[Array, "3 joint"]) -> VectorPerPoint:
-    """Values at the Gauss points of every rod: (xyz, point, rod)."""
+    """Interpolates joint values to the Gauss points of every rod: (xyz, point, rod)."""
     ends = jnp.stack([joints[:, :-1], joints[:, 1:]])
     return jnp.moveaxis(jnp.tensordot(shapes, ends, 1), 1, 0)
 
 
 def joint_masses(system: System) -> tuple[Float[Array, " joint"], Float[Array, " rod"]]:
-    """G ([MW] Eq. 25) of all joints, end masses included: its diagonal and what is beside it."""
+    """Diagonal and off-diagonal of G ([MW] Eq. 25) over all joints, end masses included."""
     tethers = system.tethers
     mass = tethers.masses
     table = tethers.mass_table
@@ -210,7 +213,8 @@ def joint_masses(system: System) -> tuple[Float[Array, " joint"], Float[Array, "
 
 
 def factor(diagonal: Float[Array, " joint"], beside: Float[Array, " rod"], held: bool) -> MassFactors:
-    """Factors of G from its elements over all joints; held: does the first one rest?"""
+    """Factors of G from its diagonal and off-diagonal over all joints. held: whether the first joint is
+    fixed."""
     if held:
         diagonal, before = diagonal[1:], beside
     else:
@@ -229,9 +233,11 @@ def factor(diagonal: Float[Array, " joint"], beside: Float[Array, " rod"], held:
 
 
 def error_scale(chain: RodChain, start: RodState) -> RodState:
-    """What errors are measured by, beside the values themselves: of a rod vector [m] its length, of its
-    rate [m/s] that length times the rate at which rods turn, of work [J] the energy of all mass at such
-    speeds."""
+    """Scales of a state for absolute errors.
+
+    They are the rod's length for a rod vector [m]; that length times the rate at which rods turn for its
+    rate [m/s]; and the kinetic energy of the total mass at such speeds for work [J].
+    """
     tethers = chain.system.tethers
     length = tethers.lengths
     rate = jnp.maximum(turning_rate(chain, start), 1e-4 * fastest_rate(chain))
@@ -244,8 +250,8 @@ def error_scale(chain: RodChain, start: RodState) -> RodState:
 
 
 def turning_rate(chain: RodChain, start: RodState) -> Scalar:
-    """Estimate [rad/s] of how fast rods turn: from their initial rates, under gravity over their own
-    length, and with the orbit."""
+    """Estimated rate [rad/s] at which rods turn: the largest of their initial rates, the rate of a fall
+    over their own length under gravity, and twice that of the orbit."""
     system, length = chain.system, chain.system.tethers.lengths
     speed = jnp.sqrt((chain.rods(start.v) ** 2).sum(0).max())
     rate = speed / length.min()
@@ -258,9 +264,10 @@ def turning_rate(chain: RodChain, start: RodState) -> Scalar:
 
 
 def energy_floor(chain: RodChain) -> Scalar:
-    """Energy [J] that is nothing: rounding of a chain at rest, from all its stiffness and weight."""
+    """Energy [J] below which a difference is rounding, from the chain's total stiffness and weight."""
     system, tethers = chain.system, chain.system.tethers
-    floor = 1e-20 * (system.energies[0].stiffness * tethers.lengths).sum()
+    axial = find_term(system.energies, AbstractAxialEnergy)
+    floor = 1e-20 * (axial.stiffness * tethers.lengths).sum()
     if system.gravity is not None:
         mass = tethers.masses.sum() + tethers.tip_mass.sum()
         fall = jnp.abs(system.gravity).sum() * tethers.lengths.sum()
@@ -269,18 +276,20 @@ def energy_floor(chain: RodChain) -> Scalar:
 
 
 def fastest_rate(chain: RodChain) -> Scalar:
-    """An upper bound of the chain's frequencies, and of its rates of damping [1/s].
+    """Upper bound [1/s] of the chain's frequencies and of its rates of damping.
 
-    No mode of an assembled structure is faster than its fastest free element (Irons & Treharne):
-    omega^2 = 12 EA/(m l) for a rod; a joint's spring adds 12 c (1/l_i + 1/l_{i+1})^2 (1/m_i + 1/m_{i+1})
-    at most. Lumped masses only slow things down. Dissipation acts at gamma omega^2.
+    No mode of an assembled structure is faster than its fastest free element (Irons & Treharne). A rod has
+    omega^2 = 12 EA/(m l); a joint's spring adds at most 12 c (1/l_i + 1/l_{i+1})^2 (1/m_i + 1/m_{i+1}).
+    Lumped masses only lower the frequencies. Damping with time gamma has the rate gamma omega^2.
     """
     tethers = chain.system.tethers
     length, mass = tethers.lengths, tethers.masses
-    squared = 12.0 * chain.system.energies[0].stiffness / (mass * length)
+    axial = find_term(chain.system.energies, AbstractAxialEnergy)
+    damping = find_term(chain.system.dissipations, AxialDissipation)
+    squared = 12.0 * axial.stiffness / (mass * length)
     rate = jnp.sqrt(squared.max())
-    for term in chain.system.dissipations:
-        rate = jnp.maximum(rate, (term.time * squared).max())
+    if damping is not None:
+        rate = jnp.maximum(rate, (damping.time * squared).max())
     if chain.hinges is not None:
         lever, light = 1.0 / length, 1.0 / mass
         if chain.hinges.direction is not None:

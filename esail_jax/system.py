@@ -1,9 +1,9 @@
-"""The sum of the terms a scene lists: residual, constraints and attitude. Holds no physics.
+"""The system: sum of the terms of a scene, with its residual, constraints and attitude. Holds no physics.
 
     M v' + Phi_q^T lam - Q(t, q, v) = 0,      Phi(t, q) = 0
 
-Every function below loops over the terms that are there; an absent one leaves no trace in the
-compiled program.
+Every function loops over the terms that are present; an absent term leaves no trace in the compiled
+program.
 """
 
 from typing import NamedTuple
@@ -26,35 +26,50 @@ from esail_jax.array_types import (
 )
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.elements.rigid_body import RigidBody
-from esail_jax.elements.tether import Tethers
+from esail_jax.elements.tether import TetherBatch
 from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.joints.roots import FrameRoots, HubRoots
-from esail_jax.loads.voltage import Sight, VoltageLaw
+from esail_jax.measurements import Measurements
 from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import dot, stacked
-from esail_jax.terms import Deformation, Dissipation, Load, PointFields, Term, Together
+from esail_jax.terms import (
+    Deformation,
+    Dissipation,
+    Load,
+    PointFields,
+    SummedDeformations,
+    Term,
+    needs_command,
+)
 
 
 class Power(NamedTuple):
-    """Power [W] put in by loads, gravity and the turning frame, and lost by dissipation."""
+    """Power [W]: external is that of loads, acceleration field and turning frame; dissipated is that of the
+    dissipations. Also the work [J] that is its integral over time."""
 
     external: Scalar
     dissipated: Scalar
 
 
 class Residual(NamedTuple):
-    """Left-hand sides. forces: equations of motion [N] (slope rows [N m]) with the reaction of the
-    root joints left out, so that the rows of the root nodes *are* those reactions. constraints:
-    Phi [m]."""
+    """Left-hand sides of the equations of motion and of the constraints.
+
+    forces: equations of motion [N] (slope rows [N m]). The reactions of the root joints are left out, so
+    that the rows of the root nodes are those reactions. constraints: Phi [m].
+    """
 
     forces: Coordinates
     constraints: Multipliers
 
 
 class System(eqx.Module):
-    """Tethers, what acts on them and what holds them (roots None: nothing does)."""
+    """Tethers, the terms that act on them, and the roots that hold them.
 
-    tethers: Tethers
+    roots: None if nothing holds the tethers. hub: None for a turning frame or a chain. gravity: uniform
+    acceleration [m/s^2]. orbit: field of a circular orbit, in whose axes the chain then moves.
+    """
+
+    tethers: TetherBatch
     roots: HubRoots | FrameRoots | None
     hub: RigidBody | None
     energies: tuple[Term, ...]
@@ -62,22 +77,22 @@ class System(eqx.Module):
     loads: tuple[Load, ...]
     gravity: Vector | None
     orbit: CircularOrbit | None = None
-    steering: VoltageLaw | None = None
 
-    # ---- what is there ---------------------------------------------------------------------
+    # ---- parts -----------------------------------------------------------------------------
 
     @property
     def clamped(self) -> bool:
+        """Tells whether the roots are clamped."""
         return self.roots is not None and self.roots.normals is not None
 
     @property
-    def weighted(self) -> bool:
-        """Is there an acceleration field, gravity or that of an orbit?"""
+    def has_field(self) -> bool:
+        """Tells whether there is an acceleration field: gravity or that of an orbit."""
         return self.gravity is not None or self.orbit is not None
 
     @property
     def terms(self) -> tuple[str, ...]:
-        """Names of everything that was built, for `/numerics` and for people."""
+        """Names of all parts that were built. Run files and `esail info` list them."""
         if self.tethers.kind == "rod":
             names = ["free chain" if self.roots is None else "fixed anchor", "rods"]
         else:
@@ -87,7 +102,7 @@ class System(eqx.Module):
                 "clamped roots" if self.clamped else "pinned roots",
             ]
         names += [term.name for term in (*self.energies, *self.dissipations, *self.loads)]
-        names += [] if self.steering is None else [self.steering.name]
+        names += [load.law_name for load in self.loads if needs_command(load)]
         names += ["gravity"] * (self.gravity is not None)
         return tuple(names + ["circular orbit"] * (self.orbit is not None))
 
@@ -96,26 +111,27 @@ class System(eqx.Module):
     def point_forces(
         self, time: Instants, fields: PointFields, rates: PointFields
     ) -> tuple[PointFields, PerPoint | None, PointFields]:
-        """At every quadrature point: what is conjugate to the fields (dW + dR - f), the power lost [W/m]
-        (None where nothing dissipates), and the loads' part of the first, with its sign."""
+        """Forces at every quadrature point: the sum of all terms, conjugate to the fields (dW + dR - f);
+        the dissipated power [W/m], None without dissipation; and the loads' part of the sum, -f."""
         inner = [term.point_forces(time, fields, rates) for term in self.inner_terms]
         loads = [term.point_forces(time, fields, rates) for term in self.loads]
-        lost = None
+        dissipated = None
         if self.dissipations:
-            lost = 2.0 * sum(term.density(fields, rates) for term in self.dissipations)
-        return add_fields(inner + loads), lost, add_fields(loads)
+            dissipated = 2.0 * sum(term.density(fields, rates) for term in self.dissipations)
+        return add_fields(inner + loads), dissipated, add_fields(loads)
 
     @property
     def inner_terms(self) -> tuple[Term, ...]:
-        """Energies and dissipations, those of the shape together."""
+        """Energies and dissipations. Those that are functions of the invariants are summed into one
+        term."""
         terms = (*self.energies, *self.dissipations)
-        shaped = tuple(term for term in terms if isinstance(term, Deformation))
+        summed = tuple(term for term in terms if isinstance(term, Deformation))
         others = tuple(term for term in terms if not isinstance(term, Deformation))
-        return (Together(shaped), *others) if shaped else others
+        return (SummedDeformations(summed), *others) if summed else others
 
     def field(self, q: Coordinates, v: Coordinates) -> Coordinates:
-        """Acceleration [m/s^2] of a free particle at every node and hub point: uniform gravity and
-        the field of an orbit. Being linear in position, it is exact between nodes too."""
+        """Acceleration [m/s^2] of a free particle at every node and hub point, due to uniform gravity and
+        the field of an orbit. Both are linear in position, so that interpolation between nodes is exact."""
         hub = None if q.hub is None else jnp.zeros_like(q.hub)
         tether = jnp.zeros_like(q.tether)
         if self.gravity is not None:
@@ -129,17 +145,19 @@ class System(eqx.Module):
             hub = None if hub is None else hub + self.orbit.acceleration(q.hub.T, v.hub.T).T
         return Coordinates(tether, hub)
 
-    def inertial(self, q: Coordinates, v: Coordinates, vdot: Coordinates) -> Coordinates:
-        """vdot minus the acceleration field: weight is inertia in a falling frame."""
-        return vdot.axpy(-1.0, self.field(q, v)) if self.weighted else vdot
+    def relative_to_free_fall(self, q: Coordinates, v: Coordinates, vdot: Coordinates) -> Coordinates:
+        """vdot minus the acceleration field. Weight enters the equations of motion as inertia in this
+        way."""
+        return vdot.axpy(-1.0, self.field(q, v)) if self.has_field else vdot
 
     def residual(
         self, time: Scalar, q: Coordinates, v: Coordinates, vdot: Coordinates, lam: Multipliers
     ) -> tuple[Residual, Power]:
-        """Equations of motion and constraints at one state, with the power of its forces."""
-        inertial = self.inertial(q, v, vdot)
-        tether, power = self.steered(time, q).tether_forces(time, q.tether, v.tether, inertial.tether)
-        return self.joined(time, q, v, Coordinates(tether, inertial.hub), lam, power)
+        """Residual of the equations of motion and constraints at one state, and the power of its forces."""
+        inertial = self.relative_to_free_fall(q, v, vdot)
+        commanded = self.with_commanded_loads(time, q)
+        tether, power = commanded.tether_forces(time, q.tether, v.tether, inertial.tether)
+        return self.complete_residual(time, q, v, Coordinates(tether, inertial.hub), lam, power)
 
     def residuals(
         self,
@@ -149,56 +167,68 @@ class System(eqx.Module):
         vdot: Coordinates,
         lam: Multipliers,
     ) -> tuple[Residual, Power]:
-        """`residual` of several states, along the first axis of everything: one evaluation of the
-        tethers' forces, as if the tethers were as many times more."""
-        inertial = jax.vmap(self.inertial)(q, v, vdot)
+        """`residual` of several states, which are the first axis of every argument.
+
+        The tethers' forces are evaluated once, with the states as a batch axis of the elements.
+        """
+        inertial = jax.vmap(self.relative_to_free_fall)(q, v, vdot)
         nodal = (jnp.moveaxis(x.tether, 0, 2) for x in (q, v, inertial))
         system = self
-        if self.steering is not None:
-            system = self.with_voltage(self.tethers.repeated(jax.vmap(self.voltage)(times, q)))
+        if self.controlled:
+            system = self.with_commands(jax.vmap(self.commands)(times, q))
         tether, power = system.tether_forces(times[:, None], *nodal)
         forces = Coordinates(jnp.moveaxis(tether, 2, 0), inertial.hub)
-        return jax.vmap(self.joined)(times, q, v, forces, lam, power)
+        return jax.vmap(self.complete_residual)(times, q, v, forces, lam, power)
 
-    def voltage(self, time: Scalar, q: Coordinates) -> PerTether:
-        """What the modulation law makes of what the sail sees [V]."""
+    @property
+    def controlled(self) -> bool:
+        """Tells whether a control law has to be asked before forces can be evaluated."""
+        return any(needs_command(load) for load in self.loads)
+
+    def measurements(self, time: Scalar, q: Coordinates) -> Measurements:
+        """The kinematic part of what control laws may measure at a state."""
         axes, nodes = self.rotation(time, q), q.tether[0]
-        outward = axes @ self.roots.outward
-        wind = self.loads[0].wind.origin
         chords = nodes[:, -1] - nodes[:, 0]
-        wind, chords = (x / jnp.linalg.norm(x, axis=0) for x in (wind, chords))
-        return self.steering.volts(Sight(time, axes[:, 0], wind, outward, chords))
+        chords = chords / jnp.linalg.norm(chords, axis=0)
+        return Measurements(time, axes[:, 0], axes @ self.roots.radial_directions, chords)
 
-    def with_voltage(self, volts: Float[Array, "*state element"]) -> "System":
-        """Self, with these voltages."""
-        return eqx.tree_at(lambda system: system.loads[0].voltage, self, volts)
+    def commands(self, time: Scalar, q: Coordinates) -> tuple[PerTether | None, ...]:
+        """The command of every load's control law at a state; None for loads that need none."""
+        measurements = self.measurements(time, q)
+        return tuple(load.commanded(measurements) if needs_command(load) else None for load in self.loads)
 
-    def steered(self, time: Scalar, q: Coordinates) -> "System":
-        """Self, with the voltages of an instant."""
-        if self.steering is None:
-            return self
-        return self.with_voltage(self.tethers.repeated(self.voltage(time, q)))
+    def with_commands(self, commands: tuple[Float[Array, "*state tether"] | None, ...]) -> "System":
+        """The system whose loads have the given commands, as `commands` returns them."""
+        loads = tuple(
+            load if command is None else load.with_command(self.tethers.repeated(command))
+            for load, command in zip(self.loads, commands, strict=True)
+        )
+        return eqx.tree_at(lambda system: system.loads, self, loads)
+
+    def with_commanded_loads(self, time: Scalar, q: Coordinates) -> "System":
+        """The system whose loads have the commands of a state."""
+        return self.with_commands(self.commands(time, q)) if self.controlled else self
 
     def tether_forces(self, time: Instants, q: Nodal, v: Nodal, inertial: Nodal) -> tuple[Nodal, Power]:
-        """M vdot - Q of the tethers, and the power of loads and dissipation, of one state or several."""
+        """M vdot - Q of the tethers, and the power of loads and dissipations, for one or several states."""
         tethers = self.tethers
         fields, rates = tethers.interpolate_motion(q, v)
-        total, lost, loads = self.point_forces(time, fields, rates)
+        total, dissipated_density, loads = self.point_forces(time, fields, rates)
         forces = tethers.nodal_forces(total, inertial)
         external = dissipated = jnp.zeros(q.shape[2:-2])
         densities = [dot(loads.r, rates.r)] if self.loads else []
-        densities += [] if lost is None else [lost]
+        densities += [] if dissipated_density is None else [dissipated_density]
         if len(densities) > 1:
-            # Into memory: what is computed within a sum is not vectorised.
+            # Stacked into memory: the compiler does not vectorise what it computes inside a sum.
             densities = list(stacked([x[None] for x in densities]))
         powers = [self.integrate(x) for x in densities]
         if self.loads:
             external = -powers[0]
-        if lost is not None:
+        if dissipated_density is not None:
             dissipated = powers[-1]
         return forces, Power(external, dissipated)
 
-    def joined(
+    def complete_residual(
         self,
         time: Scalar,
         q: Coordinates,
@@ -207,8 +237,11 @@ class System(eqx.Module):
         lam: Multipliers,
         power: Power,
     ) -> tuple[Residual, Power]:
-        """The residual from the tethers' forces and the hub's accelerations: inertia of the hub,
-        constraints, power of the frame and of the acceleration field."""
+        """The residual, from the tethers' forces and the hub's accelerations in `forces`.
+
+        Adds the inertia of the hub, the constraints and their forces, and the power of the turning frame
+        and of the acceleration field.
+        """
         if self.hub is not None:
             forces = forces._replace(hub=matmul(self.hub.mass_matrix, forces.hub))
         constraints = Multipliers(None, None)
@@ -216,7 +249,7 @@ class System(eqx.Module):
             constraints, pull_back = jax.vjp(lambda q: self.constraints(time, q), q)
             forces = jax.tree.map(jnp.add, forces, pull_back(lam)[0])
         external = power.external + self.frame_power(time, q, v, forces, lam)
-        if self.weighted:
+        if self.has_field:
             momentum = self.momenta(v)
             parts = jax.tree.map(lambda a, p: (a * p).sum(), self.field(q, v), momentum)
             external = external + sum(jax.tree.leaves(parts))
@@ -225,8 +258,8 @@ class System(eqx.Module):
     def frame_power(
         self, time: Scalar, q: Coordinates, v: Coordinates, forces: Coordinates, lam: Multipliers
     ) -> Scalar:
-        """Power of a turning frame: root reactions times root velocities, and for clamped roots
-        mu . (partial Phi / partial t), what a moving constraint does. Zero with a hub."""
+        """Power [W] of a turning frame: root reactions times root velocities, and for clamped roots
+        mu . (partial Phi / partial t), the power of a moving constraint. Zero with a hub."""
         if self.hub is not None or self.roots is None:
             return jnp.zeros(())
         power = (forces.tether[0, :, 0] * v.tether[0, :, 0]).sum()
@@ -241,12 +274,12 @@ class System(eqx.Module):
         return ((weights * density).sum(0) * self.tethers.lengths).sum(-1)
 
     def momenta(self, v: Coordinates) -> Coordinates:
-        """M v: momenta [kg m/s] conjugate to the coordinates."""
+        """Momenta M v [kg m/s] conjugate to the coordinates."""
         hub = None if self.hub is None else matmul(self.hub.mass_matrix, v.hub)
         return Coordinates(self.tethers.inertia(v.tether), hub)
 
     def momentum(self, v: Coordinates) -> Vector:
-        """Linear momentum [kg m/s] of everything."""
+        """Total linear momentum [kg m/s]."""
         momenta = self.momenta(v)
         total = momenta.tether[0].sum((1, 2))
         return total if momenta.hub is None else total + momenta.hub.sum(0)
@@ -255,22 +288,23 @@ class System(eqx.Module):
 
     @property
     def has_constraints(self) -> bool:
+        """Tells whether there are multipliers: those of a hub or of clamped roots."""
         return self.hub is not None or self.clamped
 
     def constraints(self, time: Scalar, q: Coordinates) -> Multipliers:
-        """Phi(t, q) [m], in the layout of its multipliers."""
+        """Constraints Phi(t, q) [m], in the layout of their multipliers."""
         hub = self.hub.constraints(q.hub) if self.hub is not None else None
         clamp = None
         if self.clamped:
             if self.hub is not None:
                 normals = self.roots.clamp_directions(q.hub)
             else:
-                normals = self.roots.turn(time, self.roots.normals)
+                normals = self.roots.to_inertial(time, self.roots.normals)
             clamp = (normals * q.tether[1, :, 0]).sum(1) * self.tethers.element_length
         return Multipliers(hub, clamp)
 
     def no_multipliers(self) -> Multipliers:
-        """lam = 0 in the layout of this system."""
+        """Multipliers lam = 0, in the layout of this system."""
         p = self.tethers.count
         hub = jnp.zeros(6) if self.hub is not None else None
         return Multipliers(hub, jnp.zeros((2, p)) if self.clamped else None)
@@ -278,8 +312,8 @@ class System(eqx.Module):
     def constraint_acceleration(
         self, time: Scalar, q: Coordinates, v: Coordinates, vdot: Coordinates
     ) -> Multipliers:
-        """d^2 Phi / dt^2 [m/s^2]. At zero acceleration it is minus the right-hand side of
-        Phi_q vdot = Q_lam ([PGV] Eq. 1-2)."""
+        """Second time derivative d^2 Phi / dt^2 [m/s^2] of the constraints. At zero acceleration it is
+        minus the right-hand side of Phi_q vdot = Q_lam ([PGV] Eq. 1-2)."""
 
         def along(tau):
             return self.constraints(time + tau, q.axpy(tau, v).axpy(0.5 * tau**2, vdot))
@@ -293,31 +327,32 @@ class System(eqx.Module):
     # ---- attitude and roots ----------------------------------------------------------------
 
     def rotation(self, time: Scalar, q: Coordinates) -> Rotation:
-        """C_B^I of the hub or of the turning frame."""
+        """Attitude C_B^I of the hub or of the turning frame; the identity if nothing holds the tethers."""
         if self.roots is None:
             return jnp.eye(3)
         return self.roots.rotation(time) if self.hub is None else self.hub.rotation(q.hub)
 
-    def since(self, time: Scalar | np.ndarray) -> "System":
-        """The system after `time`, with the roots released that nothing holds from then on."""
+    def with_events_until(self, time: Scalar | np.ndarray) -> "System":
+        """The system after all events up to `time`: roots that are released by then are free."""
         if self.roots is None or self.roots.releases.release_time is None:
             return self
-        return eqx.tree_at(lambda s: s.roots.releases, self, self.roots.releases.since(time))
+        return eqx.tree_at(lambda s: s.roots.releases, self, self.roots.releases.with_events_until(time))
 
     def place_roots(self, time: Scalar, q: Coordinates, derivative: int = 0) -> Coordinates:
-        """q (or its rate or acceleration) with the root nodes where hub or frame put them."""
+        """q with the root nodes at their points of the hub or of the frame. derivative: 1 or 2 if `q` holds
+        velocities or accelerations. Released roots keep their own."""
         if self.roots is None:
             return q
         if self.hub is not None:
             root = self.roots.positions(q.hub)
         else:
-            root = self.roots.turn(time, self.roots.anchors, derivative)
-        root = self.roots.releases.free(q.tether[0, :, 0], root)
+            root = self.roots.to_inertial(time, self.roots.anchors, derivative)
+        root = self.roots.releases.where_released(q.tether[0, :, 0], root)
         return q._replace(tether=q.tether.at[0, :, 0].set(root))
 
 
 def add_fields(parts: list[PointFields]) -> PointFields:
-    """Sum of what several terms contribute; None where none does."""
+    """Sum of the contributions of several terms, field by field; None where no term contributes."""
     sums = []
     for values in zip(*parts, strict=True) if parts else ((),) * len(PointFields._fields):
         present = [value for value in values if value is not None]

@@ -1,27 +1,29 @@
-"""The kinds of term a system is the sum of, and the point quantities they are written in.
+"""The kinds of terms of the equations of motion, and the point quantities in which they are written.
 
     M q'' + Phi_q(q)^T lam = Q(t, q, q'),      Q = -dU/dq - dR/dq' + Q_load
 
-An energy is a density W(e) [J/m] with U = integral of W dx, a dissipation a Rayleigh density R(e, e')
-[W/m], where e is a measure of deformation such as a strain, a function of the `Shape`; a load is a force
-per undeformed length [N/m]. Each is written once, for one point; arrays are component first with any batch
-behind, so the same text acts on all quadrature points at once. Forces and tangents are derivatives of that
-text (`jax.grad`, `jax.jvp`): nothing else is ever written down.
+An energy is a density W(e) [J/m], with U the integral of W dx. A dissipation is a Rayleigh density R(e, e')
+[W/m]. Both are functions of a measure of deformation e, such as a strain, which is a function of the
+`Invariants`. A load is a force per undeformed length [N/m]. Each is written once, for one point: arrays
+have the component first and any batch after it, so that the same code acts on all quadrature points at
+once. Forces and tangents are derivatives of that code (`jax.grad`, `jax.jvp`); none is written by hand.
 """
 
 from abc import abstractmethod
-from typing import ClassVar, NamedTuple
+from collections.abc import Iterable
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from esail_jax.array_types import Instants, PerPoint, VectorPerPoint
+from esail_jax.array_types import Array, Float, Instants, PerElement, PerPoint, PerTether, VectorPerPoint
+from esail_jax.measurements import Measurements
 from esail_jax.numerics.vectors import dot, reciprocal, stacked
 
 
 class PointFields(NamedTuple):
-    """What terms may depend on at a material point; also the quantities conjugate to it.
+    """The fields at a material point that terms may depend on. Also the quantities conjugate to them.
 
     r: position [m]; conjugate: force per length [N/m]
     r_x: slope dr/dx [-]; conjugate: axial force vector [N]
@@ -33,46 +35,53 @@ class PointFields(NamedTuple):
     r_xx: VectorPerPoint | None = None
 
 
-class Shape(NamedTuple):
-    """What a slender member's deformation depends on, whichever way it points: s = |r_x|^2 [-], and
-    m = |n|^2 [1/m^2], n the part of r_xx normal to r_x (None where nothing uses curvature). Also its rate,
-    and what is conjugate to it."""
+class Invariants(NamedTuple):
+    """Rotation-invariant measures of a slender member's deformation. Also their rates, and the quantities
+    conjugate to them.
+
+    stretch_squared: s = |r_x|^2 [-]. normal_squared: m = |n|^2 [1/m^2], where n is the part of r_xx that is
+    normal to r_x; None if no term uses curvature.
+    """
 
     stretch_squared: PerPoint
     normal_squared: PerPoint | None = None
 
 
-def shape_of(fields: PointFields) -> Shape:
-    """The shape at every point; the position does not matter to it."""
+def invariants_of(fields: PointFields) -> Invariants:
+    """The invariants at every point. They do not depend on the position."""
     normal = None if fields.r_xx is None else normal_squared(fields.r_x, fields.r_xx)
-    return Shape(dot(fields.r_x, fields.r_x), normal)
+    return Invariants(dot(fields.r_x, fields.r_x), normal)
 
 
 @jax.custom_jvp
 def normal_squared(r_x: VectorPerPoint, r_xx: VectorPerPoint) -> PerPoint:
-    """|n|^2, n = r_xx - a r_x, a = (r_x . r_xx) / (r_x . r_x). A difference of products of the two vectors
-    would lose all digits of a nearly straight cable."""
-    _, normal = along_and_normal(r_x, r_xx)
+    """m = |n|^2, n = r_xx - a r_x, a = (r_x . r_xx) / (r_x . r_x).
+
+    The equal expression |r_xx|^2 - (r_x . r_xx)^2 / |r_x|^2 would lose all digits on a nearly straight
+    cable.
+    """
+    _, normal = split_second_derivative(r_x, r_xx)
     return dot(normal, normal)
 
 
 @normal_squared.defjvp
 def _normal_squared_jvp(primals, tangents):
-    """2 n . (dr_xx - a dr_x): n . r_x is zero, which no compiler knows."""
-    along, normal = along_and_normal(*primals)
+    """dm = 2 n . (dr_xx - a dr_x). The term with da vanishes because n . r_x = 0, which autodiff cannot
+    know."""
+    along, normal = split_second_derivative(*primals)
     return dot(normal, normal), 2.0 * dot(normal, tangents[1] - along * tangents[0])
 
 
-def along_and_normal(r_x: VectorPerPoint, r_xx: VectorPerPoint) -> tuple[PerPoint, VectorPerPoint]:
-    """a and n of r_xx = a r_x + n."""
+def split_second_derivative(r_x: VectorPerPoint, r_xx: VectorPerPoint) -> tuple[PerPoint, VectorPerPoint]:
+    """Splits r_xx = a r_x + n into a and the vector n normal to r_x."""
     along = dot(r_x, r_xx) * reciprocal(dot(r_x, r_x))
     return along, r_xx - along * r_x
 
 
 class Term(eqx.Module):
-    """Anything with forces at material points.
+    """A term with forces at material points.
 
-    depends_on: fields it reads (for a dissipation, with their rates); acts_on: fields whose
+    depends_on: the fields it reads, for a dissipation with their rates. acts_on: the fields to whose
     conjugates it contributes.
     """
 
@@ -85,130 +94,135 @@ class Term(eqx.Module):
 
     @abstractmethod
     def point_forces(self, time: Instants, fields: PointFields, rates: PointFields) -> PointFields:
-        """Contribution to the left-hand side of the equations of motion, conjugate to the fields;
-        None where there is none."""
+        """The term's part of the left-hand side of the equations of motion, conjugate to the fields; None
+        for a field that it does not act on."""
 
     def pull_back(
         self, time: Instants, fields: PointFields, rates: PointFields, w: PointFields
     ) -> tuple[PointFields, PointFields]:
-        """(dF/dx)^T w and (dF/dx')^T w of the forces F(x, x') at every point, conjugate to fields and
-        rates; None where nothing depends on them."""
+        """Transposed derivative (dF/dx)^T w and (dF/dx')^T w of the forces F(x, x') at every point. The
+        results are conjugate to fields x and rates x'; None where F does not depend on them."""
         w = PointFields(*(x if name in self.acts_on else None for name, x in w._asdict().items()))
         _, transposed = jax.vjp(lambda *x: self.point_forces(time, *x), fields, rates)
         return transposed(w)
 
 
 class Deformation(Term):
-    """A function of one scalar measure of deformation: an energy or a dissipation."""
+    """An energy or a dissipation: a function of one scalar measure of deformation."""
 
     @abstractmethod
-    def deformation(self, shape: Shape) -> PerPoint:
-        """e: a strain, a curvature."""
+    def deformation(self, invariants: Invariants) -> PerPoint:
+        """The measure of deformation e, such as a strain or a squared curvature."""
 
     @abstractmethod
-    def resultant(self, shape: Shape, rate: Shape | None) -> Shape:
-        """What is conjugate to the shape. rate: None if nothing depends on it."""
+    def stress_resultant(self, invariants: Invariants, rate: Invariants | None) -> Invariants:
+        """The stress resultants conjugate to the invariants. rate: None if no term depends on it."""
 
     def point_forces(self, time: Instants, fields: PointFields, rates: PointFields) -> PointFields:
-        return Together((self,)).point_forces(time, fields, rates)
+        return SummedDeformations((self,)).point_forces(time, fields, rates)
 
 
 class Energy(Deformation):
     """Elastic energy per undeformed length."""
 
     @abstractmethod
-    def stored(self, e: PerPoint) -> PerPoint:
+    def energy_density(self, e: PerPoint) -> PerPoint:
         """W(e) [J/m]."""
 
     def density(self, fields: PointFields) -> PerPoint:
-        """W [J/m]."""
-        return self.stored(self.deformation(shape_of(fields)))
+        """W [J/m] of the fields."""
+        return self.energy_density(self.deformation(invariants_of(fields)))
 
-    def resultant(self, shape: Shape, rate: Shape | None) -> Shape:
-        """dW/d(shape)."""
-        return jax.grad(lambda shape: self.stored(self.deformation(shape)).sum())(shape)
+    def stress_resultant(self, invariants: Invariants, rate: Invariants | None) -> Invariants:
+        """dW/dy of the invariants y."""
+        return jax.grad(lambda y: self.energy_density(self.deformation(y)).sum())(invariants)
 
 
 class Dissipation(Deformation):
-    """Rayleigh dissipation function per undeformed length; the power lost is 2 R."""
+    """Rayleigh dissipation function R per undeformed length. The dissipated power is 2 R."""
 
     @abstractmethod
-    def lost(self, e: PerPoint, rate: PerPoint) -> PerPoint:
-        """R(e, e') [W/m], quadratic in the rate."""
+    def rayleigh_density(self, e: PerPoint, rate: PerPoint) -> PerPoint:
+        """R(e, e') [W/m], quadratic in the rate e'."""
 
     def density(self, fields: PointFields, rates: PointFields) -> PerPoint:
-        """R [W/m]."""
-        return self.of_rate(*jax.jvp(shape_of, (fields,), (rates,)))
+        """R [W/m] of the fields and their rates."""
+        return self.density_of_invariants(*jax.jvp(invariants_of, (fields,), (rates,)))
 
-    def of_rate(self, shape: Shape, rate: Shape) -> PerPoint:
-        """R of a shape and its rate."""
-        return self.lost(*jax.jvp(self.deformation, (shape,), (rate,)))
+    def density_of_invariants(self, invariants: Invariants, rate: Invariants) -> PerPoint:
+        """R [W/m] of the invariants and their rates."""
+        return self.rayleigh_density(*jax.jvp(self.deformation, (invariants,), (rate,)))
 
-    def resultant(self, shape: Shape, rate: Shape | None) -> Shape:
-        """dR/d(rate)."""
-        return jax.grad(lambda rate: self.of_rate(shape, rate).sum())(rate)
+    def stress_resultant(self, invariants: Invariants, rate: Invariants | None) -> Invariants:
+        """dR/dy' of the rates y' of the invariants."""
+        return jax.grad(lambda rate: self.density_of_invariants(invariants, rate).sum())(rate)
 
 
-class Together(Term):
-    """Several deformations: their resultants are added up as the two numbers they are at a point, before
-    these become vectors."""
+class SummedDeformations(Term):
+    """The sum of several energies and dissipations.
+
+    Their stress resultants are added while they are two numbers at a point, before they become vectors.
+    """
 
     terms: tuple[Deformation, ...]
 
-    name: ClassVar[str] = "together"
+    name: ClassVar[str] = "summed deformations"
 
     @property
     def depends_on(self) -> tuple[str, ...]:
         named = {name for term in self.terms for name in term.depends_on}
         return tuple(name for name in PointFields._fields if name in named)
 
-    def of_mine(self, fields: PointFields) -> PointFields:
-        """Without the fields that nothing here depends on."""
-        mine = self.depends_on
-        return PointFields(*(x if name in mine else None for name, x in fields._asdict().items()))
+    def fields_needed(self, fields: PointFields) -> PointFields:
+        """The fields that a term of the sum depends on; None in place of the others."""
+        needed = self.depends_on
+        return PointFields(*(x if name in needed else None for name, x in fields._asdict().items()))
 
-    def resultant(self, shape: Shape, rate: Shape | None) -> Shape:
-        """S(y, y') of the shape y."""
-        parts = [term.resultant(shape, rate) for term in self.terms]
+    def stress_resultant(self, invariants: Invariants, rate: Invariants | None) -> Invariants:
+        """S(y, y') of the invariants y and their rates."""
+        parts = [term.stress_resultant(invariants, rate) for term in self.terms]
         return jax.tree.map(lambda *x: sum(x[1:], x[0]), *parts)
 
-    def rate_of(self, fields: PointFields, rates: PointFields) -> Shape | None:
-        """y' = J x', J = dy/dx, if anything depends on it."""
+    def invariant_rates(self, fields: PointFields, rates: PointFields) -> Invariants | None:
+        """y' = J x', J = dy/dx; None without a dissipation, as nothing else depends on y'."""
         if not any(isinstance(term, Dissipation) for term in self.terms):
             return None
-        return jax.jvp(shape_of, (fields,), (rates,))[1]
+        return jax.jvp(invariants_of, (fields,), (rates,))[1]
 
     def point_forces(self, time: Instants, fields: PointFields, rates: PointFields) -> PointFields:
-        """J^T S: the stress resultants."""
-        fields, rates = self.of_mine(fields), self.of_mine(rates)
-        shape, turned = jax.vjp(shape_of, fields)
-        found = self.resultant(shape, self.rate_of(fields, rates))
-        if found.normal_squared is not None:
-            # Into memory: they would be computed again for every component of the vectors.
-            found = Shape(*stacked([x[None] for x in found]))
-        return turned(found)[0]
+        """F = J^T S."""
+        fields, rates = self.fields_needed(fields), self.fields_needed(rates)
+        invariants, to_fields = jax.vjp(invariants_of, fields)
+        stress = self.stress_resultant(invariants, self.invariant_rates(fields, rates))
+        if stress.normal_squared is not None:
+            # Stacked into memory; otherwise they are computed again for every component of the vectors.
+            stress = Invariants(*stacked([x[None] for x in stress]))
+        return to_fields(stress)[0]
 
     def pull_back(
         self, time: Instants, fields: PointFields, rates: PointFields, w: PointFields
     ) -> tuple[PointFields, PointFields]:
-        """With a = (dS/dy)^T J w, b = (dS/dy')^T J w, and as second derivatives of the shape are symmetric,
+        """The transposed derivative. Let a = (dS/dy)^T J w and b = (dS/dy')^T J w. Second derivatives of
+        the invariants are symmetric, hence
 
         (dF/dx)^T w = J^T a + dJ^T[w] S + dJ^T[x'] b,      (dF/dx')^T w = J^T b
         """
-        fields, rates, w = (self.of_mine(x) for x in (fields, rates, w))
-        shape, turned = jax.vjp(shape_of, fields)
-        along = jax.jvp(shape_of, (fields,), (w,))[1]
-        found, back = jax.vjp(self.resultant, shape, self.rate_of(fields, rates))
-        by_shape, by_rate = back(along)
+        fields, rates, w = (self.fields_needed(x) for x in (fields, rates, w))
+        invariants, to_fields = jax.vjp(invariants_of, fields)
+        along = jax.jvp(invariants_of, (fields,), (w,))[1]
+        rate = self.invariant_rates(fields, rates)
+        stress, back = jax.vjp(self.stress_resultant, invariants, rate)
+        by_invariants, by_rate = back(along)
 
-        def bent(direction, force):
+        def second_derivative(direction, force):
             """dJ^T[direction] force."""
-            return jax.jvp(lambda x: jax.vjp(shape_of, x)[1](force)[0], (fields,), (direction,))[1]
+            return jax.jvp(lambda x: jax.vjp(invariants_of, x)[1](force)[0], (fields,), (direction,))[1]
 
-        by_fields = [turned(by_shape)[0], bent(w, found)]
+        by_fields = [to_fields(by_invariants)[0], second_derivative(w, stress)]
         if by_rate is None:
             return jax.tree.map(jnp.add, *by_fields), PointFields(None, None)
-        return jax.tree.map(lambda *x: sum(x), *by_fields, bent(rates, by_rate)), turned(by_rate)[0]
+        by_fields.append(second_derivative(rates, by_rate))
+        return jax.tree.map(lambda *x: sum(x), *by_fields), to_fields(by_rate)[0]
 
 
 class Load(Term):
@@ -225,3 +239,49 @@ class Load(Term):
     def point_forces(self, time: Instants, fields: PointFields, rates: PointFields) -> PointFields:
         """-f, conjugate to the position."""
         return PointFields(-self.force(time, fields, rates), None)
+
+
+class ControlledLoad(Load):
+    """A load with a number per tether that a control law commands, such as the tether's voltage.
+
+    Unless the command is constant, the system passes `Measurements` of every state to `commanded`, and the
+    result, one number per element, to `with_command`, before forces are evaluated.
+    """
+
+    @property
+    @abstractmethod
+    def constant(self) -> bool:
+        """Tells whether the command depends on neither time nor state."""
+
+    @property
+    @abstractmethod
+    def law_name(self) -> str:
+        """Name of the control law."""
+
+    @property
+    @abstractmethod
+    def command(self) -> PerElement | None:
+        """The command that forces are evaluated with; None if none has been set yet."""
+
+    @abstractmethod
+    def commanded(self, measurements: Measurements) -> PerTether:
+        """The law's command for every tether, within its limits."""
+
+    @abstractmethod
+    def with_command(self, command: Float[Array, "*state element"]) -> "ControlledLoad":
+        """The load with a given command."""
+
+
+def needs_command(load: Load) -> bool:
+    """Tells whether the system has to ask a control law before the load's forces can be evaluated."""
+    return isinstance(load, ControlledLoad) and not load.constant
+
+
+def find_term(terms: Iterable[Term], kind: type) -> Any:
+    """The only term of a kind among `terms`; None if there is none.
+
+    Raises ValueError if there are several."""
+    found = [term for term in terms if isinstance(term, kind)]
+    if len(found) > 1:
+        raise ValueError(f"terms of kind {kind.__name__} must be one at most, but are {len(found)}")
+    return found[0] if found else None

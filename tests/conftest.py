@@ -1,5 +1,8 @@
-"""Shared scenes. Compiling is most of a test's time: tests share structures where they can, and the
-processes of a session the compiled programs."""
+"""Fixtures and settings of all tests.
+
+Most of a test's time is compile time. Tests therefore use scenes of the same structure where they can, and
+the processes of a session share the compiled programs.
+"""
 
 import gc
 import os
@@ -10,31 +13,34 @@ from pathlib import Path
 import jax
 import pytest
 
-pytest_plugins = ["validation_record"]
+pytest_plugins = ["support.compiled_nothing", "support.validation_record"]
 
 MAPS = Path("/proc/self/maps")
 MOST_MAPS = 25_000
-"""Mapped regions of memory of one process. Every compiled program adds dozens, Linux allows 65,530, and
-beyond that the next compilation ends the process: some hundred tests get there."""
+"""Number of memory mappings of a process above which the compiled programs are dropped. Every program adds
+dozens. Linux allows 65,530, which some hundred tests reach; the next compilation then ends the process."""
 
 
 CACHE = "JAX_COMPILATION_CACHE_DIR"
 LEAST_SECONDS = 0.3
-"""Compile time from which a program is worth a file."""
+"""Least compile time [s] of a program that is written to the cache."""
 
 LESS_OFTEN = 100_000, 50, 100
-"""Collection of garbage: tracing makes millions of objects that live on, and looking through them every 700
-takes a tenth of a test's time."""
+"""Thresholds of the garbage collector. Tracing makes millions of objects that stay alive; a collection
+every 700 objects, the default, takes a tenth of a test's time."""
 
 
 def pytest_configure(config):
-    """A cache of compiled programs that the processes of this session share, those which tests start
-    included, and which ends with it: a session compiles each program once, and finds none of another's."""
+    """Gives the session a cache of compiled programs of its own, which is removed at its end.
+
+    All processes of the session share the cache, also those that tests start, so that each program is
+    compiled once. Programs of earlier sessions are not used.
+    """
     gc.set_threshold(*LESS_OFTEN)
     if not hasattr(config, "workerinput") and CACHE not in os.environ:
         folder = tempfile.mkdtemp(prefix="esail_programs_")
         config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
-        # The name that the command gives its own cache, where it is told to use this one.
+        # The command gives its cache this name, and finds this one where a test points it to the folder.
         os.environ[CACHE] = os.path.join(folder, "esail_jax")
         os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = str(LEAST_SECONDS)
         os.environ["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
@@ -45,14 +51,13 @@ def pytest_configure(config):
 
 @pytest.fixture(scope="session")
 def small():
-    """Overrides of the baseline that most tests share: three tethers of two elements, 20 s, the method of
-    [PGV]."""
+    """Overrides that make the baseline small: three tethers of two elements, 20 s, the method of [PGV]."""
     size = {"tethers.count": 3, "tethers.elements": 2, "integrator.t_end": 20.0}
     return size | {"integrator.method": "generalized-alpha"}
 
 
 @pytest.fixture(autouse=True)
 def _room_for_programs():
-    """Drops compiled programs before there are too many."""
+    """Drops the compiled programs before a process has too many memory mappings."""
     if MAPS.exists() and MAPS.read_bytes().count(b"\n") > MOST_MAPS:
         jax.clear_caches()

@@ -1,1 +1,1 @@
-"""The commands of `esail`, one module each."""
+"""The commands of `esail`: run, ensemble, design and bench, and what they share."""

@@ -1,7 +1,7 @@
 """Error against run time on this machine: `esail bench`, and the core of `experiments/work_precision`.
 
 Every method runs a scene at several steps or tolerances. The reference is the most accurate method at a
-tolerance near rounding; how far it can be believed is told by a second run, at ten times that tolerance.
+tolerance near rounding. A second run at ten times that tolerance measures the error of the reference.
 """
 
 import dataclasses
@@ -21,10 +21,11 @@ import numpy as np
 
 from esail_jax.observables import chain, sail
 from esail_jax.scenes.scene import Scene
-from esail_jax.simulation.simulate import Solution, simulate
+from esail_jax.simulation.simulate import simulate
+from esail_jax.simulation.solution import Solution
 
 Curve = tuple[str, str, tuple[float, ...]]
-"""A method, `step` [s] or `tolerance`, and its values."""
+"""A method, the key it varies (`step` [s] or `tolerance`), and the values of that key."""
 
 SAIL: tuple[Curve, ...] = (
     ("generalized-alpha", "step", (0.4, 0.1)),
@@ -34,50 +35,52 @@ CHAIN: tuple[Curve, ...] = (
     ("tsit5", "tolerance", (1e-6, 1e-8, 1e-10)),
     ("dopri8", "tolerance", (1e-6, 1e-8, 1e-10)),
 )
-"""What `esail bench` runs: one to two minutes for the baseline, half of it compiling."""
+"""The curves of `esail bench`, for sails and for chains. The baseline takes one to two minutes, half of
+them for compiling."""
 
 REFERENCE = {"tethers": ("collocation", 1e-13), "chain": ("dopri8", 1e-13)}
-"""Method and tolerance, by the table that says what moves."""
+"""Method and tolerance of the reference, for sails (`tethers`) and for chains."""
 
-DOUBT = 1e-4
-"""Part of its range to which the reference must know an observable for it to be compared. What is zero
-by symmetry is not known: its range is rounding."""
+MOST_UNCERTAIN = 1e-4
+"""Largest error of the reference, over the observable's range, for an observable to be compared. An
+observable that is zero by symmetry is not compared: its range is rounding."""
 
-FLOOR = 1e-3
-"""Smallest range over the largest magnitude: a nearly constant signal is not divided by its noise."""
+LEAST_RANGE = 1e-3
+"""A signal's range is taken to be at least this fraction of its magnitude. Otherwise the error of a nearly
+constant signal would be divided by rounding errors."""
 
 ANGLES = {entry.name for entry in (*sail.OBSERVABLES, *chain.OBSERVABLES) if entry.unit == "rad"}
-"""Compared modulo a turn."""
+"""Names of the observables that are angles. They are compared modulo a turn."""
 
 OWN_ERRORS = ("energy_balance_error", "energy_error")
-"""Observables that are errors of a run, not its motion."""
+"""Observables that measure the error of a run. They are not compared."""
 
 RUNS = 3
-"""Whose median is the run time. Compiling is apart from it in the first one, too."""
+"""Number of runs, whose median is the run time. No run time includes compiling."""
 
 
 class NoReference(RuntimeError):
-    """The scene could not be run accurately enough to compare with."""
+    """The reference could not be computed accurately enough."""
 
 
 # ---- error --------------------------------------------------------------------------------------
 
 
 def errors(found: Mapping[str, Any], exact: Mapping[str, Any], names: Iterable[str]) -> dict[str, float]:
-    """Largest difference of observables over time and components, over the range of the exact one
-    over both. NaN where a run did not get to the end."""
+    """Errors by observable: the largest difference over time and components, divided by the range of the
+    exact observable. NaN for a run that did not reach its end."""
     result = {}
     for name in names:
         difference, y = np.asarray(found[name]) - exact[name], np.asarray(exact[name])
         if name in ANGLES:
             difference = (difference + np.pi) % (2.0 * np.pi) - np.pi
-        width = max(np.ptp(y), FLOOR * np.abs(y).max(), np.finfo(float).tiny)
+        width = max(np.ptp(y), LEAST_RANGE * np.abs(y).max(), np.finfo(float).tiny)
         result[name] = float(np.abs(difference).max() / width)
     return result
 
 
 def worst(found: Mapping[str, float]) -> str:
-    """Name of the largest error; of one that is not a number, if there is any."""
+    """Name of the observable with the largest error. NaN counts as the largest."""
     return max(found, key=lambda name: np.inf if np.isnan(found[name]) else found[name])
 
 
@@ -94,14 +97,14 @@ def yardstick() -> float:
 
 
 def seconds_of(call: Callable[[], Any]) -> float:
-    """Wall time of a call."""
+    """Wall time of a call [s]."""
     began = time.perf_counter()
     jax.block_until_ready(call())
     return time.perf_counter() - began
 
 
 def machine() -> dict[str, Any]:
-    """What the times depend on."""
+    """Device, cores and versions, on which the times depend."""
     info = Path("/proc/cpuinfo")
     model = re.search(r"model name\s*: (.*)", info.read_text()) if info.exists() else None
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
@@ -115,8 +118,11 @@ def machine() -> dict[str, Any]:
 
 
 class Run(NamedTuple):
-    """A method at one setting. seconds: of every repetition, compiling apart; processor: of this process
-    in those after the first, which on a shared core say more; message: what `Solution.stats` says."""
+    """Runs of a scene by one method at one setting.
+
+    key, value: `step` [s] or `tolerance`; seconds: wall time of every run without compiling; processor:
+    processor time [s] of every run but the first, more reliable than wall time on a shared core; message:
+    from `Solution.stats`."""
 
     method: str
     key: str
@@ -130,13 +136,13 @@ class Run(NamedTuple):
 
 
 def with_method(scene: Scene, method: str, key: str, value: float) -> Scene:
-    """The scene, integrated so, whatever it says itself."""
+    """The scene with another method, and a step or a tolerance, in place of its own."""
     table = dict.fromkeys(("step", "tolerance", "spectral_radius")) | {"method": method, key: value}
     return dataclasses.replace(scene, integrator=dataclasses.replace(scene.integrator, **table))
 
 
 def measure(scene: Scene, method: str, key: str, value: float, runs: int = RUNS) -> Run:
-    """Run a scene several times."""
+    """Runs a scene several times by one method at one setting."""
     scene = with_method(scene, method, key, value)
     first, seconds, processor = simulate(scene, throw=False), [], []
     seconds.append(first.stats["wall_time"])
@@ -150,7 +156,7 @@ def measure(scene: Scene, method: str, key: str, value: float, runs: int = RUNS)
 
 
 def rows_of(solution: Solution) -> dict[str, Any]:
-    """Observables by name."""
+    """Observables of a solution by name."""
     return {name: solution[name] for name in solution.observables}
 
 
@@ -158,7 +164,9 @@ def rows_of(solution: Solution) -> dict[str, Any]:
 
 
 class Reference(NamedTuple):
-    """What is taken for exact. names: observables it knows well enough; doubt: errors of the second run."""
+    """The observables that are taken to be exact.
+
+    names: those that are accurate enough to be compared; doubt: errors of the second run, by observable."""
 
     rows: Mapping[str, Any]
     names: tuple[str, ...]
@@ -166,15 +174,15 @@ class Reference(NamedTuple):
 
 
 def reference_of(best: Run, second: Run) -> Reference:
-    """The better of two runs, as far as they agree."""
+    """The reference from the best run and a second one, with the names of the observables that agree."""
     doubt = errors(second.rows, best.rows, [name for name in best.rows if name not in OWN_ERRORS])
-    names = tuple(name for name, error in doubt.items() if error < DOUBT)
+    names = tuple(name for name, error in doubt.items() if error < MOST_UNCERTAIN)
     return Reference(best.rows, names, doubt)
 
 
 def line(run: Run, found: Mapping[str, float], **more: Any) -> dict[str, Any]:
-    """A run as it is written down, with the speed of the machine just after it. Errors of what failed are
-    None."""
+    """A run as a JSON line, with the speed of the machine just after the run. Errors that are no finite
+    number are None."""
     name = worst(found)
     known = {signal: error if np.isfinite(error) else None for signal, error in found.items()}
     typical = statistics.median(run.seconds)
@@ -196,9 +204,9 @@ def line(run: Run, found: Mapping[str, float], **more: Any) -> dict[str, Any]:
 
 
 def reference_line(scene: Scene) -> tuple[Reference, dict[str, Any]]:
-    """The reference of a scene, and its line; the error there is that of the second run.
+    """The reference of a scene and its JSON line, whose errors are those of the second run.
 
-    Raises NoReference if it failed."""
+    Raises NoReference if no observable is accurate enough."""
     method, tolerance = REFERENCE[scene.main]
     best, second = (measure(scene, method, "tolerance", t, 1) for t in (tolerance, 10.0 * tolerance))
     reference = reference_of(best, second)
@@ -211,7 +219,7 @@ def reference_line(scene: Scene) -> tuple[Reference, dict[str, Any]]:
 
 
 def bench(scene: Scene, curves: Iterable[Curve], runs: int = RUNS) -> Iterator[dict[str, Any]]:
-    """Lines of a scene: the reference, then every method at every setting."""
+    """JSON lines of a scene: the reference, then every method at every setting."""
     reference, first = reference_line(scene)
     yield first
     for method, key, values in curves:
@@ -226,7 +234,7 @@ COLUMNS = ("method", "setting", "steps", "compile s", "run s", "us/step", "media
 
 
 def table_row(entry: Mapping[str, Any]) -> tuple[str, ...]:
-    """A line in the table's columns."""
+    """A JSON line as a row of the table `COLUMNS`."""
     key = "step" if "step" in entry else "tolerance"
     times = f"{entry['compile_s']:.2f}", f"{entry['run_s']:.3f}", f"{entry['us_per_step']:.1f}"
     if entry["worst_error"] is None:
@@ -240,14 +248,14 @@ def table_row(entry: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def text_of(cells: tuple[str, ...]) -> str:
-    """Cells of a row, aligned."""
+    """Cells of a row as aligned text."""
     widths = (-18, -16, 8, 9, 8, 8, 8)
     fixed = [f"{x:<{-w}}" if w < 0 else f"{x:>{w}}" for x, w in zip(cells, widths, strict=False)]
     return "  ".join([*fixed, cells[-1]])
 
 
 def run_bench(scene: Scene, json_file: Path | None = None) -> None:
-    """Print the table line by line, and write the lines to a file if there is one."""
+    """Prints the table row by row, and writes the JSON lines to a file if one is given."""
     about = {"t_end": scene.integrator.t_end, "interval": scene.output.interval} | machine()
     speeds = []
     with open(json_file or os.devnull, "w", encoding="utf-8") as file:
@@ -258,6 +266,7 @@ def run_bench(scene: Scene, json_file: Path | None = None) -> None:
             print(json.dumps(entry | about), file=file, flush=True)
             speeds.append(entry["yardstick_gflops"])
             if entry.get("left_out"):
-                print(f"not compared, unknown to {DOUBT:g} of the range: {', '.join(entry['left_out'])}")
+                names = ", ".join(entry["left_out"])
+                print(f"not compared, unknown to {MOST_UNCERTAIN:g} of the range: {names}")
     print(f"{about['device']}, {about['cores']} cores; ", end="")
     print(f"400 x 400 product at {min(speeds):.0f} to {max(speeds):.0f} GFLOP/s")

@@ -1,8 +1,9 @@
 """`esail ensemble`: an ensemble computed by several processes.
 
-All of them do the same: take a piece of the task that nobody has taken, compute it, leave it in the
-folder. On one machine this process starts the others. On several the cluster starts them, and JAX's
-distributed runtime numbers them; they exchange nothing but the word that the task is there.
+All processes do the same: they take a piece of the task that no other process has taken, compute it, and
+write it to the folder. On one machine this process starts the others. On a cluster the cluster starts all
+processes, and JAX's distributed runtime numbers them; they exchange only the message that the task is
+there.
 """
 
 import os
@@ -17,75 +18,89 @@ import jax
 import numpy as np
 from jax.experimental import multihost_utils
 
-from esail_jax.commands.progress import MemberProgress
-from esail_jax.commands.run import Interrupts
+from esail_jax.commands.exit_codes import ExitCode
+from esail_jax.commands.interrupts import Interrupts
+from esail_jax.commands.progress import Progress
 from esail_jax.cores import cores
-from esail_jax.ensembles import sampling as samples
 from esail_jax.ensembles.ensemble_file import (
+    WHOLE,
     Task,
-    claim,
-    computed,
-    gather,
+    computed_members,
+    merge_pieces,
     parts_of,
     pieces_in,
+    publish,
     read_task,
-    unclaimed,
+    take_pieces,
+    try_claim,
     write_piece,
-    write_task,
 )
-from esail_jax.ensembles.members import Runner, chosen, shapes_of
+from esail_jax.ensembles.member_program import observable_shapes, select_observables
+from esail_jax.ensembles.member_runner import MemberRunner
+from esail_jax.ensembles.sampling import Vary, draw, variations_of
 from esail_jax.files.run_file import RunFileError
 from esail_jax.scenes.scene import Scene
 
-COMPLETE, BAD_INPUT, INTERRUPTED = 0, 2, 130
+PIECES_PER_PROCESS = 4
+"""Least number of pieces per process, if there are enough members. Fast processes then take more pieces."""
 
-TURNS = 4
-"""Pieces for every process, at least, where there are members enough: others take those of a slow one."""
-
-GO, NOTHING, REFUSED = 0, 1, 2
-"""What the first of many processes tells the others."""
+COMPUTE, NOTHING_TO_DO, REFUSED = 0, 1, 2
+"""Messages from the first of many processes to the others."""
 
 
 def task_of(
     scene: Scene,
     members: int,
-    variations: Sequence[samples.Variation],
+    vary: Vary,
     seed: int,
     sampling: str,
     observables: Sequence[str] | None,
 ) -> Task:
-    """What is asked for. Raises SceneError, VariationError."""
-    inputs = samples.draw(scene, variations, members, seed, sampling)
-    vary = tuple(f"{v.key}{'[*]' if v.each else ''}={v.text}" for v in variations)
-    return Task(scene, members, inputs, vary, sampling, seed, chosen(shapes_of(scene), observables))
+    """The task, with the inputs of all members drawn. Raises SceneError, VariationError."""
+    inputs = draw(scene, vary, members, seed, sampling)
+    texts = tuple(variation.text for variation in variations_of(vary))
+    names = select_observables(observable_shapes(scene), observables)
+    return Task(scene, members, inputs, texts, sampling, seed, names)
 
 
-def run_here(task: Task, folder: Path, processes: int | None, resume: bool, quiet: bool) -> int:
-    """Compute an ensemble on this machine; returns the exit status. processes: None for one per core, or
-    one in all where JAX has other devices.
+def run_here(task: Task, folder: Path, processes: int | None, resume: bool, quiet: bool) -> ExitCode:
+    """Computes an ensemble on this machine. Returns the exit code.
+
+    processes: their number; None is one per core, or one in all if JAX's devices are no CPUs.
 
     Raises RunFileError before anything is written."""
     missing = still_missing(task, folder, resume)
     if missing is None:
-        return COMPLETE
+        return ExitCode.DONE
     if processes is None:
         processes = cores() if jax.default_backend() == "cpu" else 1
-    pieces = leave(task, folder, missing, processes)
-    progress = MemberProgress(len(missing), lambda: len(pieces_in(folder)), len(pieces), quiet)
+    pieces = publish_pieces(task, folder, missing, processes)
+    progress, before = Progress(float(len(missing)), progress_text, quiet), len(pieces_in(folder))
+
+    def show() -> None:
+        if progress.due:
+            progress.update(len(missing) * (len(pieces_in(folder)) - before) / len(pieces))
+
     others = [start_worker(folder) for _ in range(min(processes, len(pieces)) - 1)]
     try:
         with Interrupts() as interrupts:
-            work(folder, lambda: interrupts.asked, progress.show)
-            wait_for(others, lambda: interrupts.asked, progress.show)
+            work(folder, lambda: interrupts.asked, show)
+            wait_for(others, lambda: interrupts.asked, show)
     finally:
         progress.close()
         for worker in others:
             worker.kill()
-    return report(*gather(folder, task), quiet)
+    return report(*merge_pieces(folder, task), quiet)
+
+
+def progress_text(_: float, speed: float) -> str:
+    """Text beside the progress bar."""
+    return f"{speed:.3g} members a second"
 
 
 def wait_for(others: list[subprocess.Popen], stop: Callable[[], bool], each: Callable[[], None]) -> None:
-    """Until other processes have ended; they are told once to stop after what they are at."""
+    """Waits until other processes have ended. Once `stop()` is true, tells each of them to end after its
+    piece; calls `each()` all the time."""
     told = False
     while any(other.poll() is None for other in others):
         if stop() and not told:
@@ -96,90 +111,96 @@ def wait_for(others: list[subprocess.Popen], stop: Callable[[], bool], each: Cal
         time.sleep(0.05)
 
 
-def run_distributed(task: Task, folder: Path, resume: bool, quiet: bool) -> int:
-    """This process's share of an ensemble that many compute, after `jax.distributed.initialize`; returns
-    the exit status. The folder must be one that all of them see. A process that ends before its time costs
-    the members it was at; the last one to end gathers the pieces, or, if some are missing, a later call.
+def run_distributed(task: Task, folder: Path, resume: bool, quiet: bool) -> ExitCode:
+    """Computes this process's part of an ensemble, after `jax.distributed.initialize`. Returns the exit
+    code.
+
+    All processes must see the folder. If a process is killed, only the members of its current piece are
+    lost. The last process to end merges the pieces; if some are missing, a later call computes and merges
+    them.
 
     Raises RunFileError in the first process before anything is written."""
-    error, state, first = None, GO, jax.process_index() == 0
+    error, state, first = None, COMPUTE, jax.process_index() == 0
     if first:
         try:
             missing = still_missing(task, folder, resume)
-            state = NOTHING if missing is None else GO
+            state = NOTHING_TO_DO if missing is None else COMPUTE
             if missing is not None:
-                leave(task, folder, missing, jax.process_count())
+                publish_pieces(task, folder, missing, jax.process_count())
         except (RunFileError, OSError) as found:
             error, state = found, REFUSED
     state = int(multihost_utils.broadcast_one_to_all(np.array(state)))
-    # From here on each is on its own: one that ends, the first one too, does not end the others.
-    jax.distributed.shutdown()
+    # From here on the processes are independent: the end of one, even of the first, does not end the
+    others.jax.distributed.shutdown()
     if error is not None:
         raise error
-    if state != GO:
-        return COMPLETE if state == NOTHING else BAD_INPUT
+    if state != COMPUTE:
+        return ExitCode.DONE if state == NOTHING_TO_DO else ExitCode.BAD_INPUT
     with Interrupts() as interrupts:
         work(folder, lambda: interrupts.asked)
     if interrupts.asked:
-        return INTERRUPTED
-    if len(computed(folder, task)[0]) == task.count and claim(folder, "gather"):
-        return report(*gather(folder, task), quiet)
-    return COMPLETE
+        return ExitCode.INTERRUPTED
+    if len(computed_members(folder, task)[0]) == task.count and try_claim(folder, "merge"):
+        return report(*merge_pieces(folder, task), quiet)
+    return ExitCode.DONE
 
 
-def report(status: str, message: str, quiet: bool) -> int:
-    """Say how an ensemble ended; the exit status."""
+def report(status: str, message: str, quiet: bool) -> ExitCode:
+    """Prints how an ensemble ended. Returns the exit code."""
     if message and (status != "complete" or not quiet):
         resume = "" if status == "complete" else "; --resume computes them"
         print(message + resume, file=sys.stderr)
-    return COMPLETE if status == "complete" else INTERRUPTED
+    return ExitCode.DONE if status == "complete" else ExitCode.INTERRUPTED
 
 
 def still_missing(task: Task, folder: Path, resume: bool) -> np.ndarray | None:
-    """Members that are to be computed; None if all is done. Raises RunFileError."""
+    """Numbers of the members still to be computed; None if ensemble.h5 has all of them. Raises
+    RunFileError."""
     if folder.exists() and not folder.is_dir():
         raise RunFileError(f"`-o` must be a directory, but {folder} is a file")
-    whole, pieces = folder / "ensemble.h5", pieces_in(folder)
+    whole, pieces = folder / WHOLE, pieces_in(folder)
     if (whole.exists() or parts_of(folder).exists()) and not resume:
         raise RunFileError(f"`-o` must not hold an ensemble yet (or use --resume), but {folder} does")
-    done, held = computed(folder, task)
+    done, held = computed_members(folder, task)
     if held > task.count:
         raise RunFileError(f"`--members` must not be less than the {held} of {whole}, but is {task.count}")
     missing = np.setdiff1d(np.arange(task.count), done)
     return None if held == task.count and not len(missing) and not pieces else missing
 
 
-def leave(task: Task, folder: Path, missing: np.ndarray, processes: int) -> list[np.ndarray]:
-    """Leave the task in its folder, cut into pieces for so many processes: the pieces."""
-    most = Runner(task.scene, task.inputs, task.observables, one_core=True).batch
-    size = int(np.clip(len(missing) // (TURNS * processes), 1, most))
+def publish_pieces(task: Task, folder: Path, missing: np.ndarray, processes: int) -> list[np.ndarray]:
+    """Writes the task to its folder, cut into pieces for a number of processes. Returns the pieces."""
+    most = MemberRunner(task.scene, task.inputs, task.observables, one_core=True).batch
+    size = int(np.clip(len(missing) // (PIECES_PER_PROCESS * processes), 1, most))
     pieces = [missing[first : first + size] for first in range(0, len(missing), size)]
-    write_task(folder, task, pieces)
+    publish(folder, task, pieces)
     return pieces
 
 
 def start_worker(folder: Path) -> subprocess.Popen:
-    """Another process that works on the task of a folder, with this one's cache of programs."""
+    """Starts another process on the task of a folder. It shares this process's cache of compiled
+    programs."""
     cache = {
         "JAX_COMPILATION_CACHE_DIR": jax.config.jax_compilation_cache_dir,
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": jax.config.jax_persistent_cache_min_compile_time_secs,
         "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": jax.config.jax_persistent_cache_min_entry_size_bytes,
     }
     environment = os.environ | {name: str(value) for name, value in cache.items() if value is not None}
-    # In a session of its own: an interruption from the keyboard reaches it through this process, once.
-    command = [sys.executable, "-m", "esail_jax.ensemble_worker", str(folder)]
+    # The worker has its own session: Ctrl-C reaches it only through this process, once.
+    command = [sys.executable, "-m", "esail_jax.commands.ensemble_worker", str(folder)]
     return subprocess.Popen(command, env=environment, start_new_session=True, stdout=subprocess.DEVNULL)
 
 
 def work(folder: Path, stop: Callable[[], bool], each: Callable[[], None] = lambda: None) -> None:
-    """Compute pieces of a folder's task until none is left, or `stop()`; `each()` after every one."""
+    """Computes pieces of a folder's task until none is left or `stop()` is true; calls `each()` after
+    every piece."""
     task, pieces = read_task(folder)
     run = None
-    for name, members in unclaimed(folder, pieces):
+    for name, members in take_pieces(folder, pieces):
         began = time.perf_counter()
         if run is None:
             most = max(len(piece) for piece in pieces)
-            run = Runner(task.scene, task.inputs, task.observables, most, one_core=True)
+            run = MemberRunner(task.scene, task.inputs, task.observables, most, one_core=True)
             run.compile()
         compiled = time.perf_counter()
         found = run(members)

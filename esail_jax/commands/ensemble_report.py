@@ -1,23 +1,24 @@
-"""An ensemble in a few lines: `esail info`."""
+"""`esail info` of an ensemble."""
 
 from pathlib import Path
 
 import numpy as np
 
 from esail_jax.commands.run import heading
+from esail_jax.ensembles.ensemble import Ensemble
 from esail_jax.ensembles.ensemble_file import load_ensemble
-from esail_jax.ensembles.members import Ensemble
-from esail_jax.ensembles.statistics import OUTCOMES, drivers, outcomes_of
-from esail_jax.files.run_file import open_run, plain
+from esail_jax.ensembles.statistics import OUTCOMES, outcomes_of, sensitivities
+from esail_jax.files.hdf5 import to_python
+from esail_jax.files.run_file import open_run
 
-NAMED = 0.05
-"""Share of an outcome's variance from which an input is named."""
+LEAST_SHARE = 0.05
+"""Least share of an outcome's variance for which an input is named."""
 
 
 def describe_ensemble(path: Path) -> str:
-    """What was run, how it ended and how fast, and how what came out is distributed."""
+    """A few lines on an ensemble: model, method, members, speed, and the distributions of its outcomes."""
     with open_run(path) as file:
-        a = {name: plain(value) for name, value in file.attrs.items()}
+        a = {name: to_python(value) for name, value in file.attrs.items()}
         terms = ", ".join(file["numerics"].attrs["terms"])
     ensemble = load_ensemble(path, [outcome.observable for outcome in OUTCOMES])
     done = int(np.isfinite(ensemble.steps).sum())
@@ -35,7 +36,8 @@ def describe_ensemble(path: Path) -> str:
 
 
 def distributions(ensemble: Ensemble) -> list[str]:
-    """A line for every outcome: mean, deviation, 5 and 95 %, extremes, and what drives it."""
+    """A line for every outcome: mean, deviation, 5 % and 95 % quantiles, extremes, and its most important
+    inputs."""
     found = outcomes_of(ensemble)
     if not found:
         return []
@@ -46,8 +48,8 @@ def distributions(ensemble: Ensemble) -> list[str]:
         known = y[np.isfinite(y)]
         low, high = np.quantile(known, (0.05, 0.95))
         numbers = (known.mean(), known.std(), low, high, known.min(), known.max())
-        share = drivers(ensemble.inputs, y).share
-        names = sorted((key for key in share if share[key] > NAMED), key=lambda key: -share[key])
+        share = sensitivities(ensemble.inputs, y).share
+        names = sorted((key for key in share if share[key] > LEAST_SHARE), key=lambda key: -share[key])
         by = ", ".join(f"{key} {100 * share[key]:.0f} %" for key in names)
         row = "".join(f"{x:11.4g}" for x in numbers)
         lines.append(f"  {f'{outcome.label} [{outcome.unit}]':32s}{row}  {by}".rstrip())

@@ -1,16 +1,16 @@
-"""A process that `esail ensemble` starts: works on the task of the folder it is given, until that is done,
-it is told to stop, or the process that started it is gone."""
+"""A worker process of `esail ensemble`. It computes pieces of the task in a folder until no piece is
+left, a signal tells it to stop, or the process that started it has ended."""
 
 import os
 import sys
 from pathlib import Path
 
 from esail_jax.commands.ensemble import work
-from esail_jax.commands.run import Interrupts
+from esail_jax.commands.interrupts import Interrupts
 
 
 def main() -> None:
-    """The folder is the only argument."""
+    """Works on the folder that is the only argument."""
     parent = os.getppid()
     with Interrupts() as interrupts:
         work(Path(sys.argv[1]), lambda: interrupts.asked or os.getppid() != parent)

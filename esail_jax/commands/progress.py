@@ -1,4 +1,4 @@
-"""Progress bars on a terminal."""
+"""A progress bar on a terminal."""
 
 import sys
 import time
@@ -6,89 +6,71 @@ from collections.abc import Callable
 from typing import TextIO
 
 WIDTH = 30
+"""Number of characters in the bar."""
+
+REDRAW_SECONDS = 0.1
+"""Least time between two drawings [s]."""
 
 
 class Progress:
-    """Part done, simulated time, speed (x real time) and remaining time, on one line.
+    """One line with a bar, what is done, the speed, and the remaining time.
 
-    Silent unless `stream` (stderr) is a terminal; redrawn at most ten times a second.
+    total: amount of work; describe(done, speed): text beside the bar, with the speed in work per second;
+    quiet: draw nothing; stream: stderr by default. Draws only on a terminal.
     """
 
-    def __init__(self, t_end: float, start: float = 0.0, quiet: bool = False, stream: TextIO | None = None):
-        self.t_end, self.start = t_end, start
-        self.stream = stream = sys.stderr if stream is None else stream
-        self.shown = not quiet and stream.isatty()
-        self._began = self._drawn = None
-        if self.shown:
-            stream.write("compiling ...")
-            stream.flush()
+    def __init__(
+        self,
+        total: float,
+        describe: Callable[[float, float], str],
+        quiet: bool = False,
+        stream: TextIO | None = None,
+    ):
+        self.total, self.describe = total, describe
+        self.stream = sys.stderr if stream is None else stream
+        self.shown = not quiet and self.stream.isatty()
+        self._first: tuple[float, float] | None = None
+        self._drawn = -float("inf")
+        self._write("compiling ...")
 
-    def update(self, reached: float) -> None:
-        """Simulated time reached [s]. The clock starts at the first call: compiling is not speed."""
-        now = time.perf_counter()
-        if not self.shown:
+    @property
+    def due(self) -> bool:
+        """True if the next `update` draws."""
+        return self.shown and time.perf_counter() - self._drawn >= REDRAW_SECONDS
+
+    def update(self, done: float) -> None:
+        """Reports the amount of work done. The clock starts at the first call, so that the speed does not
+        include compiling."""
+        if self._first is None:
+            self._first = (time.perf_counter(), done)
+        if not (self.due or done >= self.total):
             return
-        if self._began is None:
-            self._began, self.start = now, reached
-        if self._drawn is not None and now - self._drawn < 0.1 and reached < self.t_end:
-            return
-        self._drawn = now
-        elapsed = max(now - self._began, 1e-9)
-        speed = (reached - self.start) / elapsed
-        left = (self.t_end - reached) / speed if speed > 0.0 else 0.0
-        part = min(max(reached / self.t_end, 0.0), 1.0)
-        self.stream.write(
-            f"\r{bar(part)}  {reached:.0f} of {self.t_end:.0f} s  "
-            f"{speed:.0f} x real time  {clock(left)} left \x1b[K"
-        )
-        self.stream.flush()
+        now = self._drawn = time.perf_counter()
+        began, before = self._first
+        speed = (done - before) / max(now - began, 1e-9)
+        left = clock((self.total - done) / speed) if speed > 0.0 else "-:--"
+        part = min(max(done / self.total, 0.0), 1.0) if self.total > 0.0 else 1.0
+        self._write(f"\r{bar(part)}  {self.describe(done, speed)}  {left} left \x1b[K")
 
     def close(self) -> None:
-        """End the line; nothing more is shown."""
+        """Ends the line. Later calls draw nothing."""
+        self._write("\n")
+        self.shown = False
+
+    def _write(self, text: str) -> None:
         if self.shown:
-            self.stream.write("\n")
+            self.stream.write(text)
             self.stream.flush()
-        self.shown = False
-
-
-class MemberProgress:
-    """Part done of an ensemble, members a second, and remaining time, on one line.
-
-    members: to be computed; done(): pieces that are, of `pieces`. Silent unless stderr is a terminal.
-    """
-
-    def __init__(self, members: int, done: Callable[[], int], pieces: int, quiet: bool = False):
-        self.members, self.done, self.pieces, self.before = members, done, max(pieces, 1), done()
-        self.shown = not quiet and sys.stderr.isatty()
-        self._began = self._drawn = time.perf_counter()
-
-    def show(self) -> None:
-        """Redraw, five times a second at most."""
-        now = time.perf_counter()
-        if not self.shown or now - self._drawn < 0.2:
-            return
-        self._drawn = now
-        part = (self.done() - self.before) / self.pieces
-        speed = part * self.members / (now - self._began)
-        left = clock((1.0 - part) * self.members / speed) if speed else "-:--"
-        sys.stderr.write(f"\r{bar(part)}  {speed:.3g} members a second  {left} left \x1b[K")
-        sys.stderr.flush()
-
-    def close(self) -> None:
-        """End the line."""
-        if self.shown:
-            sys.stderr.write("\n")
-        self.shown = False
 
 
 def bar(part: float) -> str:
-    """The bar itself, and per cent."""
+    """A bar for the part done, 0 to 1, and the percentage."""
     done = round(part * WIDTH)
     return f"[{'#' * done}{'.' * (WIDTH - done)}] {100 * part:3.0f} %"
 
 
 def clock(seconds: float) -> str:
-    """h:mm:ss, or mm:ss."""
+    """A duration as h:mm:ss, or as mm:ss below an hour."""
     minutes, seconds = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02d}:{seconds:02d}" if hours else f"{minutes:02d}:{seconds:02d}"

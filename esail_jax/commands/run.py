@@ -1,9 +1,8 @@
-"""A run from the command line: file, progress, interruption, summary."""
+"""`esail run`: a run with its file, progress bar, interruption and summary; `esail info` of a run."""
 
+import functools
 import os
-import signal
 import sys
-import threading
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -12,49 +11,45 @@ from typing import Any
 import h5py
 import numpy as np
 
+from esail_jax.commands.exit_codes import ExitCode
+from esail_jax.commands.interrupts import Interrupts
 from esail_jax.commands.progress import Progress
+from esail_jax.files.hdf5 import to_python
 from esail_jax.files.run_file import (
+    Content,
     RunFileError,
     RunWriter,
     load_checkpoint,
     open_run,
     open_single,
-    plain,
+    progress_of,
     scene_of_run,
 )
 from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.scene import Scene, parse
-from esail_jax.simulation.block_march import BlockMarch
-from esail_jax.simulation.explicit import ExplicitMarch
-from esail_jax.simulation.march import March, march_of
-from esail_jax.simulation.prepare import plan_of, prepare
-from esail_jax.simulation.results import SimulationError
+from esail_jax.simulation.host import HostRun, compile_scene
+from esail_jax.simulation.results import Checkpoint, SimulationError
+from esail_jax.steppers.results import RESULTS
 
 
-def run_scene(scene: Scene, path: Path, resume: bool, quiet: bool) -> int:
-    """Run `scene` into the run file `path`; returns the exit status.
+def run_scene(scene: Scene, path: Path, resume: bool, quiet: bool) -> ExitCode:
+    """Runs `scene` into the run file `path`. Returns the exit code.
 
     Raises SceneError or RunFileError before anything is written.
     """
     began = time.perf_counter()
     going_on = check_output(scene, path, resume)
     if going_on == "complete":
-        return 0
-    progress = Progress(scene.integrator.t_end, quiet=quiet)
+        return ExitCode.DONE
+    progress = Progress(scene.integrator.t_end, functools.partial(progress_text, scene), quiet)
     try:
-        prepared = prepare(scene)
+        compiled = compile_scene(scene)
         ready = time.perf_counter()
-        checkpoint = None
-        if going_on == "resume":
-            with open_run(path) as file:
-                checkpoint = load_checkpoint(file, prepared.carry)
+        run = HostRun(compiled, checkpoint_of(path) if going_on == "resume" else None)
+        writer = RunWriter(path, Content.of_run(compiled), resume=going_on == "resume")
         with Interrupts() as interrupts:
-            message, code = march_on(
-                march_of(prepared, checkpoint),
-                RunWriter(path, prepared, resume=going_on == "resume"),
-                progress,
-                interrupts,
-                lambda: (ready - began, time.perf_counter() - ready),
+            message, code = write_run(
+                run, writer, progress, interrupts, lambda: (ready - began, time.perf_counter() - ready)
             )
     finally:
         progress.close()
@@ -65,58 +60,47 @@ def run_scene(scene: Scene, path: Path, resume: bool, quiet: bool) -> int:
     return code
 
 
-def march_on(
-    march: March | ExplicitMarch | BlockMarch,
+def checkpoint_of(path: Path) -> Checkpoint:
+    """The checkpoint of a run file."""
+    with open_run(path) as file:
+        return load_checkpoint(file)
+
+
+def write_run(
+    run: HostRun,
     writer: RunWriter,
     progress: Progress,
-    interrupts: "Interrupts",
+    interrupts: Interrupts,
     times: Callable[[], tuple[float, float]],
-) -> tuple[str, int]:
-    """Run to the end, or to what stops it: message and exit status. `times()`: seconds of
-    compiling and of running."""
-    status, message, code = "complete", "", 0
+) -> tuple[str, ExitCode]:
+    """Runs to the end, to a failure or to an interruption. Returns the message and the exit code.
+
+    times(): seconds spent on compiling and on running."""
+    ended, code = ("complete", "", RESULTS.successful), ExitCode.DONE
     try:
-        for piece in march.pieces():
-            writer.add(piece, march, times())
-            progress.update(piece.reached)
+        for chunk in run.chunks():
+            if writer.add(chunk):
+                writer.write(progress_of(run, times()))
+            progress.update(chunk.reached)
             if interrupts.asked:
-                status, message, code = "interrupted", "Interrupted; --resume continues.", 130
+                ended = ("interrupted", "Interrupted; --resume continues.", RESULTS.successful)
+                code = ExitCode.INTERRUPTED
                 break
     except SimulationError as error:
-        status, message, code = "failed", str(error), 3
-    writer.write(march, times(), status, message)
-    return message, code
+        ended, code = ("failed", str(error), error.result), ExitCode.FAILED
+    writer.write(progress_of(run, times(), *ended))
+    return ended[1], code
 
 
-class Interrupts:
-    """Ctrl-C and SIGTERM wait until an entry is done and kept: in the midst of one, rows and the
-    checkpoint would not belong together. A second one does not wait; the file stays as last
-    written.
-
-    asked: has one come?
-    """
-
-    def __init__(self):
-        self.asked = False
-        self._before: dict[int, Any] = {}
-
-    def __enter__(self) -> "Interrupts":
-        if threading.current_thread() is threading.main_thread():
-            self._before = {n: signal.signal(n, self._ask) for n in (signal.SIGINT, signal.SIGTERM)}
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
-
-    def _ask(self, *_: object) -> None:
-        if self.asked:
-            raise KeyboardInterrupt
-        self.asked = True
+def progress_text(scene: Scene, reached: float, speed: float) -> str:
+    """Text beside the progress bar. reached: simulated time [s]; speed: simulated seconds per second."""
+    return f"{reached:.0f} of {scene.integrator.t_end:.0f} s  {speed:.0f} x real time"
 
 
 def check_output(scene: Scene, path: Path, resume: bool) -> str:
-    """ "new", "resume" or "complete": what there is to do for this file. Raises RunFileError."""
+    """Tells what is to be done for the file: "new" (start), "resume", or "complete" (nothing).
+
+    Raises RunFileError."""
     if not path.parent.is_dir():
         raise RunFileError(f"`-o` must be in an existing directory, but {path.parent} is none")
     if not os.access(path.parent, os.W_OK):
@@ -148,27 +132,24 @@ def check_output(scene: Scene, path: Path, resume: bool) -> str:
 
 
 def check_checkpoint(before: Scene, scene: Scene, state: h5py.Group, path: Path) -> None:
-    """Raise RunFileError unless the run of `scene` passes through the checkpoint of that of `before`."""
-    kept = state.attrs
-    (old, new), position = (plan_of(with_method(s)) for s in (before, scene)), int(kept["position"])
-    if old is None and new is None:  # steps of the method's own making do not know the end time
-        return
-    if old is None or new is None:
-        raise RunFileError("`--t-end` must not change the method of integration, but does")
-    if kept.get("steps_per_entry", new.steps_per_entry) != new.steps_per_entry or "errors" not in state:
+    """Raises RunFileError unless the run of `scene` passes through the checkpoint of that of `before`."""
+    if "motion" not in state:
         raise RunFileError(
             f"`--resume` must continue a run of this version of esail_jax, but {path} is of another"
         )
-    if old.entries[:position] != new.entries[:position]:
+    old, new = (with_method(s).integrator for s in (before, scene))
+    if old.method != new.method:
+        raise RunFileError("`--t-end` must not change the method of integration, but does")
+    if old.step != new.step:
         raise RunFileError(
             f"`--t-end` must let the run go on from the state in {path}, but is {scene.integrator.t_end:g}"
         )
 
 
 def describe(path: Path) -> str:
-    """What was run, how it ended and how fast: a few lines."""
+    """A few lines on a run: model, method, how it ended, speed, energy balance, versions."""
     with open_run(path) as file:
-        attributes = {name: plain(value) for name, value in file.attrs.items()}
+        attributes = {name: to_python(value) for name, value in file.attrs.items()}
         scene = parse(file["scene"][()].decode(), str(path))
         times = file["time"][()]
         terms = ", ".join(file["numerics"].attrs["terms"])
@@ -189,7 +170,7 @@ def describe(path: Path) -> str:
 
 
 def heading(path: Path, attributes: Mapping[str, Any], scene: Scene, terms: str) -> list[str]:
-    """Lines that runs and ensembles begin with: how it ended, model and method."""
+    """The first lines for runs and ensembles: status, message, model and method."""
     return [
         f"{path}: {attributes['status']}",
         f"  {attributes['message']}" if attributes["message"] else "",
@@ -199,21 +180,21 @@ def heading(path: Path, attributes: Mapping[str, Any], scene: Scene, terms: str)
 
 
 def size_of(scene: Scene) -> str:
-    """How many of what."""
+    """Size of the model: numbers of tethers and elements, or of rods."""
     if scene.chain is not None:
         return f"{scene.chain.rods} rods"
     return f"{scene.tethers.count} tethers x {scene.tethers.elements} elements"
 
 
 def method_of(scene: Scene) -> str:
-    """The method a scene is run with, and who chose it."""
+    """The method of integration, its tolerance or step, and "(chosen)" if the scene does not name it."""
     table = with_method(scene).integrator
     size = f"tolerance {table.tolerance:g}" if table.step is None else f"step {table.step:g} s"
     return f"{table.method}, {size}" + (" (chosen)" if scene.integrator.method is None else "")
 
 
 def balance_text(file: h5py.File) -> str:
-    """Largest energy error, beside the energies it is an error of."""
+    """A line with the largest energy error and the energy to compare it with; empty if unknown."""
     seen = file["observables"]
     if "energy_balance_error" not in seen:
         error, kinetic = seen["energy_error"][()], seen["kinetic_energy"][()]

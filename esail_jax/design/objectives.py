@@ -1,10 +1,11 @@
-"""What a design can aim at: numbers made of the observables of a run, to be made small.
+"""Objectives of a design: numbers made of the observables of a run, to be made small.
 
-Every objective is a function of a run. Means and variances are over time, by the trapezoidal rule over
-the saved instants: over a whole turn the first and the last of them are one phase, and count once.
-`of_run` divides an objective by its value without modulation, so that weights compare.
+Every objective is a function of a run. Means and variances over time use the trapezoidal rule over the
+saved instants. Over a whole turn the first and last instants have the same phase; the rule gives each
+half weight. `weighted_sum` divides every objective by its value at constant voltage, so that weights are
+comparable.
 
-An objective that has numbers of its own carries them in its name, behind a colon: "spin-plane:15".
+An objective with parameters carries them in its name, after a colon: "spin-plane:15".
 """
 
 import dataclasses
@@ -15,22 +16,24 @@ import jax.numpy as jnp
 from esail_jax.array_types import Array, Float, Scalar
 from esail_jax.joints.roots import rotation_about_y
 from esail_jax.scenes.rules import SceneError
-from esail_jax.simulation.simulate import Solution
+from esail_jax.simulation.solution import Solution
 
 
 def mean(run: Solution, values: Float[Array, "time *some"]) -> Float[Array, "*some"]:
-    """Mean over time, trapezoidal rule."""
+    """Mean over time, by the trapezoidal rule."""
     length = run.time[-1] - run.time[0]
     return jnp.trapezoid(values, run.time, axis=0) / length
 
 
 def variance(run: Solution, values: Float[Array, "time *some"]) -> Float[Array, "*some"]:
-    """Mean square of the distance from the mean over time."""
+    """Variance over time."""
     return mean(run, (values - mean(run, values)) ** 2)
 
 
 def mean_torque(run: Solution) -> Scalar:
-    """|mean over time of the thrust's moment across the spin axis|^2 [(N m)^2]: what turns that axis."""
+    """Square of the thrust's mean moment perpendicular to the mean spin axis, |m - (m . n) n|^2 [(N m)^2].
+
+    This moment turns the spin axis."""
     moment = mean(run, jnp.einsum("tib,tb->ti", run["rotation_IB"], run["thrust_moment_B"].sum(1)))
     axis = mean(run, spin_axes(run))
     axis = axis / jnp.linalg.norm(axis)
@@ -38,38 +41,41 @@ def mean_torque(run: Solution) -> Scalar:
 
 
 def attitude(run: Solution) -> Scalar:
-    """Mean square of the spin axis's distance from where it starts [-]."""
+    """Mean square of the distance |n(t) - n(0)| between the spin axis and its start [-]."""
     axes = spin_axes(run)
     return mean(run, ((axes - axes[:1]) ** 2).sum(1))
 
 
 def final_attitude(run: Solution) -> Scalar:
-    """Square of the spin axis's distance from where it starts, at the end [-]."""
+    """Square of the distance between the spin axis at the end and its start [-]."""
     axes = spin_axes(run)
     return ((axes[-1] - axes[0]) ** 2).sum()
 
 
 def spin_plane(run: Solution, sailing_deg: float, precession_deg: float = 0.0, last: float = 0.0) -> Scalar:
-    """Square of the distance of the spin plane's normal from the one with these sailing and precession
-    angles [-], (sin alpha cos delta, sin alpha sin delta, cos alpha) in O: at the end, or its mean over the
-    last seconds. Over the half turn that nutation takes, that is a plane that has come to rest. At least
-    three tethers."""
+    """Square of the distance between the spin plane's normal and a target [-].
+
+    The target has a sailing angle alpha and a precession angle delta [deg]: in the orbital frame O it is
+    (sin alpha cos delta, sin alpha sin delta, cos alpha). last: 0 takes the end of the run; otherwise the
+    mean over the last `last` seconds. A small mean over half a turn, the period of the nutation, means
+    that the plane has come to rest. Needs at least three tethers."""
     alpha, delta = jnp.deg2rad(sailing_deg), jnp.deg2rad(precession_deg)
     aim = jnp.stack([jnp.sin(alpha) * jnp.cos(delta), jnp.sin(alpha) * jnp.sin(delta), jnp.cos(alpha)])
-    # The orbital frame, from the attitude that a run starts at (`starting_attitude`), alpha with its sign.
+    # The orbital frame follows from the attitude at the start (`starting_attitude`); alpha has its sign.
     start = run["sailing_angle"][0] * jnp.cos(run["precession_angle"][0])
     orbital = run["rotation_IB"][0] @ rotation_about_y(start - 0.5 * jnp.pi).T
-    miss = ((plane_normals(run) - orbital @ aim) ** 2).sum(1)
+    squared = ((plane_normals(run) - orbital @ aim) ** 2).sum(1)
     if last == 0.0:
-        return miss[-1]
-    # A microsecond for rounding of saved instants.
+        return squared[-1]
+    # A microsecond allows for rounding of the saved instants.
     since = run.time > run.time[-1] - last - 1e-6
     steps = jnp.where(since[:-1], jnp.diff(run.time), 0.0)
-    return (steps * 0.5 * (miss[1:] + miss[:-1])).sum() / steps.sum()
+    return (steps * 0.5 * (squared[1:] + squared[:-1])).sum() / steps.sum()
 
 
 def hub_swing(run: Solution) -> Scalar:
-    """Mean square of the hub axis's distance from the spin plane's normal [-]. At least three tethers."""
+    """Mean square of the distance between the hub's axis and the spin plane's normal [-]. Needs at least
+    three tethers."""
     return mean(run, ((spin_axes(run) - plane_normals(run)) ** 2).sum(1))
 
 
@@ -94,17 +100,18 @@ def hub_torque(run: Solution) -> Scalar:
 
 
 def power(run: Solution) -> Scalar:
-    """Mean of V^(3/2) [V^(3/2)]: the current that keeps a tether at V grows with the root of V."""
+    """Mean of V^(3/2) [V^(3/2)], proportional to the electric power: the current grows with the root of
+    V."""
     return mean(run, run["voltage"] ** 1.5).mean()
 
 
 def thrust(run: Solution) -> Scalar:
-    """Mean thrust [N]. Of this one, what is missing counts: see `of_run`."""
+    """Mean thrust [N]. It is retained, not made small: see `weighted_sum`."""
     return mean(run, jnp.linalg.norm(run["thrust_O"], axis=1))
 
 
 def closeness(run: Solution) -> Scalar:
-    """Inverse of the smallest distance [m] between tethers."""
+    """Inverse of the smallest distance between two tethers [1/m]."""
     return 1.0 / run["smallest_tether_distance"].min()
 
 
@@ -120,29 +127,31 @@ OBJECTIVES: dict[str, Callable[[Solution], Scalar]] = {
     "power": power,
     "closeness": closeness,
 }
-"""To be made small."""
+"""Objectives to be made small, by name."""
 
-KEPT = {"thrust": (thrust, 0.96)}
-"""To be kept, with the part of its value without modulation below which it costs."""
+RETAINED = {"thrust": (thrust, 0.96)}
+"""Objectives to be retained: the function, and the part of its value at constant voltage below which it
+costs."""
 
-AIMED: dict[str, tuple[Callable[..., Scalar], int, int]] = {"spin-plane": (spin_plane, 1, 3)}
-"""To be made small, with numbers behind a colon: at least and at most how many."""
+PARAMETRISED: dict[str, tuple[Callable[..., Scalar], int, int]] = {"spin-plane": (spin_plane, 1, 3)}
+"""Objectives to be made small that have parameters after a colon: the function, and the least and largest
+number of parameters."""
 
-NAMES = (*OBJECTIVES, *KEPT)
-"""Of those without numbers."""
+NAMES = (*OBJECTIVES, *RETAINED)
+"""Names of the objectives without parameters."""
 
 
 def function_of(name: str) -> Callable[[Solution], Scalar]:
-    """The named number of a run. Raises SceneError for what is none."""
-    if name in KEPT:
-        return KEPT[name][0]
+    """The function of a run that a name stands for. Raises SceneError for an unknown name."""
+    if name in RETAINED:
+        return RETAINED[name][0]
     if name in OBJECTIVES:
         return OBJECTIVES[name]
     kind, _, text = name.partition(":")
-    if kind not in AIMED:
-        known = ", ".join((*NAMES, *AIMED))
+    if kind not in PARAMETRISED:
+        known = ", ".join((*NAMES, *PARAMETRISED))
         raise SceneError("objective", f"be one of {known}", f"is {name!r}")
-    function, least, most = AIMED[kind]
+    function, least, most = PARAMETRISED[kind]
     try:
         aim = tuple(map(float, text.split(",")))
     except ValueError:
@@ -154,31 +163,39 @@ def function_of(name: str) -> Callable[[Solution], Scalar]:
 
 
 def values(run: Solution, names: tuple[str, ...]) -> dict[str, Scalar]:
-    """The named numbers of a run."""
+    """Values of the named objectives of a run."""
     rows = {name: jnp.asarray(x) for name, x in run.rows.items()}
     run = dataclasses.replace(run, time=jnp.asarray(run.time), rows=rows)
     return {name: function_of(name)(run) for name in names}
 
 
-def of_run(run: Solution, weights: Mapping[str, float], before: Mapping[str, Scalar | float]) -> Scalar:
-    """sum_k w_k J_k / J_k(before), and w (0.96 - T / T(before))^2, in percents, where thrust is less."""
+def weighted_sum(
+    run: Solution, weights: Mapping[str, float], references: Mapping[str, Scalar | float]
+) -> Scalar:
+    """sum_k w_k c_k(J_k / R_k), where R_k are the references and c_k(x) = x for an objective to be made
+    small.
+
+    For one to be retained c_k(x) = (100 max(part - x, 0))^2: the square of the percentage that is missing
+    to `part` (0.96 for thrust)."""
     total = jnp.zeros(())
     for name, value in values(run, tuple(weights)).items():
-        part = value / before[name]
-        if name in KEPT:
-            part = (100.0 * jnp.maximum(KEPT[name][1] - part, 0.0)) ** 2
-        total = total + weights[name] * part
+        ratio = value / references[name]
+        if name in RETAINED:
+            ratio = (100.0 * jnp.maximum(RETAINED[name][1] - ratio, 0.0)) ** 2
+        total = total + weights[name] * ratio
     return total
 
 
 def spin_axes(run: Solution) -> Float[Array, "time 3"]:
-    """X_B in I, at every saved instant."""
+    """The spin axis X_B in I, at every saved instant."""
     return run["rotation_IB"][:, :, 0]
 
 
 def plane_normals(run: Solution) -> Float[Array, "time 3"]:
-    """Unit normal of the spin plane in I, on the side of X_B: the vector area of the polygon of the tips,
-    sum_i (r_i - r_mean) x (r_{i+1} - r_mean)."""
+    """Unit normal of the spin plane in I, on the side of X_B, at every saved instant.
+
+    Its direction is the vector area of the polygon of the tips, sum_i (r_i - r_mean) x (r_{i+1} -
+    r_mean)."""
     tips = run["tip_position_I"]
     offsets = tips - tips.mean(1, keepdims=True)
     area = jnp.cross(offsets, jnp.roll(offsets, -1, 1)).sum(1)

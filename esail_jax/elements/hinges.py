@@ -1,8 +1,8 @@
 """Flexural rigidity of a rod chain, lumped at its joints.
 
-[MW] Sec. 4 proposes to take it from "the second derivative of spatial vectors". The vectors are the
-rods themselves, x_i = l_i dr/dx: curvature is the *first* difference of their directions, which is
-the second difference of the joints' positions.
+[MW] Sec. 4 proposes to derive it from "the second derivative of spatial vectors". But these vectors are the
+rods themselves, x_i = l_i dr/dx: the curvature is the *first* difference of their directions, that is, the
+second difference of the joints' positions.
 """
 
 import equinox as eqx
@@ -12,17 +12,18 @@ from esail_jax.array_types import Array, Float, Scalar, Vector
 
 
 class Hinges(eqx.Module):
-    """Springs between neighbouring rods,
+    """Rotational springs between neighbouring rods,
 
         U = sum_i c_i |t_{i+1} - t_i|^2 / 2,    t_i = x_i / l_i,
         1/c_i = l_i/(2 EI_i) + l_{i+1}/(2 EI_{i+1}).
 
-    |t_{i+1} - t_i| = 2 sin(turn/2): the angle between rods up to third order, smooth and bounded for
-    any turn; the chain's own error is of second order too. Stretch enters only by its difference
-    between neighbours, which costs (thickness/l)^2 of the axial energy.
+    |t_{i+1} - t_i| = 2 sin(turn/2) is the angle between the rods up to third order, and smooth and bounded
+    for any angle; the discretisation error of the chain is of second order as well. Stretch enters only by
+    its difference between neighbours, with an energy of (thickness/l)^2 of the axial one.
 
-    stiffness c [N m] of every joint with a spring: the inner ones, after that of a clamped first
-    end, c_0 = 2 EI_1/l_1; direction: unit vector of the clamp, None if the first end is pinned.
+    stiffness: c [N m] of every joint with a spring: those between rods, preceded by c_0 = 2 EI_1/l_1 if the
+    first end is clamped. length: l [m] of every rod. direction: unit vector of the clamp; None if the first
+    end is pinned.
     """
 
     stiffness: Float[Array, " hinge"]
@@ -36,7 +37,7 @@ class Hinges(eqx.Module):
         length: Float[Array, " rod"],
         direction: Vector | None,
     ) -> "Hinges":
-        """From EI [N m^2] and undeformed length [m] of the rods."""
+        """The springs of rods with given bending stiffness EI [N m^2] and undeformed length [m]."""
         flexibility = 0.5 * length / bending
         inner = 1.0 / (flexibility[:-1] + flexibility[1:])
         if direction is not None:
@@ -44,7 +45,7 @@ class Hinges(eqx.Module):
         return cls(inner, length, direction)
 
     def energy(self, rods: Float[Array, "3 rod"]) -> Scalar:
-        """U [J] of rod vectors x [m]."""
+        """Energy U [J] of rod vectors x [m]."""
         tangents = rods / self.length
         if self.direction is not None:
             tangents = jnp.concatenate([self.direction[:, None], tangents], axis=1)

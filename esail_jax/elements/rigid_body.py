@@ -1,9 +1,8 @@
-"""Rigid hub in natural coordinates: four base points and six rigidity constraints
-([PGV] Sec. 2.3, App. B).
+"""Rigid hub in natural coordinates: four base points and six rigidity constraints ([PGV] Sec. 2.3, App. B).
 
-Base points in the body frame, origin at the hub centre: A = (-h/2, 0, 0), B = (h/2, 0, 0),
-C = (0, R, 0), D = (0, 0, R), the d(0) printed before Eq. 79. The vectors from A to C and D that
-Eq. 62-64 use belong to other points; see the errata.
+The base points in the body frame, whose origin is the hub centre, are A = (-h/2, 0, 0), B = (h/2, 0, 0),
+C = (0, R, 0) and D = (0, 0, R): the d(0) printed before Eq. 79. The vectors from A to C and D in Eq. 62-64
+belong to other points; see the errata.
 """
 
 import equinox as eqx
@@ -14,24 +13,28 @@ from esail_jax.array_types import Array, Float, HubPoints, Rotation, Scalar, Vec
 from esail_jax.numerics.small_matrices import matmul
 
 EDGE_PAIRS = ((0, 0), (1, 1), (2, 2), (1, 0), (2, 0), (2, 1))
-"""Pairs of edges (AB, AC, AD) whose products are kept, in the order of [PGV] Eq. 45."""
+"""Pairs of edges (AB, AC, AD) whose scalar products are constrained, in the order of [PGV] Eq. 45."""
 
 PICK_PAIRS = np.stack([np.eye(9)[3 * k + m] for k, m in EDGE_PAIRS])
-"""Selects those pairs from a flattened 3 x 3 matrix of products."""
+"""Masks that select those pairs from a flattened 3 x 3 matrix of products."""
 
 OF_HEIGHT = np.array([[-0.5, 0, 0], [0.5, 0, 0], [0, 0, 0], [0, 0, 0]])
 OF_RADIUS = np.array([[0, 0, 0], [0, 0, 0], [0, 1, 0], [0, 0, 1]], float)
-"""A, B, C, D of unit height and of unit radius. (Matrices times a number, not 12 numbers put together: that
-would be a tenth of all operations that a run's compiler sees.)"""
+"""Base points A, B, C, D of unit height and of unit radius. Base points are these matrices times a number:
+put together from 12 numbers they would be a tenth of all operations that a run's compiler sees."""
 
 PER_HEIGHT = np.array([[-1, 0, 0, 0], [1, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0]], float)
 PER_RADIUS = np.array([[0, -0.5, -0.5, 0], [0, -0.5, -0.5, 0], [0, 1, 0, 0], [0, 0, 1, 0]])
 HALVES = np.array([[0, 0, 0, 0.5], [0, 0, 0, 0.5], [0, 0, 0, 0], [0, 0, 0, 0]])
-"""Weights of A, B, C, D by a point's coordinates, over height and radius, and by 1."""
+"""Terms of the matrix that maps a point (x, y, z, 1) to its weights on A, B, C, D: those divided by the
+height, those divided by the radius, and the constant ones."""
 
 
 class RigidBody(eqx.Module):
-    """Homogeneous solid cylinder about X_B. height h_r [m], radius R_r [m], density [kg/m^3]."""
+    """Homogeneous solid cylinder about X_B.
+
+    height: h_r [m]. radius: R_r [m]. density: [kg/m^3].
+    """
 
     height: Scalar
     radius: Scalar
@@ -39,49 +42,52 @@ class RigidBody(eqx.Module):
 
     @property
     def base_points(self) -> Float[Array, "4 3"]:
-        """A, B, C, D in the body frame [m]."""
+        """Base points A, B, C, D in the body frame [m]."""
         return OF_HEIGHT * self.height + OF_RADIUS * self.radius
 
     @property
     def mass(self) -> Scalar:
-        """m [kg]."""
+        """Mass m [kg]."""
         return self.density * jnp.pi * self.radius**2 * self.height
 
     def weights(self, x: Float[Array, "3 *point"]) -> Float[Array, "4 *point"]:
-        """g(x) with r(x) = sum_k g_k r_k for a body-fixed point or, with sum g = 0, a body-fixed
-        direction: x is extended by 1 for a point ([PGV] Eq. 131-132)."""
+        """Weights g of body-fixed points x on the base points: r(x) = sum_k g_k r_k, with sum g = 1 ([PGV]
+        Eq. 131-132)."""
         return self._affine(x, 1.0)
 
     def direction_weights(self, x: Float[Array, "3 *point"]) -> Float[Array, "4 *point"]:
-        """Weights of a body-fixed direction: sum_k g_k r_k = C_B^I x."""
+        """Weights g of body-fixed directions x: sum_k g_k r_k = C_B^I x, with sum g = 0."""
         return self._affine(x, 0.0)
 
     def _affine(self, x: Array, last: float) -> Array:
+        """Weights of x extended by `last`: 1 for a point, 0 for a direction."""
         extended = jnp.concatenate([x, jnp.full_like(x[:1], last)])
         return jnp.tensordot(self._affine_inverse(), extended, 1)
 
     def _affine_inverse(self) -> Float[Array, "4 4"]:
-        """Inverse of the map from g to (sum g_k x_k, sum g_k): alpha, beta and gamma of [PGV]
-        Eq. 133 in closed form for these base points."""
+        """Inverse of the map from g to (sum g_k x_k, sum g_k): alpha, beta and gamma of [PGV] Eq. 133, in
+        closed form for these base points."""
         return PER_HEIGHT / self.height + PER_RADIUS / self.radius + HALVES
 
     @property
     def mass_matrix(self) -> Float[Array, "4 4"]:
-        """Integral of rho g g^T dV: the 12 x 12 mass matrix is this times I_3 ([PGV] Eq. 52)."""
+        """Mass matrix [kg]: the integral of rho g g^T dV. The 12 x 12 matrix is its Kronecker product with
+        I_3 ([PGV] Eq. 52)."""
         axial, radial = self.height**2 / 12.0, self.radius**2 / 4.0
         second = self.mass * jnp.diag(jnp.stack([axial, radial, radial, jnp.ones_like(axial)]))
         inverse = self._affine_inverse()
         return inverse @ second @ inverse.T
 
     def edges(self, points: HubPoints) -> Float[Array, "3 3"]:
-        """r_AB, r_AC, r_AD as rows ([PGV] Eq. 42)."""
+        """Edges r_AB, r_AC, r_AD as rows [m] ([PGV] Eq. 42)."""
         return points[1:] - points[0]
 
     def constraints(self, points: HubPoints) -> Float[Array, "6"]:
-        """Phi [m]: (r_K . r_L - its reference value) over a length, for the pairs of Eq. 45.
+        """Rigidity constraints Phi [m]: (r_K . r_L - its reference value) over a length, for the pairs of
+        Eq. 45.
 
-        Squared lengths are divided by 2 L and products by sqrt(L_K L_L), so that each constraint
-        is the distance in metres by which the body is out of shape, and its multiplier a force.
+        Squared lengths are divided by 2 L and products by sqrt(L_K L_L). Each constraint is then a
+        deformation of the body in metres, and its multiplier a force.
         """
         reference = self.edges(self.base_points)
         products = reference @ reference.T
@@ -91,7 +97,7 @@ class RigidBody(eqx.Module):
         return (PICK_PAIRS * ((matmul(now, now.T) - products) / scale).reshape(9)).sum(1)
 
     def rotation(self, points: HubPoints) -> Rotation:
-        """C_B^I: columns i_B, j_B, k_B ([PGV] Eq. 41)."""
+        """Attitude C_B^I with the columns i_B, j_B, k_B ([PGV] Eq. 41)."""
         return matmul(points.T, self._affine_inverse()[:, :3])
 
     def centre(self, points: HubPoints) -> Vector:
@@ -99,7 +105,7 @@ class RigidBody(eqx.Module):
         return 0.5 * (points[0] + points[1])
 
     def angular_velocity(self, points: HubPoints, velocities: HubPoints) -> Vector:
-        """omega^B [rad/s], body components: the axial vector of C_I^B d(C_B^I)/dt.
+        """Angular velocity omega^B [rad/s] in body components: the axial vector of C_I^B d(C_B^I)/dt.
 
         Derived in place of [PGV] Eq. 62-64, whose local coordinates do not fit its base points.
         """

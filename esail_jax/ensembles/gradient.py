@@ -10,14 +10,14 @@ from jax import lax
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 from esail_jax.array_types import Array, Scalar
-from esail_jax.compiler import COMPILER_OPTIONS
+from esail_jax.compiler import jit
 from esail_jax.ensembles.sampling import Inputs
 
 MEMBER = "member"
 
 
 class MeanGradient(NamedTuple):
-    """Of an objective over the members for which it, and its gradient, are finite: `counted` of them."""
+    """Mean of an objective and its gradient, over the `counted` members for which both are finite."""
 
     mean: Scalar
     gradient: Any
@@ -27,18 +27,18 @@ class MeanGradient(NamedTuple):
 def mean_gradient(
     objective: Callable[[Any, dict[str, Array]], Scalar], inputs: Inputs
 ) -> Callable[[Any], MeanGradient]:
-    """J(p) = sum_m objective(p, inputs of m) / M and dJ/dp, as a function of the parameters p (a tree of
-    arrays).
+    """Returns the function p -> (J(p), dJ/dp, number of members), J(p) = sum_m objective(p, inputs_m) / M.
 
-    objective: differentiable, made of `simulate`. Members are shared out evenly among all devices that JAX
-    knows, those of other processes included (`jax.distributed`); every device takes its own one after the
-    other, and the sums are put together by one collective reduction. Under several processes each calls
-    this with the same arguments, and all get the same result."""
+    p: a tree of arrays; objective(p, inputs of one member): differentiable, made of `simulate`.
+
+    The members are divided evenly among all devices that JAX knows, including those of other processes
+    (`jax.distributed`). Every device computes its members one after the other; one collective reduction
+    adds the sums. Every process has to call this with the same arguments, and all get the same result."""
     devices = np.array(jax.devices())
     mesh = Mesh(devices, (MEMBER,))
     members = len(next(iter(inputs.values())))
     padding = -members % len(devices)
-    # Members that fill up count nothing.
+    # Members that pad the last share have weight 0.
     weights = np.append(np.ones(members), np.zeros(padding))
     filled = {key: np.concatenate([x, x[:1].repeat(padding, 0)]) for key, x in inputs.items()}
 
@@ -64,9 +64,8 @@ def mean_gradient(
         return MeanGradient(value / counted, jax.tree.map(lambda x: x / counted, gradient), counted)
 
     specs = (PartitionSpec(), PartitionSpec(MEMBER))
-    evaluate = jax.jit(
-        jax.shard_map(of_share, mesh=mesh, in_specs=specs, out_specs=PartitionSpec(), check_vma=False),
-        compiler_options=COMPILER_OPTIONS,
+    evaluate = jit(
+        jax.shard_map(of_share, mesh=mesh, in_specs=specs, out_specs=PartitionSpec(), check_vma=False)
     )
 
     def of_parameters(parameters: Any) -> MeanGradient:

@@ -1,4 +1,5 @@
-"""A synthetic gusty solar wind: correlated noise about steady values, for examples and robust designs."""
+"""Synthetic gusts of the solar wind: correlated noise about mean values, for examples and robust
+designs."""
 
 import csv
 import os
@@ -8,7 +9,7 @@ import numpy as np
 from esail_jax.array_types import Float
 
 SPREAD = {"speed": 0.05, "number_density": 0.3}
-"""Standard deviation of the logarithm."""
+"""Standard deviation of the logarithm of each quantity."""
 
 
 def gusty_wind(
@@ -19,9 +20,10 @@ def gusty_wind(
     interval: float = 60.0,
     correlation_time: float = 600.0,
 ) -> dict[str, Float[np.ndarray, " instant"]]:
-    """time [s] from 0 to `duration` or just beyond, speed [m/s] and number_density [1/m^3].
+    """A gusty wind: time [s], speed [m/s] and number_density [1/m^3].
 
-    Logarithms are independent Ornstein-Uhlenbeck processes, exact at the instants:
+    Instants are `interval` apart, from 0 to `duration` or the first instant beyond. The logarithms are
+    independent Ornstein-Uhlenbeck processes, exact at the instants:
     x_{n+1} = rho x_n + sqrt(1 - rho^2) xi_n, rho = exp(-interval / correlation_time).
     """
     time = interval * np.arange(int(np.ceil(duration / interval)) + 1)
@@ -36,7 +38,7 @@ def gusty_wind(
 
 
 def write_wind(path: str | os.PathLike, wind: dict[str, Float[np.ndarray, " instant"]]) -> None:
-    """As a CSV file that `solar_wind.file` reads, digit for digit."""
+    """Writes a wind as a CSV file for `solar_wind.file`, which reproduces every digit."""
     with open(path, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(wind)

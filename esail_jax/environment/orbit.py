@@ -1,4 +1,4 @@
-"""The orbital frame."""
+"""The orbital frame O of a heliocentric position."""
 
 import jax.numpy as jnp
 
@@ -6,9 +6,10 @@ from esail_jax.array_types import Rotation, Vector
 
 
 def orbital_frame(heliocentric: Vector) -> Rotation:
-    """C_O^I: columns i_O, j_O, k_O at a heliocentric position [m] ([PGV] Sec. 2.1, Eq. 44).
+    """Orientation C_O^I of the orbital frame at a heliocentric position [m] ([PGV] Sec. 2.1, Eq. 44).
 
-    k_O points away from the Sun, i_O = k_H x k_O / |k_H x k_O|, j_O completes the frame.
+    Its columns are i_O, j_O, k_O: k_O points away from the Sun, i_O = k_H x k_O / |k_H x k_O|, and j_O
+    completes the frame.
     """
     k = heliocentric / jnp.linalg.norm(heliocentric)
     i = jnp.cross(jnp.array([0.0, 0.0, 1.0]), k)

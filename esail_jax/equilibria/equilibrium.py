@@ -1,14 +1,14 @@
-"""Relative equilibrium: the shape of a system that turns steadily, or stands still, under its loads.
+"""Relative equilibrium: the shape in which a system rotates steadily, or rests, under its loads.
 
     M (Omega x (Omega x q) + a) + Phi_q^T lam = Q(q, Omega x q),      Phi(q) = 0
 
-Found by Newton's method on the derivative of the residual, in steps that turn no element far. With a
-hub the whole is free to accelerate along the spin axis, a = F_axial / m; its position along and its
-angle about that axis are left as they were. The matrix is dense: sails of some hundred coordinates
-take seconds, and nothing in a run's path needs this.
+The solution is found by Newton's method with the derivative of the system's residual; the steps are
+limited, so that no element rotates far in one of them. A system with a hub is free to accelerate along the
+spin axis, a = F_axial / m; its position along this axis and its angle about it keep their values. The
+matrix is dense: a sail of a few hundred coordinates takes seconds. No run needs this module.
 
-Loads count as they act at time 0. They are steady in the turning frame if they are symmetric about
-its axis (a spin axis along the wind); elsewhere there is, in general, no equilibrium to find.
+Loads are evaluated at time 0. They are steady in the rotating frame if they are symmetric about its axis (a
+spin axis along the wind). For other loads there is, in general, no relative equilibrium.
 """
 
 from typing import NamedTuple
@@ -31,22 +31,27 @@ from esail_jax.equilibria.moving_frame import (
 )
 from esail_jax.system import System
 
-ITERATIONS = 40
-"""Newton steps at most."""
+MAX_ITERATIONS = 40
+"""Largest number of Newton steps."""
 
-SETTLED = 1e-9
-"""Newton step, relative to the largest coordinate, that ends the iteration: one more follows it, and
-Newton's convergence is quadratic."""
+STEP_TOLERANCE = 1e-9
+"""The iteration ends when a Newton step, relative to the largest coordinate, is at most this. One more step
+follows; the convergence of Newton's method is quadratic."""
 
 
-TURN = 0.3
-"""Largest change of r_x anywhere in one Newton step: longer steps leave the range in which a cable's
-tangent says where its equilibrium is."""
+MAX_SLOPE_CHANGE = 0.3
+"""Largest change of r_x at any point in one Newton step. In longer steps the tangent of a cable no longer
+points to its equilibrium."""
 
 
 class Equilibrium(NamedTuple):
-    """q, lam at rest in `frame`; unbalanced: largest force [N] left; converged: did Newton's method end
-    because its steps had become small?"""
+    """A relative equilibrium, as `equilibrium` returns it.
+
+    q, lam: coordinates and multipliers, constant in `frame`
+    frame: angular velocity and acceleration of the frame in which the system rests
+    unbalanced: largest remaining force [N]
+    converged: true if the steps of Newton's method became small; otherwise q is no equilibrium
+    """
 
     q: Coordinates
     lam: Multipliers
@@ -56,17 +61,20 @@ class Equilibrium(NamedTuple):
 
 
 def equilibrium(system: System, start: Coordinates, spin: Vector) -> Equilibrium:
-    """The relative equilibrium that Newton's method finds from `start`.
+    """Solves for the relative equilibrium by Newton's method from the coordinates `start`.
 
-    spin: Omega [rad/s] of the frame through the origin, inertial components (zero: statics, without a
-    hub only). Differentiable in the numbers of the system (implicit function theorem). Nothing raises
-    here: look at `converged`. Where the matrix is singular (a straight cable without tension) it is false.
+    spin: angular velocity Omega [rad/s] of the frame, whose axis goes through the origin, in inertial
+    components. Zero stands for statics, which needs a system without a hub.
+
+    The result is differentiable with respect to the numbers of the system (implicit function theorem).
+    The function raises nothing: `converged` of the result is false if no equilibrium was found, for
+    example because the matrix is singular (a straight cable without tension).
     """
     first, unravel = ravel_pytree(system.no_multipliers())
     zero = independent(system, start) * 0.0
 
     def at_rest(y, lam):
-        """Forces and constraints, and the acceleration along the axis."""
+        """Returns the unbalanced forces with the constraints, and the acceleration along the axis."""
         frame, acceleration = MovingFrame(spin, jnp.zeros(3)), jnp.zeros(3)
         balance, constraints = forces(system, frame, y, zero, zero, unravel(lam))
         if system.hub is not None:
@@ -80,7 +88,7 @@ def equilibrium(system: System, start: Coordinates, spin: Vector) -> Equilibrium
     n = zero.size
 
     def newton(z):
-        """The step from z = (y, lam)."""
+        """Returns the Newton step from z = (y, lam)."""
 
         def left(z):
             return at_rest(z[:n], z[n:])[0]
@@ -92,17 +100,19 @@ def equilibrium(system: System, start: Coordinates, spin: Vector) -> Equilibrium
         return -equilibrated_solve(matrix, left(z))
 
     def small(step, z):
-        return step <= SETTLED * jnp.abs(z[:n]).max()
+        return step <= STEP_TOLERANCE * jnp.abs(z[:n]).max()
 
     def unfinished(carry):
         z, step, count = carry
-        return ~small(step, z) & (count < ITERATIONS)
+        return ~small(step, z) & (count < MAX_ITERATIONS)
 
     def iterate(carry):
         z, _, count = carry
         step = newton(z)
-        turn = jnp.abs(system.tethers.interpolate(expanded(system, step[:n], derivative=1).tether).r_x)
-        short = step * jnp.minimum(1.0, TURN / turn.max())
+        slope_change = jnp.abs(
+            system.tethers.interpolate(expanded(system, step[:n], derivative=1).tether).r_x
+        )
+        short = step * jnp.minimum(1.0, MAX_SLOPE_CHANGE / slope_change.max())
         return z + short, jnp.abs(step[:n]).max(), count + 1
 
     z = jnp.concatenate([independent(system, start), first])
@@ -122,8 +132,10 @@ def equilibrium(system: System, start: Coordinates, spin: Vector) -> Equilibrium
 def gauge(
     system: System, spin: Vector, y: Float[Array, " n"], matrix: Float[Array, "m m"]
 ) -> Float[Array, "m m"]:
-    """What keeps a free system's place along and angle about the spin axis: without it the matrix is
-    singular there. It changes nothing else, for these two directions have no force."""
+    """Returns a matrix that fixes the position of a free system along the spin axis and its angle about it.
+
+    Without this matrix the Newton matrix is singular in these two directions. The solution does not change
+    otherwise, because no force acts in them."""
     scale = jnp.abs(jnp.diag(matrix)).max()
     total = jnp.zeros_like(matrix)
     for motion in (translation(system, spin), rotation_about(system, spin, y)):
@@ -133,7 +145,8 @@ def gauge(
 
 
 def equilibrated_solve(a: Float[Array, "n n"], b: Float[Array, " n"]) -> Float[Array, " n"]:
-    """a^{-1} b after scaling rows and columns: axial, bending and hub rows differ by many orders."""
+    """Returns a^{-1} b, computed with scaled rows and columns: axial, bending and hub rows differ by many
+    orders of magnitude."""
     largest = jnp.abs(a).max(1)
     scale = 1.0 / jnp.sqrt(jnp.where(largest > 0.0, largest, 1.0))
     return scale * jnp.linalg.solve(scale[:, None] * a * scale, scale * b)

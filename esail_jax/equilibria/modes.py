@@ -1,12 +1,13 @@
-"""Small motions about a relative equilibrium: natural frequencies, damping and shapes.
+"""Vibration modes about a relative equilibrium: natural frequencies, damping ratios and shapes.
 
-In the frame that turns with the equilibrium, and on the tangent space of the constraints,
+In the frame that rotates with the equilibrium, and on the tangent space of the constraints, small motions u
+satisfy
 
     M u'' + (G + C) u' + K u = 0,
 
-where M, G + C and K are derivatives of the one residual by y'', y' and y (`moving_frame.py`): K holds
-elastic, geometric, centrifugal, load and constraint stiffness, G the gyroscopic terms. Frequencies
-are those seen in the turning frame. Dense: meant for up to a thousand coordinates.
+where M, G + C and K are the derivatives of the system's residual by y'', y' and y (`moving_frame.py`). K
+contains elastic, geometric, centrifugal, load and constraint stiffness, G the gyroscopic terms. Frequencies
+refer to the rotating frame. The matrices are dense: the module is meant for up to a thousand coordinates.
 """
 
 from typing import NamedTuple
@@ -24,7 +25,8 @@ Host = np.ndarray
 
 
 class Matrices(NamedTuple):
-    """M [kg], G + C [kg/s] and K [N/m] in the independent coordinates, and Phi_y [-]."""
+    """Matrices of the linearised equations: mass M [kg], rate G + C [kg/s] and stiffness K [N/m] in the
+    independent coordinates y, and constraint Phi_y [-]."""
 
     mass: Float[Array, "n n"]
     rate: Float[Array, "n n"]
@@ -33,11 +35,14 @@ class Matrices(NamedTuple):
 
 
 class Modes(NamedTuple):
-    """Sorted by frequency, one of each conjugate pair.
+    """Modes, sorted by frequency; of each conjugate pair there is one.
 
-    eigenvalue s [1/s]; frequency |s| / (2 pi) [Hz]; damping_ratio -Re s / |s|; shape: of the
-    independent coordinates y [m], largest component 1. Overdamped motions have a damping ratio of 1
-    (-1 where they grow); rigid motions come first, with s = 0.
+    eigenvalue: s [1/s]
+    frequency: |s| / (2 pi) [Hz]
+    damping_ratio: -Re s / |s|; overdamped motions have the ratio 1, monotonically growing ones -1
+    shape: mode shapes in the independent coordinates y [m]; the largest component is 1
+
+    Rigid-body modes come first, with s = 0.
     """
 
     eigenvalue: Complex[Host, " mode"]
@@ -48,10 +53,10 @@ class Modes(NamedTuple):
 
 @jax.jit
 def linearised(system: System, at: Equilibrium) -> Matrices:
-    """M, G + C, K and Phi_y at a relative equilibrium."""
+    """Returns M, G + C, K and Phi_y at a relative equilibrium."""
     y = independent(system, at.q)
     zero = 0.0 * y
-    # An acceleration of the frame is the same for every y: only its value at rest matters.
+    # The acceleration of the frame is the same for every y: only its value at the equilibrium matters.
     frame = MovingFrame(at.frame.spin, at.frame.acceleration)
 
     def balance(y, rate, second):
@@ -67,9 +72,9 @@ def linearised(system: System, at: Equilibrium) -> Matrices:
 
 
 def modes(system: System, at: Equilibrium) -> Modes:
-    """All modes of a system about a relative equilibrium.
+    """Returns all vibration modes of a system about a relative equilibrium (`equilibrium`).
 
-    Raises ValueError where the equilibrium has not been found.
+    The result is not differentiable. Raises ValueError if the equilibrium has not converged.
     """
     if not at.converged:
         left = float(at.unbalanced)
@@ -78,7 +83,7 @@ def modes(system: System, at: Equilibrium) -> Modes:
     held = constraint.shape[0]
     basis = np.linalg.qr(constraint.T, mode="complete")[0][:, held:]
     mass, rate, stiffness = (basis.T @ x @ basis for x in (mass, rate, stiffness))
-    # In coordinates of unit mass the state matrix is as well scaled as the frequencies are.
+    # In coordinates with unit mass matrix the state matrix is as well scaled as the frequencies.
     root = scipy.linalg.cholesky(0.5 * (mass + mass.T), lower=True)
 
     def scaled(x):
@@ -89,7 +94,7 @@ def modes(system: System, at: Equilibrium) -> Modes:
     n = len(stiffness)
     state = np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness, -rate]])
     values, vectors = np.linalg.eig(state)
-    # Rigid motions: s^2 is zero up to rounding of the largest stiffness, and s comes in pairs.
+    # Rigid-body modes have s^2 = 0 up to rounding of the largest stiffness, and each has two values of s.
     floor = np.sqrt(np.finfo(float).eps * n * np.abs(stiffness).max())
     moving = np.abs(values) > floor
     rigid = np.flatnonzero(~moving)[::2]

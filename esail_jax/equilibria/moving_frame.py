@@ -1,13 +1,13 @@
-"""The equations of motion as seen from a frame that turns steadily and is uniformly accelerated.
+"""Equations of motion in a frame that rotates steadily and is uniformly accelerated.
 
-With x the coordinates in that frame, which at time 0 is parallel to the inertial one,
+The frame is parallel to the inertial frame at time 0. With the coordinates x in this frame,
 
     v = x' + Omega x x,      vdot = x'' + 2 Omega x x' + Omega x (Omega x x) + a,
 
-so that centrifugal, gyroscopic and damping terms all follow from the one residual of the system. A
-motion at rest in the frame is a relative equilibrium (`equilibrium.py`), small motions about it are
-modes (`modes.py`). Unknowns are the independent coordinates y in metres: all nodal vectors but the
-root positions, slopes times l, and the hub's base points.
+so that centrifugal, gyroscopic and damping terms all follow from the system's residual. A state at rest in
+the frame is a relative equilibrium (`equilibrium.py`); small motions about it are modes (`modes.py`). The
+unknowns are the independent coordinates y [m]: all nodal vectors except the root positions, with slopes
+multiplied by the element length, and the hub's base points.
 """
 
 import equinox as eqx
@@ -20,22 +20,24 @@ from esail_jax.system import System
 
 
 class MovingFrame(eqx.Module):
-    """Omega [rad/s] and a [m/s^2], inertial components at time 0."""
+    """Angular velocity Omega [rad/s] and acceleration a [m/s^2] of a frame, inertial components at time
+    0."""
 
     spin: Vector
     acceleration: Vector
 
     def turned(self, q: Coordinates) -> Coordinates:
-        """Omega x every vector."""
+        """Returns Omega x r for every vector r."""
         tether = jnp.cross(self.spin, q.tether, axisb=1, axisc=1)
         return Coordinates(tether, None if q.hub is None else jnp.cross(self.spin, q.hub))
 
     def velocity(self, q: Coordinates, rate: Coordinates) -> Coordinates:
-        """v of a motion x, x' in the frame."""
+        """Returns v of a motion x, x' in the frame."""
         return rate.axpy(1.0, self.turned(q))
 
     def vdot(self, q: Coordinates, rate: Coordinates, second: Coordinates) -> Coordinates:
-        """vdot of a motion x, x', x'' in the frame. Uniform acceleration moves points, not slopes."""
+        """Returns vdot of a motion x, x', x'' in the frame. The acceleration a acts on points, not on
+        slopes."""
         coriolis = second.axpy(2.0, self.turned(rate)).axpy(1.0, self.turned(self.turned(q)))
         tether = coriolis.tether.at[0].add(self.acceleration[:, None, None])
         hub = None if coriolis.hub is None else coriolis.hub + self.acceleration
@@ -43,15 +45,16 @@ class MovingFrame(eqx.Module):
 
 
 def independent(system: System, q: Coordinates) -> Float[Array, " n"]:
-    """y of given coordinates [m]."""
+    """Returns the independent coordinates y [m] of given coordinates."""
     tether = system.tethers.scale_slopes(q.tether)
     parts = [tether[:, :, 1:], tether[1:, :, 0]] + ([] if q.hub is None else [q.hub])
     return jnp.concatenate([part.reshape(-1) for part in parts])
 
 
 def expanded(system: System, y: Float[Array, " n"], derivative: int = 0) -> Coordinates:
-    """Coordinates of y (derivative = 0) or of a displacement (1), linear in it: roots follow the
-    hub, or rest in the turning frame."""
+    """Returns the coordinates that belong to y (derivative = 0) or to a displacement of y (derivative = 1).
+
+    The result is linear in a displacement. Roots follow the hub, or rest in the rotating frame."""
     tethers = system.tethers
     k, n, p = tethers.coefs, tethers.elements, tethers.count
     cuts = (3 * k * n * p, 3 * (k * n + k - 1) * p)
@@ -75,7 +78,8 @@ def forces(
     second: Float[Array, " n"],
     lam: Multipliers,
 ) -> tuple[Float[Array, " n"], Multipliers]:
-    """Equations of motion conjugate to y [N] and constraints [m], for y, y', y'' in the frame."""
+    """Returns the residuals of the equations of motion, conjugate to y [N], and of the constraints [m], for
+    y, y', y'' in the frame."""
     time = jnp.zeros(())
     q = expanded(system, y)
     x1, x2 = (expanded(system, d, derivative=1) for d in (rate, second))
@@ -84,24 +88,24 @@ def forces(
 
 
 def conjugate(system: System, forces: Coordinates) -> Float[Array, " n"]:
-    """Generalized forces on y of nodal forces: the transpose of `expanded`."""
+    """Returns the generalized forces on y that belong to nodal forces: the transpose of `expanded`."""
     zero = jnp.zeros(independent(system, forces).shape)
     return jax.vjp(lambda d: expanded(system, d, derivative=1), zero)[1](forces)[0]
 
 
 def uniform_inertia(system: System, acceleration: Vector) -> Float[Array, " n"]:
-    """M times a uniform acceleration of a system with a hub, conjugate to y [N]."""
+    """Returns M times a uniform acceleration of a system with a hub, conjugate to y [N]."""
     hub = system.hub.mass_matrix @ jnp.broadcast_to(acceleration, (4, 3))
     tether = system.tethers.inertia(system.tethers.uniform(acceleration))
     return conjugate(system, Coordinates(tether, hub))
 
 
 def translation(system: System, direction: Vector) -> Float[Array, " n"]:
-    """Displacement of y in a uniform translation of a system with a hub."""
+    """Returns the displacement of y in a uniform translation of a system with a hub."""
     hub = jnp.broadcast_to(direction, (4, 3))
     return independent(system, Coordinates(system.tethers.uniform(direction), hub))
 
 
 def rotation_about(system: System, spin: Vector, y: Float[Array, " n"]) -> Float[Array, " n"]:
-    """Displacement of y in a rotation about the axis of `spin` through the origin."""
+    """Returns the displacement of y in a rotation about the axis of `spin` through the origin."""
     return independent(system, MovingFrame(spin, jnp.zeros(3)).turned(expanded(system, y)))

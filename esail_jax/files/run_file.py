@@ -1,230 +1,261 @@
-"""Run files: HDF5, written while the run goes on.
+"""Run files: the results of one run in HDF5, written while the run goes on.
 
     /time, /observables/NAME, /numerics/NAME (time first), /state/* (enough to resume), /scene
 
-A file is never written in place: a copy gets the new rows and is renamed over the old one, so that
-whatever kills the writer leaves a complete, closed file. Copies are rationed in time, which keeps
-their cost below a few per cent whatever the length of the run.
+New rows are added to a copy of the file, which then replaces the file (`hdf5.atomic_hdf5`). Large files are
+copied less often, which keeps the cost below a few per cent of the run time, however long the run is.
 """
 
 import os
-import platform
-import shutil
 import time
-from importlib import metadata
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, NamedTuple
 
 import h5py
 import jax
-import jax.numpy as jnp
 import numpy as np
 
-from esail_jax.observables import listed, shape_of
+from esail_jax.coordinates import Coordinates
+from esail_jax.files.hdf5 import (
+    append,
+    atomic_file,
+    atomic_hdf5,
+    create_observables,
+    create_quantity,
+    to_python,
+    versions,
+)
+from esail_jax.observables import Observable, described, listed
 from esail_jax.observables.run_warning import run_warning
 from esail_jax.scenes.scene import Scene, parse, to_toml
-from esail_jax.simulation.march import numerics_of
-from esail_jax.simulation.prepare import Prepared, empty_carry, prepare, require_64_bit
-from esail_jax.simulation.results import RESULTS, Checkpoint, Piece, join, result_of
-from esail_jax.simulation.simulate import Solution, final_state
+from esail_jax.simulation.host import CompiledScene, HostRun, paths
+from esail_jax.simulation.problem import require_64_bit
+from esail_jax.simulation.results import Checkpoint, Chunk, join
+from esail_jax.simulation.solution import Solution
+from esail_jax.simulation.statistics import Pending
+from esail_jax.steppers.results import RESULTS, name_of
+from esail_jax.steppers.stepper import Point
+from esail_jax.system import Power
 
 SCHEMA_VERSION = 1
 
 CHECKPOINT_SECONDS = 1.0
-"""Least time between two writes."""
+"""Least time between two writes [s]."""
 
 COPY_SHARE = 0.03
-"""Most part of the run time that copying may take: large files are written less often."""
-
-
-@runtime_checkable
-class Progressed(Protocol):
-    """A march or a solution: how many steps are done, and where to go on from."""
-
-    steps: int
-    checkpoint: Checkpoint
+"""Largest part of the run time that copying the file may take."""
 
 
 class RunFileError(ValueError):
     """A run file that cannot be used as asked."""
 
 
-def versions() -> dict[str, str]:
-    """Versions of what computed a run."""
-    packages = ("esail_jax", "jax", "jaxlib", "numpy", "h5py")
-    found = {}
-    for name in packages:
-        try:
-            found[f"version_{name}"] = metadata.version(name)
-        except metadata.PackageNotFoundError:  # run from a source tree that is not installed
-            found[f"version_{name}"] = "not installed"
-    return found | {"version_python": platform.python_version()}
-
-
 def scene_of_run(scene: Scene) -> str:
-    """The scene's text without `t_end`: what must agree for a run to be resumed."""
+    """The scene's text without `t_end`. It must be the same for a run to be resumed."""
     return to_toml(scene.replace({"integrator.t_end": 1.0}))
 
 
-def create(path: Path, prepared: Prepared) -> None:
-    """An empty run file: everything but rows. Replaces nothing: the caller has looked."""
-    with h5py.File(path, "w") as file:
-        file["scene"] = to_toml(prepared.scene)
-        attributes = versions() | {
-            "schema_version": SCHEMA_VERSION,
-            "device": jax.devices()[0].device_kind,
-            "status": "running",
-            "message": "",
-            "steps": 0,
-            "wall_time": 0.0,
-            "compile_time": 0.0,
-        }
-        file.attrs.update(attributes)
-        growing(file, "time", (), "s", "t", (), "")
-        for entry in listed(prepared.problem.system):
-            shape = shape_of(entry.axes, prepared.scene.members.count)
-            name = f"observables/{entry.name}"
-            growing(file, name, shape, entry.unit, entry.symbol, entry.axes, entry.equation)
-        for name, unit in numerics_of(prepared).items():
-            growing(file, f"numerics/{name}", (), unit, name, (), "")
-        file["numerics"].attrs["terms"] = list(prepared.problem.terms)
+class Content(NamedTuple):
+    """What a run file holds beside its rows: the scene, the observables, units of the numerics by name, and the names of
+    the terms of the model; method: the stepper's name."""
+
+    scene: Scene
+    observables: list[Observable]
+    numerics: dict[str, str]
+    terms: tuple[str, ...]
+    method: str
+
+    @classmethod
+    def of_run(cls, compiled: CompiledScene) -> "Content":
+        """The content of the file of a compiled scene."""
+        problem = compiled.problem
+        return cls(
+            compiled.scene, listed(problem.system), compiled.numerics, problem.terms, problem.stepper.name
+        )
+
+    @classmethod
+    def of_solution(cls, solution: Solution) -> "Content":
+        """The content of the file of a solution."""
+        stats = solution.stats
+        return cls(
+            solution.scene,
+            [described(name) for name in solution],
+            stats["numerics_units"],
+            stats["terms"],
+            stats["method"],
+        )
 
 
-def growing(
-    file: h5py.File,
-    name: str,
-    shape: tuple[int, ...],
-    unit: str,
-    symbol: str,
-    axes: tuple[str, ...],
-    equation: str,
-) -> None:
-    """A dataset that grows along its first axis, time."""
-    data = file.create_dataset(name, (0, *shape), dtype=float, maxshape=(None, *shape), chunks=(64, *shape))
-    data.attrs.update({"unit": unit, "symbol": symbol, "equation": equation})
-    data.attrs["axes"] = ["time", *axes]
+def create(file: h5py.File, content: Content) -> None:
+    """Fills a new run file with everything but rows: scene, attributes, empty datasets."""
+    file["scene"] = to_toml(content.scene)
+    attributes = versions() | {
+        "schema_version": SCHEMA_VERSION,
+        "device": jax.devices()[0].device_kind,
+        "method": content.method,
+        "status": "running",
+        "message": "",
+        "result": "successful",
+        "steps": 0,
+        "rejected_steps": 0,
+        "wall_time": 0.0,
+        "compile_time": 0.0,
+    }
+    file.attrs.update(attributes)
+    create_quantity(file, "time", (0,), ["time"], "s", "t", grows=True)
+    create_observables(file, content.observables, content.scene.members.count, {"time": 0}, grows=True)
+    for name, unit in content.numerics.items():
+        create_quantity(file, f"numerics/{name}", (0,), ["time"], unit, name, grows=True)
+    file["numerics"].attrs["terms"] = list(content.terms)
+
+
+class Progress(NamedTuple):
+    """How far a run is: the checkpoint to continue from, the last saved point, numbers of steps, seconds spent on
+    compiling and on running, and how the run ended, if it has."""
+
+    checkpoint: Checkpoint | None
+    point: Point | None
+    steps: int
+    rejected: int
+    times: tuple[float, float]
+    status: str = "running"
+    message: str = ""
+    result: RESULTS = RESULTS.successful
+
+
+def progress_of(run: HostRun, times: tuple[float, float], *ended: Any) -> Progress:
+    """The progress of a run on the host; ended: status, message and result."""
+    counts = run.checkpoint.motion.counts
+    return Progress(run.checkpoint, run.point, int(counts[0]), int(counts[1]), times, *ended)
 
 
 class RunWriter:
-    """Appends pieces to a run file.
+    """Writes the chunks of a run to a run file while the run goes on.
 
-    path: the file; `resume` continues an existing file from its checkpoint, dropping rows beyond it.
+    path: the file; resume: continue an existing file from its checkpoint and drop the rows after it.
     """
 
-    def __init__(self, path: Path, prepared: Prepared, resume: bool):
-        self.path, self.part = path, path.with_name(path.name + ".part")
-        self.prepared = prepared
-        self._pending: list[Piece] = []
+    def __init__(self, path: Path, content: Content, resume: bool):
+        self.path, self.scene = path, content.scene
+        self._pending: list[Chunk] = []
         self._dropped_to: int | None = None
         self._next_write = 0.0
         self._before = (0.0, 0.0)
         if resume:
             with h5py.File(path) as file:
                 self._dropped_to = int(file["state"].attrs["rows"])
-                self._before = (float(file.attrs["wall_time"]), float(file.attrs["compile_time"]))
+                self._before = (float(file.attrs["compile_time"]), float(file.attrs["wall_time"]))
         else:
-            create(self.part, prepared)
-            os.replace(self.part, path)
+            with atomic_hdf5(path) as file:
+                create(file, content)
 
-    def add(self, piece: Piece, progress: Progressed, times: tuple[float, float]) -> None:
-        """Keep a piece; write when it is time to."""
-        self._pending.append(piece)
-        if time.perf_counter() >= self._next_write:
-            self.write(progress, times)
+    def add(self, chunk: Chunk) -> bool:
+        """Keeps a chunk in memory. Returns true if it is time to write."""
+        self._pending.append(chunk)
+        return time.perf_counter() >= self._next_write
 
-    def write(
-        self,
-        progress: Progressed,
-        times: tuple[float, float],
-        status: str = "running",
-        message: str = "",
-    ) -> None:
-        """Write what is pending. progress: a march or a solution; times: compiling and running
-        [s] of this process."""
+    def write(self, progress: Progress) -> None:
+        """Writes the chunks kept in memory, and the progress."""
         began = time.perf_counter()
-        shutil.copyfile(self.path, self.part)
-        with h5py.File(self.part, "r+") as file:
+        with atomic_hdf5(self.path, update=True) as file:
             if self._dropped_to is not None:
                 for data in rows_of(file):
                     data.resize(self._dropped_to, axis=0)
             if self._pending:
                 self._append(file)
-            if status == "complete":
+            message = progress.message
+            if progress.status == "complete":
                 seen = ({name: x[()] for name, x in file[of].items()} for of in ("observables", "numerics"))
                 message = run_warning(*seen)
-            save_checkpoint(file, progress.checkpoint)
-            if self.prepared.plan is not None:
-                file["state"].attrs["steps_per_entry"] = self.prepared.plan.steps_per_entry
-            file.attrs.update({"status": status, "message": message, "steps": progress.steps})
-            file.attrs["compile_time"] = self._before[1] + times[0]
-            file.attrs["wall_time"] = self._before[0] + times[1]
+            if progress.checkpoint is not None:
+                save_checkpoint(file, progress.checkpoint)
+            if progress.point is not None:
+                save_point(file, progress.point)
+            attributes = {
+                "status": progress.status,
+                "message": message,
+                "result": name_of(progress.result),
+                "steps": progress.steps,
+                "rejected_steps": progress.rejected,
+                "compile_time": self._before[0] + progress.times[0],
+                "wall_time": self._before[1] + progress.times[1],
+            }
+            file.attrs.update(attributes)
             del file["scene"]
-            file["scene"] = to_toml(self.prepared.scene)
-        with open(self.part, "rb") as file:
-            os.fsync(file.fileno())
-        os.replace(self.part, self.path)
+            file["scene"] = to_toml(self.scene)
         self._pending, self._dropped_to = [], None
         cost = time.perf_counter() - began
         self._next_write = time.perf_counter() + max(CHECKPOINT_SECONDS, cost / COPY_SHARE)
 
     def _append(self, file: h5py.File) -> None:
-        append(file["time"], np.concatenate([piece.time for piece in self._pending]))
-        for name, values in join([piece.rows for piece in self._pending]).items():
-            append(file["observables"][name], values)
-        for name, values in join([piece.numerics for piece in self._pending]).items():
-            append(file["numerics"][name], values)
-
-
-def append(data: h5py.Dataset, values: np.ndarray) -> None:
-    """Rows at the end of a growing dataset."""
-    before = data.shape[0]
-    data.resize(before + len(values), axis=0)
-    data[before:] = values
+        append(file["time"], np.concatenate([chunk.time for chunk in self._pending]))
+        for part in ("observables", "numerics"):
+            for name, values in join([getattr(chunk, part) for chunk in self._pending]).items():
+                append(file[part][name], values)
 
 
 def rows_of(file: h5py.File) -> list[h5py.Dataset]:
-    """Every dataset with time as first axis."""
+    """All datasets whose first axis is time."""
     return [file["time"], *file["observables"].values(), *file["numerics"].values()]
 
 
 def save_checkpoint(file: h5py.File, checkpoint: Checkpoint) -> None:
-    """/state: the leaves of the carry under their path."""
+    """Writes /state: the arrays of the motion by path, and what belongs to it."""
     if "state" in file:
         del file["state"]
     group = file.create_group("state")
-    for path, leaf in jax.tree_util.tree_leaves_with_path(checkpoint.carry):
-        group["/".join(str(getattr(key, "name", key)) for key in path)] = np.asarray(leaf)
-    group["tally"] = np.array(checkpoint.tally)
+    arrays = checkpoint.motion if isinstance(checkpoint.motion, dict) else paths(checkpoint.motion)
+    for name, leaf in arrays.items():
+        group[f"motion/{name}"] = np.asarray(leaf)
+    group["pending"] = checkpoint.pending.table
     group["energy"] = np.array(checkpoint.energy)
-    group.attrs.update(
-        {"position": checkpoint.position, "rows": checkpoint.rows, "steps": checkpoint.steps}
-    )
+    group.attrs.update({"rows": checkpoint.rows, "segment": checkpoint.segment})
 
 
-def load_checkpoint(file: h5py.File, like: Any) -> Checkpoint:
-    """The checkpoint of a run file, in the layout of the scene's carry (arrays or their shapes): zeros for
-    what an older version did not keep."""
-    group = file["state"]
-    leaves, structure = jax.tree_util.tree_flatten_with_path(like)
-    names = ("/".join(str(getattr(key, "name", key)) for key in path) for path, _ in leaves)
-    values = [
-        jnp.asarray(group[name][()]) if name in group else jnp.zeros(leaf.shape, leaf.dtype)
-        for name, (_, leaf) in zip(names, leaves, strict=True)
-    ]
-    carry = jax.tree_util.tree_unflatten(structure, values)
-    counts = (int(group.attrs[name]) for name in ("position", "rows", "steps"))
-    energy = tuple(group["energy"][()]) if "energy" in group else Checkpoint._field_defaults["energy"]
-    return Checkpoint(carry, *counts, tuple(group["tally"][()]), energy)
+def load_checkpoint(file: h5py.File) -> Checkpoint:
+    """The checkpoint of a run file, with the motion as arrays by path (`simulation.host.restored`)."""
+    group, motion = file["state"], {}
+
+    def visit(name, data):
+        if isinstance(data, h5py.Dataset):
+            motion[name] = data[()]
+
+    group["motion"].visititems(visit)
+    rows, segment = (int(group.attrs[name]) for name in ("rows", "segment"))
+    energy = tuple(float(x) for x in group["energy"][()])
+    return Checkpoint(motion, rows, segment, Pending(group["pending"][()]), energy)
+
+
+def save_point(file: h5py.File, point: Point) -> None:
+    """Writes /final: the last saved instant, from which another run may start."""
+    if "final" in file:
+        del file["final"]
+    for name, leaf in paths(point).items():
+        file[f"final/{name}"] = np.asarray(leaf)
+
+
+def load_point(file: h5py.File) -> Point | None:
+    """The last saved instant of a run file; None if it has none."""
+    if "final" not in file:
+        return None
+    group = file["final"]
+
+    def coordinates(name: str) -> Coordinates:
+        hub = group[f"{name}/hub"][()] if "hub" in group[name] else None
+        return Coordinates(group[f"{name}/tether"][()], hub)
+
+    work = Power(*(group[f"work/{name}"][()] for name in Power._fields))
+    return Point(group["time"][()], coordinates("q"), coordinates("v"), work, group["exact"][()])
 
 
 def holds_ensemble(path: str | os.PathLike) -> bool:
-    """Is a run file one of many runs? Raises RunFileError if it is none at all."""
+    """True if a file holds an ensemble, false if one run. Raises RunFileError if it is no run file."""
     with open_run(path) as file:
         return "members" in file
 
 
 def open_single(path: str | os.PathLike) -> h5py.File:
-    """A file of one run for reading. Raises RunFileError in one line."""
+    """Opens the file of one run for reading. Raises RunFileError, with one line."""
     file = open_run(path)
     if "members" in file:
         file.close()
@@ -233,7 +264,7 @@ def open_single(path: str | os.PathLike) -> h5py.File:
 
 
 def open_run(path: str | os.PathLike) -> h5py.File:
-    """A run file for reading. Raises RunFileError in one line."""
+    """Opens the file of a run or an ensemble for reading. Raises RunFileError, with one line."""
     try:
         file = h5py.File(path)
     except OSError as error:
@@ -250,7 +281,7 @@ def open_run(path: str | os.PathLike) -> h5py.File:
 
 
 def save(solution: Solution, path: str | os.PathLike, overwrite: bool = False) -> None:
-    """Write a solution as a run file.
+    """Writes a solution to a run file.
 
     Raises FileExistsError unless `overwrite`, and ValueError for a solution made under a trace.
     """
@@ -259,20 +290,20 @@ def save(solution: Solution, path: str | os.PathLike, overwrite: bool = False) -
         raise ValueError("`solution` must come from a run on concrete numbers, but was traced")
     if path.exists() and not overwrite:
         raise FileExistsError(f"`{path}` must not exist (or pass overwrite=True), but does")
-    prepared = prepare(solution.scene)
-    temporary = path.with_name(path.name + ".new")
-    writer = RunWriter(temporary, prepared, resume=False)
-    reached = float(solution.time[-1])
-    writer._pending.append(Piece(solution.rows, solution.time, solution.numerics, reached))
     stats = solution.stats
-    times = (stats["compile_time"], stats["wall_time"])
+    reached = float(solution.time[-1])
     status = "complete" if solution.result == RESULTS.successful else "failed"
-    writer.write(solution, times, status, stats["message"])
-    os.replace(temporary, path)
+    times = (stats["compile_time"], stats["wall_time"])
+    steps = (int(stats["steps"]), int(stats["rejected_steps"]))
+    ended = (status, stats["message"], solution.result)
+    with atomic_file(path) as temporary:
+        writer = RunWriter(temporary, Content.of_solution(solution), resume=False)
+        writer.add(Chunk(solution.time, solution.observables, solution.numerics, reached))
+        writer.write(Progress(solution.checkpoint, solution.final_state, *steps, times, *ended))
 
 
 def load(path: str | os.PathLike) -> Solution:
-    """A run file as a solution; its `final_state` is the one a longer run would go on from.
+    """Reads a run file as a solution. Its `final_state` is the last saved instant.
 
     Raises RunFileError, and RuntimeError in 32-bit mode.
     """
@@ -281,15 +312,10 @@ def load(path: str | os.PathLike) -> Solution:
         scene = parse(file["scene"][()].decode(), str(path))
         rows = {name: data[()] for name, data in file["observables"].items()}
         numerics = {name: data[()] for name, data in file["numerics"].items()}
-        stats: dict[str, Any] = {name: plain(value) for name, value in file.attrs.items()}
+        stats: dict[str, Any] = {name: to_python(value) for name, value in file.attrs.items()}
         stats["terms"] = tuple(file["numerics"].attrs["terms"])
-        checkpoint = load_checkpoint(file, empty_carry(scene)) if "state" in file else None
-        times = file["time"][()]
-    result = RESULTS.successful if stats["status"] != "failed" else result_of(stats["message"])
-    state = final_state(checkpoint.carry) if checkpoint else None
-    return Solution(times, rows, result, state, stats, numerics, checkpoint, scene)
-
-
-def plain(value: Any) -> Any:
-    """An HDF5 attribute as a Python value."""
-    return value.item() if hasattr(value, "item") else value
+        stats["numerics_units"] = {name: data.attrs["unit"] for name, data in file["numerics"].items()}
+        checkpoint = load_checkpoint(file) if "state" in file else None
+        point, times = load_point(file), file["time"][()]
+    result = getattr(RESULTS, stats["result"])
+    return Solution(times, rows, result, point, stats, numerics, checkpoint, scene)

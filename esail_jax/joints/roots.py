@@ -1,11 +1,11 @@
-"""How tether roots are held: by points of the hub, by a frame with prescribed rotation, or no longer.
+"""Root joints: tethers held by a hub or by a frame with prescribed rotation, and their release.
 
-A spherical joint, C = G(x_i) d - S(0) e = 0 ([PGV] Eq. 53), identifies the root with a hub point. A
-clamped root also keeps its slope along a body-fixed direction: two conditions c_j . r_x = 0 with
-body-fixed normals c_j; the stretch at the root stays free.
+A spherical joint C = G(x_i) d - S(0) e = 0 ([PGV] Eq. 53) identifies the root with a point of the hub. A
+clamped root also keeps its slope along a body-fixed direction: two conditions c_j . r_x = 0 with body-fixed
+normals c_j. The stretch at the root stays free.
 
-A tether may be released at a time of its own: from then on nothing holds its root. The motion is continuous
-there, accelerations and reactions are not, so that a run goes on from such an instant as if it began.
+A tether may be released at a given time; from then on nothing holds its root. The motion is continuous at
+that instant, but accelerations and reactions are not. A run therefore restarts there from its state.
 """
 
 import equinox as eqx
@@ -17,12 +17,13 @@ from esail_jax.numerics.small_matrices import matmul
 
 
 def radial_directions(azimuth: PerTether) -> Float[Array, "3 tether"]:
-    """Body-fixed unit vectors from the spin axis through the roots, azimuth from Y_B about X_B."""
+    """Body-fixed unit vectors from the spin axis through the roots. Azimuths [rad] are counted from Y_B
+    about X_B."""
     return jnp.stack([jnp.zeros_like(azimuth), jnp.cos(azimuth), jnp.sin(azimuth)])
 
 
 def even_azimuths(count: int) -> PerTether:
-    """2 pi i / p [rad]."""
+    """Azimuths 2 pi i / p [rad] of evenly spaced roots."""
     return 2.0 * jnp.pi * jnp.arange(count) / count
 
 
@@ -38,49 +39,58 @@ def clamp_normals(azimuth: PerTether) -> Float[Array, "2 3 tether"]:
 
 
 class Releases(eqx.Module):
-    """release_time [s] of every tether, infinite if never, and which are released now; both None where none
-    ever is."""
+    """Times at which tethers are released.
+
+    release_time: [s] of every tether, infinite for one that is never released. released: which tethers are
+    released now. Both are None if no tether ever is.
+    """
 
     release_time: PerTether | None = None
     released: Bool[Array, " tether"] | None = None
 
-    def since(self, time: Scalar | np.ndarray) -> "Releases":
-        """As they are after `time`."""
+    def with_events_until(self, time: Scalar | np.ndarray) -> "Releases":
+        """The releases after all events up to `time`, that instant included."""
         if self.release_time is None:
             return self
         return Releases(self.release_time, self.release_time <= time)
 
-    def free(self, own: Array, held: Array) -> Array:
-        """`held`, but for released tethers `own`: arrays with the tether last, or numbers."""
+    def where_released(self, own: Array, held: Array) -> Array:
+        """`own` for released tethers and `held` for the others. Both are arrays with the tether last, or
+        numbers."""
         return held if self.released is None else jnp.where(self.released, own, held)
 
 
 class HubRoots(eqx.Module):
-    """Roots on the hub. weights g: root_i = sum_k g_k,i r_k. normals: weights of the clamp normals
-    on the base points, None if pinned."""
+    """Roots on the hub.
+
+    weights: g with root_i = sum_k g_k,i r_k of the base points r_k. normals: weights of the clamp normals
+    on the base points; None if the roots are pinned.
+    """
 
     weights: Float[Array, "4 tether"]
     normals: Float[Array, "2 4 tether"] | None
     releases: Releases = Releases()
 
     @property
-    def outward(self) -> Float[Array, "3 tether"]:
-        """Unit vectors from the spin axis through the roots, in B."""
+    def radial_directions(self) -> Float[Array, "3 tether"]:
+        """Unit vectors from the spin axis through the roots, in the body frame B."""
         return radial_directions(even_azimuths(self.weights.shape[-1]))
 
     def positions(self, points: HubPoints) -> Float[Array, "3 tether"]:
-        """Root positions, or velocities or accelerations from those of the base points."""
+        """Root positions from those of the base points. The map is linear: velocities give velocities, and
+        accelerations give accelerations."""
         return matmul(points.T, self.weights)
 
     def clamp_directions(self, points: HubPoints) -> Float[Array, "2 3 tether"]:
-        """c_j of every tether."""
+        """Clamp normals c_j of every tether in the inertial frame."""
         return jnp.einsum("kx,jkt->jxt", points, self.normals)
 
 
 class FrameRoots(eqx.Module):
-    """Roots on a frame that turns at `rate` [rad/s] about X_B, fixed in space.
+    """Roots on a frame that rotates about X_B at a constant rate; its centre is fixed in space.
 
-    start C_B^I(0), anchors (3, tether) [m] and normals in that frame (None if pinned).
+    start: C_B^I(0). rate: [rad/s]. anchors: root positions (3, tether) [m] in that frame. normals: clamp
+    normals in that frame; None if the roots are pinned.
     """
 
     start: Rotation
@@ -90,16 +100,18 @@ class FrameRoots(eqx.Module):
     releases: Releases = Releases()
 
     @property
-    def outward(self) -> Float[Array, "3 tether"]:
-        """Unit vectors along the azimuths of the roots, in B."""
+    def radial_directions(self) -> Float[Array, "3 tether"]:
+        """Unit vectors along the azimuths of the roots, in the body frame B."""
         return radial_directions(even_azimuths(self.anchors.shape[-1]))
 
     def rotation(self, time: Scalar) -> Rotation:
         """C_B^I(t)."""
         return self.start @ rotation_about_x(self.rate * time)
 
-    def turn(self, time: Scalar, body: Float[Array, "*batch 3 tether"], derivative: int = 0) -> Array:
-        """Body-fixed vectors in I, or their first or second time derivative."""
+    def to_inertial(
+        self, time: Scalar, body: Float[Array, "*batch 3 tether"], derivative: int = 0
+    ) -> Array:
+        """Inertial components of body-fixed vectors, or their first or second time derivative."""
         spin = jnp.stack([self.rate, jnp.zeros_like(self.rate), jnp.zeros_like(self.rate)])
         for _ in range(derivative):
             body = jnp.cross(spin[:, None], body, axis=-2)
@@ -119,5 +131,5 @@ def rotation_about_y(angle: Scalar) -> Rotation:
 
 
 def spin_vector(rotation: Rotation, rate: Scalar) -> Vector:
-    """omega in I of a body that spins at `rate` about its X_B."""
+    """Angular velocity omega [rad/s] in the inertial frame of a body that spins at `rate` about its X_B."""
     return rotation[:, 0] * rate

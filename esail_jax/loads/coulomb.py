@@ -1,24 +1,58 @@
 """Coulomb thrust of the solar wind on charged tethers ([PGV] Sec. 2.2.3)."""
 
+import dataclasses
 from typing import ClassVar
 
-from esail_jax.array_types import Instants, PerElement, VectorPerPoint
-from esail_jax.environment.solar_wind import SolarWind, WindSeries
+import jax.numpy as jnp
+
+from esail_jax.array_types import Array, Float, Instants, PerElement, PerTether, VectorPerPoint
+from esail_jax.elements.tether import per_element
+from esail_jax.environment.solar_wind import SteadyWind, WindSeries
+from esail_jax.loads.voltage import Constant, VoltageLaw
+from esail_jax.measurements import Measurements
 from esail_jax.numerics.vectors import dot, reciprocal
-from esail_jax.terms import Load, PointFields
+from esail_jax.terms import ControlledLoad, PointFields
 
 
-class CoulombThrust(Load):
-    """f = (sigma/u) u_perp, u_perp = u - (i_t . u) i_t, i_t = r_x/|r_x| ([PGV] Eq. 27-30).
+class CoulombThrust(ControlledLoad):
+    """f = (sigma/u) u_perp, u_perp = u - (i_t . u) i_t, i_t = r_x/|r_x| ([PGV] Eq. 27-30), per undeformed
+    length. The tether's own velocity is not subtracted from the wind's.
 
-    Per undeformed length. The tether's own velocity is not subtracted from the wind's.
+    voltage [V]: that of every element; None until the law has commanded one.
     """
 
-    wind: SolarWind | WindSeries
-    voltage: PerElement
+    wind: SteadyWind | WindSeries
+    voltage_law: VoltageLaw
+    voltage: PerElement | None = None
 
     name: ClassVar[str] = "coulomb"
     depends_on: ClassVar[tuple[str, ...]] = ("r", "r_x")
+
+    @classmethod
+    def of(cls, wind: SteadyWind | WindSeries, voltage_law: VoltageLaw, elements: int) -> "CoulombThrust":
+        """The load on tethers of so many elements each. A constant voltage is set here, once."""
+        constant = isinstance(voltage_law, Constant)
+        return cls(wind, voltage_law, per_element(voltage_law.value, elements) if constant else None)
+
+    @property
+    def constant(self) -> bool:
+        return isinstance(self.voltage_law, Constant)
+
+    @property
+    def law_name(self) -> str:
+        return self.voltage_law.name
+
+    @property
+    def command(self) -> PerElement | None:
+        return self.voltage
+
+    def commanded(self, measurements: Measurements) -> PerTether:
+        """V [V] of every tether, within its limits."""
+        origin = self.wind.origin
+        return self.voltage_law.voltage(measurements._replace(wind=origin / jnp.linalg.norm(origin)))
+
+    def with_command(self, command: Float[Array, "*state element"]) -> "CoulombThrust":
+        return dataclasses.replace(self, voltage=command)
 
     def force(self, time: Instants, fields: PointFields, rates: PointFields) -> VectorPerPoint:
         wind = self.wind.at(time)

@@ -1,14 +1,10 @@
-"""Voltage modulation laws: the voltage of every tether as a function of time and of what a sail can see.
+"""Voltage laws: the voltage of every tether as a function of time and of what a sail can measure.
 
-Angles of a tether about the spin axis are counted in the sense of the spin from the azimuth at which the
-wind's component in the spin plane points outward along it, phi = 0 there. Where the wind blows along the
-spin axis, to FADE, there is no such azimuth, and laws of the phase fade to their mean.
-
-Limits 0 <= V <= V_max hold by construction: every law ends in `limited`.
+Limits 0 <= V <= V_max hold by construction: every law but the constant one ends in `limit`.
 """
 
 from abc import abstractmethod
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import equinox as eqx
 import jax
@@ -17,53 +13,27 @@ import numpy as np
 from jax import lax
 
 from esail_jax.array_types import Array, Float, PerTether, Scalar, Vector
-
-FADE = 1e-4
-"""Sine of the angle between wind and spin axis at which the phase is felt by a factor 1/sqrt(2) less."""
+from esail_jax.measurements import Measurements
 
 BLEND = 0.02
-"""Part of V_max over which a limit is approached smoothly."""
+"""Half width, as a fraction of V_max, of the range in which a limit is approached smoothly."""
 
-STEEPEST = 1.875
-"""Largest slope of the smooth step, over that of a straight ramp."""
-
+MAX_STEP_SLOPE = 1.875
+"""Largest slope of `smooth_step`; a straight ramp has 1."""
 
 NEWTON_STEPS = 6
-"""That bring a modulation down to a slew rate."""
+"""Newton steps of `modulation`."""
 
 Volts = Float[Array, "*any"]
 
 
-class Sight(NamedTuple):
-    """What a law may measure: time [s] and, as unit vectors in I, the spin axis X_B, the wind, the roots'
-    directions outward in the spin plane, and those from every root to its tip."""
-
-    time: Scalar
-    axis: Vector
-    wind: Vector
-    outward: Float[Array, "3 tether"]
-    chords: Float[Array, "3 tether"]
-
-    @property
-    def hub_phase(self) -> Float[Array, "2 tether"]:
-        """cos phi and sin phi of the roots."""
-        return self.phase(self.outward)
-
-    @property
-    def tether_phase(self) -> Float[Array, "2 tether"]:
-        """cos phi and sin phi of the tethers' chords."""
-        flat = self.chords - self.axis[:, None] * (self.axis @ self.chords)
-        return self.phase(flat / jnp.linalg.norm(flat, axis=0))
-
-    def phase(self, outward: Float[Array, "3 tether"]) -> Float[Array, "2 tether"]:
-        """cos phi and sin phi of unit vectors in the spin plane."""
-        across = self.wind - self.axis * (self.axis @ self.wind)
-        toward = across / jnp.sqrt(across @ across + FADE**2)
-        return jnp.stack([toward @ outward, jnp.cross(self.axis, toward) @ outward])
-
-
 class VoltageLaw(eqx.Module):
-    """V_i of every tether. maximum V_max [V], None: no upper limit."""
+    """The voltage V_i of every tether as a function of measurements.
+
+    A subclass gives `commanded` and `name`. maximum: V_max [V]; None for no upper limit. smooth: whether
+    the limits are approached smoothly, as laws need that may come close to a limit while their numbers are
+    optimised.
+    """
 
     smooth: ClassVar[bool] = False
 
@@ -71,18 +41,35 @@ class VoltageLaw(eqx.Module):
     name: eqx.AbstractClassVar[str]
 
     @abstractmethod
-    def wanted(self, sight: Sight) -> PerTether:
-        """V [V] before limits."""
+    def commanded(self, measurements: Measurements) -> PerTether:
+        """Voltages V [V] before limits."""
 
-    def volts(self, sight: Sight) -> PerTether:
-        """V [V]."""
-        return limited(self.wanted(sight), self.maximum, self.smooth)
+    def voltage(self, measurements: Measurements) -> PerTether:
+        """Voltages V [V] within the limits."""
+        return limit(self.commanded(measurements), self.maximum, self.smooth)
+
+
+class Constant(VoltageLaw):
+    """The constant voltage V = V_0, as given and without limits."""
+
+    value: PerTether
+
+    maximum: ClassVar[None] = None
+    name: ClassVar[str] = "constant voltage"
+
+    def commanded(self, measurements: Measurements) -> PerTether:
+        return self.value
+
+    def voltage(self, measurements: Measurements) -> PerTether:
+        return self.value
 
 
 class Harmonic(VoltageLaw):
-    """V = V_0 (1 + sum_k a_k cos k phi + b_k sin k phi) in the phase of the root; a, b (harmonic, tether).
+    """Harmonics of the root's phase: V = V_0 (1 + sum_k a_k cos k phi + b_k sin k phi).
 
-    Amplitudes are made smaller where V could change faster than slew_rate [V/s] at the spin rate given."""
+    value: V_0 [V]. cosine, sine: a, b [-], (harmonic, tether). The amplitudes are reduced if V could change
+    faster than slew_rate [V/s] at the given spin_rate [rad/s].
+    """
 
     value: PerTether
     cosine: Float[Array, "harmonic tether"]
@@ -94,26 +81,29 @@ class Harmonic(VoltageLaw):
     name: ClassVar[str] = "harmonic voltage"
     smooth: ClassVar[bool] = True
 
-    def wanted(self, sight: Sight) -> PerTether:
-        c, s = sight.hub_phase
+    def commanded(self, measurements: Measurements) -> PerTether:
+        c, s = measurements.root_phase
         once = lax.complex(c, s)
         waves = once ** jnp.arange(1, len(self.cosine) + 1)[:, None]
         change = (self.cosine * waves.real + self.sine * waves.imag).sum(0)
-        return self.value * (1.0 + self.allowed() * change)
+        return self.value * (1.0 + self.amplitude_factor() * change)
 
-    def allowed(self) -> PerTether | float:
-        """Part of the amplitudes that the slew rate allows."""
+    def amplitude_factor(self) -> PerTether | float:
+        """Fraction of the amplitudes that the slew rate allows."""
         if self.slew_rate is None:
             return 1.0
         orders = np.arange(1.0, len(self.cosine) + 1.0)
         amplitude = jnp.sqrt(self.cosine**2 + self.sine**2 + 1e-30)
         fastest = jnp.abs(self.value * self.spin_rate) * (orders[:, None] * amplitude).sum(0)
-        return slow_enough(fastest, self.slew_rate)
+        return slew_rate_factor(fastest, self.slew_rate)
 
 
 class TimeTable(VoltageLaw):
-    """Straight lines between the voltages `table` [V] (instant, tether) at increasing instants [s];
-    constant before the first and after the last."""
+    """A table of voltages over time, interpolated linearly; constant before the first and after the last
+    instant.
+
+    time: increasing instants [s]. table: voltages [V], (instant, tether).
+    """
 
     time: Float[Array, " instant"]
     table: Float[Array, "instant tether"]
@@ -121,14 +111,17 @@ class TimeTable(VoltageLaw):
 
     name: ClassVar[str] = "voltage table"
 
-    def wanted(self, sight: Sight) -> PerTether:
-        return jax.vmap(lambda x: jnp.interp(sight.time, self.time, x), 1)(self.table)
+    def commanded(self, measurements: Measurements) -> PerTether:
+        return jax.vmap(lambda x: jnp.interp(measurements.time, self.time, x), 1)(self.table)
 
 
 class OnOff(VoltageLaw):
-    """V_0 between `on` and `off` [s], off None: for good. It rises and falls within rise_time [s], as the
-    smooth step of fifth order, whose first two derivatives vanish at its ends; more slowly where that
-    would be faster than slew_rate [V/s]."""
+    """A voltage that is switched on and off: V_0 between the instants `on` and `off` [s], zero otherwise.
+
+    off: None if the voltage stays on. Rise and fall take rise_time [s] along the smooth step of fifth
+    order, whose first two derivatives vanish at its ends. They take longer if that would exceed slew_rate
+    [V/s].
+    """
 
     value: PerTether
     on: PerTether
@@ -139,21 +132,24 @@ class OnOff(VoltageLaw):
 
     name: ClassVar[str] = "switched voltage"
 
-    def wanted(self, sight: Sight) -> PerTether:
+    def commanded(self, measurements: Measurements) -> PerTether:
         rise = self.rise_time
         if self.slew_rate is not None:
-            rise = jnp.maximum(rise, STEEPEST * jnp.abs(self.value) / self.slew_rate)
-        part = smooth_step((sight.time - self.on) / rise)
+            rise = jnp.maximum(rise, MAX_STEP_SLOPE * jnp.abs(self.value) / self.slew_rate)
+        part = smooth_step((measurements.time - self.on) / rise)
         if self.off is not None:
-            part = part * smooth_step(1.0 - (sight.time - self.off) / rise)
+            part = part * smooth_step(1.0 - (measurements.time - self.off) / rise)
         return self.value * part
 
 
 class Feedback(VoltageLaw):
-    """V = V_0 (1 + g (n . u) d . (e_i x n)): tethers whose thrust turns the spin axis n = X_B toward
-    `target` (unit vector in I) pull more. d: what of the target lies in the spin plane; e_i: outward at
-    root i; u: along the wind. gain g [-]; made smaller where V could change faster than slew_rate [V/s] as
-    the roots turn at the spin rate given."""
+    """Attitude feedback V = V_0 (1 + g (n . u) d . (e_i x n)).
+
+    Tethers whose thrust turns the spin axis n = X_B towards `target`, a unit vector in the inertial frame,
+    get a higher voltage. d: the part of the target in the spin plane; e_i: radial direction of root i; u:
+    unit vector along the wind. gain: g [-], reduced if V could change faster than slew_rate [V/s] as the
+    roots turn at the given spin_rate [rad/s].
+    """
 
     value: PerTether
     gain: Scalar
@@ -165,27 +161,28 @@ class Feedback(VoltageLaw):
     name: ClassVar[str] = "attitude feedback"
     smooth: ClassVar[bool] = True
 
-    def wanted(self, sight: Sight) -> PerTether:
-        axis = sight.axis
+    def commanded(self, measurements: Measurements) -> PerTether:
+        axis = measurements.spin_axis
         miss = self.target - axis * (axis @ self.target)
-        lever = miss @ jnp.cross(sight.outward, axis[:, None], axis=0)
-        gain = self.gain * (axis @ sight.wind)
+        lever = miss @ jnp.cross(measurements.radial_directions, axis[:, None], axis=0)
+        gain = self.gain * (axis @ measurements.wind)
         if self.slew_rate is not None:
             fastest = jnp.abs(self.value * self.spin_rate * gain) * jnp.sqrt(miss @ miss + 1e-30)
-            gain = gain * slow_enough(fastest, self.slew_rate)
+            gain = gain * slew_rate_factor(fastest, self.slew_rate)
         return self.value * (1.0 + gain * lever)
 
 
 class PlanarCone(VoltageLaw):
-    """The law that keeps rigid tethers of a fixed anchor on their cone,
+    """The planar-cone law. It keeps rigid tethers of a fixed anchor on their cone:
 
     sigma = sigma_bar / (1 - x cos phi)^3,  x = tan alpha tan Lambda,
     sigma_bar = 2 I omega_0^2 sin Lambda / (L^2 cos alpha),
 
-    in the phase of the tether, which then turns with phi' = omega_0 / (1 - x cos phi). `modulation` makes x
-    smaller where V could change faster than a slew rate.
+    in the phase phi of the tether, which then turns with phi' = omega_0 / (1 - x cos phi). `modulation`
+    reduces x if V could change faster than a slew rate.
 
-    load_bar: sigma_bar [N/m]; cutoff_voltage V_1 and load_per_volt [N/(m V)] turn a load into a voltage.
+    load_bar: sigma_bar [N/m]. cutoff_voltage: V_1 [V] and load_per_volt [N/(m V)] convert loads to
+    voltages.
     """
 
     load_bar: PerTether
@@ -196,8 +193,8 @@ class PlanarCone(VoltageLaw):
 
     name: ClassVar[str] = "planar cone"
 
-    def wanted(self, sight: Sight) -> PerTether:
-        cosine, _ = sight.tether_phase
+    def commanded(self, measurements: Measurements) -> PerTether:
+        cosine, _ = measurements.tether_phase
         load = self.load_bar / (1.0 - self.x * cosine) ** 3
         return self.cutoff_voltage + load / self.load_per_volt
 
@@ -205,19 +202,22 @@ class PlanarCone(VoltageLaw):
 def cone_load(
     inertia: PerTether, spin_rate: Scalar, coning: Scalar, sailing: Scalar, length: PerTether
 ) -> PerTether:
-    """sigma_bar [N/m] of `PlanarCone`. inertia I [kg m^2] of a tether about its root; angles in rad."""
+    """The load sigma_bar [N/m] of `PlanarCone`.
+
+    inertia: I [kg m^2] of a tether about its root. Angles Lambda (coning) and alpha (sailing) are in rad.
+    """
     return 2.0 * inertia * spin_rate**2 * jnp.sin(coning) / (length**2 * jnp.cos(sailing))
 
 
 def within_slew_rate(
     time: Float[Array, " instant"], table: Float[Array, "instant tether"], slew_rate: Scalar
 ) -> Float[Array, "instant tether"]:
-    """Voltages at the instants of a table, one after the other no farther from the last than slew_rate
-    [V/s] allows."""
+    """The table [V] limited in slew rate: no entry differs from the limited entry before it by more than
+    slew_rate [V/s] allows."""
 
     def reach(before, row):
-        wanted, most = row
-        here = before + jnp.clip(wanted - before, -most, most)
+        commanded, max_change = row
+        here = before + jnp.clip(commanded - before, -max_change, max_change)
         return here, here
 
     _, others = lax.scan(reach, table[0], (table[1:], slew_rate * jnp.diff(time)))
@@ -227,12 +227,14 @@ def within_slew_rate(
 def modulation(
     x: PerTether, load_bar: PerTether, load_per_volt: Scalar, spin_rate: Scalar, slew_rate: Scalar
 ) -> PerTether:
-    """x of `PlanarCone`, made smaller where V would change faster than slew_rate [V/s] as the tethers turn:
+    """The parameter x of `PlanarCone`, reduced if V would change faster than slew_rate [V/s] as the tethers
+    turn:
 
     |dV/dt| = sigma_bar omega_0 / load_per_volt  3 |x sin phi| / (1 - x cos phi)^5,
 
-    largest at 8 |x| cos phi = sqrt(1 + 80 x^2) - 1. That is convex in x, so that Newton's method comes down
-    to the rate allowed from above; the part of x that is then still too much is taken off."""
+    which is largest at 8 |x| cos phi = sqrt(1 + 80 x^2) - 1. This maximum is convex in x, so that Newton's
+    method converges to the allowed rate from above; a last factor removes the remaining excess.
+    """
     allowed = slew_rate * load_per_volt / jnp.abs(spin_rate * load_bar)
 
     def fastest(x):
@@ -243,31 +245,35 @@ def modulation(
     for _ in range(NEWTON_STEPS):
         rate, slope = jax.jvp(fastest, (size,), (jnp.ones_like(size),))
         size = jnp.where(rate > allowed, size - (rate - allowed) / slope, size)
-    return jnp.sign(x) * size * slow_enough(fastest(size), allowed)
+    return jnp.sign(x) * size * slew_rate_factor(fastest(size), allowed)
 
 
-def slow_enough(fastest: PerTether, slew_rate: Scalar | PerTether) -> PerTether:
-    """Part of a modulation that a slew rate allows. fastest: what it could change by [V/s]."""
+def slew_rate_factor(fastest: PerTether, slew_rate: Scalar | PerTether) -> PerTether:
+    """Fraction of a modulation that a slew rate allows. fastest: largest rate of the full modulation
+    [V/s]."""
     return jnp.minimum(1.0, slew_rate / jnp.maximum(fastest, 1e-30))
 
 
-def limited(volts: Volts, maximum: Scalar | None, smooth: bool) -> Volts:
-    """0 <= V <= V_max, V itself between. smooth: bending within BLEND V_max of a limit, where there is an
-    upper one, so that a derivative knows of it before it is reached."""
+def limit(voltage: Volts, maximum: Scalar | None, smooth: bool) -> Volts:
+    """The voltage within its limits 0 and V_max. maximum: V_max; None for no upper limit.
+
+    smooth: with an upper limit, V bends within BLEND V_max of a limit, so that a derivative changes before
+    the limit is reached.
+    """
     if maximum is None:
-        return jnp.maximum(volts, 0.0)
+        return jnp.maximum(voltage, 0.0)
     if not smooth:
-        return jnp.clip(volts, 0.0, maximum)
+        return jnp.clip(voltage, 0.0, maximum)
     width = BLEND * maximum
-    return maximum - above_zero(maximum - above_zero(volts, width), width)
+    return maximum - smooth_positive_part(maximum - smooth_positive_part(voltage, width), width)
 
 
-def above_zero(x: Volts, width: Scalar | float) -> Volts:
-    """0 below -width, x above width, a parabola between."""
+def smooth_positive_part(x: Volts, width: Scalar | float) -> Volts:
+    """Smoothed max(x, 0): 0 below -width, x above width, and a parabola in between."""
     return jnp.where(x > width, x, jnp.maximum(x + width, 0.0) ** 2 / (4.0 * width))
 
 
 def smooth_step(x: Float[Array, "*any"]) -> Float[Array, "*any"]:
-    """6 x^5 - 15 x^4 + 10 x^3 from 0 to 1."""
+    """The polynomial 6 x^5 - 15 x^4 + 10 x^3 on [0, 1]; 0 below and 1 above."""
     x = jnp.clip(x, 0.0, 1.0)
     return x**3 * (10.0 + x * (6.0 * x - 15.0))

@@ -1,4 +1,4 @@
-"""Angles, lengths and axes whose derivatives are finite where the textbook formula's are not."""
+"""Angles, lengths and axes with finite derivatives, also where those of the textbook formulas are not."""
 
 import jax
 import jax.numpy as jnp
@@ -7,14 +7,15 @@ from esail_jax.array_types import Array, Float, Rotation, Vector
 from esail_jax.numerics.small_matrices import matmul
 
 GIMBAL_LOCK = 1e-7
-"""cos(theta) below which psi is set to zero: the two other angles are then one."""
+"""Gimbal lock is assumed if cos(theta) is below this; psi is then set to zero, as only psi and phi together
+are determined."""
 
 
 @jax.custom_jvp
 def smallest_eigenvector(matrix: Float[Array, "3 3"]) -> Vector:
-    """Unit eigenvector of the smallest eigenvalue of a symmetric matrix.
+    """Returns the unit eigenvector of the smallest eigenvalue of a symmetric matrix.
 
-    The derivative is that of A n = lambda n, n . n = 1 for this n alone: the rule for `eigh`
+    The derivative follows from A n = lambda n, n . n = 1 for this eigenvector alone. JAX's rule for `eigh`
     divides by the difference of the two other eigenvalues, which is zero for a symmetric sail.
     """
     return jnp.linalg.eigh(matrix)[1][:, 0]
@@ -30,21 +31,23 @@ def _smallest_eigenvector_jvp(primals, tangents):
 
 
 def safe_length(x: Array, y: Array) -> Array:
-    """hypot(x, y), with derivative 0 at the origin."""
+    """Returns hypot(x, y), with derivative 0 at the origin."""
     squared = x**2 + y**2
     positive = squared > 0.0
     return jnp.where(positive, jnp.sqrt(jnp.where(positive, squared, 1.0)), 0.0)
 
 
 def safe_angle(y: Array, x: Array) -> Array:
-    """atan2(y, x), with derivative 0 at the origin."""
+    """Returns atan2(y, x), with derivative 0 at the origin."""
     origin = (x == 0.0) & (y == 0.0)
     return jnp.arctan2(jnp.where(origin, 0.0, y), jnp.where(origin, 1.0, x))
 
 
 def euler_angles(rotation: Rotation) -> Vector:
-    """(psi, theta, phi) of the sequence Z-Y-X that leads to the frame whose axes are the columns;
-    theta in [-pi/2, pi/2], psi = 0 at gimbal lock."""
+    """Returns the angles (psi, theta, phi) [rad] of a rotation matrix, in the sequence Z-Y-X.
+
+    The columns of the matrix are the axes of the rotated frame. theta lies in [-pi/2, pi/2]; at gimbal lock
+    psi is 0."""
     level = safe_length(rotation[0, 0], rotation[1, 0])
     locked = level < GIMBAL_LOCK
     psi = jnp.where(locked, 0.0, safe_angle(rotation[1, 0], rotation[0, 0]))
@@ -58,7 +61,7 @@ def euler_angles(rotation: Rotation) -> Vector:
 
 
 def rotation_by(vector: Vector) -> Rotation:
-    """Active rotation about a vector by an angle of its length (Rodrigues)."""
+    """Returns the active rotation about a vector by the angle |vector| [rad] (formula of Rodrigues)."""
     angle = jnp.sqrt(jnp.maximum((vector**2).sum(), 1e-300))
     x, y, z = vector
     zero = jnp.zeros_like(x)

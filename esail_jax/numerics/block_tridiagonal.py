@@ -1,13 +1,13 @@
 """Block LU factorisation of many block-tridiagonal chains at once, in O(blocks).
 
-A chain is numbered from its port: block 0 is the port (a tether's root), block N the free end.
-Elimination runs from the free end towards the port,
+The blocks of a chain are numbered from its port: block 0 is the port (a tether's root), block N the free
+end. Elimination runs from the free end towards the port,
 
-    S_N = D_N,    S_k = D_k - U_k S_{k+1}^{-1} L_k    (k = N-1 ... 0),
+    S_N = D_N,    S_k = D_k - U_k S_{k+1}^{-1} L_k    (k = N-1 ... 0).
 
-so that S_0 is the Schur complement of the chain on its port: what the rest of the structure feels.
-`U_k` couples row k to column k+1 and `L_k` row k+1 to column k. Blocks are (row, col, ...) with the
-chains as trailing batch.
+S_0 is the Schur complement of the chain on its port, the stiffness that the rest of the structure feels.
+`U_k` couples row k to column k+1 and `L_k` row k+1 to column k. Blocks have the axes (row, col, ...); the
+last axis counts the chains.
 """
 
 from typing import NamedTuple
@@ -23,17 +23,18 @@ Links = Inexact[Array, "link row row *batch"]
 BlockVectors = Inexact[Array, "block row *batch"]
 LinkVectors = Inexact[Array, "link row *batch"]
 
-UNROLL = 8
-"""Blocks per iteration of the sweeps' loops: short chains run without a loop, whose overhead is
-larger than a 6 x 6 product; unrolling all of a long chain would multiply compile time instead."""
+UNROLLED_BLOCKS = 8
+"""Number of blocks in one iteration of the sweeps' loops. Chains of up to this length run without a loop,
+because its overhead is larger than a 6 x 6 product; unrolling a long chain would multiply the compile
+time."""
 
 
 class ChainFactors(NamedTuple):
     """Factors of the blocks 1 ... N, each stored transposed (see `matvec_transposed`).
 
     inverse:    S_k^{-1}          (k = 1 ... N)
-    reduce:     U_{k-1} S_k^{-1}  carries a right-hand side one block towards the port
-    substitute: S_k^{-1} L_{k-1}  carries a solution one block away from it
+    reduce:     U_{k-1} S_k^{-1}  moves a right-hand side one block towards the port
+    substitute: S_k^{-1} L_{k-1}  moves a solution one block away from the port
     """
 
     inverse: Blocks
@@ -42,7 +43,8 @@ class ChainFactors(NamedTuple):
 
 
 def factor(diag: Blocks, upper: Links, lower: Links) -> tuple[ChainFactors, Array]:
-    """Factors of the blocks 1 ... N, and the Schur complement S_0 (row, row, ...) on the port."""
+    """Returns the factors of the blocks 1 ... N and the Schur complement S_0 (row, row, ...) on the
+    port."""
 
     def eliminate(schur, blocks):
         diag_k, upper_k, lower_k = blocks
@@ -56,30 +58,34 @@ def factor(diag: Blocks, upper: Links, lower: Links) -> tuple[ChainFactors, Arra
 
 
 def reduce_to_port(factors: ChainFactors, rhs: BlockVectors) -> tuple[LinkVectors, Array]:
-    """Solutions of the blocks 1 ... N whose neighbours towards the port do not move, with everything
-    beyond them eliminated, and the right-hand side of the port."""
+    """Eliminates the blocks 1 ... N from a right-hand side: the first half of a solution.
+
+    Returns the solution of every block if its neighbour towards the port is zero, and the reduced
+    right-hand side of the port."""
 
     def carry_over(behind, row):
         inverse_k, reduce_k, rhs_k = row
         return rhs_k - matvec_transposed(reduce_k, behind), matvec_transposed(inverse_k, behind)
 
     rows = (factors.inverse, factors.reduce, rhs[:-1])
-    port, own = lax.scan(carry_over, rhs[-1], rows, reverse=True, unroll=UNROLL)
+    port, own = lax.scan(carry_over, rhs[-1], rows, reverse=True, unroll=UNROLLED_BLOCKS)
     return own, port
 
 
 def substitute_from_port(
     factors: ChainFactors, own: LinkVectors, port: Inexact[Array, "row *batch"]
 ) -> BlockVectors:
-    """Solution of the blocks 0 ... N once the port's is known. own: as `reduce_to_port` gives them."""
+    """Returns the solution of the blocks 0 ... N for a given solution of the port: the second half.
+
+    own: the solutions that `reduce_to_port` returns."""
 
     def carry_back(before, row):
         own_k, substitute_k = row
         here = own_k - matvec_transposed(substitute_k, before)
         return here, here
 
-    if len(own) > UNROLL:
-        _, blocks = lax.scan(carry_back, port, (own, factors.substitute), unroll=UNROLL)
+    if len(own) > UNROLLED_BLOCKS:
+        _, blocks = lax.scan(carry_back, port, (own, factors.substitute), unroll=UNROLLED_BLOCKS)
         return jnp.concatenate([port[None], blocks])
     blocks = [port]
     for row in zip(own, factors.substitute, strict=True):

@@ -1,12 +1,14 @@
-"""Solver for chains that meet at a small border: a sail's tethers and its hub.
+"""Direct solver for bordered block-tridiagonal systems: chains that share a border, as tethers share a hub.
 
-Unknowns are the blocks of every chain, per chain a few *local* unknowns at its port, and the shared
-*border*. The first three rows of a port block, its position, are held: they move with points of the
-border, position = sum_k weight_k point_k, and their equations act on those points (virtual work).
-Without a border they do not move at all, or, if the ports are loose, are free like the other rows, a
-root slope: local unknowns. The ports of released chains are free, too, each for itself.
-Chains are condensed on their ports in O(blocks), local unknowns are eliminated chain by chain, and one
-small dense system in the border is left. Absent parts are `None` and cost nothing.
+The unknowns are the blocks of every chain, a few *local* unknowns at each chain's port, and the *border*,
+which all chains share. The first three rows of a port block, its position, are held: the position is
+sum_k weight_k point_k over points of the border, and the equations of these rows act on the points (virtual
+work). Without a border the held rows are fixed. The other rows of a port block, a root slope, are free:
+they are local unknowns. If the ports are loose (only without a border), all rows are free; the port of a
+released chain is free, too.
+
+The chains are condensed on their ports in O(blocks), the local unknowns are eliminated chain by chain, and
+a small dense system in the border remains. Absent parts are `None` and cost nothing.
 """
 
 from typing import NamedTuple
@@ -17,20 +19,20 @@ from esail_jax.array_types import Array, Bool, Inexact
 from esail_jax.numerics import block_tridiagonal as chains
 from esail_jax.numerics.small_matrices import inverse, joined, matmul, matvec_transposed, transpose
 
-HELD = 3
-"""Rows of a port block that the border holds, unless it is loose."""
+HELD_ROWS = 3
+"""Number of rows of a port block that the border holds, unless the ports are loose."""
 
 
 class Bordered(NamedTuple):
     """The matrix. Axes: row, col within a block; tether last.
 
     diag, upper, lower: blocks 0 ... N of every chain, block 0 the port (`block_tridiagonal`)
-    weights: of the border's points on the held rows; None without a border
-    local, local_border, border_local: added to the equations of the free rows, which the local
-    unknowns extend at the end (multipliers of a clamped root)
+    weights: weights of the border's points in the positions of the ports; None without a border
+    local, local_border, border_local: added to the equations of the free rows and of the local unknowns,
+    which follow the free rows (multipliers of a clamped root)
     border: added to the border's equations; its unknowns are the points' coordinates, then others
-    loose: () where nothing holds the ports (only without a border), else None
-    released: which chains nothing holds, where some may be (their weights must be zero)
+    loose: () if nothing holds the ports (only without a border), else None
+    released: tells which chains are released, if chains can be; their weights must be zero
     """
 
     diag: Inexact[Array, "block row row tether"]
@@ -46,20 +48,21 @@ class Bordered(NamedTuple):
 
     @property
     def held(self) -> int:
-        """Held rows of a port block."""
-        return HELD if self.loose is None else 0
+        """Number of held rows of a port block."""
+        return HELD_ROWS if self.loose is None else 0
 
     @property
     def free(self) -> int:
-        """Free rows of a port block."""
+        """Number of free rows of a port block."""
         return self.diag.shape[1] - self.held
 
 
 class Vector(NamedTuple):
-    """Right-hand side or solution.
+    """Right-hand side or solution of the system.
 
-    blocks: of a right-hand side, all rows; of a solution, block 0 is the port's displacement.
-    local: what the local unknowns have beyond the free rows.
+    blocks: all rows of all chains; block 0 of a solution is the port's displacement
+    local: rows of the local unknowns other than the free rows
+    border: rows of the border
     """
 
     blocks: Inexact[Array, "block row tether"]
@@ -68,8 +71,8 @@ class Vector(NamedTuple):
 
 
 class PortFactors(NamedTuple):
-    """Elimination of the local unknowns and of the border, given the chains' Schur complements. Each stored
-    transposed (see `matvec_transposed`)."""
+    """Factors that eliminate the local unknowns and the border, once the chains are condensed. Each is
+    stored transposed (see `matvec_transposed`)."""
 
     local_inverse: Inexact[Array, "local local tether"] | None
     local_from_border: Inexact[Array, "border local tether"] | None
@@ -79,14 +82,14 @@ class PortFactors(NamedTuple):
 
 
 class Factors(NamedTuple):
-    """Everything a solve needs; kept over several time steps."""
+    """All factors that `solve` needs. A stepper uses them over several time steps."""
 
     chains: chains.ChainFactors
     port: PortFactors
 
 
 def padded(a: Array, like: Array | None) -> Array:
-    """`a` enlarged by zeros to the shape of `like`, plus `like`; `a` itself if that is absent."""
+    """Returns the sum of `like` and of `a`, padded with zeros to its shape; `a` if `like` is None."""
     if like is None:
         return a
     widths = [(0, n - m) for n, m in zip(like.shape, a.shape, strict=True)]
@@ -96,16 +99,17 @@ def padded(a: Array, like: Array | None) -> Array:
 def project(
     matrix: Bordered, schur: Inexact[Array, "row row tether"]
 ) -> tuple[Array | None, Array | None, Array | None, Array | None]:
-    """The ports' Schur complements in the unknowns (local, border): the blocks
-    (local, local), (local, border), (border, local), (border, border). Rows beyond the held ones,
-    whatever they stand for, are local."""
+    """Transforms the ports' Schur complements to the unknowns (local, border).
+
+    Returns the blocks (local, local), (local, border), (border, local), (border, border). All rows after
+    the held ones are local."""
     held, free, g = slice(None, matrix.held), slice(matrix.held, None), matrix.weights
     free_rows = schur.shape[0] - matrix.held
     local = local_border = border_local = border = None
     if free_rows:
         local = padded(schur[free, free], matrix.local)
     if matrix.border is not None:
-        n, others = matrix.border.shape[0], matrix.border.shape[0] - HELD * g.shape[0]
+        n, others = matrix.border.shape[0], matrix.border.shape[0] - HELD_ROWS * g.shape[0]
         points = jnp.einsum("at,ijt,bt->aibj", g, schur[held, held], g)
         border = padded(points.reshape(n - others, -1), matrix.border)
         if free_rows:
@@ -119,14 +123,14 @@ def project(
 
 
 def equilibrated_inverse(a: Inexact[Array, "n n"]) -> Inexact[Array, "n n"]:
-    """Inverse of a symmetric-pattern matrix after scaling rows and columns by 1/sqrt(max |row|):
-    hub masses (1e3 kg) and constraint gradients (1) meet in one matrix."""
+    """Returns the inverse of a matrix with symmetric pattern, computed with rows and columns scaled by
+    1/sqrt(max |row|): the matrix contains both hub masses (1e3 kg) and constraint gradients (1)."""
     scale = 1.0 / jnp.sqrt(jnp.abs(a).max(1))
     return scale[:, None] * jnp.linalg.inv(scale[:, None] * a * scale) * scale
 
 
 def factor_ports(matrix: Bordered, schur: Inexact[Array, "row row tether"]) -> PortFactors:
-    """Eliminate the local unknowns, then invert the border."""
+    """Eliminates the local unknowns and inverts the dense matrix of the border."""
     local, local_border, border_local, border = project(matrix, schur)
     local_inverse = from_border = from_local = border_inverse = released_inverse = None
     if matrix.released is not None:
@@ -145,7 +149,7 @@ def factor_ports(matrix: Bordered, schur: Inexact[Array, "row row tether"]) -> P
 
 
 def factor(matrix: Bordered) -> Factors:
-    """Block LU of the whole matrix."""
+    """Computes the block LU factors of the whole matrix."""
     chain_factors, schur = chains.factor(matrix.diag, matrix.upper, matrix.lower)
     return Factors(chain_factors, factor_ports(matrix, schur))
 
@@ -153,25 +157,25 @@ def factor(matrix: Bordered) -> Factors:
 def port_loads(
     matrix: Bordered, port: Inexact[Array, "row tether"], rhs: Vector
 ) -> tuple[Array | None, Array | None]:
-    """Right-hand sides (local, border) from the reduced ones of the ports."""
+    """Returns the right-hand sides (local, border) from the reduced right-hand sides of the ports."""
     local = border = None
     if matrix.free:
         local = port[matrix.held :]
         if rhs.local is not None:
             local = jnp.concatenate([local, rhs.local])
     if matrix.border is not None:
-        border = padded((matrix.weights[:, None] * port[None, :HELD]).sum(2).reshape(-1), rhs.border)
+        border = padded((matrix.weights[:, None] * port[None, :HELD_ROWS]).sum(2).reshape(-1), rhs.border)
     return local, border
 
 
 def port_displacement(
     matrix: Bordered, port: Inexact[Array, "row tether"], local: Array | None, border: Array | None
 ) -> tuple[Array, Array | None]:
-    """Port displacement and extra local unknowns, once (local, border) are known."""
+    """Returns the ports' displacements and the other local unknowns from the solution (local, border)."""
     held = jnp.zeros_like(port[: matrix.held])
     if border is not None:
-        points = HELD * matrix.weights.shape[0]
-        held = (border[:points].reshape(-1, HELD)[:, :, None] * matrix.weights[:, None]).sum(0)
+        points = HELD_ROWS * matrix.weights.shape[0]
+        held = (border[:points].reshape(-1, HELD_ROWS)[:, :, None] * matrix.weights[:, None]).sum(0)
     if local is None:
         return held, None
     return joined([held, local[: matrix.free]]), local[matrix.free :]
@@ -180,7 +184,8 @@ def port_displacement(
 def solve_ports(
     matrix: Bordered, factors: PortFactors, port: Inexact[Array, "row tether"], rhs: Vector
 ) -> tuple[Array, Array | None, Array | None]:
-    """Port displacement, extra local unknowns and border, from the reduced right-hand sides."""
+    """Returns the ports' displacements, the other local unknowns and the border from the reduced right-hand
+    sides."""
     local, border = port_loads(matrix, port, rhs)
     if border is not None:
         if local is not None:
@@ -200,7 +205,7 @@ def solve_ports(
 
 
 def solve(matrix: Bordered, factors: Factors, rhs: Vector) -> Vector:
-    """Solution of matrix x = rhs; of `matrix` only the weights and shapes are read."""
+    """Returns the solution of matrix x = rhs. Of `matrix` only weights and shapes are read."""
     own, port = chains.reduce_to_port(factors.chains, rhs.blocks)
     displacement, local, border = solve_ports(matrix, factors.port, port, rhs)
     blocks = chains.substitute_from_port(factors.chains, own, displacement)

@@ -1,106 +1,144 @@
-"""Loops that end when they like, and whose results are kept; alone, or of many members in lockstep.
+"""Loops that end early and store results in buffers, for one run or for many runs under `jax.vmap`.
 
-Under `vmap` a loop goes on until every member's has ended, and after each turn all that it carries is
-chosen anew, member by member: with the results of a run among it, that costs more than the run. Where the
-axis of the `vmap` is named `LOCKSTEP`, the loops below end together, choose what a member hands on, and
-write a result only where a member is still going.
+JAX's own rule for a `lax.while_loop` under `vmap` runs until the last member ends, and after every turn it
+selects, member by member, everything the loop carries: with result buffers in the carry this costs more than
+the run. The loops of this module have rules of their own (`jax.custom_batching.custom_vmap`). The condition is
+true while any member is active, only what a member carries is selected, and a buffer is written in place,
+where the member is active. Without `vmap` nothing is selected at all. The rules hold under any `vmap`, also
+a user's, and under nested ones. They have no reverse derivative: the loops run inside functions with a
+derivative rule of their own.
 """
 
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
+from jax.custom_batching import custom_vmap
 
 from esail_jax.array_types import Array, Bool, Float, Int
-
-LOCKSTEP = "lockstep"
-"""Name of the axis of members that go side by side."""
 
 Carry = TypeVar("Carry")
 Result = TypeVar("Result")
 
 
-def in_lockstep() -> bool:
-    """Is this being traced for members side by side?"""
-    try:
-        lax.axis_size(LOCKSTEP)
-    except NameError:
-        return False
-    return True
-
-
-def one_each(table: Float[Array | np.ndarray, "row col"]) -> Float[Array | np.ndarray, "row col"]:
-    """A table, or one for each of those side by side. Its product with what they have would otherwise put
-    its rows before the axis they go along, and turn all that stands around it."""
-    if not in_lockstep():
-        return table
-    # Chosen by the number of each: so `vmap` takes it for theirs.
-    return jnp.where(lax.axis_index(LOCKSTEP) >= 0, table, table)
-
-
-def any_member(condition: Bool[Array, ""]) -> Bool[Array, ""]:
-    """Does it hold for one of those side by side?"""
-    return lax.pmax(condition.astype(int), LOCKSTEP) > 0 if in_lockstep() else condition
-
-
-def march(
-    going: Callable[[Carry], Bool[Array, ""]],
-    body: Callable[[Carry, Result, Bool[Array, ""] | bool], tuple[Carry, Result]],
+def while_active(
+    active: Callable[[Carry], Bool[Array, ""]],
+    body: Callable[[Carry, Result, Bool[Array, ""]], tuple[Carry, Result]],
     carry: Carry,
-    kept: Result,
+    buffers: Result,
 ) -> tuple[Carry, Result]:
-    """carry, kept = body(carry, kept, active) while going(carry). Nothing may be written into `kept` unless
-    active (`written`): in lockstep it is not chosen anew."""
-    lockstep = in_lockstep()
+    """Repeats `carry, buffers = body(carry, buffers, is_active)` while `active(carry)`.
 
-    def once_more(state):
-        carry, kept = state
-        active = going(carry) if lockstep else True
-        after, kept = body(carry, kept, active)
-        return chosen(active, after, carry), kept
+    The body may change the buffers by `buffer_set` with its `is_active` only: under `vmap` a member that is
+    no longer active keeps its carry, but nothing protects its buffers."""
 
-    return lax.while_loop(lambda state: any_member(going(state[0])), once_more, (carry, kept))
+    def turn(state):
+        carry, buffers = state
+        is_active = active(carry)
+        new, buffers = body(carry, buffers, is_active)
+        return select_under_vmap(is_active, new, carry), buffers
 
-
-def chosen(active: Bool[Array, ""] | bool, new: Carry, old: Carry) -> Carry:
-    """The new one if active."""
-    return new if active is True else jax.tree.map(lambda a, b: jnp.where(active, a, b), new, old)
+    return lax.while_loop(lambda state: any_member(active(state[0])), turn, (carry, buffers))
 
 
-def written(all_of: Result, index: Int[Array, ""], one: Result, active: Bool[Array, ""] | bool) -> Result:
-    """One result at its index along the first axis of all, if active."""
-    if active is True:
-        # Not `at[index].set`, which looks whether the index is within.
-        return jax.tree.map(lambda all, x: lax.dynamic_update_index_in_dim(all, x, index, 0), all_of, one)
-    return jax.tree.map(
-        lambda all, x: all.at[jnp.where(active, index, len(all))].set(x, mode="drop"), all_of, one
-    )
-
-
-def repeat(
-    step: Callable[[Carry], tuple[Carry, Array, Result]],
+def bounded_loop(
+    step: Callable[[Carry], tuple[Carry, Bool[Array, ""], Result]],
     carry: Carry,
-    most: int,
+    most: int | Int[Array, ""],
     nothing: Result,
+    room: int | None = None,
 ) -> tuple[Carry, Result]:
-    """carry, going, result = step(carry), until not going or `most` times: the last carry, and the
-    results along a new first axis of length `most`, `nothing` where there are none."""
-    lockstep = in_lockstep()
+    """Repeats `carry, goes_on, result = step(carry)` until `goes_on` is false, `most` times at most.
 
-    def once_more(state):
-        carry, count, going, results = state
-        active = going if lockstep else True
-        after, goes_on, result = step(carry)
-        after, result = chosen(active, (after, result), (carry, nothing))
-        results = written(results, count, result, True)
-        return after, count + 1, goes_on & active, results
+    Returns the last carry and the results along a new first axis of length `room` (`most` if None), filled up
+    with `nothing`. All members begin together, so that their results have one common index."""
 
-    empty = jax.tree.map(lambda x: jnp.broadcast_to(x, (most, *x.shape)), nothing)
+    def is_active(state):
+        _, count, goes_on, _ = state
+        return goes_on & (count < most)
+
+    def turn(state):
+        carry, count, goes_on, results = state
+        new, still, result = step(carry)
+        old = carry, goes_on, nothing
+        carry, goes_on, result = select_under_vmap(is_active(state), (new, still, result), old)
+        put = lax.dynamic_update_index_in_dim
+        results = jax.tree.map(lambda all, x: put(all, x, count, 0), results, result)
+        return carry, count + 1, goes_on, results
+
+    room = most if room is None else room
+    empty = jax.tree.map(lambda x: jnp.broadcast_to(x, (room, *jnp.shape(x))), nothing)
     state = (carry, jnp.zeros((), int), jnp.asarray(True), empty)
-    carry, _, _, results = lax.while_loop(
-        lambda state: any_member(state[2]) & (state[1] < most), once_more, state
-    )
+    carry, _, _, results = lax.while_loop(lambda state: any_member(is_active(state)), turn, state)
     return carry, results
+
+
+@custom_vmap
+def any_member(condition: Bool[Array, ""]) -> Bool[Array, ""]:
+    """The condition itself; under `vmap`, one truth value for all members: whether it holds for any."""
+    return condition
+
+
+@any_member.def_vmap
+def _any_member(size, batched, condition):
+    return any_member(condition.any(0) if batched[0] else condition), False
+
+
+@custom_vmap
+def select_under_vmap(is_active: Bool[Array, ""], new: Carry, old: Carry) -> Carry:
+    """`new`; under `vmap`, `new` for the members that are active and `old` for the others."""
+    return new
+
+
+@select_under_vmap.def_vmap
+def _select_under_vmap(size, batched, is_active, new, old):
+    new, old = filled(size, new, batched[1]), filled(size, old, batched[2])
+    chosen = jax.vmap(select)(is_active, new, old) if batched[0] else select_under_vmap(is_active, new, old)
+    return chosen, jax.tree.map(lambda _: True, chosen)
+
+
+@custom_vmap
+def buffer_set(buffers: Result, index: Int[Array, ""], value: Result, is_active: Bool[Array, ""]) -> Result:
+    """The buffers with `value` at `index` of their first axis; under `vmap`, for the active members only.
+
+    Without `vmap` the caller is active, and the index is not checked against the length of the buffers."""
+    # Not `at[index].set`, which checks the index.
+    return jax.tree.map(lambda b, x: lax.dynamic_update_index_in_dim(b, x, index, 0), buffers, value)
+
+
+@buffer_set.def_vmap
+def _buffer_set(size, batched, buffers, index, value, is_active):
+    buffers, value = filled(size, buffers, batched[0]), filled(size, value, batched[2])
+    index, is_active = filled(size, index, batched[1]), filled(size, is_active, batched[3])
+
+    def one(buffers, index, value, is_active):
+        return jax.tree.map(
+            lambda b, x: b.at[jnp.where(is_active, index, len(b))].set(x, mode="drop"), buffers, value
+        )
+
+    written = jax.vmap(one)(buffers, index, value, is_active)
+    return written, jax.tree.map(lambda _: True, written)
+
+
+def select(condition: Bool[Array, ""], new: Carry, old: Carry) -> Carry:
+    """`new` where the condition holds, else `old`, leaf by leaf."""
+    return jax.tree.map(lambda a, b: jnp.where(condition, a, b), new, old)
+
+
+def filled(size: int, values: Any, batched: Any) -> Any:
+    """The values with a leading axis for the members, of length `size`, where they do not have one."""
+    return jax.tree.map(lambda x, has: x if has else jnp.broadcast_to(x, (size, *x.shape)), values, batched)
+
+
+def per_member_table(
+    table: Float[Array | np.ndarray, "row col"], like: Array
+) -> Float[Array | np.ndarray, "row col"]:
+    """The table; under `vmap`, one copy of it for each member. like: any array that each member has of its own.
+
+    Without the copies XLA moves the member axis behind the table's rows and transposes the arrays around the
+    product. The compiler takes the selection out again."""
+    token = like.reshape(-1)[0].real
+    return jnp.where(token == token, table, table)

@@ -1,18 +1,20 @@
-"""Solver for a bordered system whose chains are also joined tip to tip, in a ring.
+"""Direct solver for a bordered system whose chains are also coupled tip to tip, in a ring.
 
-To the matrix of `bordered` come couplings between the last blocks x_i of neighbouring chains,
+The matrix is that of `bordered` with additional couplings between the last blocks x_i of neighbouring
+chains,
 
     row of tip i:    ... + U_i x_{i+1} + L_i x_{i-1},        i modulo the number of chains p.
 
-Everything but the tips and the border y is eliminated chain by chain: the blocks between port and
-tip, then the local unknowns. What is left is a ring of blocks, with columns A_i and rows B_i of y,
+The first stage eliminates all unknowns except the tips and the border y, chain by chain: the blocks between
+port and tip, then the local unknowns. A ring of blocks remains, with columns A_i and rows B_i of y,
 
     T_i x_i + U_i x_{i+1} + L_i x_{i-1} + A_i y = r_i,      sum_i B_i x_i + C y = s.
 
-It is cut open at the first tip, which joins the border: the others are a chain that starts at it, and
-the link that closes the ring leads from that chain's end back to it. Both stages solve a chain with
-two ends (`Span`), its port and a far end coupled to its last block: the tip in the first stage, in
-the second the first tip again. The cost is O(chains * elements).
+The second stage opens the ring at the first tip, which becomes part of the border. The other tips form a
+chain that begins at the first tip, and the coupling that closes the ring leads from the end of this chain
+back to it. Both stages solve a chain with two ends (`Span`): its port, and a far end that is coupled to its
+last block. The far end is the tip in the first stage and again the first tip in the second stage. The cost
+is O(chains * elements).
 """
 
 from functools import partial
@@ -25,13 +27,13 @@ import numpy as np
 from esail_jax.array_types import Array, Float
 from esail_jax.numerics import block_tridiagonal as chains
 from esail_jax.numerics import bordered
-from esail_jax.numerics.bordered import HELD, Bordered, Vector
+from esail_jax.numerics.bordered import HELD_ROWS, Bordered, Vector
 from esail_jax.numerics.small_matrices import inverse, matmul, matvec
 
 
 class Ring(NamedTuple):
-    """Couplings of the tips: upper[i] = U_i, lower[i] = L_i; with one or two chains both lead to the
-    same tip and add up."""
+    """Couplings of the tips: upper[i] = U_i, lower[i] = L_i. With one or two chains both refer to the same
+    tip and add up."""
 
     upper: Float[Array, "row row tether"]
     lower: Float[Array, "row row tether"]
@@ -50,8 +52,8 @@ class Span(NamedTuple):
 
 
 class LocalFactors(NamedTuple):
-    """Elimination of the local unknowns, D z + E (y, x) = ..., F z the other way: D^{-1}, D^{-1} E
-    and F D^{-1}. Their edges are the border and the chain's tip."""
+    """Factors that eliminate the local unknowns z, D z + E (y, x) = ...: D^{-1}, D^{-1} E and F D^{-1}. F z
+    is their term in the equations of their edges (y, x), the border and the chain's tip."""
 
     inverse: Float[Array, "local local tether"]
     from_edges: Float[Array, "local edge tether"]
@@ -59,7 +61,7 @@ class LocalFactors(NamedTuple):
 
 
 class RingFactors(NamedTuple):
-    """Everything a solve needs. border_rows: B_i; corner: inverse in (border, first tip)."""
+    """All factors that `solve` needs. border_rows: B_i; corner: inverse in (border, first tip)."""
 
     interior: Span
     local: LocalFactors
@@ -74,8 +76,9 @@ def factor_span(
     port: Float[Array, "row end *batch"],
     far_row: Float[Array, "row row *batch"],
 ) -> tuple[Span, Array, Array]:
-    """Factors of a chain (diag, upper, lower) whose ends act on its blocks through `columns` and
-    displace its port by `port`; with its share (row, end, ...) in the rows of port and far end."""
+    """Factors a chain (diag, upper, lower) whose ends act on its blocks through `columns` and displace its
+    port by `port`. Also returns the chain's terms (row, end, ...) in the rows of its port and its far
+    end."""
     chain, schur = chains.factor(*blocks)
     own, carried = jax.vmap(partial(chains.reduce_to_port, chain), 2, (2, 1))(-columns)
     response = jax.vmap(partial(chains.substitute_from_port, chain), (2, 1), 2)(own, port)
@@ -83,15 +86,15 @@ def factor_span(
 
 
 def solve_span(span: Span, rhs: Float[Array, "block row *batch"]) -> tuple[Array, Array, Array]:
-    """The blocks while the ends are at zero, the port's right-hand side, and what the blocks take from
-    that of the far end."""
+    """Returns the blocks if the ends are at zero, the port's reduced right-hand side, and what the blocks
+    subtract from the far end's right-hand side."""
     own, port = chains.reduce_to_port(span.chain, rhs)
     blocks = chains.substitute_from_port(span.chain, own, jnp.zeros_like(port))
     return blocks, port, matvec(span.far_row, blocks[-1])
 
 
 def factor_interior(matrix: Bordered) -> tuple[Span, Float[Array, "end end tether"]]:
-    """Eliminate the blocks 1 ... N-1: their span, and the Schur complement in (port, tip)."""
+    """Eliminates the blocks 1 ... N-1. Returns their span and the Schur complement in (port, tip)."""
     m, p = matrix.diag.shape[-2:]
     port = jnp.broadcast_to(jnp.eye(m, 2 * m)[:, :, None], (m, 2 * m, p))
     columns = jnp.zeros((matrix.upper.shape[0], m, 2 * m, p)).at[-1, :, m:].set(matrix.upper[-1])
@@ -101,7 +104,8 @@ def factor_interior(matrix: Bordered) -> tuple[Span, Float[Array, "end end tethe
 
 
 def project(matrix: Bordered, schur: Float[Array, "end end tether"]) -> tuple[Array, ...]:
-    """`bordered.project` with the tip as the first of the local unknowns; without border, empty."""
+    """Returns `bordered.project` with the tip as the first local unknown. Without a border the border's
+    blocks are empty."""
     m, p = matrix.diag.shape[-2:]
 
     def behind_tip(part, *axes):
@@ -112,7 +116,7 @@ def project(matrix: Bordered, schur: Float[Array, "end end tether"]) -> tuple[Ar
         local_border=behind_tip(matrix.local_border, 0),
         border_local=behind_tip(matrix.border_local, 1),
     )
-    order = np.r_[:HELD, m : 2 * m, HELD:m]
+    order = np.r_[:HELD_ROWS, m : 2 * m, HELD_ROWS:m]
     local, *rest = bordered.project(shifted, schur[order][:, order])
     if matrix.border is None:
         n = local.shape[0]
@@ -121,7 +125,7 @@ def project(matrix: Bordered, schur: Float[Array, "end end tether"]) -> tuple[Ar
 
 
 def factor(matrix: Bordered, ring: Ring) -> RingFactors:
-    """Block LU of the whole matrix."""
+    """Computes the block LU factors of the whole matrix."""
     interior, schur = factor_interior(matrix)
     local, local_border, border_local, border = project(matrix, schur)
     m, n = matrix.diag.shape[1], border.shape[0]
@@ -146,7 +150,7 @@ def factor(matrix: Bordered, ring: Ring) -> RingFactors:
 
 
 def solve(matrix: Bordered, factors: RingFactors, rhs: Vector) -> Vector:
-    """Solution of matrix x = rhs; of `matrix` only the weights and shapes are read."""
+    """Returns the solution of matrix x = rhs. Of `matrix` only weights and shapes are read."""
     n, _, p = factors.border_rows.shape
     interior, port, from_tip = solve_span(factors.interior, rhs.blocks[:-1])
     local, border = bordered.port_loads(matrix, port, rhs)

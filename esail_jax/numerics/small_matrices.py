@@ -1,8 +1,8 @@
 """Algebra of many small matrices at once: shape (rows, columns, ...) with the batch last.
 
-The batch (the tethers) is the contiguous axis, so every operation is one sweep over it.
-LAPACK would be called once per matrix. No pivoting: the callers' matrices are mass-dominated or
-arranged so that leading blocks are regular; their scaled condition numbers are documented there.
+The batch (the tethers) is the contiguous axis, so that every operation is one vectorised pass over it.
+LAPACK would be called once per matrix. There is no pivoting: the callers' matrices are dominated by mass or
+arranged so that their leading blocks are regular; the callers state the scaled condition numbers.
 """
 
 import jax.numpy as jnp
@@ -11,8 +11,8 @@ from jax import lax
 
 from esail_jax.array_types import Array, Inexact
 
-SHORT = 6
-"""Terms of a sum that is written out."""
+UNROLLED_TERMS = 6
+"""Largest number of terms that XLA writes out as one sum, without a loop."""
 
 Matrices = Inexact[Array, "row col *batch"]
 Vectors = Inexact[Array, "row *batch"]
@@ -21,40 +21,46 @@ Vectors = Inexact[Array, "row *batch"]
 def matmul(
     a: Inexact[Array, "row mid *batch"], b: Inexact[Array | np.ndarray, "mid col *batch"]
 ) -> Matrices:
-    """Product of each pair of matrices; also of a single pair as small as the hub's, for which calling the
-    library would take longer."""
+    """Returns the product of each pair of matrices. It also serves single pairs as small as the hub's, for
+    which a call of the matrix library would take longer."""
     return (a[:, :, None] * b[None]).sum(1)
 
 
 def matvec(a: Inexact[Array, "row col *batch"], x: Inexact[Array, "col *batch"]) -> Vectors:
-    """Each matrix times its vector."""
+    """Returns the product of each matrix and its vector."""
     return (a * x[None]).sum(1)
 
 
 def matvec_transposed(a: Inexact[Array, "col row *batch"], x: Inexact[Array, "col *batch"]) -> Vectors:
-    """Each transposed matrix times its vector: the reduction runs over the leading axis, which is
-    the fast one; kept factors are stored transposed for it. A few rows at a time: only short sums does the
-    compiler write out, and with them makes the most of the batch."""
-    parts = [(a[k : k + SHORT] * x[k : k + SHORT, None]).sum(0) for k in range(0, len(a), SHORT)]
+    """Returns the product of each transposed matrix and its vector.
+
+    The sum runs over the leading axis, which is the fast one; factors are stored transposed for this
+    reason. It is computed in parts of a few rows, because XLA writes out only short sums, and vectorises
+    those over the batch."""
+    parts = [
+        (a[k : k + UNROLLED_TERMS] * x[k : k + UNROLLED_TERMS, None]).sum(0)
+        for k in range(0, len(a), UNROLLED_TERMS)
+    ]
     return sum(parts[1:], parts[0])
 
 
 def joined(parts: list[Inexact[Array, "_ *batch"]]) -> Inexact[Array, "_ *batch"]:
-    """Concatenated along the first axis; as flat arrays, so that the compiler does not take the formulas of
-    every part into one loop over all of them."""
+    """Concatenates arrays along the first axis, as flat arrays: otherwise XLA puts the formulas of every
+    part into one loop over all rows."""
     flat = jnp.concatenate([part.reshape(-1) for part in parts])
     return flat.reshape(-1, *parts[0].shape[1:])
 
 
 def transpose(a: Inexact[Array, "row col *batch"]) -> Inexact[Array, "col row *batch"]:
-    """Each matrix transposed."""
+    """Returns the transpose of each matrix."""
     return jnp.swapaxes(a, 0, 1)
 
 
 def inverse(a: Inexact[Array, "row row *batch"]) -> Inexact[Array, "row row *batch"]:
-    """Inverse of each matrix, by closed forms up to 3 x 3, by Gauss-Jordan elimination above.
+    """Returns the inverse of each matrix, by closed forms up to 3 x 3 and by Gauss-Jordan elimination
+    above.
 
-    The leading parts of a larger matrix must be regular themselves.
+    There is no pivoting: the leading principal submatrices of a larger matrix must be regular.
     """
     n = a.shape[0]
     if n == 1:
@@ -76,5 +82,5 @@ def inverse(a: Inexact[Array, "row row *batch"]) -> Inexact[Array, "row row *bat
         others = jnp.where(here[:, None] | here[None], 0.0, a)
         return others + jnp.where(here, 1.0, -column)[:, None] * row[None]
 
-    # A loop, not written out: as fast at this size, and a third of the compile time.
+    # The loop is not unrolled: at this size it is as fast, and takes a third of the compile time.
     return lax.fori_loop(0, n, eliminate, a)

@@ -1,8 +1,9 @@
-"""Derivatives along what is perturbed only.
+"""Forward derivatives that skip inputs with a symbolic zero tangent.
 
-A rule of `jax.custom_jvp` is handed tangents of all its arguments, zeros for those that nothing moves.
-Taken as numbers, they cost as much as others: with the voltages alone perturbed, a reverse gradient would
-also find those of every length, mass and stiffness.
+A rule of `jax.custom_jvp` receives the tangents of all its arguments, symbolic zeros for those that do not
+depend on the differentiated inputs. Turned into arrays of zeros, they cost as much as other tangents: a
+reverse gradient with respect to the voltages would then also compute the derivatives with respect to every
+length, mass and stiffness.
 """
 
 from collections.abc import Callable
@@ -16,12 +17,13 @@ from esail_jax.array_types import Array
 
 
 def jvp_of_perturbed(function: Callable, primals: tuple, tangents: tuple) -> tuple[Any, Any]:
-    """`jax.jvp` with the tangents of a rule defined with `symbolic_zeros=True`."""
+    """Computes `jax.jvp` for the tangents that a rule defined with `symbolic_zeros=True` receives."""
     return jax.jvp(*perturbed(function, primals, tangents))
 
 
 def perturbed(function: Callable, primals: tuple, tangents: tuple) -> tuple[Callable, tuple, tuple]:
-    """The function of those numbers alone that something moves, with these and their tangents."""
+    """Returns `function` as a function of only those leaves whose tangent is not a symbolic zero, with
+    these leaves and their tangents."""
     leaves, structure = jax.tree.flatten(primals)
     moves = jax.tree.leaves(tangents, is_leaf=is_symbolic)
     moving = [i for i, move in enumerate(moves) if not is_symbolic(move)]
@@ -36,27 +38,30 @@ def perturbed(function: Callable, primals: tuple, tangents: tuple) -> tuple[Call
 
 
 def is_symbolic(tangent: Any) -> bool:
-    """Is it the zero of something that nothing moves?"""
+    """Tells whether a tangent is a symbolic zero."""
     return isinstance(tangent, SymbolicZero)
 
 
-def number_of(tangent: Any) -> Array:
-    """A tangent, a zero as numbers."""
+def materialised(tangent: Any) -> Array:
+    """Returns a tangent as an array; a symbolic zero becomes an array of zeros."""
     return jnp.zeros(tangent.shape, tangent.dtype) if is_symbolic(tangent) else tangent
 
 
-def any_matrix(x: Any) -> Any:
-    """For `lax.custom_linear_solve` with both its solutions given: it asks for the matrix only to find the
-    derivative by what that is made of, which must carry none. The true one would be traced for nothing."""
+def unused_matvec(x: Any) -> Any:
+    """Stands for the product with the matrix in `lax.custom_linear_solve`, if both solves are given.
+
+    JAX then needs the product only for derivatives with respect to the matrix, and here the matrix carries
+    none. The true product would be traced for nothing."""
     return x
 
 
 @jax.custom_jvp
-def known(value: Any, of: Any) -> Any:
-    """`value`, with the derivative of the quantities `of` which it is the value."""
+def with_tangent_of(value: Any, of: Any) -> Any:
+    """Returns `value` with the tangent of `of`: the two are numerically equal, but only `of` is
+    differentiated."""
     return value
 
 
-@known.defjvp
-def _known_jvp(primals, tangents):
+@with_tangent_of.defjvp
+def _with_tangent_of_jvp(primals, tangents):
     return primals[0], tangents[1]

@@ -1,4 +1,4 @@
-"""What runs report: of a sail (`sail.py`) and of a rod chain (`chain.py`)."""
+"""Observables that a run reports: those of a sail (`sail.py`) and of a rod chain (`chain.py`)."""
 
 from esail_jax.array_types import Array
 from esail_jax.observables import chain, sail
@@ -10,9 +10,11 @@ __all__ = [
     "Instant",
     "Observable",
     "chain",
+    "described",
     "elastic_energy",
     "is_chain",
     "kinetic_energy",
+    "known_names",
     "listed",
     "make_instant",
     "observe",
@@ -22,17 +24,31 @@ __all__ = [
 
 
 def is_chain(system: System) -> bool:
-    """Is it a chain of rods?"""
+    """Tells whether the system is a chain of rods."""
     return system.tethers.kind == "rod"
 
 
 def listed(system: System) -> list[Observable]:
-    """The observables of a system, in their order."""
+    """Returns the observables of a system, in the order of the list."""
     return chain.listed(system) if is_chain(system) else sail.listed(system)
 
 
+def known_names(of_chain: bool) -> tuple[str, ...]:
+    """Names of all observables that a sail, or a chain, may have."""
+    entries = (*chain.OBSERVABLES, chain.ENERGY_ERROR) if of_chain else sail.OBSERVABLES
+    return tuple(entry.name for entry in entries)
+
+
+def described(name: str) -> Observable:
+    """The entry of an observable, from its name. Raises KeyError."""
+    for entry in (*sail.OBSERVABLES, *chain.OBSERVABLES, chain.ENERGY_ERROR):
+        if entry.name == name:
+            return entry
+    raise KeyError(name)
+
+
 def observe(instant: Instant) -> dict[str, Array]:
-    """Every observable of an instant, by name."""
+    """Returns all observables of an instant, by name."""
     i = instant
     if is_chain(i.system):
         return chain.observe(chain.Instant(i.system, None, i.time, i.q, i.v, i.work, i.start_energy))

@@ -1,36 +1,39 @@
-"""Is a run's energy accounted for?"""
+"""Check of a finished run's energy balance."""
 
 from collections.abc import Mapping
 
 import numpy as np
 
-MOST_LOST = 1e-3
-"""Part of the largest term of the balance that may be missing."""
+BALANCE_TOLERANCE = 1e-3
+"""A warning is given if the error of the balance exceeds this fraction of its largest term."""
 
 ROUNDING = 1e-9
-"""Part of the energy that is lost in any account of it."""
+"""Rounding error of a balance, as a fraction of the energy."""
 
 TERMS = ("kinetic_energy", "elastic_energy", "external_work", "dissipated_energy", "energy_balance_error")
 
 
 def balance_warning(rows: Mapping[str, np.ndarray]) -> str:
-    """A sentence if |dE - W + D| exceeds MOST_LOST of the largest of |dE|, |W| and |D| and ROUNDING of E;
-    of a chain, if |E - E_0| exceeds MOST_LOST of its energy. Else nothing."""
-    if "energy_error" in rows:
-        lost = largest(rows["energy_error"])
-        return f"{SENTENCE} {lost:.1e} of the energy." if lost > MOST_LOST else ""
+    """Returns a warning if the energy balance of a run is violated, otherwise an empty text.
+
+    It is violated if |dE - W + D| exceeds both BALANCE_TOLERANCE of the largest of |dE|, |W| and |D| and
+    ROUNDING of E. For a chain without loads and damping: if |E - E_0| exceeds BALANCE_TOLERANCE of the
+    energy, which is then constant."""
+    if "energy_balance_error" not in rows:
+        missing = largest(rows["energy_error"])
+        return f"{SENTENCE} {missing:.1e} of the energy." if missing > BALANCE_TOLERANCE else ""
     kinetic, elastic, work, dissipated, error = (rows[name] for name in TERMS)
-    energy, lost = kinetic + elastic, largest(error)
+    energy, missing = kinetic + elastic, largest(error)
     terms = max(largest(energy - energy[:1]), largest(work), largest(dissipated))
-    if lost <= max(MOST_LOST * terms, ROUNDING * largest(energy)):
+    if missing <= max(BALANCE_TOLERANCE * terms, ROUNDING * largest(energy)):
         return ""
-    return f"{SENTENCE} {lost:.1e} J, where its largest term is {terms:.1e} J."
+    return f"{SENTENCE} {missing:.1e} J, where its largest term is {terms:.1e} J."
 
 
 SENTENCE = "The result may be wrong (try a shorter step or tolerance): its energy balance is off by"
 
 
 def largest(values: np.ndarray) -> float:
-    """Largest magnitude of what is finite; 0 of nothing."""
+    """Returns the largest magnitude of the finite values, 0 if there are none."""
     finite = np.abs(values[np.isfinite(values)])
     return float(finite.max()) if finite.size else 0.0

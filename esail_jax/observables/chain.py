@@ -1,4 +1,4 @@
-"""What a run of a rod chain reports ([MW] Sec. 3)."""
+"""Observables of a rod chain ([MW] Sec. 3)."""
 
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -12,13 +12,13 @@ from esail_jax.numerics.vectors import dot, norm
 from esail_jax.observables.entry import Observable, elastic_energy, kinetic_energy
 from esail_jax.system import Power, System
 
-LOST = 0.1
-"""Part of the energy by which its balance may be off before a run is given up: explicit steps that are
-too long for the fastest vibration need not overflow."""
+MAX_BALANCE_ERROR = 0.1
+"""A run is stopped if the error of its energy balance exceeds this fraction of its energy. Explicit steps
+that are too long for the fastest vibration do not always overflow."""
 
 
 class Instant(NamedTuple):
-    """One saved instant."""
+    """State of a chain at one saved instant."""
 
     system: System
     hinges: Hinges | None
@@ -30,7 +30,8 @@ class Instant(NamedTuple):
 
 
 def tension(i: Instant) -> Float[Array, " rod"]:
-    """Axial force of every rod [N], its dissipative part included; negative under pressure."""
+    """Returns the axial force of every rod [N], with its dissipative part; it is negative in
+    compression."""
     tethers = i.system.tethers
     fields, rates = tethers.interpolate(i.q.tether), tethers.interpolate(i.v.tether)
     stress = i.system.point_forces(i.time, fields, rates)[0].r_x
@@ -39,7 +40,7 @@ def tension(i: Instant) -> Float[Array, " rod"]:
 
 
 def stored_energy(system: System, hinges: Hinges | None, q: Coordinates) -> Scalar:
-    """U [J] of rods and hinges."""
+    """Returns the elastic energy U [J] of rods and hinges."""
     energy = elastic_energy(system, q)
     if hinges is not None:
         energy = energy + hinges.energy(jnp.diff(q.tether[0, :, :, 0], axis=1))
@@ -47,27 +48,28 @@ def stored_energy(system: System, hinges: Hinges | None, q: Coordinates) -> Scal
 
 
 def internal_energy(system: System, hinges: Hinges | None, q: Coordinates, v: Coordinates) -> Scalar:
-    """T + U [J]."""
+    """Returns the sum T + U [J] of kinetic and elastic energy."""
     return kinetic_energy(system, v) + stored_energy(system, hinges, q)
 
 
 def potential_energy(i: Instant) -> Scalar:
-    """Energy [J] in gravity and in the field of the orbit, zero at the origin: the anchor, or the
-    reference point of a free chain."""
+    """Returns the potential energy [J] of gravity and of the orbital field. It is zero at the origin, which
+    is the anchor, or the reference point of a free chain."""
     system = i.system
-    momenta = system.tethers.inertia(i.q.tether)  # M q: masses times positions
+    momenta = system.tethers.inertia(i.q.tether)  # M q, masses times positions
     energy = jnp.zeros(())
     if system.gravity is not None:
         energy = energy - system.gravity @ momenta[0].sum((1, 2))
     if system.orbit is not None:
-        # Quadratic in position: -q^T M A q / 2, A the gradient of the field.
+        # The energy is quadratic in position: -q^T M A q / 2 with the gradient A of the field.
         gradient = system.orbit.gradients[0]
         energy = energy - 0.5 * (momenta[0] * jnp.tensordot(gradient, i.q.tether[0], 1)).sum()
     return energy
 
 
 def balance(i: Instant) -> Scalar:
-    """T + U - (T + U)_0 - W + D [J], W the work of loads and fields."""
+    """Returns the error T + U - (T + U)_0 - W + D [J] of the energy balance; W is the work of loads and
+    fields."""
     return (
         internal_energy(i.system, i.hinges, i.q, i.v) - i.start_energy - i.work.external + i.work.dissipated
     )
@@ -89,27 +91,29 @@ OBSERVABLES = (
 ENERGY_ERROR = Observable(
     "energy_error", "-", "e_E", (), "[MW] 31, over max(|E_0|, largest T)", lambda i: jnp.zeros(())
 )
-"""Depends on the rows before; made by `with_energy_error`."""
+"""Relative energy error. It depends on earlier instants and is computed by `with_energy_error`."""
 
 
 def listed(system: System) -> list[Observable]:
-    """The observables of a chain; those of work only where loads or dissipations do some."""
+    """Returns the observables of a chain; those of work only if there are loads or dissipation."""
     works = system.loads or system.dissipations
     return [*(entry for entry in OBSERVABLES if entry.needs == "" or works), ENERGY_ERROR]
 
 
 def observe(instant: Instant) -> dict[str, Array]:
-    """Every observable of an instant, by name; `energy_error` not yet computed."""
+    """Returns all observables of an instant, by name; `energy_error` is 0, not yet computed."""
     return {entry.name: entry.function(instant) for entry in listed(instant.system)}
 
 
 def with_energy_error(
     rows: dict[str, Any], memory: tuple[Any, Any], xp: ModuleType
 ) -> tuple[dict[str, Any], tuple[Any, Any]]:
-    """Consecutive rows with (E - E_0)/max(|E_0|, largest kinetic energy so far) in place.
+    """Computes `energy_error` = (E - E_0) / max(|E_0|, largest kinetic energy so far) of consecutive rows.
 
-    memory: E_0 (NaN before the first row) and the largest kinetic energy [J] of the rows before;
-    xp: numpy or jax.numpy. Also returns the memory after these rows.
+    memory: E_0 (NaN before the first row) and the largest kinetic energy [J] of earlier rows
+    xp: numpy or jax.numpy
+
+    Returns the rows and the memory after them.
     """
     energy = rows["kinetic_energy"] + rows["elastic_energy"] + rows["potential_energy"]
     first = xp.where(xp.isnan(memory[0]), energy[0], memory[0])
@@ -120,14 +124,14 @@ def with_energy_error(
 
 
 def balanced(rows: dict[str, Any], floor: Any, xp: ModuleType) -> Any:
-    """At which instants is the energy balance kept to `LOST` of the energy, as no run that is worth
-    anything fails to do? False also for NaN. floor [J]: what is nothing (`energy_floor`)."""
+    """Tells at which instants the energy balance holds to MAX_BALANCE_ERROR of the energy, as in every
+    usable run. The result is false for NaN. floor: energy [J] that counts as zero (`energy_floor`)."""
     if "energy_balance_error" in rows:
         inner = rows["kinetic_energy"] + rows["elastic_energy"]
         size = xp.maximum(abs(rows["external_work"]), rows["dissipated_energy"])
         size, error = xp.maximum(size, inner), rows["energy_balance_error"]
     else:
         energy = rows["kinetic_energy"] + rows["elastic_energy"] + rows["potential_energy"]
-        kept = abs(rows["energy_error"]) <= LOST
-        return kept | (xp.isfinite(energy) & (rows["kinetic_energy"] + rows["elastic_energy"] <= floor))
-    return abs(error) <= LOST * size + floor
+        small = abs(rows["energy_error"]) <= MAX_BALANCE_ERROR
+        return small | (xp.isfinite(energy) & (rows["kinetic_energy"] + rows["elastic_energy"] <= floor))
+    return abs(error) <= MAX_BALANCE_ERROR * size + floor

@@ -1,4 +1,4 @@
-"""An entry of a list of observables, and the energies that every list has."""
+"""`Observable`, one entry of a list of observables, and the energies that every list contains."""
 
 import dataclasses
 from collections.abc import Callable
@@ -12,9 +12,13 @@ from esail_jax.system import System
 
 @dataclasses.dataclass(frozen=True)
 class Observable:
-    """One entry: what stands in the run file's attributes, and the function of an instant.
+    """One observable: its description, which run files store as attributes, and its function of an instant.
 
-    axes: names beside time; needs: what a system must have for the entry to exist.
+    name, unit, symbol: as in run files and figures
+    axes: names of the axes after time
+    equation: source of the formula
+    function: the observable of an `Instant`
+    needs: attribute of the system that must not be None for the observable to exist; empty if always
     """
 
     name: str
@@ -27,7 +31,7 @@ class Observable:
 
 
 def kinetic_energy(system: System, v: Coordinates) -> Scalar:
-    """T [J] of tethers, remote units and hub ([PGV] Eq. 21, 51)."""
+    """Returns the kinetic energy T [J] of tethers, remote units and hub ([PGV] Eq. 21, 51)."""
     energy = 0.5 * (v.tether * system.tethers.inertia(v.tether)).sum()
     if system.hub is not None:
         energy = energy + 0.5 * (v.hub * matmul(system.hub.mass_matrix, v.hub)).sum()
@@ -35,12 +39,12 @@ def kinetic_energy(system: System, v: Coordinates) -> Scalar:
 
 
 def elastic_energy(system: System, q: Coordinates) -> Scalar:
-    """U [J] ([PGV] Eq. 23)."""
+    """Returns the elastic energy U [J] ([PGV] Eq. 23)."""
     fields = system.tethers.interpolate(q.tether)
     return sum(system.integrate(term.density(fields)) for term in system.energies)
 
 
 def shape_of(axes: tuple[str, ...], members: int) -> tuple[int, ...]:
-    """Sizes of an observable's axes after time; members: tethers or rods."""
+    """Returns the sizes of an observable's axes after time. members: number of tethers or rods."""
     sizes = {"tether": members, "rod": members, "joint": members + 1}
     return tuple(sizes.get(axis, 3) for axis in axes)

@@ -1,4 +1,4 @@
-"""One saved instant of a sail, with what several observables share."""
+"""`Instant`: the state of a sail at a saved instant, with quantities that several observables use."""
 
 import equinox as eqx
 import jax
@@ -19,7 +19,16 @@ from esail_jax.terms import PointFields
 
 
 class Instant(eqx.Module):
-    """One saved instant, with what several observables share."""
+    """State of a sail at one saved instant, with quantities that several observables use.
+
+    time [s], q, v, vdot, lam: the state, with the accelerations and multipliers that belong to it
+    work: dissipated energy and external work since the start [J]
+    start_energy: kinetic and elastic energy at the start [J]
+    origin: heliocentric position [m] of the origin of the inertial frame
+    forces: left-hand side of the equations of motion [N] without the reactions of the root joints
+    power: dissipated and external power [W]
+    load: sum of the loads at the quadrature points [N/m]; None without loads
+    """
 
     system: System
     time: Scalar
@@ -40,17 +49,17 @@ class Instant(eqx.Module):
 
     @property
     def rotation(self) -> Rotation:
-        """C_B^I."""
+        """Rotation C_B^I of the hub."""
         return self.system.rotation(self.time, self.q)
 
     @property
     def centre(self) -> Vector:
-        """Hub centre O_B, or the fixed centre of the turning frame [m]."""
+        """Position of the hub centre O_B, or of the fixed centre of the rotating frame [m]."""
         return jnp.zeros(3) if self.system.hub is None else self.system.hub.centre(self.q.hub)
 
     @property
     def orbital(self) -> Rotation:
-        """C_O^I at the hub's current position."""
+        """Rotation C_O^I of the orbital frame at the hub's current position."""
         return orbital_frame(self.origin + self.centre)
 
     @property
@@ -67,7 +76,7 @@ class Instant(eqx.Module):
 
     @property
     def root_slopes(self) -> Float[Array, "3 tether"]:
-        """r_x at the roots; a truss has the direction of its first element."""
+        """Slopes r_x at the roots. A truss has those of its first elements."""
         nodal = self.q.tether
         if self.system.tethers.coefs == 2:
             return nodal[1, :, 0]
@@ -75,12 +84,12 @@ class Instant(eqx.Module):
 
     @property
     def root_reactions(self) -> Float[Array, "3 tether"]:
-        """Force of the hub on each tether [N]: what the root rows of M vdot - Q are short of."""
+        """Forces of the hub on the tethers [N], the root rows of M vdot - Q."""
         return self.forces.tether[0, :, 0]
 
     @property
     def root_couples(self) -> Float[Array, "3 tether"]:
-        """Couple of the hub on each clamped root [N m]: r_x x (conjugate of the clamp)."""
+        """Couples of the hub on clamped roots [N m]: r_x x (generalized force of the clamp on r_x)."""
         if not self.system.clamped:
             return jnp.zeros((3, self.p))
         pull = jax.vjp(lambda q: self.system.constraints(self.time, q), self.q)[1]
@@ -88,8 +97,8 @@ class Instant(eqx.Module):
         return jnp.cross(self.root_slopes, held, axis=0)
 
     def local_frame(self, vectors: Float[Array, "3 tether"]) -> Float[Array, "3 tether"]:
-        """Components in the frame Z of each tether's root: X_B, outward, azimuthal ([PGV]
-        Eq. 57-58)."""
+        """Returns the components of vectors in the frame Z of each tether's root, with the axes X_B,
+        outward and azimuthal ([PGV] Eq. 57-58)."""
         body = matmul(self.rotation.T, vectors)
         azimuth = 2.0 * np.pi * np.arange(self.p) / self.p
         outward = radial_directions(jnp.asarray(azimuth))
@@ -97,17 +106,17 @@ class Instant(eqx.Module):
         return jnp.stack([body[0], dot(outward, body), dot(sideways, body)])
 
     def thrust_nodal(self) -> Float[Array, "coef 3 node tether"]:
-        """Generalized Coulomb forces ([PGV] Eq. 34)."""
+        """Returns the generalized Coulomb forces on the nodes ([PGV] Eq. 34)."""
         if self.load is None:
             return jnp.zeros_like(self.q.tether)
         return self.system.tethers.nodal_forces(PointFields(self.load, None))
 
     def thrusts(self) -> Float[Array, "3 tether"]:
-        """F_c of each tether [N]."""
+        """Returns the thrust F_c of each tether [N]."""
         return self.thrust_nodal()[0].sum(1)
 
     def thrust_moments(self) -> Float[Array, "3 tether"]:
-        """Moment of the thrust about each root [N m]: nodal forces *and* slope forces."""
+        """Returns the moment of the thrust about each root [N m], from nodal forces *and* slope forces."""
         nodal = self.thrust_nodal()
         arms = self.q.tether[0] - self.roots[:, None]
         moment = jnp.cross(arms, nodal[0], axis=0)
@@ -116,15 +125,15 @@ class Instant(eqx.Module):
         return moment.sum(1)
 
     def sail_axes(self) -> Rotation:
-        """C_E^I: the mean plane of the tips ([PGV] Eq. 67-70), of those tethers that are held; NaN below
-        three."""
+        """Returns the rotation C_E^I to the mean plane of the tips ([PGV] Eq. 67-70). Released tethers do
+        not count; the result is NaN if fewer than three are held."""
         nothing = jnp.full((3, 3), jnp.nan)
         if self.p < 3:
             return nothing
         tips, held = self.tips, self.p
         released = None if self.system.roots is None else self.system.roots.releases.released
         if released is not None:
-            # Tips where the mean is count for nothing.
+            # Released tips are moved to the mean, where they have no effect on the plane.
             held = self.p - released.sum()
             mean = jnp.where(released, 0.0, tips).sum(1, keepdims=True) / held
             tips = jnp.where(released, mean, tips)
@@ -147,11 +156,12 @@ def make_instant(
     start_energy: Scalar,
     mass: FactoredMass | None = None,
 ) -> Instant:
-    """An instant from a state, with accelerations and multipliers that fit it. mass: as in
-    `consistent_motion`."""
+    """Returns the instant of a state, with the accelerations and multipliers that belong to the state.
+
+    mass: factors of the mass matrix, as in `consistent_motion`."""
     vdot, lam, forces, power = consistent_motion(system, time, q, v, mass)
     load = None
     if system.loads:
         fields, rates = system.tethers.interpolate(q.tether), system.tethers.interpolate(v.tether)
-        load = sum(term.force(time, fields, rates) for term in system.steered(time, q).loads)
+        load = sum(term.force(time, fields, rates) for term in system.with_commanded_loads(time, q).loads)
     return Instant(system, time, q, v, vdot, lam, work, start_energy, origin, forces, power, load)

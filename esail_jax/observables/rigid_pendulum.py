@@ -1,7 +1,7 @@
-"""The rigid pendulum that a tether would be without flexibility ([PGV] Eq. 83-85, derived).
+"""Rigid-pendulum model of a tether: its motion without flexibility ([PGV] Eq. 83-85, derived).
 
 A rigid uniform tether (mass m_t, length L) with a tip mass m_u is hinged at distance R from an axis
-X that turns at a constant rate w. With r outward through the hinge and s = X x r, both turning, the
+X that rotates at a constant rate w. With the rotating axes r, outward through the hinge, and s = X x r, the
 point of the tether at distance l from the hinge is at
 
     R r + l n,    n = sin(gamma) X + cos(gamma) (cos(beta) r + sin(beta) s).
@@ -11,19 +11,19 @@ The kinetic energy is, up to a constant and a total time derivative,
     I gamma'^2 / 2 + I cos(gamma)^2 (w + beta')^2 / 2 + w^2 R S cos(gamma) cos(beta),
     I = (m_u + m_t / 3) L^2,    S = (m_u + m_t / 2) L.
 
-Lagrange's equations, to first order and with the quadratic coupling kept in the second, are
+Lagrange's equations, to first order and with the quadratic coupling in the second, are
 
     gamma'' + w^2 (1 + eps) gamma = -M_s / I
     beta''  + w^2 eps beta        =  M_X / I + 2 w gamma gamma'
     eps = R S / I = (R / L) (m_u + m_t / 2) / (m_u + m_t / 3)
 
-with the moment M of the load about the hinge; coning increases in a rotation about -s. As in the
-paper, 2 w gamma beta' is left out of the first equation: it is of third order while beta is of the
-order of gamma^2. With R = 0 and M_X = 0 the second equation keeps the angular momentum,
+with the moment M of the load about the hinge; a rotation about -s increases the coning angle. As in the
+paper, the term 2 w gamma beta' of the first equation is neglected: it is of third order if beta is of the
+order of gamma^2. With R = 0 and M_X = 0 the second equation conserves the angular momentum
 cos(gamma)^2 (w + beta').
 
-[PGV] Eq. 83 and 84 agree with this, but their components of M, along axes of the body, are those
-along X and s for tether 1 only. Eq. 85 has half of the coupling, w gamma gamma'.
+[PGV] Eq. 83 and 84 agree with these equations, but their components of M refer to body axes, which are X
+and s for tether 1 only. Eq. 85 has half of the coupling, w gamma gamma'.
 """
 
 from collections.abc import Callable
@@ -36,12 +36,13 @@ from scipy.interpolate import CubicSpline
 from esail_jax.observables.saved_rows import leading_finite, observable, per_tether
 
 STEPS_PER_TURN = 50
-"""Least number of integration steps in one turn: a quiet start must not let the step grow past a
-later pulse of the load."""
+"""Smallest number of integration steps per revolution. It prevents that the step grows during a quiet start
+and skips a later pulse of the load."""
 
 
 def inertia(scene: Any, tether: int) -> tuple[float, float]:
-    """I [kg m^2] about the hinge and eps [-] of one tether; R = 0 without a hub."""
+    """Returns the moment of inertia I [kg m^2] about the hinge and eps [-] of one tether. Without a hub R
+    is 0."""
     tethers, count = scene.tethers, scene.tethers.count
     length, area, density = (
         per_tether(value, count)[tether] for value in (tethers.length, tethers.area, tethers.density)
@@ -54,7 +55,8 @@ def inertia(scene: Any, tether: int) -> tuple[float, float]:
 
 
 def hinge_moments(moment_B: np.ndarray, azimuth: float) -> tuple[np.ndarray, np.ndarray]:
-    """Moments [N m] that raise coning and lagging, (-M_s, M_X), from components in B (time, 3)."""
+    """Returns the moments [N m] that increase coning and lagging, (-M_s, M_X), from components in B
+    (time, 3)."""
     sideways = np.array([0.0, -np.sin(azimuth), np.cos(azimuth)])
     return -moment_B @ sideways, moment_B[:, 0]
 
@@ -66,9 +68,13 @@ def swing(
     forcing: Callable[[float], np.ndarray],
     start: tuple[float, float],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """gamma and beta [rad] at the times [s], from rest relative to the turning axes.
+    """Integrates the equations of the pendulum. Returns gamma and beta [rad] at the given times [s].
 
-    rate w [rad/s], not zero; forcing: time -> (-M_s, M_X) / I [rad/s^2]; start: gamma, beta [rad].
+    The pendulum starts at rest relative to the rotating axes.
+
+    rate: w [rad/s], not zero
+    forcing: function of time with the values (-M_s, M_X) / I [rad/s^2]
+    start: gamma and beta [rad] at the first time
     """
 
     def slope(time, state):
@@ -95,9 +101,10 @@ def swing(
 
 
 def rigid_pendulum(run: Any, tether: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Times [s], gamma and beta [rad] of the rigid tether under the moments of the run.
+    """Returns times [s], gamma and beta [rad] of the rigid tether under the moments of a run.
 
-    None where the model does not apply: no spin, gravity on a sail that does not fall, no data.
+    The result is None if the model does not apply: without spin, with gravity on a sail without a hub
+    (which does not fall), or without data.
     """
     scene = run.scene
     rate = float(scene.initial.spin_rate)

@@ -1,4 +1,4 @@
-"""What is to be said of a run that came to its end."""
+"""Warnings about a finished run: its energy balance and its step size."""
 
 from collections.abc import Mapping, Sequence
 
@@ -6,30 +6,36 @@ import numpy as np
 
 from esail_jax.observables.balance import balance_warning
 
-MOST_OFF = 7e-3
-"""Part of the range that tips or forces may be estimated to be off by: half way between the largest
-estimate of runs right to 1e-3 (5e-3) and the least of those off by 1e-2 (`experiments/stability`)."""
+WARN_ABOVE = 7e-3
+"""A warning is given if the estimated error of tips or forces exceeds this fraction of their range. The
+value lies half-way between the largest estimate of runs with errors up to 1e-3 (5e-3) and the smallest
+estimate of runs with errors of 1e-2 and more (`experiments/stability`)."""
 
 STEP_ERRORS = {"tip_error": "the tips", "root_force_error": "the forces at the roots"}
-"""What methods of fixed steps estimate (`steppers/step_error.py`), in parts of ranges: names and words."""
+"""The error estimates of fixed-step methods (`steppers/step_error.py`), as fractions of a range: their
+names and the words for the warning."""
 
 
 def run_warning(rows: Mapping[str, np.ndarray], numerics: Mapping[str, np.ndarray]) -> str:
-    """A sentence if the energy balance is off, and one if the steps are too long, of a finished run: its
-    observables, and what is kept of its steps."""
+    """Returns the warnings about a finished run: one if its energy balance is violated, one if its steps
+    are too long, or an empty text.
+
+    rows: observables by name; numerics: statistics of the steps per saved interval."""
     parts = [float(numerics[name][-1]) for name in STEP_ERRORS if name in numerics]
     return joined_warnings(rows, parts)
 
 
 def joined_warnings(rows: Mapping[str, np.ndarray], parts: Sequence[float]) -> str:
-    """The same from the estimates themselves; parts: empty where there are none."""
+    """Returns the warnings of `run_warning` from the error estimates `parts`, which are empty for methods
+    with error control."""
     return " ".join(filter(None, (balance_warning(rows), step_warning(parts))))
 
 
 def step_warning(parts: Sequence[float]) -> str:
-    """A sentence if an estimate, in the order of STEP_ERRORS, exceeds MOST_OFF or is no number."""
+    """Returns a warning if an estimate exceeds WARN_ABOVE or is NaN, otherwise an empty text. parts:
+    estimates in the order of STEP_ERRORS."""
     named = zip(STEP_ERRORS.values(), parts, strict=False)
-    off = [f"{name} by {in_words(part)}" for name, part in named if not part <= MOST_OFF]
+    off = [f"{name} by {in_words(part)}" for name, part in named if not part <= WARN_ABOVE]
     return f"{SENTENCE} {' and '.join(off)}." if off else ""
 
 
@@ -37,5 +43,5 @@ SENTENCE = "The step is too long (try half of it): by the estimate of its errors
 
 
 def in_words(part: float) -> str:
-    """A part of the range."""
+    """Returns a fraction of a range in words."""
     return f"about {part:.0e} of their range" if part < 1.0 else "as much as they range over"

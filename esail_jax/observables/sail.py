@@ -1,41 +1,46 @@
-"""What a run of a sail reports: the auxiliary variables of [PGV] Sec. 3 and the energies.
+"""Observables of a sail: the auxiliary variables of [PGV] Sec. 3 and the energies.
 
-Every observable is a function of one instant, with its name, unit, symbol, axes and equation. Where
-the printed formula is wrong the derived one is used; the entry says so with "derived".
+Every observable is a function of one instant, with name, unit, symbol, axes and equation. If the printed
+formula is wrong, the observable uses a derived one, and its entry says "derived".
 """
 
 import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.array_types import Array, Float, Scalar, Vector
-from esail_jax.elements.axial import axial_strain
+from esail_jax.elements.axial import AbstractAxialEnergy, axial_strain
+from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.numerics.angles import euler_angles, safe_angle, safe_length
 from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import dot
 from esail_jax.observables.entry import Observable, elastic_energy, kinetic_energy
 from esail_jax.observables.instant import Instant
 from esail_jax.system import System
+from esail_jax.terms import find_term
 
 STRAIN_POINTS = 11
-"""Points per element, ends included, at which the largest strain is looked for."""
+"""Number of points per element, including its ends, at which the strain is evaluated to find its
+maximum."""
 
 
 # ---- angles and lengths ----------------------------------------------------------------------
 
 
 def coning(local: Float[Array, "3 tether"]) -> Float[Array, " tether"]:
-    """Elevation from the spin plane towards X_B; [PGV] Eq. 59 lacks the square root."""
+    """Returns the elevation from the spin plane towards X_B. In [PGV] Eq. 59 the square root is missing."""
     return safe_angle(local[0], safe_length(local[1], local[2]))
 
 
 def lagging(local: Float[Array, "3 tether"]) -> Float[Array, " tether"]:
-    """Angle in the spin plane from the root's radial direction, positive with the spin."""
+    """Returns the angle in the spin plane from the root's radial direction, positive in the sense of the
+    spin."""
     return safe_angle(local[2], local[1])
 
 
 def tether_distance(i: Instant) -> Scalar:
-    """Smallest distance [m] from a remote unit to another tether (polyline through its nodes): two
-    nearly straight tethers of one hub meet first, and part last, at the tip of the shorter."""
+    """Returns the smallest distance [m] from a remote unit to another tether (polyline through its nodes).
+
+    Two nearly straight tethers of one hub touch first, and separate last, at the tip of the shorter one."""
     if i.p < 2:
         return jnp.asarray(jnp.nan)
     starts, ends = i.q.tether[0, :, :-1], i.q.tether[0, :, 1:]
@@ -49,17 +54,19 @@ def tether_distance(i: Instant) -> Scalar:
 
 
 def largest_strain(i: Instant) -> Float[Array, " tether"]:
-    """Largest axial strain, in the scene's measure, over points that include the nodes."""
+    """Returns the largest axial strain, in the scene's strain measure, over points that include the
+    nodes."""
     tethers = i.system.tethers
     shapes = tethers.shape_table(np.linspace(0.0, 1.0, STRAIN_POINTS), 1)
     r_x = jnp.tensordot(shapes, tethers.element_vectors(i.q.tether), 1) / tethers.lengths
     r_x = jnp.moveaxis(r_x, 1, 0)
-    strain = axial_strain(dot(r_x, r_x), i.system.energies[0].strain)
+    axial = find_term(i.system.energies, AbstractAxialEnergy)
+    strain = axial_strain(dot(r_x, r_x), axial.strain)
     return tethers.of_tethers(strain.max(0)).max(0)
 
 
 def arc_length(i: Instant) -> Float[Array, " tether"]:
-    """Integral of |r_x| dx [m]."""
+    """Returns the length of the deformed tether [m], the integral of |r_x| dx."""
     tethers = i.system.tethers
     r_x = tethers.interpolate(i.q.tether).r_x
     stretch = jnp.sqrt(dot(r_x, r_x))
@@ -67,9 +74,16 @@ def arc_length(i: Instant) -> Float[Array, " tether"]:
 
 
 def reaction_moments(i: Instant) -> Vector:
-    """Moment about the hub centre of the root reactions, couples of clamped roots included."""
+    """Returns the moment of the root reactions about the hub centre [N m], with the couples of clamped
+    roots."""
     arms = i.roots - i.centre[:, None]
     return (jnp.cross(arms, i.root_reactions, axis=0) + i.root_couples).sum(1)
+
+
+def voltage(i: Instant) -> Float[Array, " tether"]:
+    """Voltage [V] that the sail's voltage law commands."""
+    load = find_term(i.system.loads, CoulombThrust)
+    return load.commanded(i.system.measurements(i.time, i.q))
 
 
 def total_energy(i: Instant) -> Scalar:
@@ -77,7 +91,7 @@ def total_energy(i: Instant) -> Scalar:
 
 
 def transverse_angle(force: Vector) -> Scalar:
-    """Angle of a force in O from Z_O: atan2(transverse, axial)."""
+    """Returns the angle [rad] of a force in O from Z_O: atan2(transverse, axial)."""
     return safe_angle(safe_length(force[0], force[1]), force[2])
 
 
@@ -142,11 +156,12 @@ OBSERVABLES = (
                lambda i: total_energy(i) - i.start_energy - i.work.external + i.work.dissipated),
     Observable("smallest_tether_distance", "m", "d_min", (), "remote units to other tethers",
                tether_distance),
-    Observable("voltage", "V", "V_i", ("tether",), "modulation law",
-               lambda i: i.system.voltage(i.time, i.q), needs="steering"),
+    Observable("voltage", "V", "V_i", TETHER, "voltage law", voltage, needs="wind"),
 )  # fmt: skip
 
 
 def listed(system: System) -> list[Observable]:
-    """The observables of a sail; those of the hub and of a voltage law only if there is one."""
-    return [x for x in OBSERVABLES if not x.needs or getattr(system, x.needs) is not None]
+    """The observables of a sail. Those that need a hub or the wind are left out without it."""
+    present = {"": True, "hub": system.hub is not None}
+    present["wind"] = find_term(system.loads, CoulombThrust) is not None
+    return [entry for entry in OBSERVABLES if present[entry.needs]]

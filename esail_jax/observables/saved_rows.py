@@ -6,7 +6,7 @@ import numpy as np
 
 
 def observable(run: Any, name: str, factor: float = 1.0) -> np.ndarray | None:
-    """A factor times an observable, time first; None if the run lacks it or all of it is NaN."""
+    """Returns `factor` times an observable (time, ...); None if the run lacks it or all of it is NaN."""
     if name not in run.observables:
         return None
     values = np.asarray(run[name])
@@ -14,13 +14,13 @@ def observable(run: Any, name: str, factor: float = 1.0) -> np.ndarray | None:
 
 
 def per_tether(value: Any, count: int) -> np.ndarray:
-    """A number for all tethers, or one per tether, as an array (tether)."""
+    """Returns an array (tether) from one number for all tethers or one per tether."""
     return np.broadcast_to(np.asarray(value, float), (count,))
 
 
 def leading_finite(*signals: np.ndarray) -> int:
-    """Number of leading instants at which all signals (time, ...) are finite: a failed run is NaN
-    from the failure on."""
+    """Returns the number of leading instants at which all signals (time, ...) are finite. A failed run is
+    NaN after its failure."""
     finite = np.ones(len(signals[0]), bool)
     for signal in signals:
         finite &= np.isfinite(signal).reshape(len(signal), -1).all(1)

@@ -1,18 +1,20 @@
-"""Figures of a run, after [PGV] Fig. 6-10, of a rod chain after [MW] Fig. 2-4. A run is a solution or
-a loaded run file.
+"""Figures of a run: of a sail after [PGV] Fig. 6-10, of a rod chain after [MW] Fig. 2-4.
 
-Every function returns a matplotlib figure; what the run lacks is left out of it.
+A run is a solution or a loaded run file. `plot` draws one observable or all figures; every function of
+`FIGURES` and `CHAIN_FIGURES` returns one matplotlib figure. Data that the run does not have are left out.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from esail_jax.plotting.chain import chain_energies, chain_libration, chain_shapes, chain_tension, chain_tip
 from esail_jax.plotting.picture import sail_picture
 from esail_jax.plotting.sail import attitude, energies, sail_forces
+from esail_jax.plotting.single import draw_observable
 from esail_jax.plotting.tether import all_tethers, tether_forces, tether_motion
 
 FIGURES = (
@@ -24,7 +26,7 @@ FIGURES = (
     all_tethers,
     sail_picture,
 )
-"""Of a sail's run."""
+"""Figures of a sail's run."""
 
 CHAIN_FIGURES = (
     chain_shapes,
@@ -33,9 +35,10 @@ CHAIN_FIGURES = (
     chain_tension,
     chain_energies,
 )
-"""Of a rod chain's run."""
+"""Figures of a rod chain's run."""
 
 DOTS_PER_INCH = 150
+"""Resolution of the written figures."""
 
 __all__ = [
     "CHAIN_FIGURES",
@@ -49,6 +52,8 @@ __all__ = [
     "chain_tip",
     "energies",
     "figures_of",
+    "overview",
+    "plot",
     "plot_all",
     "sail_forces",
     "sail_picture",
@@ -58,21 +63,49 @@ __all__ = [
 
 
 def figures_of(run: Any) -> tuple[Callable[[Any], Figure], ...]:
-    """The functions that make the figures of this kind of run."""
+    """Returns the functions that make the figures of this kind of run."""
     return FIGURES if run.scene.chain is None else CHAIN_FIGURES
 
 
-def plot_all(run: Any, directory: str | Path) -> list[Path]:
-    """Write every figure that the run has data for as DIRECTORY/<function>.png; returns the paths.
+def overview(run: Any) -> Iterator[tuple[str, Figure]]:
+    """Makes the figures that the run has data for, one after the other, each with its name."""
+    for make in figures_of(run):
+        figure = make(run)
+        if figure.axes:
+            yield make.__name__, figure
 
-    The directory is made if it is not there. Raises OSError if that or the writing fails.
+
+def plot(solution: Any, name: str | None = None, *, ax: Axes | None = None) -> Axes | dict[str, Figure]:
+    """Draws a solution, or a run loaded from a file.
+
+    `plot(solution, "coning_angle")` draws this observable against time into the matplotlib axes `ax`, or
+    into a new pyplot figure if `ax` is None, and returns the axes. Name, symbol and unit are those of the
+    list of observables. Time is in spin periods (of a chain: in orbits), or in seconds if there are none.
+
+    `plot(solution)` makes the overview figures, which the command `esail plot` writes, and returns them by
+    name. Figures and panels for which the run has no data are left out.
+
+    Raises ValueError if the run has no observable of this name, if `ax` is given without a name, or if the
+    solution was computed under a trace, inside `jax.jit` for example, and therefore has no scene.
+    """
+    if solution.scene is None:
+        raise ValueError("`solution` must have a scene, but was computed under a trace")
+    if name is not None:
+        return draw_observable(solution, name, ax)
+    if ax is not None:
+        raise ValueError("`name` must be given with `ax`, but is None")
+    return dict(overview(solution))
+
+
+def plot_all(run: Any, directory: str | Path) -> list[Path]:
+    """Writes every figure that the run has data for as DIRECTORY/<name>.png; returns the paths.
+
+    The directory is created if it does not exist. Raises OSError if that or the writing fails.
     """
     directory = Path(directory)
     directory.mkdir(parents=True, exist_ok=True)
     paths = []
-    for make in figures_of(run):
-        figure = make(run)
-        if figure.axes:
-            paths.append(directory / f"{make.__name__}.png")
-            figure.savefig(paths[-1], dpi=DOTS_PER_INCH)
+    for name, figure in overview(run):
+        paths.append(directory / f"{name}.png")
+        figure.savefig(paths[-1], dpi=DOTS_PER_INCH)
     return paths

@@ -14,24 +14,26 @@ from esail_jax.plotting.data import change, orbital_period, readable
 from esail_jax.plotting.panels import Curve, assemble, components, history, time_unit, unwrapped_degrees
 
 TIME_COLOURS = ListedColormap(colormaps["viridis"](np.linspace(0.0, 0.92, 256)))
-"""From the first to the last instant; nowhere close to white."""
+"""Colours from the first to the last instant, not close to white."""
 
 FLAT = 1e-9
-"""Extent, relative to the largest one, below which the chain does not leave a plane."""
+"""A chain counts as flat if its smallest extent, relative to the largest one, is at most this."""
 
 SLENDER = 10.0
-"""Ratio of extents from which equal scales would show a line."""
+"""Axes have different scales if the ratio of extents is larger than this: equal scales would show a
+line."""
 
 JOINTS_MARKED = 40
-"""Most joints that are shown as dots."""
+"""Largest number of joints that are drawn as dots."""
 
 
 # ---- shapes -----------------------------------------------------------------------------------
 
 
 def chain_shapes(run: Any, instants: int = 10) -> Figure:
-    """The chain at equally spaced instants and the path of its tip, in the coordinate planes in which
-    it extends most: two, or one if it does not leave that."""
+    """Returns the figure of the chain at equally spaced instants and of the path of its tip.
+
+    It shows the two coordinate planes in which the chain extends most, or one if the chain is flat."""
     joints = observable(run, "joint_position")
     known = 0 if joints is None else leading_finite(joints)
     if known == 0:
@@ -40,7 +42,7 @@ def chain_shapes(run: Any, instants: int = 10) -> Figure:
     frames = np.unique(np.linspace(0, known - 1, instants).round().astype(int))
     planes = widest_planes(joints[:known])
     figure = Figure(figsize=(4.6 * len(planes) + 2.4, 5.2), layout="constrained")
-    figure.suptitle("The chain at equally spaced instants; grey: the path of its tip")
+    figure.suptitle("The chain at equally spaced instants; grey: path of its tip")
     per_unit, label = time_unit(run)
     times = np.asarray(run.time) / per_unit
     scale = ScalarMappable(Normalize(times[0], times[frames[-1]]), TIME_COLOURS)
@@ -53,12 +55,13 @@ def chain_shapes(run: Any, instants: int = 10) -> Figure:
 
 
 def extents(points: np.ndarray) -> np.ndarray:
-    """Width of points (..., axis) along every axis."""
+    """Returns the extent of points (..., axis) along every axis."""
     return np.ptp(points.reshape(-1, points.shape[-1]), axis=0)
 
 
 def widest_planes(joints: np.ndarray) -> list[list[int]]:
-    """Pairs of axes: the widest with the second, and with the third unless the chain stays flat."""
+    """Returns pairs of axes: the axis of largest extent with the second, and with the third unless the
+    chain is flat."""
     size = extents(joints)
     first, second, third = np.argsort(-size, kind="stable")
     flat = size[third] <= FLAT * size[first]
@@ -66,7 +69,8 @@ def widest_planes(joints: np.ndarray) -> list[list[int]]:
 
 
 def draw_plane(ax: Axes, joints: np.ndarray, frames: np.ndarray, colours: np.ndarray) -> None:
-    """The chain at the frames from joints (time, joint, 2), to equal scales unless it is slender."""
+    """Draws the chain at the frames from joints (time, joint, 2), with equal scales unless it is
+    slender."""
     marker = "." if joints.shape[1] <= JOINTS_MARKED else ""
     ax.plot(*joints[:, -1].T, color="0.7", linewidth=0.7)
     for frame, colour in zip(frames, colours, strict=True):
@@ -84,23 +88,24 @@ def draw_plane(ax: Axes, joints: np.ndarray, frames: np.ndarray, colours: np.nda
 
 
 def chain_tip(run: Any) -> Figure:
-    """Coordinates of the tip against time ([MW] Fig. 4), of a free chain from its first joint."""
+    """Returns the figure of the tip's coordinates against time ([MW] Fig. 4), of a free chain relative to
+    its first joint."""
     free = run.scene.chain.anchor == "free"
-    title = "Tip of the chain" + (", seen from its first joint" if free else "")
+    title = "Tip of the chain" + (", relative to its first joint" if free else "")
     joints = observable(run, "joint_position")
     if joints is None:
         return assemble(title, [])
     tip = joints[:, -1] - joints[:, 0] if free else joints[:, -1]
     factor, unit = readable("m", tip)
     figure = assemble(title, [[panel] for panel in components(run, factor * tip, "AXIS_{tip}", unit)])
-    for ax in figure.axes:  # a taut chain's length hardly changes: in full rather than from an offset
+    for ax in figure.axes:  # the length of a taut chain hardly changes: full numbers, no offset
         ax.ticklabel_format(axis="y", useOffset=False)
     return figure
 
 
 def chain_libration(run: Any) -> Figure:
-    """Angles of the line from the first to the last joint, for a chain on an orbit."""
-    title = "Libration: the line from the first joint to the last"
+    """Returns the figure of the libration angles of a chain on an orbit."""
+    title = "Libration: angles of the line from the first joint to the last"
     joints = observable(run, "joint_position")
     if joints is None or orbital_period(run) is None:
         return assemble(title, [])
@@ -113,8 +118,10 @@ def chain_libration(run: Any) -> Figure:
 
 
 def libration_angles(joints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Angles [rad] of the line from the first to the last joint of (time, joint, 3): in the plane of
-    the orbit from the vertical x towards the motion y, and out of that plane towards z."""
+    """Returns the angles [rad] of the line from the first to the last joint of joints (time, joint, 3).
+
+    The first angle lies in the orbital plane, from the vertical x towards the direction of motion y; the
+    second is measured from this plane towards z."""
     x, y, z = (joints[:, -1] - joints[:, 0]).T
     return np.arctan2(y, x), np.arctan2(z, np.hypot(x, y))
 
@@ -123,8 +130,9 @@ def libration_angles(joints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def chain_tension(run: Any) -> Figure:
-    """Axial force of the first, the middle and the last rod, and the extremes over all rods."""
-    tension, title = observable(run, "tension"), "Tension, negative under pressure"
+    """Returns the figure of the axial force in the first, the middle and the last rod, and of the extremes
+    over all rods."""
+    tension, title = observable(run, "tension"), "Tension (negative: compression)"
     if tension is None:
         return assemble(title, [])
     factor, unit = readable("N", tension)
@@ -137,16 +145,17 @@ def chain_tension(run: Any) -> Figure:
     ]
     extremes = [
         Curve(tension.max(1), "largest of all rods", "tab:red", width=0.8),
-        Curve(tension.min(1), "least", "tab:purple", width=0.8),
+        Curve(tension.min(1), "smallest of all rods", "tab:purple", width=0.8),
     ]
     rows = [[history(run, ylabel, *some)], [history(run, ylabel, *extremes) if rods > 1 else None]]
     return assemble(title, rows)
 
 
 def chain_energies(run: Any) -> Figure:
-    """Energies ([MW] Fig. 2) and the error of their sum ([MW] Fig. 3); where there are loads or
-    damping, their work and the balance. The potential energy, whose zero means nothing, from its
-    first value."""
+    """Returns the figure of the energies ([MW] Fig. 2) and of the error of their sum ([MW] Fig. 3).
+
+    With loads or damping it also shows their work and the error of the energy balance. The potential energy
+    is drawn relative to its first value, because its zero is arbitrary."""
     names = ("kinetic_energy", "elastic_energy", "potential_energy")
     kinetic, elastic, height = (observable(run, name) for name in names)
     if kinetic is None or elastic is None or height is None:
@@ -154,7 +163,7 @@ def chain_energies(run: Any) -> Figure:
     potential = change(height)
     total = kinetic + elastic + potential
     factor, unit = readable("J", kinetic, elastic, potential, total)
-    work, lost = observable(run, "external_work"), observable(run, "dissipated_energy")
+    work, dissipated = observable(run, "external_work"), observable(run, "dissipated_energy")
     rows = [
         [
             history(
@@ -167,7 +176,12 @@ def chain_energies(run: Any) -> Figure:
             )
         ],
         [history(run, r"energy error $e_E$ [-]", Curve(observable(run, "energy_error")))],
-        [history(run, "work [J]", Curve(work, "loads and fields"), Curve(lost, "lost", "tab:red"))],
+        [
+            history(
+                run, "work [J]", Curve(work, "loads and fields"), Curve(dissipated, "dissipated", "tab:red")
+            )
+        ],
         [history(run, r"$\Delta(T + U) - W + E_d$ [J]", Curve(observable(run, "energy_balance_error")))],
     ]
-    return assemble("Energies", rows)
+    symbols = "" if work is None else "work of loads and fields $W$, dissipated energy $E_d$"
+    return assemble("Energies", rows, symbols)

@@ -1,4 +1,4 @@
-"""What the figures take from a run: observables that may be absent, numbers per tether, spectra."""
+"""Data for the figures of a run: periods, readable units, spectra."""
 
 from typing import Any
 
@@ -8,41 +8,41 @@ from scipy.signal import periodogram
 from esail_jax.observables.saved_rows import leading_finite
 
 DEGREES = 180.0 / np.pi
-"""In a radian."""
+"""Degrees in a radian."""
 
 KILOMETRE = 1e3
-"""[m]"""
+"""Length of a kilometre [m]."""
 
 PREFIXES = ((1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, r"$\mu$"))
-"""Of units, by size, the largest first."""
+"""Prefixes of units and their factors, the largest first."""
 
 LEAST_SAMPLES = 8
-"""Samples below which a spectrum says nothing."""
+"""Smallest number of samples for a spectrum."""
 
 ROUNDING = 1e-13
-"""Variation, relative to the largest value, below which a signal is constant."""
+"""A signal counts as constant if its range, relative to its largest value, is at most this."""
 
 
 def change(values: np.ndarray | None) -> np.ndarray | None:
-    """Values less the first."""
+    """Returns values minus the first one."""
     return None if values is None else values - values[0]
 
 
 def spin_period(run: Any) -> float | None:
-    """T_s [s]; None without spin."""
+    """Returns the spin period T_s [s]; None without spin."""
     rate = abs(float(run.scene.initial.spin_rate))
     return 2.0 * np.pi / rate if rate > 0.0 else None
 
 
 def orbital_period(run: Any) -> float | None:
-    """Of the orbit that the scene is on [s]; None without one."""
+    """Returns the period [s] of the scene's orbit; None without an orbit."""
     orbit = run.scene.orbit
     return None if orbit is None else 2.0 * np.pi / float(orbit.mean_motion)
 
 
 def readable(unit: str, *signals: np.ndarray) -> tuple[float, str]:
-    """A factor and the name of the multiple of an SI unit in which the largest value of the signals is
-    neither long nor a small fraction."""
+    """Returns a factor and the name of the SI multiple in which the largest value of the signals lies
+    between 1 and 1000."""
     largest = max(np.abs(signal[np.isfinite(signal)]).max(initial=0.0) for signal in signals)
     for size, prefix in PREFIXES:
         if largest >= size:
@@ -51,10 +51,10 @@ def readable(unit: str, *signals: np.ndarray) -> tuple[float, str]:
 
 
 def power_spectrum(times: np.ndarray, signal: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """Frequencies [Hz] above zero and one-sided power spectral density [signal^2/Hz] of the signal
-    less its mean. None for a short or constant signal.
+    """Returns the frequencies [Hz] above zero and the one-sided power spectral density [signal^2/Hz] of the
+    signal minus its mean; None for a short or constant signal.
 
-    The last saved interval may be shorter than the others and is left out.
+    The last saved interval is left out if it is shorter than the others.
     """
     known = leading_finite(signal)
     if known > 2:

@@ -1,29 +1,32 @@
-"""Figure of a design: the objective by iteration, and the runs before and after."""
+"""Figure of a design: the objective by iteration, and the runs before and after the optimisation."""
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from esail_jax.simulation.simulate import Solution
+from esail_jax.simulation.solution import Solution
 
 
 def axis_angle(run: Solution) -> np.ndarray:
-    """Angle of the spin axis from where it starts [deg]."""
+    """Returns the angle [deg] of the spin axis from its initial direction."""
     axes = np.asarray(run["rotation_IB"])[:, :, 0]
     return np.rad2deg(2.0 * np.arcsin(np.clip(0.5 * np.linalg.norm(axes - axes[0], axis=1), 0.0, 1.0)))
 
 
 PANELS = (
-    ("V of tether 1 [kV]", lambda run: run["voltage"][:, 0] / 1e3),
+    ("voltage of tether 1 [kV]", lambda run: run["voltage"][:, 0] / 1e3),
     ("thrust [N]", lambda run: np.linalg.norm(run["thrust_O"], axis=1)),
-    ("spin axis from its start [deg]", axis_angle),
-    ("lagging of tether 1 [deg]", lambda run: np.rad2deg(run["lagging_angle"][:, 0])),
-    ("coning of tether 1 [deg]", lambda run: np.rad2deg(run["coning_angle"][:, 0])),
+    ("angle of the spin axis from its start [deg]", axis_angle),
+    ("lagging angle of tether 1 [deg]", lambda run: np.rad2deg(run["lagging_angle"][:, 0])),
+    ("coning angle of tether 1 [deg]", lambda run: np.rad2deg(run["coning_angle"][:, 0])),
 )
-"""Labels, and what is drawn of a run."""
+"""Panels: the label, and the function of a run that is drawn."""
 
 
 def design_figure(before: Solution, after: Solution, values: np.ndarray) -> Figure:
-    """values: objective (iteration, start)."""
+    """Returns the figure of a design.
+
+    before, after: runs with constant voltage and with the designed one
+    values: objective (iteration, start), where `start` counts the initial guesses"""
     figure = Figure(figsize=(11.0, 6.0), layout="constrained")
     axes = figure.subplots(2, 3)
     first, *others = axes.ravel()

@@ -1,4 +1,5 @@
-"""Figures of an ensemble: fans of what its members do in time, distributions, and what drives them."""
+"""Figures of an ensemble: quantiles of observables against time, distributions of outcomes, and shares of
+their variance by input."""
 
 from pathlib import Path
 
@@ -6,8 +7,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from esail_jax.ensembles.members import Ensemble
-from esail_jax.ensembles.statistics import DEGREES, drivers, outcomes_of
+from esail_jax.ensembles import Ensemble, outcomes_of, sensitivities
+from esail_jax.ensembles.statistics import DEGREES
 
 FANS = (
     ("coning angle [deg]", "coning_angle", DEGREES, None),
@@ -20,17 +21,20 @@ FANS = (
     ("kinetic energy [J]", "kinetic_energy", 1.0, None),
     ("tension [N]", "tension", 1.0, None),
 )
-"""Label, observable, factor, and which component of a vector; all tethers or rods count as one sample."""
+"""Label, observable, factor and component of a vector. The tethers or rods of all members form one
+sample."""
 
 BANDS = ((0.0, 1.0, 0.12), (0.05, 0.95, 0.22), (0.25, 0.75, 0.35))
-"""Lower and upper probability, and how dark."""
+"""Lower and upper probability of a band, and its opacity."""
 
 DOTS_PER_INCH = 130
+"""Resolution of the written figures."""
 
 
 def plot_ensemble(ensemble: Ensemble, directory: str | Path) -> list[Path]:
-    """Write every figure that the ensemble has data for as DIRECTORY/<name>.png; returns the paths. Raises
-    OSError."""
+    """Writes every figure that the ensemble has data for as DIRECTORY/<name>.png; returns the paths.
+
+    The directory is created if it does not exist. Raises OSError if that or the writing fails."""
     directory = Path(directory)
     directory.mkdir(parents=True, exist_ok=True)
     paths = []
@@ -43,7 +47,7 @@ def plot_ensemble(ensemble: Ensemble, directory: str | Path) -> list[Path]:
 
 
 def grid_of(count: int, width: float = 4.0, height: float = 2.6) -> tuple[Figure, list[Axes]]:
-    """A figure with so many axes, three in a row."""
+    """Returns a figure with `count` axes, three in a row."""
     columns = min(count, 3)
     rows = -(-count // 3)
     figure = Figure(figsize=(width * max(columns, 1), height * max(rows, 1)), layout="constrained")
@@ -56,7 +60,8 @@ def grid_of(count: int, width: float = 4.0, height: float = 2.6) -> tuple[Figure
 
 
 def fans(ensemble: Ensemble) -> Figure:
-    """Quantiles over the members against time: all, 90 % and half of them, and the median."""
+    """Returns the figure of quantiles over the members against time: bands of all, 90 % and 50 % of them,
+    and the median."""
     shown = []
     for label, name, factor, component in FANS:
         if name not in ensemble.rows or not ensemble.complete.any():
@@ -84,7 +89,7 @@ def fans(ensemble: Ensemble) -> Figure:
 
 
 def distributions(ensemble: Ensemble) -> Figure:
-    """Histograms of one number of every member."""
+    """Returns the figure of histograms of the outcomes, each one number per member."""
     found = outcomes_of(ensemble)
     figure, axes = grid_of(len(found))
     for ax, outcome in zip(axes, found, strict=True):
@@ -100,9 +105,9 @@ def distributions(ensemble: Ensemble) -> Figure:
 
 
 def drivers_figure(ensemble: Ensemble) -> Figure:
-    """Share of every outcome's variance by input."""
+    """Returns the figure of every outcome's shares of variance by input."""
     found = outcomes_of(ensemble)
-    table = [drivers(ensemble.inputs, outcome.of(ensemble)) for outcome in found]
+    table = [sensitivities(ensemble.inputs, outcome.of(ensemble)) for outcome in found]
     known = [(o, d) for o, d in zip(found, table, strict=True) if np.isfinite(d.explained)]
     if not known:
         return Figure()
@@ -115,7 +120,7 @@ def drivers_figure(ensemble: Ensemble) -> Figure:
         left += share
     ax.set_yticks(places, [outcome.label for outcome, _ in known])
     ax.invert_yaxis()
-    ax.set_xlabel("share of the variance in a linear account [-]")
+    ax.set_xlabel("share of the variance, by linear regression [-]")
     ax.legend(fontsize=7, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3, frameon=False)
     ax.grid(alpha=0.3, axis="x")
     return figure

@@ -1,6 +1,6 @@
-"""Panels and how they become a figure.
+"""Panels, the parts of a figure, and their assembly.
 
-A panel is drawn on one `ax`. Figures are made without pyplot: no window, no global state.
+A panel is drawn on one `ax`. Figures are made without pyplot, hence without windows and global state.
 """
 
 import dataclasses
@@ -11,19 +11,20 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import hsv_to_rgb
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from esail_jax.observables.saved_rows import leading_finite
 from esail_jax.plotting.data import orbital_period, power_spectrum, spin_period
 
 LEAST_WIDTH = 7.0
-"""Of a figure [inch]: room for its title and the legends."""
+"""Smallest width of a figure [inch], for its title and legends."""
 
 FREQUENCY_LABEL = r"frequency $f$ [Hz]"
 
 
 @dataclasses.dataclass(frozen=True)
 class Curve:
-    """One line of a panel. values: (time); times [s] where they are not those of the run."""
+    """One line of a panel. values: (time); times: their instants [s], None for those of the run."""
 
     values: np.ndarray | None
     label: str | None = None
@@ -35,7 +36,7 @@ class Curve:
 
 @dataclasses.dataclass(frozen=True)
 class Panel:
-    """What is drawn on one `ax`; panels with the same xlabel share the x axis."""
+    """Contents of one `ax`. Panels with the same xlabel share their x axis."""
 
     xlabel: str
     ylabel: str
@@ -43,8 +44,8 @@ class Panel:
 
 
 def time_unit(run: Any) -> tuple[float, str]:
-    """Seconds per unit of the time axis, and its label: spin periods of a sail, orbits of a chain,
-    seconds without either."""
+    """Returns the unit of the time axis [s] and the axis label: spin periods of a sail, orbits of a chain,
+    or seconds without spin or orbit."""
     if run.scene.chain is None:
         period, label = spin_period(run), r"time $t/T_s$ [-]"
     else:
@@ -53,7 +54,7 @@ def time_unit(run: Any) -> tuple[float, str]:
 
 
 def history(run: Any, ylabel: str, *curves: Curve) -> Panel | None:
-    """Curves against time; None if none of them has data."""
+    """Returns a panel with curves against time; None if no curve has data."""
     shown = [c for c in curves if c.values is not None and np.isfinite(c.values).any()]
     if not shown:
         return None
@@ -79,7 +80,7 @@ def history(run: Any, ylabel: str, *curves: Curve) -> Panel | None:
 
 
 def components(run: Any, vectors: np.ndarray | None, symbol: str, unit: str) -> list[Panel | None]:
-    """Histories of x, y and z of vectors (time, 3); AXIS in the symbol stands for the letter."""
+    """Returns one panel per component of vectors (time, 3). AXIS in the symbol stands for x, y or z."""
     if vectors is None:
         return [None] * 3
     return [
@@ -89,7 +90,8 @@ def components(run: Any, vectors: np.ndarray | None, symbol: str, unit: str) -> 
 
 
 def spectrum(run: Any, ylabel: str, values: np.ndarray | None) -> Panel | None:
-    """Power spectral density of one signal (time), with the spin frequency; None without one."""
+    """Returns a panel with the power spectral density of a signal (time) and the spin frequency; None if
+    the spectrum does not exist."""
     result = None if values is None else power_spectrum(np.asarray(run.time), values)
     if result is None:
         return None
@@ -105,9 +107,10 @@ def spectrum(run: Any, ylabel: str, values: np.ndarray | None) -> Panel | None:
     return Panel(FREQUENCY_LABEL, ylabel, draw)
 
 
-def legend_above(ax: Axes, columns: int) -> None:
-    """A legend outside the axes, where no curve can run under it."""
+def legend_above(ax: Axes, columns: int, handles: list[Line2D] | None = None) -> None:
+    """Adds a legend above the axes, where it hides no curve. handles: its lines; None: all with a label."""
     ax.legend(
+        handles=handles,
         loc="lower right",
         bbox_to_anchor=(1.0, 1.0),
         ncols=columns,
@@ -119,13 +122,13 @@ def legend_above(ax: Axes, columns: int) -> None:
 
 
 def tether_colours(count: int) -> np.ndarray:
-    """One colour per tether (tether, 3), cyclic as the tethers are and nowhere close to white."""
+    """Returns one colour per tether (tether, 3): cyclic, as the tethers are, and not close to white."""
     hue = np.arange(count) / count
     return hsv_to_rgb(np.stack([hue, np.full(count, 0.9), np.full(count, 0.8)], axis=1))
 
 
 def unwrapped_degrees(angle: np.ndarray | None) -> np.ndarray | None:
-    """Continuous angles [deg] from those [rad] that jump by full turns."""
+    """Returns continuous angles [deg] from angles [rad] with jumps by full turns."""
     if angle is None:
         return None
     known = leading_finite(angle)
@@ -134,10 +137,11 @@ def unwrapped_degrees(angle: np.ndarray | None) -> np.ndarray | None:
     return result
 
 
-def assemble(title: str, rows: Sequence[Sequence[Panel | None]]) -> Figure:
-    """A figure with a grid of panels; all rows have the same length.
+def assemble(title: str, rows: Sequence[Sequence[Panel | None]], symbols: str = "") -> Figure:
+    """Returns a figure with a grid of panels. All rows must have the same length.
 
-    A missing panel leaves its place empty; a row or a column without any panel is left out.
+    symbols: second line of the title, which explains the symbols of the labels. A missing panel leaves its
+    place empty; rows and columns without any panel are left out.
     """
     rows = [row for row in rows if any(row)]
     columns = [column for column in zip(*rows, strict=True) if any(column)]
@@ -145,7 +149,7 @@ def assemble(title: str, rows: Sequence[Sequence[Panel | None]]) -> Figure:
         figsize=(max(LEAST_WIDTH, 4.2 * len(columns) + 0.8), 1.9 * len(rows) + 1.4),
         layout="constrained",
     )
-    figure.suptitle(title)
+    figure.suptitle(f"{title}\n{symbols}" if symbols else title, fontsize="medium" if symbols else None)
     for k, column in enumerate(columns):
         add_column(figure, column, k, len(columns))
     figure.align_ylabels()
@@ -153,7 +157,8 @@ def assemble(title: str, rows: Sequence[Sequence[Panel | None]]) -> Figure:
 
 
 def add_column(figure: Figure, column: Sequence[Panel | None], k: int, columns: int) -> None:
-    """Panels under each other. Those of one kind share the x axis, and the lowest has its label."""
+    """Adds one column of panels. Panels with the same xlabel share the x axis, which the lowest one
+    labels."""
     leader, lowest = {}, {panel.xlabel: i for i, panel in enumerate(column) if panel}
     for i, panel in enumerate(column):
         if panel is None:

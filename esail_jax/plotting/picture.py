@@ -1,4 +1,4 @@
-"""Pictures of the sail in space."""
+"""Three-dimensional pictures of the sail."""
 
 from typing import Any
 
@@ -12,18 +12,19 @@ from esail_jax.plotting.data import KILOMETRE, spin_period
 from esail_jax.plotting.panels import LEAST_WIDTH, tether_colours
 
 VIEW_OFF_WIND_DEG, VIEW_ELEVATION_DEG = 25.0, 25.0
-"""The view: near the wind, so that the disc is open, but not along it, which would hide coning."""
+"""Direction of the view: close to the wind, so that the sail's disc is visible, but not along it, which
+would hide the coning."""
 
 ARROW = 0.8
-"""Length of the wind's arrow in half widths of the picture."""
+"""Length of the wind's arrow, as a multiple of the picture's half width."""
 
-MARGIN = 1.05
-"""Half width of the picture over that of what is in it."""
+FRAME_MARGIN = 1.05
+"""Half width of the picture, as a multiple of that of its contents."""
 
 
 def sail_picture(run: Any, instants: int = 3) -> Figure:
-    """The sail at equally spaced instants, in I: straight lines from the hub to the tips, the paths
-    of the tips so far, and the direction of the wind, Z_O."""
+    """Returns pictures of the sail at equally spaced instants in the inertial frame: straight lines from
+    the hub to the tips, the paths of the tips up to the instant, and the direction of the wind, Z_O."""
     tips = observable(run, "tip_position_I")
     frames = []
     if tips is not None:
@@ -31,14 +32,14 @@ def sail_picture(run: Any, instants: int = 3) -> Figure:
         frames = np.unique(np.linspace(0, last, instants).round().astype(int))
     columns = max(1, len(frames))
     figure = Figure(figsize=(max(LEAST_WIDTH, 4.8 * columns), 4.8), layout="constrained")
-    figure.suptitle("The sail in the inertial frame; arrow: the direction of the wind, $Z_O$")
+    figure.suptitle("The sail in the inertial frame; arrow: direction of the wind, $Z_O$")
     for i, frame in enumerate(frames):
         draw_sail(figure.add_subplot(1, columns, i + 1, projection="3d"), run, int(frame))
     return figure
 
 
 def draw_sail(ax: Axes3D, run: Any, frame: int) -> None:
-    """The sail at one saved instant, in km."""
+    """Draws the sail at one saved instant, in km."""
     tips = np.asarray(run["tip_position_I"])[: frame + 1] / KILOMETRE
     hub = hub_centre(run, frame) / KILOMETRE
     for k, colour in enumerate(tether_colours(tips.shape[1])):
@@ -55,15 +56,16 @@ def draw_sail(ax: Axes3D, run: Any, frame: int) -> None:
 
 
 def hub_centre(run: Any, frame: int) -> np.ndarray:
-    """Hub centre [m]; without a hub the origin, on the axis of the turning frame."""
+    """Returns the hub centre [m]; without a hub the origin, which lies on the axis of the rotating
+    frame."""
     path = observable(run, "hub_position_I")
     return np.zeros(3) if path is None else path[frame]
 
 
 def frame_cube(ax: Axes3D, points: np.ndarray) -> float:
-    """Equal scales around the points (point, 3); returns half the width."""
+    """Sets equal scales around the points (point, 3). Returns half the width of the picture."""
     low, high = points.min(0), points.max(0)
-    middle, half = (low + high) / 2.0, MARGIN * (high - low).max() / 2.0
+    middle, half = (low + high) / 2.0, FRAME_MARGIN * (high - low).max() / 2.0
     limits = np.stack([middle - half, middle + half], axis=1)
     ax.set(xlim=limits[0], ylim=limits[1], zlim=limits[2])
     ax.set(xlabel="$X_I$ [km]", ylabel="$Y_I$ [km]", zlabel="$Z_I$ [km]")
@@ -73,7 +75,7 @@ def frame_cube(ax: Axes3D, points: np.ndarray) -> float:
 
 
 def draw_wind(ax: Axes3D, run: Any, hub: np.ndarray, length: float) -> None:
-    """An arrow along Z_O at the hub [km], and a view that shows the sail obliquely."""
+    """Draws an arrow along Z_O at the hub [km] and sets an oblique view of the sail."""
     sun = np.asarray(run.scene.initial.heliocentric_position_au, float) * ASTRONOMICAL_UNIT
     outward = sun / KILOMETRE + hub
     arrow = length * outward / np.linalg.norm(outward)

@@ -11,13 +11,14 @@ from esail_jax.plotting.panels import Curve, Panel, assemble, components, histor
 
 
 def energies(run: Any) -> Figure:
-    """Energies, what was lost and supplied, and the balance of all ([PGV] Fig. 8).
+    """Returns the figure of energies, dissipated energy, external work and the error of their balance
+    ([PGV] Fig. 8).
 
-    The dissipated energy is the time integral of the power, not the paper's average of it.
+    The dissipated energy is the time integral of the power; the paper shows an average of the power.
     """
     kinetic, elastic = observable(run, "kinetic_energy"), observable(run, "elastic_energy")
     total = None if kinetic is None or elastic is None else kinetic + elastic
-    lost, supplied = observable(run, "dissipated_energy"), observable(run, "external_work")
+    dissipated, supplied = observable(run, "dissipated_energy"), observable(run, "external_work")
     error = observable(run, "energy_balance_error")
     rows = [
         [
@@ -26,28 +27,30 @@ def energies(run: Any) -> Figure:
             history(run, r"$E_e$ [J]", Curve(elastic)),
         ],
         [
-            history(run, r"$E_d$ [J]", Curve(lost)),
+            history(run, r"$E_d$ [J]", Curve(dissipated)),
             history(run, r"$W_{ext}$ [J]", Curve(supplied)),
             history(run, r"$\Delta E_T - W_{ext} + E_d$ [J]", Curve(error)),
         ],
     ]
-    return assemble("Energies", rows)
+    symbols = "total $E_T$, kinetic $E_k$, elastic $E_e$, dissipated $E_d$, work of the loads $W_{ext}$"
+    return assemble("Energies", rows, symbols)
 
 
 def sail_forces(run: Any) -> Figure:
-    """Thrust, and forces of the hub on the tethers: sizes, angles from Z_O and components in O
-    ([PGV] Fig. 9)."""
+    """Returns the figure of the thrust and of the hub's forces on the tethers: magnitudes, angles from Z_O
+    and components in O ([PGV] Fig. 9)."""
     rows = [
         resultant_row(run, "thrust", "c"),
         resultant_row(run, "reaction", r"\lambda"),
         components(run, observable(run, "thrust_O"), r"F_{c,AXIS}^O", "N"),
         components(run, observable(run, "reaction_O"), r"F_{\lambda,AXIS}^O", "N"),
     ]
-    return assemble("Thrust and root reactions of the sail", rows)
+    symbols = r"thrust $F_c$, reactions $F_\lambda$, moments $M$, angles of the forces from $Z_O$: $\Gamma$"
+    return assemble("Thrust and root reactions of the sail", rows, symbols)
 
 
 def resultant_row(run: Any, kind: str, index: str) -> list[Panel | None]:
-    """Norms of force and moment, and the angle of the force."""
+    """Returns panels with the norms of force and moment and with the angle of the force."""
     angle = observable(run, f"{kind}_angle", DEGREES)
     return [
         history(run, rf"$\|F_{index}\|$ [N]", Curve(norm(observable(run, f"{kind}_O")))),
@@ -57,13 +60,13 @@ def resultant_row(run: Any, kind: str, index: str) -> list[Panel | None]:
 
 
 def norm(vectors: np.ndarray | None) -> np.ndarray | None:
-    """Lengths of vectors (time, 3)."""
+    """Returns the norms of vectors (time, 3)."""
     return None if vectors is None else np.linalg.norm(vectors, axis=1)
 
 
 def attitude(run: Any) -> Figure:
-    """Angular velocity of the hub, Euler angles of hub and sail, sailing and precession angle
-    ([PGV] Fig. 10)."""
+    """Returns the figure of the hub's angular velocity, the Euler angles of hub and sail, and the sailing
+    and precession angles ([PGV] Fig. 10)."""
     precession = unwrapped_degrees(observable(run, "precession_angle"))
     rows = [
         components(run, observable(run, "angular_velocity_B"), r"\omega_AXIS^B", "rad/s"),
@@ -74,11 +77,15 @@ def attitude(run: Any) -> Figure:
             None,
         ],
     ]
-    return assemble("Attitude", rows)
+    symbols = (
+        r"angular velocity $\omega$, Euler angles $\psi, \theta, \phi$, "
+        r"sailing angle $\alpha$, precession angle $\delta$"
+    )
+    return assemble("Attitude", rows, symbols)
 
 
 def euler_row(run: Any) -> list[Panel | None]:
-    """psi, theta, phi of hub and sail, those that there are."""
+    """Returns panels with psi, theta and phi of hub and sail, as far as they exist."""
     hub = unwrapped_degrees(observable(run, "euler_hub"))
     sail = unwrapped_degrees(observable(run, "euler_sail"))
     return [

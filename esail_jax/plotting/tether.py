@@ -1,4 +1,4 @@
-"""Figures of single tethers: motion and forces of one ([PGV] Fig. 6 and 7), motion of all."""
+"""Figures of tethers: motion and forces of one tether ([PGV] Fig. 6 and 7), motion of all tethers."""
 
 from typing import Any
 
@@ -13,13 +13,15 @@ from esail_jax.plotting.data import DEGREES, KILOMETRE
 from esail_jax.plotting.panels import Curve, Panel, assemble, components, history, spectrum, tether_colours
 
 KEY_TICKS = 12
-"""Most numbers beside the bar of tether colours."""
+"""Largest number of labels beside the colour bar of the tethers."""
 
 
 def tether_motion(run: Any, tether: int = 0) -> Figure:
-    """Tip and root angles and length of one tether, with spectra ([PGV] Fig. 6).
+    """Returns the figure of one tether's angles at tip and root and of its length, with spectra ([PGV] Fig.
+    6).
 
-    The rigid pendulum (`plotting.pendulum`) under the run's moments is drawn over the tip angles.
+    The tip angles of the rigid pendulum (`observables.rigid_pendulum`) under the run's moments are also
+    drawn.
     """
     number = tether + 1
     rigid = rigid_pendulum(run, tether)
@@ -37,13 +39,15 @@ def tether_motion(run: Any, tether: int = 0) -> Figure:
         angle_row(run, tether, "root_coning_angle", rf"\gamma'_{{{number}}}"),
         angle_row(run, tether, "root_lagging_angle", rf"\beta'_{{{number}}}"),
     ]
-    return assemble(f"Motion of tether {number}", rows)
+    symbols = r"coning $\gamma$, lagging $\beta$ (primed: at the root), length $L$, spectral density PSD"
+    return assemble(f"Motion of tether {number}", rows, symbols)
 
 
 def angle_row(
     run: Any, tether: int, name: str, symbol: str, rigid: Curve | None = None
 ) -> list[Panel | None]:
-    """History of an angle, with that of the rigid tether if given, and spectrum."""
+    """Returns panels with the history of an angle, of that of the rigid tether if given, and with the
+    spectrum."""
     angle = of_tether(observable(run, name, DEGREES), tether)
     curves = [Curve(angle)] if rigid is None else [Curve(angle, "simulated"), rigid]
     return [
@@ -53,7 +57,7 @@ def angle_row(
 
 
 def length_row(run: Any, tether: int) -> list[Panel | None]:
-    """History and spectrum of the length over the undeformed one."""
+    """Returns panels with history and spectrum of the ratio of length to undeformed length."""
     undeformed = per_tether(run.scene.tethers.length, run.scene.tethers.count)[tether]
     ratio = of_tether(observable(run, "tether_length", 1.0 / undeformed), tether)
     return [
@@ -63,7 +67,8 @@ def length_row(run: Any, tether: int) -> list[Panel | None]:
 
 
 def tether_forces(run: Any, tether: int = 0) -> Figure:
-    """Thrust, its moment about the root and root reaction of one tether, in B ([PGV] Fig. 7)."""
+    """Returns the figure of one tether's thrust, its moment about the root and the root reaction, in the
+    body frame B ([PGV] Fig. 7)."""
     number = tether + 1
     quantities = (
         ("thrust_B", f"F_{{c,{number},AXIS}}^B", "N"),
@@ -74,16 +79,18 @@ def tether_forces(run: Any, tether: int = 0) -> Figure:
         components(run, of_tether(observable(run, name), tether), symbol, unit)
         for name, symbol, unit in quantities
     ]
-    return assemble(f"Forces on tether {number} in the body frame", rows)
+    symbols = r"thrust $F_c$, its moment $M_c$ about the root, root reaction $\lambda$"
+    return assemble(f"Forces on tether {number} in the body frame", rows, symbols)
 
 
 def of_tether(values: np.ndarray | None, tether: int) -> np.ndarray | None:
-    """The part of one tether of values (time, tether, ...)."""
+    """Returns the values of one tether from values (time, tether, ...)."""
     return None if values is None else values[:, tether]
 
 
 def all_tethers(run: Any) -> Figure:
-    """Coning, lagging and largest strain of every tether, and the smallest distance."""
+    """Returns the figure of coning, lagging and largest strain of every tether, and of the smallest
+    distance of a tip to another tether."""
     distance = observable(run, "smallest_tether_distance", 1.0 / KILOMETRE)
     rows = [
         [
@@ -95,7 +102,11 @@ def all_tethers(run: Any) -> Figure:
             history(run, r"$d_{min}$ [km]", Curve(distance, colour="black")),
         ],
     ]
-    figure = assemble("All tethers", rows)
+    symbols = (
+        r"coning $\gamma_i$, lagging $\beta_i$, largest strain $\epsilon_{max,i}$, "
+        r"smallest distance of a tip to another tether $d_{min}$"
+    )
+    figure = assemble("All tethers", rows, symbols)
     count = run.scene.tethers.count
     if count > 1 and figure.axes:
         norm = BoundaryNorm(np.arange(count + 1) + 0.5, count)
@@ -106,7 +117,7 @@ def all_tethers(run: Any) -> Figure:
 
 
 def tether_lines(run: Any, ylabel: str, values: np.ndarray | None) -> Panel | None:
-    """One thin line per tether of values (time, tether)."""
+    """Returns a panel with one thin line per tether, from values (time, tether)."""
     if values is None:
         return None
     lines = zip(values.T, tether_colours(values.shape[1]), strict=True)

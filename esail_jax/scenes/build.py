@@ -5,25 +5,25 @@
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 
 from esail_jax.array_types import Array, PerTether, Rotation
-from esail_jax.compiler import ONCE_COMPILE
+from esail_jax.compiler import START_OPTIONS
 from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.coordinates import Coordinates
 from esail_jax.elements.axial import AxialDissipation, AxialEnergy, TensionOnlyEnergy
 from esail_jax.elements.bending import STRAIGHT_TURN, BendingDissipation, BendingEnergy
 from esail_jax.elements.hinges import Hinges
 from esail_jax.elements.rigid_body import RigidBody
-from esail_jax.elements.tether import Tethers, per_element
+from esail_jax.elements.tether import TetherBatch, per_element
 from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.equilibria.steady_stretch import Line, along, steady_line, unstretched_line
 from esail_jax.joints import roots as joints
 from esail_jax.loads.coulomb import CoulombThrust
+from esail_jax.loads.voltage import Constant
 from esail_jax.rod_chain import RodChain, RodState
-from esail_jax.scenes.build_loads import coulomb_thrust, starting_attitude, steering_of
+from esail_jax.scenes.build_loads import coulomb_thrust, starting_attitude, wind_of
 from esail_jax.scenes.structure import Numbers, Structure
 from esail_jax.system import Power, System
 from esail_jax.terms import Dissipation, Energy
@@ -52,10 +52,9 @@ def build(structure: Structure, numbers: Numbers) -> Model:
     if structure.has("hub"):
         hub = RigidBody(n["hub.height"], n["hub.radius"], n["hub.density"])
     terms = material_terms(structure, n)
-    loads, steering = (), None
+    loads = ()
     if structure.has("solar_wind"):
-        loads = (on_elements(coulomb_thrust(n, origin), structure["tethers.elements"]),)
-        steering = steering_of(structure, n, loads[0])
+        loads = (coulomb_thrust(structure, n, origin, structure["tethers.elements"]),)
     system = System(
         tethers=tethers_of(structure, n, bool(loads)),
         roots=roots_of(structure, n, hub, azimuth, start),
@@ -64,7 +63,6 @@ def build(structure: Structure, numbers: Numbers) -> Model:
         dissipations=terms[1],
         loads=loads,
         gravity=n.get("gravity.acceleration"),
-        steering=steering,
     )
     q, v, unbalanced = initial_state(structure, n, system, azimuth, start)
     return Model(system, q, v, unbalanced)
@@ -82,25 +80,20 @@ def material_terms(structure: Structure, n: Numbers) -> tuple[tuple, tuple]:
         bending = n["tethers.youngs_modulus"] * n["tethers.second_moment"]
         energies.append(BendingEnergy(bending))
         if structure.has("tethers.bending_damping_time"):
-            straight = STRAIGHT_TURN / n["tethers.length"]
+            straight = n.get("tethers.straight_turn", STRAIGHT_TURN) / n["tethers.length"]
             time = n["tethers.bending_damping_time"]
             dissipations.append(BendingDissipation(bending, time, straight))
     elements = structure["tethers.elements"]
     return jax.tree.map(lambda x: per_element(x, elements), (tuple(energies), tuple(dissipations)))
 
 
-def on_elements(load: CoulombThrust, elements: int) -> CoulombThrust:
-    """The load with the voltages of elements, from those of tethers."""
-    return eqx.tree_at(lambda load: load.voltage, load, per_element(load.voltage, elements))
-
-
-def tethers_of(structure: Structure, n: Numbers, loaded: bool) -> Tethers:
+def tethers_of(structure: Structure, n: Numbers, loaded: bool) -> TetherBatch:
     """The batch of tethers, with the fields its terms need."""
     elements = structure["tethers.elements"]
     length = n["tethers.length"]
     fields = ("r",) * loaded + ("r_x",) + ("r_xx",) * structure["tethers.bending"]
     mass = n.get("remote_units.mass", jnp.zeros_like(length))
-    return Tethers(
+    return TetherBatch(
         element_length=length / elements,
         line_density=n["tethers.density"] * n["tethers.area"],
         tip_mass=mass,
@@ -118,7 +111,7 @@ def roots_of(
     clamped = structure["tethers.root"] == "clamped"
     normals = joints.clamp_normals(azimuth) if clamped else None
     outward = joints.radial_directions(azimuth)
-    releases = joints.Releases(n.get("event.release_time")).since(jnp.zeros(()))
+    releases = joints.Releases(n.get("event.release_time")).with_events_until(jnp.zeros(()))
     if hub is None:
         return joints.FrameRoots(start, n["initial.spin_rate"], 0.0 * outward, normals, releases)
     if clamped:
@@ -158,7 +151,7 @@ def initial_state(
     return system.place_roots(zero, q), system.place_roots(zero, v, derivative=1), unbalanced
 
 
-def printed_line(n: Numbers, tethers: Tethers, radius: Array) -> Line:
+def printed_line(n: Numbers, tethers: TetherBatch, radius: Array) -> Line:
     """[PGV] Eq. 79-80 as printed: the elongation of a rotating cable whose tip mass is the
     tether's own mass m_t, and stretched about the axis rather than from the root. `place_roots`
     then puts the root itself on the hub; the errata say what the rest does."""
@@ -188,8 +181,9 @@ def build_chain(structure: Structure, n: Numbers) -> tuple[RodChain, RodState]:
         dissipations = (AxialDissipation(axial, time, strain),)
     if structure.has("solar_wind"):
         origin = n["initial.heliocentric_position_au"] * ASTRONOMICAL_UNIT
-        loads = (coulomb_thrust(n, origin),)
-    tethers = Tethers(
+        # A chain has a voltage for every rod.
+        loads = (CoulombThrust.of(wind_of(n, origin), Constant(n["voltage.value"]), 1),)
+    tethers = TetherBatch(
         element_length=length,
         line_density=column["chain.mass"] / length,
         tip_mass=n["chain.tip_mass"][None],
@@ -214,7 +208,7 @@ def build_chain(structure: Structure, n: Numbers) -> tuple[RodChain, RodState]:
         x, v = (jnp.concatenate(pair, axis=1) for pair in zip(first, (x, v), strict=True))
     chain = RodChain.of(system, hinges)
     zero = jnp.zeros(())
-    return chain, RodState(x, v, Power(zero, zero) if chain.works else None)
+    return chain, RodState(x, v, Power(zero, zero) if chain.has_work else None)
 
 
-build_jitted = jax.jit(build, static_argnums=0, compiler_options=ONCE_COMPILE)
+build_jitted = jax.jit(build, static_argnums=0, compiler_options=START_OPTIONS)

@@ -5,29 +5,35 @@ import jax.numpy as jnp
 from esail_jax.array_types import Array, Float, PerTether, Rotation
 from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.environment.orbit import orbital_frame
-from esail_jax.environment.solar_wind import SolarWind, WindSeries
+from esail_jax.environment.solar_wind import SteadyWind, WindSeries
 from esail_jax.joints import roots as joints
 from esail_jax.loads import voltage
 from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.scenes.structure import Numbers, Structure
 
 
-def coulomb_thrust(n: Numbers, origin: Float[Array, "3"]) -> CoulombThrust:
-    """The load of [solar_wind] and of constant voltages; laws replace them."""
+def coulomb_thrust(
+    structure: Structure, n: Numbers, origin: Float[Array, "3"], elements: int
+) -> CoulombThrust:
+    """The load of [solar_wind] and [voltage] on tethers of so many elements each."""
+    wind = wind_of(n, origin)
+    return CoulombThrust.of(wind, voltage_law(structure, n, wind), elements)
+
+
+def wind_of(n: Numbers, origin: Float[Array, "3"]) -> SteadyWind | WindSeries:
+    """The wind of [solar_wind]."""
     keys = ("solar_wind.speed", "solar_wind.number_density")
     speed, density = (n[key] for key in keys)
     cutoff = n["solar_wind.cutoff_voltage"]
-    wind: SolarWind | WindSeries = SolarWind(speed, density, cutoff, origin)
-    if "solar_wind.time" in n:
-        time = n["solar_wind.time"]
-        speed, density = (jnp.broadcast_to(x, time.shape) for x in (speed, density))
-        wind = WindSeries(time, speed, density, cutoff, origin)
-    volts = n["voltage.value"] if "voltage.value" in n else jnp.zeros(n["tethers.length"].shape)
-    return CoulombThrust(wind, volts)
+    if "solar_wind.time" not in n:
+        return SteadyWind(speed, density, cutoff, origin)
+    time = n["solar_wind.time"]
+    speed, density = (jnp.broadcast_to(x, time.shape) for x in (speed, density))
+    return WindSeries(time, speed, density, cutoff, origin)
 
 
-def steering_of(structure: Structure, n: Numbers, load: CoulombThrust) -> voltage.VoltageLaw | None:
-    """The modulation law of [voltage]; None: constant."""
+def voltage_law(structure: Structure, n: Numbers, wind: SteadyWind | WindSeries) -> voltage.VoltageLaw:
+    """The law of [voltage]."""
     law, maximum = structure["voltage.law"], n.get("voltage.maximum")
     value, slew = n.get("voltage.value"), n.get("voltage.slew_rate")
     if law == "harmonic":
@@ -49,12 +55,12 @@ def steering_of(structure: Structure, n: Numbers, load: CoulombThrust) -> voltag
         gain, spin = n["voltage.gain"], n["initial.spin_rate"]
         return voltage.Feedback(value, gain, attitude[:, 0], maximum, slew, spin)
     if law == "planar-cone":
-        return planar_cone(n, load, maximum, slew)
-    return None
+        return planar_cone(n, wind, maximum, slew)
+    return voltage.Constant(value)
 
 
 def planar_cone(
-    n: Numbers, load: CoulombThrust, maximum: Array | None, slew: Array | None
+    n: Numbers, wind: SteadyWind | WindSeries, maximum: Array | None, slew: Array | None
 ) -> voltage.PlanarCone:
     """The law for rigid tethers of the scene's lengths and masses at its sailing angle."""
     coning, sailing = (
@@ -62,7 +68,7 @@ def planar_cone(
     )
     length, tip = n["tethers.length"], n.get("remote_units.mass", 0.0)
     inertia = tip * length**2 + n["tethers.density"] * n["tethers.area"] * length**3 / 3.0
-    wind = load.wind.at(jnp.zeros(()))
+    wind = wind.at(jnp.zeros(()))
     per_volt = wind.speed * wind.thrust_per_speed(wind.cutoff_voltage + 1.0)
     bar = voltage.cone_load(inertia, n["voltage.spin_rate"], coning, sailing, length)
     x = jnp.broadcast_to(jnp.tan(sailing) * jnp.tan(coning), length.shape)

@@ -1,14 +1,16 @@
-"""What keys of a scene demand of each other: what no single key can show."""
+"""Conditions that several keys of a scene must satisfy together."""
 
-from typing import Protocol, runtime_checkable
+from collections.abc import Iterable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from esail_jax.scenes import rules
+from esail_jax.scenes.methods import METHODS, SAIL_METHOD, SAIL_STEP_METHOD, takes
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.tables import (
     LAWS,
-    MAY_LACK,
+    OPTIONAL_LAW_KEYS,
     Chain,
     ChainInitial,
     ChainVoltage,
@@ -24,21 +26,10 @@ from esail_jax.scenes.tables import (
     tables_of,
 )
 
-SAIL_METHOD = "collocation"
-"""The method of a sail that names none: its error is controlled."""
-
-STEP_METHOD = "generalized-alpha"
-"""The method of a sail that gives a step or a spectral radius but names none."""
-
-FIXED_STEP = ("generalized-alpha", "energy-momentum")
-"""Methods with one step size and no error control."""
-
-SAIL_METHODS = (*FIXED_STEP, "collocation")
-
 
 @runtime_checkable
 class Parts(Protocol):
-    """What is read of a `Scene`."""
+    """The attributes of a `Scene` that the checks read."""
 
     main: str
     initial: Initial | ChainInitial
@@ -51,19 +42,23 @@ class Parts(Protocol):
     event: Event | None
 
 
-def method_of(scene: Parts) -> str | None:
-    """The method a scene names, or that of sails. A chain without one gets it when it is run, as step and
-    tolerance always do (`scenes/method_choice.py`)."""
+def method_name(scene: Parts) -> str | None:
+    """The method that a scene names, or the default of sails. None for a chain that names no method: its
+    method is chosen when it is run, as are step and tolerance (`scenes/method_choice.py`)."""
     table = scene.integrator
     if table.method is not None or scene.chain is not None:
         return table.method
     stepped = table.step is not None or table.spectral_radius is not None
-    return STEP_METHOD if stepped else SAIL_METHOD
+    return SAIL_STEP_METHOD if stepped else SAIL_METHOD
+
+
+def quoted(names: Iterable[str]) -> str:
+    """Names in words: `"a" or "b"`."""
+    return " or ".join(f'"{name}"' for name in names)
 
 
 def check_together(scene: Parts) -> None:
-    """Raises SceneError."""
-    method = method_of(scene)
+    """Checks all conditions of a scene. Raises SceneError for the first one that does not hold."""
     if scene.chain is None:
         check_sail(scene)
     else:
@@ -76,12 +71,7 @@ def check_together(scene: Parts) -> None:
         have, lack = ("solar_wind", "voltage") if scene.voltage is None else ("voltage", "solar_wind")
         first = names_of(tables_of([scene.main])[lack])[0]
         raise SceneError(f"{lack}.{first}", f"be given with [{have}]", "is missing")
-    if method in FIXED_STEP and scene.integrator.tolerance is not None:
-        raise SceneError("integrator.tolerance", f"be left out with {method}", "is given")
-    if method != "generalized-alpha" and scene.integrator.spectral_radius is not None:
-        raise SceneError("integrator.spectral_radius", "be left out without generalized-alpha", "is given")
-    if scene.integrator.tolerance is not None and scene.integrator.step is not None:
-        raise SceneError("integrator.tolerance", "be left out with a fixed `integrator.step`", "is given")
+    check_integrator(scene)
     position = scene.initial.heliocentric_position_au
     position = None if position is None else rules.known(position)
     if position is not None and position[0] == position[1] == 0.0:
@@ -92,8 +82,20 @@ def check_together(scene: Parts) -> None:
         )
 
 
+def check_integrator(scene: Parts) -> None:
+    """Checks that the method takes the keys of [integrator] that are given. Raises SceneError."""
+    table, method = scene.integrator, method_name(scene)
+    if table.tolerance is not None and method is not None and not takes(method, "tolerance"):
+        raise SceneError("integrator.tolerance", f"be left out with {method}", "is given")
+    if table.spectral_radius is not None and (method is None or not takes(method, "spectral_radius")):
+        others = " or ".join(name for name in METHODS if takes(name, "spectral_radius"))
+        raise SceneError("integrator.spectral_radius", f"be left out without {others}", "is given")
+    if table.tolerance is not None and table.step is not None:
+        raise SceneError("integrator.tolerance", "be left out with a fixed `integrator.step`", "is given")
+
+
 def check_sail(scene: Parts) -> None:
-    """What belongs together in a sail."""
+    """Checks the keys of a sail. Raises SceneError."""
     tethers, clamped = scene.tethers, scene.tethers.root == "clamped"
     if tethers.element == "truss" and tethers.bending:
         raise SceneError("tethers.bending", "be false for truss elements", "is true")
@@ -101,9 +103,17 @@ def check_sail(scene: Parts) -> None:
         raise SceneError("tethers.root", 'be "pinned" for truss elements', 'is "clamped"')
     if tethers.bending and tethers.second_moment is None:
         raise SceneError("tethers.second_moment", "be given with `tethers.bending`", "is missing")
-    if method_of(scene) not in SAIL_METHODS:
-        known = "be " + " or ".join(f'"{name}"' for name in SAIL_METHODS) + " for a sail"
-        raise SceneError("integrator.method", known, rules.describe(method_of(scene)))
+    if tethers.straight_turn is not None and tethers.bending_damping_time is None:
+        must = "be left out without `tethers.bending_damping_time`"
+        raise SceneError("tethers.straight_turn", must, "is given")
+    name = method_name(scene)
+    method = METHODS.get(name)
+    if method is not None and not method.sails:
+        must = f"be {quoted(x for x, other in METHODS.items() if other.sails)} for a sail"
+        raise SceneError("integrator.method", must, rules.describe(name))
+    if method is not None and scene.event is not None and not method.events:
+        must = f"be {quoted(x for x, other in METHODS.items() if other.events)} with events"
+        raise SceneError("integrator.method", must, rules.describe(name))
     radius = scene.integrator.spectral_radius
     limited = radius is not None and (scene.hub is not None or clamped)
     if limited and rules.known(radius) is not None and rules.known(radius) >= 1.0:
@@ -115,11 +125,12 @@ def check_sail(scene: Parts) -> None:
 
 
 def check_voltage(scene: Parts) -> None:
-    """Which keys the modulation law needs and has, and that its numbers fit each other and the limits."""
+    """Checks that the modulation law has the keys it needs and no others, and that their sizes agree.
+    Raises SceneError."""
     table = scene.voltage
     used = LAWS[table.law]
     for name in used:
-        if getattr(table, name) is None and name not in MAY_LACK:
+        if getattr(table, name) is None and name not in OPTIONAL_LAW_KEYS:
             with_law = "" if table.law == "constant" else f" with the law {table.law}"
             raise SceneError(f"voltage.{name}", "be given" + with_law, "is missing")
     for name in names_of(type(table)):
@@ -133,6 +144,7 @@ def check_voltage(scene: Parts) -> None:
             must = f"have as many harmonics as `voltage.cosine` ({rows['cosine'][0]})"
             raise SceneError("voltage.sine", must, f"has {rows['sine'][0]}")
     if table.law == "piecewise-linear":
+        check_list("voltage.time", table.time)
         instants = np.shape(table.time)[0]
         if np.shape(table.table)[0] != instants:
             must = f"have as many rows as `voltage.time` has instants ({instants})"
@@ -142,8 +154,11 @@ def check_voltage(scene: Parts) -> None:
 
 
 def check_wind(scene: Parts) -> None:
-    """Of a wind that varies in time: a value for every instant, from the start to the end."""
+    """Checks that a wind that varies in time has one value per instant, from the start of the run to its
+    end. Raises SceneError."""
     table = scene.solar_wind
+    if table.time is not None:
+        check_list("solar_wind.time", table.time)
     count = None if table.time is None else np.shape(table.time)[0]
     for name in ("speed", "number_density"):
         shape = np.shape(getattr(table, name))
@@ -160,8 +175,15 @@ def check_wind(scene: Parts) -> None:
         raise SceneError("solar_wind.time", must, f"reaches from {time[0]:g} to {time[-1]:g}")
 
 
+def check_list(key: str, time: Any) -> None:
+    """Refuses a single traced number in place of a list of instants; of other values the rule has seen the
+    shape. Raises SceneError."""
+    if np.ndim(time) == 0:
+        raise SceneError(key, "increase", rules.wrong_shape(time))
+
+
 def check_events(scene: Parts) -> None:
-    """What belongs together in the events of a sail."""
+    """Checks the events of a sail. Raises SceneError."""
     event, count = scene.event, scene.tethers.count
     if len(event.release) != len(event.time):
         must = f"have as many entries as `event.time` ({len(event.time)})"
@@ -176,23 +198,22 @@ def check_events(scene: Parts) -> None:
 
 
 def check_chain(scene: Parts) -> None:
-    """What belongs together in a chain."""
+    """Checks the keys of a chain. Raises SceneError."""
     chain, start, free = scene.chain, scene.initial, scene.chain.anchor == "free"
     if chain.bending and chain.second_moment is None:
         raise SceneError("chain.second_moment", "be given with `chain.bending`", "is missing")
     if chain.root == "clamped" and (free or not chain.bending):
         why = "at a free end" if free else "without `chain.bending`"
         raise SceneError("chain.root", f'be "pinned" {why}', 'is "clamped"')
-    if scene.integrator.method in ("energy-momentum", "collocation"):
-        raise SceneError(
-            "integrator.method",
-            'be "generalized-alpha" or an explicit one for a chain',
-            f'is "{scene.integrator.method}"',
-        )
-    if chain.bending and scene.integrator.method == "generalized-alpha":
-        raise SceneError(
-            "integrator.method", "be an explicit one with `chain.bending`", 'is "generalized-alpha"'
-        )
+    name = scene.integrator.method
+    method = METHODS.get(name)
+    if method is not None and not method.chains:
+        implicit = quoted(x for x, other in METHODS.items() if other.chains and not other.explicit)
+        must = f"be {implicit} or an explicit one for a chain"
+        raise SceneError("integrator.method", must, f'is "{name}"')
+    if chain.bending and method is not None and not method.chain_bending:
+        must = "be an explicit one with `chain.bending`"
+        raise SceneError("integrator.method", must, f'is "{name}"')
     held = {"chain.base_mass": chain.base_mass, "initial.position": start.position}
     held |= {"initial.velocity": start.velocity}
     for key, value in held.items():

@@ -1,14 +1,19 @@
-"""What a scene key may hold, and the one line a user reads when it holds something else.
+"""Rules for the values of a scene, and the messages that a user reads when a value breaks one.
 
-Every message reads: `key` must be ..., but is ... .
+Every message reads: `key` must ..., but is ... .
 """
 
 import dataclasses
+import typing
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
 import jax
 import numpy as np
+
+from esail_jax.scenes.value_types import Kind, Shape
+
+T = TypeVar("T")
 
 
 class SceneError(ValueError):
@@ -21,7 +26,8 @@ class SceneError(ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class Members:
-    """What there may be one number for each of: how many, their name, and the key that says so."""
+    """The tethers of a sail or the rods of a chain: their number, what one of them is called, and the key
+    that gives the number."""
 
     count: int
     name: str
@@ -30,75 +36,82 @@ class Members:
 
 @dataclasses.dataclass(frozen=True)
 class Rule:
-    """Check of one key. `accepts(array)` gets finite numbers."""
+    """Check of one key.
+
+    must: the condition, as a message words it; accepts: tells whether an array of finite numbers satisfies
+    it; structure: the value decides which program is compiled, or which instants it saves, and cannot be
+    traced; choices: the names to choose from."""
 
     must: str
     accepts: Callable[[Any], bool] = lambda value: True
-    shape: str = "scalar"  # or "member": one number or one per tether (or rod); "vector": three
-    # numbers; "vectors": three, or three per rod; "list": as many as wanted; "series": one number or a
-    # list; "grid": a list, or one of lists with one number per tether
-    structure: bool = False  # recompiles, takes no tracer
-    kind: str = "number"  # or "integer", "choice", "switch"
+    shape: Shape = Shape.SCALAR
+    structure: bool = False
+    kind: Kind = Kind.NUMBER
     choices: tuple[str, ...] = ()
 
 
+positive = Rule("be positive", lambda x: bool((x > 0).all()))
+non_negative = Rule("not be negative", lambda x: bool((x >= 0).all()))
+nonzero_vector = Rule("not be zero", lambda x: bool((np.linalg.norm(x, axis=-1) > 0).all()))
+any_number = Rule("be a finite number")
+increasing = Rule("increase", lambda x: x.ndim == 1 and bool((np.diff(x) > 0).all()))
+positive_integer = Rule("be a positive integer", structure=True, kind=Kind.INTEGER)
+true_or_false = Rule("be true or false", structure=True, kind=Kind.SWITCH)
+
+
+def between(interval: str) -> Rule:
+    """Rule for numbers of an interval such as "(-180, 180]": a square bracket includes the end, a round one
+    excludes it."""
+    low, high = (float(end) for end in interval[1:-1].split(","))
+    above = np.greater_equal if interval.startswith("[") else np.greater
+    below = np.less_equal if interval.endswith("]") else np.less
+    return Rule(f"lie in {interval}", lambda x: bool((above(x, low) & below(x, high)).all()))
+
+
+def choice(names: Any) -> Rule:
+    """Rule for one of several names. names: a `Literal` type, the annotation of the key."""
+    names = typing.get_args(names)
+    quoted = [f'"{name}"' for name in names]
+    listed = " or ".join([", ".join(quoted[:-1]), quoted[-1]] if len(quoted) > 1 else quoted)
+    return Rule(f"be {listed}", structure=True, kind=Kind.CHOICE, choices=names)
+
+
+def declare(
+    rule: Rule,
+    *,
+    unit: str,
+    doc: str,
+    default: Any = dataclasses.MISSING,
+    shape: Shape = Shape.SCALAR,
+    structure: bool = False,
+) -> Any:
+    """Declares a key: a dataclass field whose metadata hold its rule, unit and description.
+
+    unit: of the value, "-" if it has none; doc: one sentence; default: without one the key must be given,
+    None means that the key may be absent; shape and structure: as in `Rule`."""
+    rule = dataclasses.replace(rule, shape=shape, structure=structure or rule.structure)
+    return dataclasses.field(default=default, metadata={"rule": rule, "unit": unit, "doc": doc})
+
+
+@typing.dataclass_transform(frozen_default=True, field_specifiers=(declare,))
+def table(cls: type[T]) -> type[T]:
+    """Makes a frozen dataclass of a table.
+
+    A table may hold any value until a `Scene` is made of it, which checks every value and names the key
+    that is wrong. Checkers of types at run time (jaxtyping, beartype) must therefore leave its constructor
+    alone."""
+    cls = dataclasses.dataclass(frozen=True)(cls)
+    cls.__no_type_check__ = True
+    return cls
+
+
 def rule_of(field: dataclasses.Field) -> Rule:
-    """The rule a dataclass field was declared with."""
+    """The rule that a dataclass field was declared with."""
     return field.metadata["rule"]
 
 
-def declare(rule: Rule, default: Any = dataclasses.MISSING) -> Any:
-    """A dataclass field with its rule; without a default the key must be given."""
-    if default is dataclasses.MISSING:
-        return dataclasses.field(metadata={"rule": rule})
-    return dataclasses.field(default=default, metadata={"rule": rule})
-
-
-def positive(shape: str = "scalar", structure: bool = False) -> Rule:
-    return Rule("be positive", lambda x: bool((x > 0).all()), shape, structure)
-
-
-def nonzero_vectors() -> Rule:
-    return Rule("not be zero", lambda x: bool((np.linalg.norm(x, axis=-1) > 0).all()), "vectors")
-
-
-def non_negative(shape: str = "scalar") -> Rule:
-    return Rule("not be negative", lambda x: bool((x >= 0).all()), shape)
-
-
-def any_number(shape: str = "scalar") -> Rule:
-    return Rule("be a finite number", lambda x: True, shape)
-
-
-def increasing() -> Rule:
-    return Rule("increase", lambda x: x.ndim == 1 and bool((np.diff(x) > 0).all()), "series")
-
-
-def listed(rule: Rule) -> Rule:
-    """Of a table that may stand in a file several times: one value for each."""
-    return dataclasses.replace(rule, shape="list", structure=True)
-
-
-def between(must: str, accepts: Callable[[Any], bool]) -> Rule:
-    return Rule(must, accepts)
-
-
-def choice(*names: str) -> Rule:
-    listed = ", ".join(f'"{name}"' for name in names[:-1]) + f' or "{names[-1]}"'
-    listed = f'"{names[0]}"' if len(names) == 1 else listed
-    return Rule(f"be {listed}", structure=True, kind="choice", choices=names)
-
-
-def count() -> Rule:
-    return Rule("be a positive integer", structure=True, kind="integer")
-
-
-def switch() -> Rule:
-    return Rule("be true or false", structure=True, kind="switch")
-
-
 def describe(value: Any) -> str:
-    """`is ...` of a message, short."""
+    """Words a value for the end of a message, `is ...`, in at most about sixty characters."""
     if isinstance(value, jax.core.Tracer):
         return "is a traced value"
     text = repr(value.tolist() if hasattr(value, "tolist") else value)
@@ -107,28 +120,29 @@ def describe(value: Any) -> str:
 
 
 def check_value(key: str, value: Any, rule: Rule, members: Members | None) -> Any:
-    """`value` in the form the scene keeps (numbers as float, tuple of floats, or JAX array).
+    """Checks a value and returns it in the form that the scene stores: a float, a tuple of floats, or a JAX
+    array.
 
-    Raises SceneError. Tracers of physical numbers pass unchecked: they have no value yet.
+    Raises SceneError. Only the shape of a traced number is checked: it has no value yet.
     """
     if isinstance(value, jax.core.Tracer):
         if rule.structure:
             raise SceneError(key, "be a plain Python value: it is structure", "is a traced value")
         return check_shape(key, value, rule, members)
-    if rule.shape == "list" and rule.kind == "integer":
+    if rule.shape is Shape.LIST and rule.kind is Kind.INTEGER:
         if not isinstance(value, (list, tuple)):
             raise SceneError(key, "be a list of integers", describe(value))
-        one = dataclasses.replace(rule, shape="scalar")
+        one = dataclasses.replace(rule, shape=Shape.SCALAR)
         return tuple(check_value(key, item, one, members) for item in value)
-    if rule.kind == "switch":
+    if rule.kind is Kind.SWITCH:
         if not isinstance(value, bool):
             raise SceneError(key, rule.must, describe(value))
         return value
-    if rule.kind == "choice":
+    if rule.kind is Kind.CHOICE:
         if not isinstance(value, str) or value not in rule.choices:
             raise SceneError(key, rule.must, describe(value))
         return value
-    if rule.kind == "integer":
+    if rule.kind is Kind.INTEGER:
         if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
             raise SceneError(key, rule.must, describe(value))
         return int(value)
@@ -136,15 +150,17 @@ def check_value(key: str, value: Any, rule: Rule, members: Members | None) -> An
 
 
 def check_number(key: str, value: Any, rule: Rule, members: Members | None) -> Any:
-    """A finite real number, or as many as the rule's shape wants."""
+    """Checks one or several real numbers: their shape, that they are finite, and the rule's condition.
+
+    Raises SceneError."""
     try:
         array = np.asarray(value)
         numeric = array.dtype.kind in "iuf"
         array = array.astype(float) if numeric else array
     except (TypeError, ValueError):
         numeric = False
-    if not numeric or array.size == 0 or has_switch(value):
-        raise SceneError(key, "be a number" + plural(rule, members), describe(value))
+    if not numeric or array.size == 0 or has_boolean(value):
+        raise SceneError(key, "be a number" + other_forms(rule, members), describe(value))
     check_shape(key, array, rule, members)
     if not np.isfinite(array).all():
         raise SceneError(key, "be finite", describe(value))
@@ -156,57 +172,59 @@ def check_number(key: str, value: Any, rule: Rule, members: Members | None) -> A
 
 
 def to_tuple(array: np.ndarray) -> tuple:
-    """Nested tuples of an array's numbers: hashable and immutable."""
+    """The numbers of an array as nested tuples, which are hashable and immutable."""
     return tuple(to_tuple(row) for row in array) if array.ndim > 1 else tuple(array.tolist())
 
 
-def has_switch(value: Any) -> bool:
-    """Is there a true or false among the numbers? NumPy would count it as 1 or 0."""
+def has_boolean(value: Any) -> bool:
+    """Tells whether true or false stands among the numbers; NumPy would take it for 1 or 0."""
     if isinstance(value, (list, tuple)):
-        return any(has_switch(item) for item in value)
+        return any(has_boolean(item) for item in value)
     return isinstance(value, (bool, np.bool_))
 
 
 def known(value: Any) -> np.ndarray | None:
-    """The numbers of a checked value, None for a tracer."""
+    """The numbers of a checked value; None if it is traced, as it then has no value yet."""
     return None if isinstance(value, jax.core.Tracer) else np.asarray(value)
 
 
-def plural(rule: Rule, members: Members | None) -> str:
-    if rule.shape in ("vector", "vectors"):
+def other_forms(rule: Rule, members: Members | None) -> str:
+    """Words what a key takes beside or instead of one number, for `must be a number ...`."""
+    if rule.shape in (Shape.VECTOR, Shape.VECTORS):
         return " for each of x, y, z"
-    if rule.shape in ("series", "grid"):
+    if rule.shape in (Shape.SERIES, Shape.GRID):
         return " or a list of numbers"
     name = "tether" if members is None else members.name
-    return f" or a list with one per {name}" if rule.shape == "member" else ""
+    return f" or a list with one per {name}" if rule.shape is Shape.MEMBER else ""
 
 
 def check_shape(key: str, value: Any, rule: Rule, members: Members | None) -> Any:
-    """Raise unless the shape fits: (), (p,) where allowed, (3,) for a vector, or (p, 3)."""
+    """Returns the value if its shape is what the rule asks for: () for a number, (p,) for one number per
+    member, (3,) for a vector, (p, 3) for one vector per member. Raises SceneError otherwise."""
     shape = np.shape(value)
-    if rule.shape == "vector":
+    if rule.shape is Shape.VECTOR:
         if shape != (3,):
             raise SceneError(key, "be a list of three numbers", wrong_shape(value))
-    elif rule.shape == "list":
+    elif rule.shape is Shape.LIST:
         if len(shape) != 1:
             raise SceneError(key, "be a list of numbers", wrong_shape(value))
-    elif rule.shape == "series":
+    elif rule.shape is Shape.SERIES:
         if len(shape) > 1:
             raise SceneError(key, "be a number or a list of numbers", wrong_shape(value))
-    elif rule.shape == "grid":
+    elif rule.shape is Shape.GRID:
         if len(shape) not in (1, 2):
             raise SceneError(key, "be a list of numbers, or of such lists", wrong_shape(value))
         if len(shape) == 2 and members is not None and shape[1] != members.count:
             must = f"have lists of {members.count} (`{members.key}`)"
             raise SceneError(key, must, f"has lists of {shape[1]}")
-    elif rule.shape == "vectors":
+    elif rule.shape is Shape.VECTORS:
         if shape != (3,) and (len(shape) != 2 or shape[1] != 3):
             must = f"be a list of three numbers, or of one such list per {members.name}"
             raise SceneError(key, must, wrong_shape(value))
         if len(shape) == 2 and shape[0] != members.count:
             must = f"be a vector or a list of {members.count} (`{members.key}`)"
             raise SceneError(key, must, f"has {shape[0]} entries")
-    elif rule.shape == "member" and len(shape) == 1:
+    elif rule.shape is Shape.MEMBER and len(shape) == 1:
         if members is not None and shape[0] != members.count:
             raise SceneError(
                 key,
@@ -214,12 +232,17 @@ def check_shape(key: str, value: Any, rule: Rule, members: Members | None) -> An
                 f"has {shape[0]} entries",
             )
     elif shape != ():
-        must = "be a number" + plural(rule, members) if rule.shape == "member" else "be a single number"
+        must = (
+            "be a number" + other_forms(rule, members)
+            if rule.shape is Shape.MEMBER
+            else "be a single number"
+        )
         raise SceneError(key, must, wrong_shape(value))
     return value
 
 
 def wrong_shape(value: Any) -> str:
-    """`is ...` or, for a tracer, `has ...` of a message."""
+    """Words a value of the wrong shape for the end of a message; of a traced value only the shape is
+    known."""
     traced = isinstance(value, jax.core.Tracer)
     return f"is traced, of shape {np.shape(value)}" if traced else describe(value)

@@ -1,7 +1,7 @@
-"""A scene: what is there, and its numbers, from the tables of a TOML file.
+"""A scene: the parts of a model and their numbers, from the tables of a TOML file or made in Python.
 
 A table that is `None` is an absent part of the model. Physical numbers may be JAX arrays, traced or
-not; everything that decides *which* program is compiled takes plain Python values.
+not; values that decide which program is compiled must be plain Python values.
 """
 
 import dataclasses
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from esail_jax.scenes import rules
-from esail_jax.scenes.consistency import check_together
+from esail_jax.scenes.consistency import check_together, method_name
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.tables import (
     REPEATED,
@@ -42,12 +42,17 @@ from esail_jax.scenes.tables import (
 from esail_jax.scenes.wind_file import with_wind_file
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, kw_only=True, repr=False)
 class Scene:
-    """Everything a run needs, of a sail (`tethers`) or of a chain of rods (`chain`); checked on
-    construction.
+    """Everything that a run of a sail (`tethers`) or of a chain of rods (`chain`) needs.
 
-    Raises SceneError with one line that names the key.
+        esail.Scene(
+            tethers=esail.Tethers(count=12, length=10e3, area=4.28e-9, density=7653.0, youngs_modulus=70e9),
+            initial=esail.Initial(spin_rate=4e-3),
+            integrator=esail.Integrator(t_end=4712.39),
+        )
+
+    Every value is checked on construction. Raises SceneError with one line that names the key.
     """
 
     initial: Initial | ChainInitial
@@ -83,24 +88,59 @@ class Scene:
 
     @property
     def main(self) -> str:
-        """Name of the table that says what moves."""
+        """Name of the table that all scenes of this model have: `tethers` or `chain`."""
         return "tethers" if self.chain is None else "chain"
 
     @property
     def members(self) -> rules.Members:
-        """What a list may have one number for each of."""
+        """The tethers or rods for each of which a list may have one number."""
         if self.chain is None:
             return rules.Members(self.tethers.count, "tether", "tethers.count")
         return rules.Members(self.chain.rods, "rod", "chain.rods")
 
     def replace(self, overrides: Mapping[str, Any]) -> "Scene":
-        """The scene with other values, by key; a table that was absent comes into being."""
+        """The scene with other values, by key. A key of an absent table adds the table; the value None
+        removes a key, or under a table's name the table. Raises SceneError."""
         tables = {name: given(content) for name, content in vars(self).items() if content is not None}
-        return from_tables(merged(*with_wind_file(tables, overrides, Path())))
+        return scene_of(tables, overrides, Path())
+
+    def __repr__(self) -> str:
+        table, method = self.integrator, method_name(self) or "chosen when the scene is run"
+        for name, unit in (("step", " s"), ("tolerance", "")):
+            value = getattr(table, name)
+            if value is not None:
+                number = rules.known(value)
+                method += f", {name} " + ("traced" if number is None else f"{float(number):g}{unit}")
+        lines = [
+            f"Scene: {', '.join(self.parts())}",
+            f"method    {method}",
+            f"end time  {table.t_end:g} s",
+            f"interval  {self.output.interval:g} s",
+        ]
+        return "\n  ".join(lines)
+
+    def parts(self) -> list[str]:
+        """The parts of the model in words, the moving ones first."""
+        if self.chain is not None:
+            names = [f"{self.chain.anchor} chain of {count_of(self.chain.rods, 'rod')}"]
+        else:
+            tethers = self.tethers
+            elements = count_of(tethers.elements, f"{tethers.element} element")
+            names = [f"{count_of(tethers.count, 'tether')} of {elements}"]
+        others = ("hub", "remote_units", "solar_wind", "voltage", "gravity", "orbit")
+        names += [name.replace("_", " ") for name in others if getattr(self, name) is not None]
+        if self.event is not None:
+            names.append(count_of(len(self.event.time), "event"))
+        return names
+
+
+def count_of(number: int, name: str) -> str:
+    """A number of things in words: `1 rod`, `2 rods`."""
+    return f"{number} {name}" + "s" * (number != 1)
 
 
 def unknown(key: str, tables: Mapping[str, type]) -> SceneError:
-    """Error for a key that these tables do not have, with the nearest one they do."""
+    """The error for a key that these tables do not have; it names the nearest key that they do have."""
     known = [f"{table}.{name}" for table, content in tables.items() for name in names_of(content)]
     if key in tables:
         return SceneError(key, "be followed by a key of the table", "is the table's name")
@@ -110,7 +150,7 @@ def unknown(key: str, tables: Mapping[str, type]) -> SceneError:
 
 
 def checked(table: str, content: Any, members: rules.Members | None) -> Any:
-    """The table with every value checked."""
+    """The table with every value in the form that the scene stores. Raises SceneError."""
     values = {}
     for field in dataclasses.fields(content):
         value = getattr(content, field.name)
@@ -123,11 +163,11 @@ def checked(table: str, content: Any, members: rules.Members | None) -> Any:
 
 
 def from_tables(tables: Mapping[str, Any]) -> Scene:
-    """A scene from nested mappings, as a TOML file gives them. Raises SceneError."""
+    """A scene from nested mappings; a repeated table is one mapping of lists. Raises SceneError."""
     if "chain" in tables and "tethers" in tables:
         raise SceneError("chain", "be left out of a scene with [tethers]", "is given")
     parts, kinds = {}, tables_of(tables)
-    for table, content in repeated(tables).items():
+    for table, content in tables.items():
         if table in TABLES and table not in kinds:
             main = "chain" if "chain" in tables else "tethers"
             raise SceneError(table, f"be left out of a scene with [{main}]", "is given")
@@ -148,8 +188,9 @@ def from_tables(tables: Mapping[str, Any]) -> Scene:
     return Scene(**parts)
 
 
-def repeated(tables: Mapping[str, Any]) -> dict[str, Any]:
-    """Tables that a file has several times, as one whose keys are lists. Raises SceneError."""
+def with_lists(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """The tables of a file, with each table that stands there several times as one table whose keys are
+    lists. Raises SceneError."""
     result = dict(tables)
     for table in REPEATED:
         entries = tables.get(table)
@@ -164,10 +205,11 @@ def repeated(tables: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def merged(tables: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
-    """Tables with other values, by key; None takes a key out, with the last one its table. An interval that
-    nobody gives stays that of the tables' own t_end, so that a run may go on to a later one. Raises
-    SceneError."""
-    result = {name: dict(x) if isinstance(x, Mapping) else x for name, x in repeated(tables).items()}
+    """The tables with other values, by key.
+
+    None removes a key, and with its last key the table. An interval that neither gives stays that of the
+    tables' own t_end, so that a run can be continued to a later one. Raises SceneError."""
+    result = {name: dict(x) if isinstance(x, Mapping) else x for name, x in with_lists(tables).items()}
     kinds = tables_of([*tables, *(key.partition(".")[0] for key in overrides)])
     for key, value in overrides.items():
         table, _, name = key.partition(".")
@@ -189,15 +231,26 @@ def merged(tables: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str,
     return result
 
 
+def scene_of(tables: Mapping[str, Any], overrides: Mapping[str, Any], folder: Path) -> Scene:
+    """A scene from the tables of a file and overrides by key. The overrides come before any check, so that
+    they may give what the file lacks; a table's name with the value None removes the table before anything
+    else. folder: where relative names of files in the tables start. Raises SceneError."""
+    removed = {key for key, value in overrides.items() if key in TABLES and value is None}
+    tables, overrides = (
+        {key: value for key, value in values.items() if key not in removed}
+        for values in (tables, overrides)
+    )
+    return from_tables(merged(*with_wind_file(tables, overrides, folder)))
+
+
 def parse(text: str, source: str, overrides: Mapping[str, Any] | None = None) -> Scene:
-    """A scene from TOML text; `source` names it in errors. `overrides` come before any check, so
-    that they may give what the text lacks."""
+    """A scene from TOML text and overrides by key. source: path of the text, which names it in errors.
+    Raises SceneError."""
     try:
         tables = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # also numbers of thousands of digits
         raise SceneError(source, "be a TOML file", f"is not: {error}") from None
-    folder = Path(source).parent
-    return from_tables(merged(*with_wind_file(tables, overrides or {}, folder)))
+    return scene_of(tables, overrides or {}, Path(source).parent)
 
 
 def to_toml(scene: Scene) -> str:
@@ -217,6 +270,7 @@ def to_toml(scene: Scene) -> str:
 
 
 def toml_value(value: Any) -> str:
+    """A value in TOML notation, with every digit."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
@@ -230,8 +284,8 @@ def toml_value(value: Any) -> str:
 
 
 def load_scene(source: "str | os.PathLike | Scene", overrides: Mapping[str, Any] | None = None) -> Scene:
-    """A built-in scene by name, a TOML file by path, or a Scene as it is; `overrides` by scene key
-    may also give what the file lacks. Raises SceneError."""
+    """A built-in scene by name, a TOML file by path, or a `Scene` itself, with overrides by key, which may
+    also give what a file lacks. Raises SceneError."""
     from esail_jax.scenes.builtin_scenes import builtin_text
 
     if isinstance(source, Scene):

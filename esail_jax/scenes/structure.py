@@ -1,7 +1,7 @@
-"""What of a scene is compiled, and what are numbers.
+"""Structure and numbers of a scene.
 
-`split` separates what decides the compiled program (`Structure`, hashable) from the numbers (one
-dictionary of arrays)."""
+`split` separates the values that decide which program is compiled (`Structure`, hashable) from the numbers
+that are the program's arguments (one dictionary of arrays)."""
 
 import dataclasses
 from typing import Any
@@ -13,16 +13,18 @@ from esail_jax.array_types import Array, PerTether
 from esail_jax.scenes.rules import rule_of
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.tables import TABLES
+from esail_jax.scenes.value_types import Shape
 
 SCHEDULE = ("integrator.t_end", "integrator.step", "output.interval", "event.time", "event.release")
-"""Structure of the run, not of the compiled program."""
+"""Keys that decide which instants a run computes, but not which program is compiled."""
 
 Numbers = dict[str, Array]
+"""Numbers of a scene by key, such as `tethers.length`."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Structure:
-    """What is compiled: the choices of a scene, and which numbers it has."""
+    """Structure of a scene: the values of its choices, and the keys of the numbers that it has."""
 
     choices: tuple[tuple[str, Any], ...]
     numbers: frozenset[str]
@@ -31,12 +33,13 @@ class Structure:
         return dict(self.choices)[key]
 
     def has(self, table: str) -> bool:
-        """Is any number of this table, or this very key, there?"""
+        """Tells whether the scene has this number, or any number of this table."""
         return any(key == table or key.startswith(table + ".") for key in self.numbers)
 
 
 def split(scene: Scene) -> tuple[Structure, Numbers]:
-    """The scene's structure and its numbers; those per tether or rod as arrays, one for each."""
+    """The structure of a scene and its numbers. Numbers per tether or rod become arrays with one entry
+    each."""
     choices, numbers = [], {}
     for table in TABLES:
         content = getattr(scene, table)
@@ -46,16 +49,18 @@ def split(scene: Scene) -> tuple[Structure, Numbers]:
                 choices += [(key, value)] if key not in SCHEDULE else []
             elif value is not None:
                 value = jnp.asarray(value, float)
-                tail = {"member": (), "vectors": (3,)}.get(rule.shape)
+                tail = {Shape.MEMBER: (), Shape.VECTORS: (3,)}.get(rule.shape)
                 shape = value.shape if tail is None else (scene.members.count, *tail)
                 numbers[key] = jnp.broadcast_to(value, shape)
+    if scene.integrator.step is not None:
+        numbers["integrator.step"] = jnp.asarray(scene.integrator.step, float)
     if scene.event is not None:
         numbers["event.release_time"] = release_times(scene)
     return Structure(tuple(choices), frozenset(numbers)), numbers
 
 
 def release_times(scene: Scene) -> PerTether:
-    """When each tether is let go [s], infinite if never."""
+    """Instant at which each tether is released [s], infinite if it never is."""
     times = np.full(scene.tethers.count, np.inf)
     times[np.array(scene.event.release) - 1] = scene.event.time
     return jnp.asarray(times)

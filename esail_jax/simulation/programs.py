@@ -1,69 +1,103 @@
-"""Compiling: the three programs of a run at once, each kept for scenes of the same structure.
+"""Compiling: the programs of a run, made side by side and kept for scenes of the same structure.
 
-Tracing holds Python's lock, compiling does not, so the programs are traced in turn and compiled side
-by side: three quarters of the time on two cores.
+Tracing holds Python's lock, compiling does not, so the programs are traced one after the other and compiled at the same
+time: three quarters of the time on two cores.
 """
 
 import functools
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 
-from esail_jax.array_types import Array
-from esail_jax.compiler import ROWS_COMPILE, compiled
-from esail_jax.scenes.build import build_jitted
+from esail_jax.compiler import CHAIN_OPTIONS, COMPILER_OPTIONS, LOOK_OPTIONS, START_OPTIONS, compile_lowered
 from esail_jax.scenes.structure import Numbers, Structure
-from esail_jax.simulation.entry import entry_data, look_at_entry_jitted, problem_of, step_entry_jitted
-from esail_jax.simulation.schedule import Entry, Plan
-from esail_jax.steppers.fixed_step import KEEP
+from esail_jax.simulation.advance import Window, advance
+from esail_jax.simulation.look import look_at_window
+from esail_jax.simulation.problem import restart, start
+from esail_jax.steppers.stepper import AbstractStepper, Point
+
+MAX_BLOCKS = 64
+"""Largest number of blocks in one call."""
+
+MAX_INSTANTS, NUMBERS_PER_CALL = 256, 2**22
+"""Largest number of saved instants in one call, and of numbers in their points (32 MB)."""
+
+WORK_PER_CALL = 400_000
+"""Steps times coordinates in one call: some tenths of a second, between which the host may stop."""
 
 
 class Programs(NamedTuple):
-    """Compiled `build(numbers)`, `step_entry(problem, state, data)` and
-    `look_at_entry(problem, carry, data, after, record, info)`."""
+    """The compiled functions `start`, `advance`, `look_at_window` and, for a scene with switch times, `restart`;
+    instants, blocks: largest numbers in one call."""
 
-    build: Callable
-    step: Callable
+    start: Callable
+    advance: Callable
     look: Callable
+    restart: Callable | None
+    instants: int
+    blocks: int
 
 
-def programs(structure: Structure, numbers: Numbers, layout: Plan) -> Programs:
-    """The programs of a scene's structure, for any numbers and any end time."""
-    shapes = shapes_of(numbers)
-    return _compiled(structure, shapes, layout.steps_per_entry, layout.rows_per_entry, layout.between)
+Shapes = tuple[tuple[str, tuple[int, ...]], ...]
 
 
-def shapes_of(numbers: Numbers) -> tuple[tuple[str, tuple[int, ...]], ...]:
-    """Keys and shapes of a scene's numbers."""
-    return tuple((key, value.shape) for key, value in sorted(numbers.items()))
+def compile_programs(
+    structure: Structure,
+    numbers: Numbers,
+    stepper: AbstractStepper | None = None,
+    point: Point | None = None,
+    names: tuple[str, ...] | None = None,
+) -> Programs:
+    """The programs for any numbers of these shapes, any end time and any instants. names: the observables to save, all
+    of them if None."""
+    shapes = tuple((key, value.shape) for key, value in sorted(numbers.items()))
+    extra, tree = jax.tree.flatten((stepper, point))
+    kinds = tuple((np.shape(x), np.result_type(x)) for x in extra)
+    return _compiled(structure, shapes, tree, kinds, names)
 
 
 @functools.lru_cache(maxsize=64)
 def _compiled(
-    structure: Structure,
-    shapes: tuple[tuple[str, tuple[int, ...]], ...],
-    steps: int,
-    rows: int,
-    between: bool,
+    structure: Structure, shapes: Shapes, tree: Any, kinds: tuple, names: tuple[str, ...] | None
 ) -> Programs:
     numbers = {key: jax.ShapeDtypeStruct(shape, float) for key, shape in shapes}
-    data = jax.tree.map(abstract, entry_data(Entry("march", 0.0, 1.0, 1), rows))
-    built = build_jitted.lower(structure, numbers)
-    problem, carry = jax.eval_shape(problem_of, numbers, built.out_info)
+    extra = jax.tree.unflatten(tree, [jax.ShapeDtypeStruct(*kind) for kind in kinds])
+    number, integer = jax.ShapeDtypeStruct((), float), jax.ShapeDtypeStruct((), int)
     with ThreadPoolExecutor() as pool:
+        starting = jax.jit(start, static_argnums=0).lower(structure, numbers, *extra)
+        begun = starting.out_info
+        problem, motion = begun.problem, begun.motion
+        chain = problem.stepper.relative_coordinates
+        starts = pool.submit(starting.compile, compiler_options=CHAIN_OPTIONS if chain else START_OPTIONS)
+        step = motion.last.taken.shape[0]
+        size = sum(np.prod(x.shape, dtype=int) for x in jax.tree.leaves(motion.state)) // 6
+        instants = int(np.clip(NUMBERS_PER_CALL // (4 * size), 1, MAX_INSTANTS))
+        blocks = int(np.clip(WORK_PER_CALL // (step * size), 1, MAX_BLOCKS))
+        window = Window(jax.ShapeDtypeStruct((instants,), float), integer)
+
+        def advance_window(problem, motion, window, max_steps, max_blocks):
+            keep = lambda steps: steps.log  # noqa: E731
+            return advance(problem, motion, window, max_steps, max_blocks, keep, blocks)
+
         # The longest first, so that the others are traced while it compiles.
-        stepping = step_entry_jitted.lower(problem, carry.state, data, steps, KEEP, between)
-        step = pool.submit(compiled, stepping)
-        building = pool.submit(built.compile)
-        looking = look_at_entry_jitted.lower(problem, carry, data, *stepping.out_info, between)
-        look = pool.submit(compiled, looking, ROWS_COMPILE)
-        return Programs(building.result(), step.result(), look.result())
-
-
-def abstract(value: "Array | np.ndarray") -> jax.ShapeDtypeStruct:
-    """Shape and type of an array."""
-    array = np.asarray(value)
-    return jax.ShapeDtypeStruct(array.shape, array.dtype)
+        stepping = jax.jit(advance_window).lower(problem, motion, window, number, integer)
+        if chain:
+            advances = pool.submit(stepping.compile, compiler_options=CHAIN_OPTIONS)
+        else:
+            advances = pool.submit(compile_lowered, stepping, COMPILER_OPTIONS)
+        points = stepping.out_info.points
+        looking = jax.jit(look_at_window, static_argnums=3).lower(problem, points, integer, names)
+        looks = (
+            pool.submit(looking.compile, compiler_options=CHAIN_OPTIONS)
+            if chain
+            else pool.submit(compile_lowered, looking, LOOK_OPTIONS)
+        )
+        restarts = None
+        if structure.has("event") or structure.has("voltage.on"):
+            one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), points)
+            restarting = jax.jit(restart).lower(problem, motion, one, number)
+            restarts = pool.submit(restarting.compile, compiler_options=START_OPTIONS).result()
+        return Programs(starts.result(), advances.result(), looks.result(), restarts, instants, blocks)

@@ -1,56 +1,18 @@
-"""When to step, when to save: the plan of a run as a list of equal entries.
-
-Every entry runs the same compiled program over the same number of steps, so a run compiles once,
-whatever its length, and the host loop and a traced scan do the same arithmetic. An entry may use only
-its first steps (`take`); a run, and the shorter last step before `t_end`, begin afresh:
-
-    begin   read off the consistent acceleration of the state, save it if asked, step nowhere
-    trial   (twice) take one step to find the jerk, from which a_0 = vdot(t_0 + (alpha_m - alpha_f) h)
-    march   step, save
-"""
+"""The times of a run: saved instants, events, and the windows of instants that a traced run is made of."""
 
 import dataclasses
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
+from esail_jax.array_types import Array, Bool, Float, Int
 from esail_jax.scenes.rules import known
 from esail_jax.scenes.tables import Event, Voltage
 
 SNAP = 1e-9
-"""Part of a step by which a saved time may miss a step's end and still be that end: multiples of
-decimal numbers are not exact in binary."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Entry:
-    """One call of the compiled program.
-
-    start [s] and step [s]; `take` of its steps count. kind: "begin", "trial" or "march". rows:
-    saved instants as (time [s], step index k, part of the step theta in (0, 1]). The last entry
-    before a new beginning hands over the state after `take` steps (`hand_over`).
-    """
-
-    kind: str
-    start: float
-    step: float
-    take: int
-    rows: tuple[tuple[float, int, float], ...] = ()
-    hand_over: bool = False
-
-    @property
-    def end(self) -> float:
-        """Time reached [s]."""
-        return self.start + self.take * self.step
-
-
-@dataclasses.dataclass(frozen=True)
-class Plan:
-    """A run's entries, and what they have in common."""
-
-    entries: tuple[Entry, ...]
-    steps_per_entry: int
-    rows_per_entry: int
-    between: bool  # are saved instants possible that are not the end of a step?
+"""Fraction of an interval by which a time may miss a multiple of it: multiples of decimal numbers are not exact in
+binary."""
 
 
 def save_times(t_end: float, interval: float) -> np.ndarray:
@@ -59,90 +21,94 @@ def save_times(t_end: float, interval: float) -> np.ndarray:
     return np.append(np.arange(count) * interval, t_end)
 
 
-def steps_per_entry(unknowns: int, step: float, interval: float, block: int) -> int:
-    """Steps of an entry, a multiple of `block`, from the scene alone (never from `t_end`): about
-    at most some tenths of a second of work, and no more than some hundred saved instants."""
-    by_work = max(1, min(20, 40_000 // unknowns))
-    by_rows = max(1, int(100 * interval / (block * step)))
-    return block * min(by_work, by_rows)
+def is_multiple(time: float, interval: float) -> bool:
+    """True if a time is a whole number of intervals, to rounding."""
+    ratio = time / interval
+    return bool(abs(ratio - round(ratio)) <= SNAP * max(1.0, ratio))
 
 
-def rows_per_entry(steps: int, step: float, interval: float) -> int:
-    """Most saved instants an entry can hold, and one for handing over."""
-    return int(np.ceil(steps * step / interval)) + 2
-
-
-def beginning(start: float, step: float, save: bool) -> list[Entry]:
-    """Entries that make a state ready to march."""
-    rows = ((start, 0, 0.0),) if save else ()
-    trial = Entry("trial", start, step, 1)
-    return [Entry("begin", start, step, 0, rows, hand_over=True), trial, trial]
-
-
-def marching(start: float, count: int, step: float, steps: int, times: np.ndarray) -> list[Entry]:
-    """Entries that take `count` steps from `start`; saved are the `times` within."""
-    entries = []
-    for done in range(0, count, steps):
-        take = min(steps, count - done)
-        origin = start + done * step
-        first, last = np.searchsorted(times, origin + step * np.array([SNAP, take + SNAP]))
-        position = (times[first:last] - origin) / step
-        rows = []
-        for time, x in zip(times[first:last], position, strict=True):
-            k = min(int(np.ceil(x - SNAP)) - 1, take - 1)
-            theta = 1.0 if abs(x - k - 1) < SNAP * max(1.0, abs(x)) * 10 else float(x - k)
-            rows.append((float(time), k, theta))
-        entries.append(Entry("march", origin, step, take, tuple(rows), hand_over=take < steps))
-    return entries
-
-
-def stretch(
-    start: float, end: float, step: float, steps: int, times: np.ndarray, save_start: bool
-) -> list[Entry]:
-    """Entries from `start` to `end` with steps of `step`, the last one shorter if it must be."""
-    count = int(np.floor((end - start) / step * (1.0 + SNAP) + SNAP))
-    rest = end - start - count * step
-    entries = beginning(start, step, save_start)
-    entries += marching(start, count, step, steps, times)
-    if rest > SNAP * step:
-        last = start + count * step
-        if count and not entries[-1].hand_over:
-            entries[-1] = dataclasses.replace(entries[-1], hand_over=True)
-        entries += beginning(last, rest, False) + marching(last, 1, rest, steps, times)
-    return entries
-
-
-def stops(t_end: float, event: Event | None, voltage: Voltage | None = None) -> tuple[float, ...]:
-    """Where a run begins afresh, in order, and its end [s]: at events and, with `voltage`, where that
-    begins to rise or fall; instants under a trace have no value, and the steps find them."""
+def switch_times(event: Event | None, voltage: Voltage | None) -> tuple[float, ...]:
+    """The times [s], in order, at which a run begins afresh: events, and, with `voltage`, the times at which that begins
+    to rise or fall. Times under a trace have no value; the steps find them."""
     times = set() if event is None else set(event.time)
     for switched in () if voltage is None else (voltage.on, voltage.off):
         if switched is not None and known(switched) is not None:
             times |= set(known(switched).ravel().tolist())
-    return (*sorted(time for time in times if 0.0 < time < t_end), t_end)
+    return tuple(sorted(time for time in times if time > 0.0))
 
 
-def next_switch(stops: tuple[float, ...], time: float) -> float:
-    """When something is switched after `time`, infinite if never: a run's end is no such instant."""
-    return min((stop for stop in stops[:-1] if stop > time), default=np.inf)
+@dataclasses.dataclass(frozen=True)
+class Segment:
+    """A part of a run between two switch times, or a switch time and an end of the run.
+
+    start, stop [s]; until: the next switch time after `start`, of a longer run too (infinite if there is none); last:
+    true for the segment that ends with the run."""
+
+    start: float
+    stop: float
+    until: float
+    last: bool
 
 
-def is_multiple(time: float, step: float) -> bool:
-    """Is a time a whole number of steps, to rounding?"""
-    ratio = time / step
-    return abs(ratio - round(ratio)) <= SNAP * ratio
+def segments(begin: float, end: float, switches: Sequence[float]) -> list[Segment]:
+    """The segments of a run from `begin` to `end` [s]."""
+    inner = [time for time in switches if begin < time < end]
+    starts, stops = [begin, *inner], [*inner, end]
+    later = [min((time for time in switches if time > start), default=np.inf) for start in starts]
+    last = [stop == end for stop in stops]
+    return [Segment(*values) for values in zip(starts, stops, later, last, strict=True)]
 
 
-def plan(
-    t_end: float, step: float, interval: float, unknowns: int, block: int, event: Event | None = None
-) -> Plan:
-    """The plan of a whole run, which begins afresh at every event."""
-    steps = steps_per_entry(unknowns, step, interval, block)
-    times, start, entries = save_times(t_end, interval), 0.0, []
-    for stop in stops(t_end, event):
-        part = times[(times > start) & (times <= stop)]
-        entries += stretch(start, stop, step, steps, part, not entries)
-        start = stop
-    # Steps after an event are counted from it.
-    between = not all(is_multiple(x, step) for x in (interval, *stops(t_end, event)[:-1]))
-    return Plan(tuple(entries), steps, rows_per_entry(steps, step, interval), between)
+# ---- windows of a traced run --------------------------------------------------------------------
+
+
+class Windows(NamedTuple):
+    """The windows of a run, first axis `window`: instants [s], of which `count` matter; the start of the segment each
+    lies in [s], whether it begins that segment after an event, and the next switch time [s]."""
+
+    times: Float[Array | np.ndarray, "window instant"]
+    count: Int[Array | np.ndarray, " window"]
+    start: Float[Array | np.ndarray, " window"]
+    begins: Bool[Array | np.ndarray, " window"]
+    until: Float[Array | np.ndarray, " window"]
+
+
+@dataclasses.dataclass(frozen=True)
+class Schedule:
+    """The plan of a traced run, hashable: the saved times [s], the switch times, where the run begins, the largest number
+    of instants in a window, and the least number of windows.
+
+    Instants that are not saved end segments, and cut the run into enough windows for its derivative."""
+
+    times: tuple[float, ...]
+    switches: tuple[float, ...]
+    begin: float
+    size: int
+    least: int
+
+    def windows(self) -> tuple[Windows, np.ndarray, np.ndarray]:
+        """The windows, and for every saved time its window and its place there."""
+        rows, where = [], {}
+        end = self.times[-1]
+        for segment in segments(self.begin, end, self.switches):
+            share = (segment.stop - segment.start) / max(end - self.begin, 1e-300)
+            cuts = segment.start + (segment.stop - segment.start) * (
+                np.arange(1, max(1, int(np.ceil(self.least * share))))
+                / max(1, int(np.ceil(self.least * share)))
+            )
+            first = segment.start == self.begin
+            saved = [t for t in self.times if (segment.start < t or first) and t <= segment.stop]
+            ends = {*cuts.tolist(), segment.stop}
+            window: list[float] = []
+            begins = not first
+            for time in sorted({*saved, *ends}):
+                window.append(time)
+                where[time] = (len(rows), len(window) - 1)
+                if len(window) == self.size or time in ends:
+                    rows.append((window, segment.start, begins, segment.until))
+                    window, begins = [], False
+        times = np.array([[*w, *[w[-1]] * (self.size - len(w))] for w, *_ in rows])
+        count = np.array([len(w) for w, *_ in rows])
+        start, begins, until = (np.array([row[i] for row in rows]) for i in (1, 2, 3))
+        index = np.array([where[time] for time in self.times])
+        return Windows(times, count, start, begins, until), index[:, 0], index[:, 1]

@@ -1,168 +1,255 @@
-"""From a scene to a solution: `simulate`."""
+"""From a scene to a solution: `simulate`, and `run`, which hands out the solution piece by piece."""
 
-import functools
 import os
-import time
-from collections.abc import Mapping
+import time as clock
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import lax
 
-from esail_jax.array_types import Array, Float
-from esail_jax.observables import chain, is_chain
-from esail_jax.observables.run_warning import run_warning
-from esail_jax.rod_chain import RodState
-from esail_jax.scenes.build import build
+from esail_jax.observables import known_names
+from esail_jax.observables.run_warning import STEP_ERRORS, run_warning
 from esail_jax.scenes.method_choice import with_method
+from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene, load_scene
-from esail_jax.scenes.structure import Numbers, Structure, split
-from esail_jax.simulation import entry, explicit, traced_blocks
-from esail_jax.simulation.entry import entry_data, problem_of, run_entry
-from esail_jax.simulation.march import march_of
-from esail_jax.simulation.prepare import plan_of, prepare, require_64_bit
-from esail_jax.simulation.results import RESULTS, Checkpoint, SimulationError, join
-from esail_jax.simulation.schedule import Plan, save_times, stops
-from esail_jax.steppers.collocation_stages import Point
-from esail_jax.steppers.fixed_step import KEEP, State
+from esail_jax.scenes.stepper_choice import stepper_class
+from esail_jax.scenes.structure import split
+from esail_jax.simulation.host import HostRun, all_rows, compile_scene
+from esail_jax.simulation.problem import require_64_bit
+from esail_jax.simulation.results import Chunk, SimulationError
+from esail_jax.simulation.schedule import Schedule, save_times, switch_times
+from esail_jax.simulation.solution import Solution
+from esail_jax.simulation.traced import traced_run
+from esail_jax.steppers.results import RESULTS
+from esail_jax.steppers.stepper import AbstractStepper, Point
 
-
-class Solution(eqx.Module):
-    """A finished run.
-
-    time [s]; `solution["coning_angle"]`: an observable, time first; result: an entry of `RESULTS`;
-    final_state: State, of an explicit method RodState, of collocation Point; stats: steps, times, terms,
-    and a message if the run failed, its energy balance is off or its step too long; numerics: per saved
-    interval; checkpoint: where a longer run could go on. `scene` and the last two are None under a trace.
-    """
-
-    time: Float[Array, " time"] | Float[np.ndarray, " time"]
-    rows: dict[str, Array | np.ndarray]
-    result: Any
-    final_state: State | RodState | Point | None
-    stats: dict[str, Any]
-    numerics: dict[str, np.ndarray] | None = None
-    checkpoint: Checkpoint | None = None
-    scene: Scene | None = eqx.field(static=True, default=None)
-
-    def __getitem__(self, name: str) -> Array | np.ndarray:
-        return self.rows[name]
-
-    @property
-    def steps(self) -> int:
-        """Steps taken."""
-        return int(self.stats["steps"])
-
-    @property
-    def observables(self) -> list[str]:
-        """Names that can be looked up."""
-        return list(self.rows)
+LEAST_WINDOWS = 16
+"""Least number of windows, and so of checkpoints, in a traced run."""
 
 
 def simulate(
-    scene: Scene | str | os.PathLike, overrides: Mapping[str, Any] | None = None, *, throw: bool = True
+    scene: Scene | str | os.PathLike,
+    overrides: Mapping[str, Any] | None = None,
+    *,
+    save: Sequence[str] | None = None,
+    times: Sequence[float] | None = None,
+    start: Point | None = None,
+    progress: Callable[[float], None] | None = None,
+    max_steps: int | None = None,
+    throw: bool = True,
+    stepper: AbstractStepper | None = None,
 ) -> Solution:
-    """Run a scene.
+    """Runs a scene.
 
-    scene: a `Scene`, a built-in name or a path; overrides: values by scene key, JAX arrays and
-    tracers among them. With concrete numbers a failed run raises SimulationError (unless `throw` is
-    false); under a trace `.result` is not 0 and everything after the failure is NaN.
+    scene: a `Scene`, the name of a built-in scene, or a path; overrides: values by scene key, JAX arrays and tracers
+    among them. With concrete numbers the run goes window by window on the host; with a number under a trace, or inside
+    `jax.jit`, `jax.vmap` and the like, it becomes a part of the traced program.
 
-    Raises SceneError for bad input, RuntimeError in 32-bit mode.
-    """
+    save: names of the observables to save, all of them if None; times: the saved instants [s] in increasing order, in
+    place of every `output.interval` up to `integrator.t_end`; start: a point to start from in place of the scene's
+    start, such as the `final_state` of another solution; progress: is called with the time reached [s]; max_steps: the
+    largest number of steps (a run with a derivative needs a bound: see below); throw: whether a failed run raises
+    SimulationError; stepper: a method of time integration in place of the scene's.
+
+    Under a trace nothing can raise: `.result` is not `RESULTS.successful`, and the observables are NaN from the failure
+    on. A derivative goes through recorded steps, for which it keeps room: LEAST_WINDOWS windows at least, each with room
+    for `blocks_per_window` blocks of the stepper (in all about 6,000 steps of collocation), more with `max_steps` or with
+    more than 64 saved instants a window. A run that needs more ends with `RESULTS.too_many_steps`.
+
+    Raises SceneError for bad input, RuntimeError in 32-bit mode."""
     scene = load_scene(scene, overrides)
-    leaves = [x for t in vars(scene).values() if t is not None for x in vars(t).values()]
-    if any(isinstance(leaf, jax.core.Tracer) for leaf in leaves):
-        return simulate_traced(scene)
-    return simulate_concrete(scene, throw)
+    check_times(times, 0.0 if start is None else start.time)
+    check_names(scene, save)
+    check_max_steps(max_steps)
+    if under_trace(scene, start, stepper):
+        return simulate_traced(
+            scene, save=save, times=times, start=start, max_steps=max_steps, stepper=stepper
+        )
+    run = begin(scene, save, times, start, max_steps, stepper)
+    return collected(run, save, throw, progress)
 
 
-def simulate_traced(scene: Scene) -> Solution:
-    """The whole run as one program, for `jit`, `grad`, `jvp` and `vmap`."""
-    require_64_bit()
-    scene = with_method(scene)
-    structure, numbers = split(scene)
-    layout = plan_of(scene)
-    if layout is None:
-        step = scene.integrator.step
-        step = None if step is None else jnp.asarray(step)
-        times = tuple(save_times(scene.integrator.t_end, scene.output.interval).tolist())
-        if scene.integrator.method == "collocation":
-            ends = stops(scene.integrator.t_end, scene.event, scene.voltage)
-            rows, state, result, steps = traced_blocks.traced_run(structure, times, ends, numbers, step)
-        else:
-            rows, state, result, steps = explicit.traced_run(structure, times, numbers, step)
-        return Solution(jnp.asarray(times), rows, result, state, {"steps": steps})
-    rows, state, result, iterations, errors = traced_run(structure, layout, numbers)
-    times = jnp.asarray([time for entry in layout.entries for time, *_ in entry.rows])
-    return Solution(times, rows, result, state, {"newton_iterations": iterations, "step_errors": errors})
+def run(
+    scene: Scene | str | os.PathLike,
+    overrides: Mapping[str, Any] | None = None,
+    *,
+    save: Sequence[str] | None = None,
+    times: Sequence[float] | None = None,
+    start: Point | None = None,
+    max_steps: int | None = None,
+    stepper: AbstractStepper | None = None,
+) -> Iterator[Chunk]:
+    """Runs a scene piece by piece: `for chunk in esail.run(scene)` gives the observables of consecutive saved instants
+    as soon as they are known (`chunk.time`, `chunk.observables`, `chunk.numerics`, `chunk.reached`).
+
+    Arguments are those of `simulate`. Raises SceneError at once, and SimulationError where the run fails."""
+    scene = load_scene(scene, overrides)
+    check_times(times, 0.0 if start is None else start.time)
+    check_names(scene, save)
+    check_max_steps(max_steps)
+    if under_trace(scene, start, stepper):
+        raise SceneError(
+            "scene", "have plain numbers in `run`", "has a number under a trace (use `simulate`)"
+        )
+    return begin(scene, save, times, start, max_steps, stepper).host.chunks()
 
 
-@functools.partial(jax.jit, static_argnums=(0, 1))
-def traced_run(
-    structure: Structure, layout: Plan, numbers: Numbers
-) -> tuple[dict[str, Array], State, RESULTS, Array, Array]:
-    """Build, then one checkpointed scan over the plan's entries: rows, last state, how it ended, iterations
-    and what the steps may be off by (`StepErrors.parts`)."""
-    problem, carry = problem_of(numbers, build(structure, numbers))
-    data = [entry_data(entry, layout.rows_per_entry) for entry in layout.entries]
-    stacked = jax.tree.map(lambda *x: jnp.stack(x), *data)
-
-    @jax.checkpoint
-    def body(carry, entry):
-        carry, (seen, info) = run_entry(problem, carry, entry, layout.steps_per_entry, KEEP, layout.between)
-        return carry, (seen, info.iterations.sum())
-
-    carry, (seen, iterations) = lax.scan(body, carry, stacked)
-    where = [(e, r) for e, entry in enumerate(layout.entries) for r in range(len(entry.rows))]
-    entries, rows = (np.array(x) for x in zip(*where, strict=True))
-    seen = {name: value[entries, rows] for name, value in seen.items()}
-    if is_chain(problem.system):
-        seen, _ = chain.with_energy_error(seen, (jnp.nan, 0.0), jnp)
-    finite = jnp.isfinite(carry.state.q.tether).all()
-    cause = RESULTS.where(finite, RESULTS.newton_diverged, RESULTS.nonfinite)
-    result = RESULTS.where(carry.failed > 0, cause, RESULTS.successful)
-    return seen, carry.state, result, iterations.sum(), carry.errors.parts
+def under_trace(scene: Scene, start: Any, stepper: Any) -> bool:
+    """True if any number is a tracer, or if this call is traced by `jax.jit` and the like."""
+    leaves = [x for table in vars(scene).values() if table is not None for x in vars(table).values()]
+    leaves += jax.tree.leaves((start, stepper))
+    return any(isinstance(leaf, jax.core.Tracer) for leaf in leaves) or isinstance(
+        jnp.zeros(()) + 0.0, jax.core.Tracer
+    )
 
 
-def simulate_concrete(scene: Scene, throw: bool) -> Solution:
-    """The host's loop, everything kept in memory."""
-    began = time.perf_counter()
-    prepared = prepare(scene)
-    ready = time.perf_counter()
-    march, pieces, message, result = march_of(prepared), [], "", RESULTS.successful
+# ---- on the host --------------------------------------------------------------------------------
+
+
+class Begun:
+    """A run that is compiled and ready. compile_time: seconds that this took."""
+
+    def __init__(self, scene, host: HostRun, compile_time: float):
+        self.scene, self.host, self.compile_time = scene, host, compile_time
+
+
+def begin(scene, save, times, start, max_steps, stepper) -> Begun:
+    """Compiles a scene and lays out its run."""
+    began = clock.perf_counter()
+    names = None if save is None or scene.chain is not None else tuple(save)
+    start = None if start is None else jax.tree.map(jnp.asarray, start)
+    compiled = compile_scene(scene, stepper, start, names)
+    times = None if times is None else np.asarray(times, float)
+    if times is None and start is not None:
+        times = save_times(scene.integrator.t_end, scene.output.interval)
+        times = times[times >= float(start.time)]
+    limit = np.inf if max_steps is None else float(max_steps)
+    return Begun(scene, HostRun(compiled, None, times, limit), clock.perf_counter() - began)
+
+
+def collected(run: Begun, save, throw: bool, progress=None) -> Solution:
+    """The solution of a whole run, in memory."""
+    host, chunks, message, result = run.host, [], "", RESULTS.successful
+    began = clock.perf_counter()
     try:
-        for piece in march.pieces():
-            pieces.append(piece)
+        for chunk in host.chunks():
+            chunks.append(chunk)
+            if progress is not None:
+                progress(chunk.reached)
     except SimulationError as error:
         if throw:
             raise
         message, result = str(error), error.result
-    times = save_times(scene.integrator.t_end, scene.output.interval)
-    rows = filled(join([piece.rows for piece in pieces]), len(times))
-    numerics = filled(join([piece.numerics for piece in pieces]), len(times))
+    rows = all_rows(chunks, "observables", len(host.times))
+    numerics = all_rows(chunks, "numerics", len(host.times))
+    counts = host.checkpoint.motion.counts
     stats = {
-        "steps": march.steps,
-        "repairs": march.repairs,
-        "compile_time": ready - began,
-        "wall_time": time.perf_counter() - ready,
-        "terms": prepared.problem.terms,
+        "steps": int(counts[0]),
+        "rejected_steps": int(counts[1]),
+        "compile_time": run.compile_time,
+        "wall_time": clock.perf_counter() - began,
+        "terms": host.compiled.problem.terms,
+        "numerics_units": host.compiled.numerics,
+        "method": host.compiled.problem.stepper.name,
         "message": message or run_warning(rows, numerics),
     }
-    state = final_state(march.carry)
-    return Solution(times, rows, result, state, stats, numerics, march.checkpoint, scene)
+    if save is not None:
+        rows = {name: rows[name] for name in save}
+    return Solution(
+        host.times,
+        rows,
+        result,
+        host.point,
+        stats,
+        numerics,
+        host.checkpoint,
+        run.scene,
+        host.compiled.problem.stepper,
+    )
 
 
-def final_state(carry: Any) -> Any:
-    """The state a carry holds: that of a stepper, or of what makes its own steps at the last saved
-    instant."""
-    return carry.state if isinstance(carry, entry.Carry) else carry.seen
+def observables_at(solution: Solution, time: float) -> dict[str, np.ndarray]:
+    """The observables of a solution at any time [s]: `Solution.at`."""
+    if solution.scene is None:
+        raise ValueError("`solution` must come from a run on concrete numbers, but was traced")
+    first, last = float(solution.time[0]), float(solution.time[-1])
+    if not first <= time <= last:
+        raise ValueError(f"`time` must lie within the run, {first:g} to {last:g} s, but is {time:g}")
+    found = simulate(solution.scene, times=[time], save=list(solution))
+    return {name: found[name][0] for name in found}
 
 
-def filled(rows: dict[str, np.ndarray], count: int) -> dict[str, np.ndarray]:
-    """Rows up to `count`, NaN where a failed run did not get to."""
-    missing = {name: np.full((count - len(x), *x.shape[1:]), np.nan) for name, x in rows.items()}
-    return {name: np.concatenate([x, missing[name]]) for name, x in rows.items()}
+# ---- under a trace ------------------------------------------------------------------------------
+
+
+def simulate_traced(
+    scene: Scene,
+    *,
+    save: Sequence[str] | None = None,
+    times: Sequence[float] | None = None,
+    start: Point | None = None,
+    max_steps: int | None = None,
+    stepper: AbstractStepper | None = None,
+) -> Solution:
+    """The whole run as one program, for `jit`, `grad`, `jvp` and `vmap`; arguments are those of `simulate`."""
+    require_64_bit()
+    resolved = scene if stepper is not None else with_method(scene)
+    structure, numbers = split(resolved)
+    kind = type(stepper) if stepper is not None else stepper_class(resolved.integrator.method)
+    if times is None:
+        saved = save_times(scene.integrator.t_end, scene.output.interval)
+        if start is not None and not isinstance(start.time, jax.core.Tracer):
+            saved = saved[saved >= float(start.time)]
+    else:
+        saved = np.asarray(times, float)
+    begin = 0.0 if start is None else float(saved[0])
+    step = resolved.integrator.step
+    wanted = max_steps
+    if step is not None and stepper is None:
+        wanted = np.ceil((saved[-1] - begin) / step) + 1
+    room = kind.blocks_per_window * kind.steps_per_block
+    least = LEAST_WINDOWS if wanted is None else max(1, int(np.ceil(wanted / room * MARGIN)))
+    switches = switch_times(scene.event, scene.voltage)
+    schedule = Schedule(tuple(saved.tolist()), switches, begin, kind.instants_per_window, least)
+    names = None if save is None or scene.chain is not None else tuple(save)
+    limit = jnp.asarray(jnp.inf if max_steps is None else float(max_steps))
+    found = traced_run(structure, schedule, names, numbers, limit, stepper, start)
+    stats = {"steps": found.counts[0], "rejected_steps": found.counts[1]}
+    if found.errors:
+        stats["step_errors"] = jnp.stack([found.errors[name] for name in STEP_ERRORS])
+    rows = found.rows if save is None else {name: found.rows[name] for name in save}
+    return Solution(jnp.asarray(saved), rows, found.result, found.point, stats)
+
+
+MARGIN = 1.25
+"""Factor to the number of windows in which the steps would just find room: some blocks end early."""
+
+
+# ---- checks of the arguments ----------------------------------------------------------------------
+
+
+def check_times(times: Any, begin: Any) -> None:
+    """Raises SceneError unless the times are numbers that increase from the start on."""
+    if times is None:
+        return
+    if any(isinstance(x, jax.core.Tracer) for x in (times, begin, *np.ravel(np.asarray(times, object)))):
+        raise SceneError("times", "be plain numbers", "is traced")
+    values = np.asarray(times, float)
+    good = values.ndim == 1 and len(values) and np.isfinite(values).all() and (np.diff(values) > 0).all()
+    if not good or values[0] < float(begin):
+        raise SceneError("times", f"increase from {float(begin):g} on", f"is {times!r}")
+
+
+def check_names(scene: Scene, save: Sequence[str] | None) -> None:
+    """Raises SceneError for a name that is no observable."""
+    for name in save or ():
+        if name not in known_names(scene.chain is not None):
+            raise SceneError("save", "hold names of observables", f"has {name!r}")
+
+
+def check_max_steps(max_steps: int | None) -> None:
+    """Raises SceneError unless the bound is positive."""
+    if max_steps is not None and not (isinstance(max_steps, int | np.integer) and max_steps > 0):
+        raise SceneError("max_steps", "be a positive whole number", f"is {max_steps!r}")

@@ -15,13 +15,13 @@ from jax import lax
 
 from esail_jax.array_types import Array, Float, Int, Scalar
 from esail_jax.coordinates import Coordinates
-from esail_jax.numerics.symbolic_zeros import any_matrix, jvp_of_perturbed
+from esail_jax.numerics.symbolic_zeros import jvp_of_perturbed, unused_matvec
 from esail_jax.numerics.vectors import greatest
 from esail_jax.steppers.collocation_stages import (
     TABLE,
-    KeptFactors,
-    Point,
-    Unknowns,
+    FrozenFactors,
+    StageUnknowns,
+    StepEnd,
     combined,
     correction,
     largest,
@@ -45,12 +45,12 @@ so that reverse mode is the exact transpose of forward mode."""
 
 def solve_stages(
     system: System,
-    start: Point,
+    start: StepEnd,
     h: Scalar,
-    guess: Unknowns,
-    kept: KeptFactors,
+    guess: StageUnknowns,
+    kept: FrozenFactors,
     enough: Float[Array, "2"],
-) -> tuple[Unknowns, Int[Array, ""], Scalar]:
+) -> tuple[StageUnknowns, Int[Array, ""], Scalar]:
     """Simplified Newton iterations, until what is left, judged by the last two increments of the
     positions, is `enough` [m] (of tethers and hub): unknowns, iterations, and what is left over that.
     Guess and factors decide how fast, not where to."""
@@ -87,12 +87,12 @@ def reshaped(x: Array, like: Array) -> Array:
 @jax.custom_jvp
 def known_stages(
     system: System,
-    start: Point,
+    start: StepEnd,
     h: Scalar,
-    unknowns: Unknowns,
-    kept: KeptFactors,
+    unknowns: StageUnknowns,
+    kept: FrozenFactors,
     iterations: Int[Array, ""],
-) -> Unknowns:
+) -> StageUnknowns:
     """The solution itself, with its derivative with respect to system, start and h. The factors decide how
     fast that is found: they carry no derivative. iterations: that solved the stages."""
     return unknowns
@@ -137,26 +137,26 @@ class Linearised(NamedTuple):
     times: Float[Array, " stage"]
     h: Scalar
     motion: Motion
-    unknowns: Unknowns
+    unknowns: StageUnknowns
 
-    def with_roots(self, x: Unknowns) -> Unknowns:
+    def with_roots(self, x: StageUnknowns) -> StageUnknowns:
         """The roots where the hub takes them."""
         return x._replace(vdot=jax.vmap(lambda a: on_roots(self.system, a))(x.vdot))
 
-    def without_roots(self, x: Unknowns) -> Unknowns:
+    def without_roots(self, x: StageUnknowns) -> StageUnknowns:
         """Zeros for what moves with the hub."""
         roots = self.system.roots
         if roots is None:
             return x
-        held = roots.releases.free(x.vdot.tether[:, 0, :, 0], jnp.zeros(()))
+        held = roots.releases.where_released(x.vdot.tether[:, 0, :, 0], jnp.zeros(()))
         return x._replace(vdot=x.vdot._replace(tether=x.vdot.tether.at[:, 0, :, 0].set(held)))
 
-    def folded(self, residual: Residual) -> Unknowns:
+    def folded(self, residual: Residual) -> StageUnknowns:
         """The rows of the square system."""
-        rows = Unknowns(residual.forces, residual.constraints)
+        rows = StageUnknowns(residual.forces, residual.constraints)
         return jax.linear_transpose(self.with_roots, rows)(rows)[0]
 
-    def rows(self, system: System, moved: Motion, x: Unknowns) -> Unknowns:
+    def rows(self, system: System, moved: Motion, x: StageUnknowns) -> StageUnknowns:
         """Left-hand sides after changes of the motion and of the unknowns."""
         change = self.with_roots(x)
         once = jax.tree.map(lambda a: jnp.tensordot(TABLE.matrix, a, 1), change.vdot)
@@ -168,15 +168,15 @@ class Linearised(NamedTuple):
         return jax.tree.map(lambda f, x, y: f + x - y, found, x, self.without_roots(x))
 
     @property
-    def nothing(self) -> tuple[Motion, Unknowns]:
+    def nothing(self) -> tuple[Motion, StageUnknowns]:
         """No change."""
         return jax.tree.map(jnp.zeros_like, (self.motion, self.unknowns))
 
-    def forwards(self) -> Callable[[Motion, Unknowns], Unknowns]:
+    def forwards(self) -> Callable[[Motion, StageUnknowns], StageUnknowns]:
         """The derivative of `rows`."""
         return jax.linearize(lambda *x: self.rows(self.system, *x), *self.nothing)[1]
 
-    def backwards(self) -> Callable[[Unknowns], tuple[Motion, Unknowns]]:
+    def backwards(self) -> Callable[[StageUnknowns], tuple[Motion, StageUnknowns]]:
         """Its transpose."""
         return jax.vjp(lambda *x: self.rows(Transposable.of(self.system), *x), *self.nothing)[1]
 
@@ -186,9 +186,9 @@ def linear_solution(
     moved: Motion,
     given: Residual,
     turns: Turn,
-    kept: KeptFactors,
+    kept: FrozenFactors,
     count: Int[Array, ""],
-) -> Unknowns:
+) -> StageUnknowns:
     """x with A_1 moved + A_2 x + given = 0, by `count` of the same iterations, and their transpose for
     reverse mode. A_1 moved is part of the solution, as (1, 0; A_1, A_2) (moved, x) = (moved, -given): so
     that reverse mode has the transpose of A_1 with that of A_2, not the one the compiler would be given."""
@@ -225,7 +225,7 @@ def linear_solution(
     rhs = jax.tree.map(jnp.negative, equations(given))
     # As one: the rule for the transpose refuses a part that nothing perturbs beside others.
     both = lax.optimization_barrier((moved, rhs))
-    _, x = lax.custom_linear_solve(any_matrix, both, solve, solve_transposed)
+    _, x = lax.custom_linear_solve(unused_matvec, both, solve, solve_transposed)
     return linear.with_roots(x)
 
 
@@ -236,5 +236,5 @@ def on_roots(system: System, vdot: Coordinates) -> Coordinates:
     root = jnp.zeros_like(vdot.tether[0, :, 0])
     if system.hub is not None:
         root = system.roots.positions(vdot.hub)
-    root = system.roots.releases.free(vdot.tether[0, :, 0], root)
+    root = system.roots.releases.where_released(vdot.tether[0, :, 0], root)
     return vdot._replace(tether=vdot.tether.at[0, :, 0].set(root))

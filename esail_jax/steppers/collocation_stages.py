@@ -30,7 +30,7 @@ from esail_jax.array_types import Array, Complex, Float, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.numerics import bordered
 from esail_jax.numerics.lobatto import Lobatto
-from esail_jax.numerics.lockstep import one_each
+from esail_jax.numerics.lockstep import per_member_table
 from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import greatest
 from esail_jax.steppers.corotational_axes import Axes, Turn, axes_of, turn
@@ -56,14 +56,14 @@ HUB_SHARE = 0.1
 """Errors of the hub's points count ten times: they turn everything."""
 
 
-class Unknowns(NamedTuple):
+class StageUnknowns(NamedTuple):
     """What is solved for, one entry per stage (in a `History` one more, for the start of the step)."""
 
     vdot: Coordinates
     lam: Multipliers
 
 
-class Point(NamedTuple):
+class StepEnd(NamedTuple):
     """An instant: what a step starts from and ends on. work [J] since the start of the run; power [W]."""
 
     time: Scalar
@@ -74,7 +74,7 @@ class Point(NamedTuple):
     power: Power
 
 
-class KeptFactors(NamedTuple):
+class FrozenFactors(NamedTuple):
     """Factors for every mu (leading axis), of the mass matrix for the projection, and the axes they were
     made in. shape: a matrix of theirs, read for its layout."""
 
@@ -85,12 +85,14 @@ class KeptFactors(NamedTuple):
 
 
 def combined(
-    table: Float[Array | np.ndarray, "row stage"], stages: Float[Array, "stage *x"]
+    table: Float[Array | np.ndarray, "row stage"],
+    stages: Float[Array, "stage *x"],
+    like: Array | None = None,
 ) -> Float[Array, "row *x"]:
     """A table times the stages. What the hub has of them is written out: calling the library for a product
     takes longer than so small a one."""
     if stages[0].size > LIBRARY:
-        return jnp.tensordot(one_each(table), stages, 1)
+        return jnp.tensordot(per_member_table(table, stages if like is None else like), stages, 1)
     return (table.reshape(*table.shape, *(1,) * (stages.ndim - 1)) * stages).sum(1)
 
 
@@ -98,7 +100,7 @@ def combined(
 
 
 def stage_states(
-    start: Point, h: Scalar, vdot: Coordinates
+    start: StepEnd, h: Scalar, vdot: Coordinates
 ) -> tuple[Float[Array, " stage"], Coordinates, Coordinates]:
     """Times, q and v of the stages."""
 
@@ -120,7 +122,9 @@ def stage_states(
     return start.time + h * TABLE.nodes, q, v
 
 
-def stage_residuals(system: System, start: Point, h: Scalar, unknowns: Unknowns) -> tuple[Residual, Axes]:
+def stage_residuals(
+    system: System, start: StepEnd, h: Scalar, unknowns: StageUnknowns
+) -> tuple[Residual, Axes]:
     """Of every stage: what the equations of motion and the constraints' second derivatives [m/s^2] are
     short of, and the axes."""
     times, q, v = stage_states(start, h, unknowns.vdot)
@@ -129,20 +133,20 @@ def stage_residuals(system: System, start: Point, h: Scalar, unknowns: Unknowns)
 
 
 def residuals_at(
-    system: System, times: Float[Array, " stage"], q: Coordinates, v: Coordinates, unknowns: Unknowns
+    system: System, times: Float[Array, " stage"], q: Coordinates, v: Coordinates, unknowns: StageUnknowns
 ) -> Residual:
     """The same at given states of the stages."""
     found, _ = system.residuals(times, q, v, *unknowns)
-    bend = jax.vmap(system.constraint_acceleration)(times, q, v, unknowns.vdot)
-    return Residual(found.forces, bend)
+    phi_ddot = jax.vmap(system.constraint_acceleration)(times, q, v, unknowns.vdot)
+    return Residual(found.forces, phi_ddot)
 
 
-def stage_powers(system: System, start: Point, h: Scalar, unknowns: Unknowns) -> Power:
+def stage_powers(system: System, start: StepEnd, h: Scalar, unknowns: StageUnknowns) -> Power:
     """Powers at every stage."""
     return system.residuals(*stage_states(start, h, unknowns.vdot), *unknowns)[1]
 
 
-def factor(system: System, start: Point, h: Scalar, lam: Multipliers) -> KeptFactors:
+def factor(system: System, start: StepEnd, h: Scalar, lam: Multipliers) -> FrozenFactors:
     """Iteration matrices of a step of length h at its start, and their factors."""
     now = (start.time, start.q)
     inert = iteration_matrix.mass(system, *now)
@@ -168,13 +172,13 @@ def factor(system: System, start: Point, h: Scalar, lam: Multipliers) -> KeptFac
     factors = jax.vmap(of_rate)(jnp.asarray(np.append(TABLE.rates, 0.0)))
     stages = jax.tree.map(lambda x: x[:-1], factors)
     mass = jax.tree.map(lambda x: x[-1].real, factors)
-    return KeptFactors(stages, mass, inert, axes_of(system, *now))
+    return FrozenFactors(stages, mass, inert, axes_of(system, *now))
 
 
 # ---- linear equations ---------------------------------------------------------------------------
 
 
-def correction(system: System, residual: Residual, turns: Turn, kept: KeptFactors) -> Unknowns:
+def correction(system: System, residual: Residual, turns: Turn, kept: FrozenFactors) -> StageUnknowns:
     """Change of the unknowns that a simplified Newton step asks for. turns: of every stage, from the
     axes of the factors."""
 
@@ -182,37 +186,38 @@ def correction(system: System, residual: Residual, turns: Turn, kept: KeptFactor
         forces, constraints = jax.tree.map(jnp.negative, (residual.forces, residual.constraints))
         return iteration_matrix.to_vector(system, turn.back(forces), constraints)
 
-    rhs = jax.tree.map(split, jax.vmap(to_rhs)(residual, turns))
+    member = kept.axes.hub
+    rhs = jax.tree.map(lambda x: split(x, member), jax.vmap(to_rhs)(residual, turns))
     solution = jax.vmap(lambda factors, rhs: bordered.solve(kept.shape, factors, rhs))(kept.stages, rhs)
-    solution = jax.tree.map(mix, solution)
+    solution = jax.tree.map(lambda z: mix(z, member), solution)
 
     def from_solution(solution, turn):
         vdot, lam = iteration_matrix.from_vector(system, solution)
-        return Unknowns(turn.forth(vdot), lam)
+        return StageUnknowns(turn.forth(vdot), lam)
 
     return jax.vmap(from_solution)(solution, turns)
 
 
-def split(stages: Float[Array, "stage *x"]) -> Complex[Array, "rate *x"]:
+def split(stages: Float[Array, "stage *x"], like: Array) -> Complex[Array, "rate *x"]:
     """T^-1 times the stages, for the kept one of every pair; in real products, which are fast."""
     rates = len(TABLE.split)
-    parts = combined(np.concatenate([TABLE.split.real, TABLE.split.imag]), stages)
+    parts = combined(np.concatenate([TABLE.split.real, TABLE.split.imag]), stages, like)
     return lax.complex(parts[:rates], parts[rates:])
 
 
-def mix(z: Complex[Array, "rate *x"]) -> Float[Array, "stage *x"]:
+def mix(z: Complex[Array, "rate *x"], like: Array) -> Float[Array, "stage *x"]:
     """T z, both of every pair together."""
     table = np.concatenate([TABLE.mix.real, -TABLE.mix.imag], axis=1)
-    return combined(table, jnp.concatenate([z.real, z.imag]))
+    return combined(table, jnp.concatenate([z.real, z.imag]), like)
 
 
-def turns_to(axes: Axes, kept: KeptFactors) -> Turn:
+def turns_to(axes: Axes, kept: FrozenFactors) -> Turn:
     """From the axes of the factors to those of every stage."""
     return jax.vmap(lambda axes: turn(kept.axes, axes))(axes)
 
 
 def on_constraints(
-    system: System, kept: KeptFactors, time: Scalar, q: Coordinates, v: Coordinates
+    system: System, kept: FrozenFactors, time: Scalar, q: Coordinates, v: Coordinates
 ) -> tuple[Coordinates, Coordinates]:
     """The nearest state on the constraints and their rates, by one Newton correction in the mass metric
     each: the stages miss them by the local error."""
@@ -229,6 +234,20 @@ def on_constraints(
         _, rate = jax.jvp(lambda t, q: system.constraints(t, q), (time, q), (jnp.ones(()), v))
         v = corrected(v, rate)
     return system.place_roots(time, q), system.place_roots(time, v, derivative=1)
+
+
+def end_of_step(
+    system: System, now: StepEnd, h: Scalar, unknowns: StageUnknowns, kept: FrozenFactors
+) -> tuple[Coordinates, Coordinates]:
+    """q and v at the end of a step whose stages are solved, on the constraints."""
+    times, q, v = stage_states(now, h, unknowns.vdot)
+    return on_constraints(system, kept, times[-1], *(jax.tree.map(lambda x: x[-1], c) for c in (q, v)))
+
+
+def work_of_step(h: Scalar, first: Power, power: Power) -> Power:
+    """Work [J] over a step of the powers at its start and of the stages."""
+    weights = jnp.asarray(TABLE.matrix[-1])
+    return jax.tree.map(lambda p0, p: h * (TABLE.start[-1] * p0 + weights @ p), first, power)
 
 
 # ---- sizes --------------------------------------------------------------------------------------

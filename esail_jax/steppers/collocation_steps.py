@@ -1,62 +1,82 @@
-"""What collocation hands on from step to step, and keeps of each: output is read off its polynomials."""
+"""The state that collocation hands from block to block, and its record of each step, which dense output reads."""
 
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.array_types import Array, Bool, Float, Int, Scalar
-from esail_jax.steppers.collocation_stages import STAGES, TABLE, Point, Unknowns
+from esail_jax.steppers.collocation_stages import STAGES, TABLE, StageUnknowns, StepEnd
+from esail_jax.steppers.results import RESULTS
+from esail_jax.steppers.stepper import AbstractState, AbstractSteps, Log
 from esail_jax.system import Power
 
 
 class History(NamedTuple):
-    """The last step's start and stages in the axes of the hub, for the next one's first guess; h [s] of
-    that step, infinite when there was none."""
+    """The accelerations and multipliers at the start and the stages of the last step, in the axes of the hub, from
+    which the first guess of the next step is extrapolated; h [s]: the length of that step, infinite before the
+    first one."""
 
-    values: Unknowns
+    values: StageUnknowns
     h: Scalar
 
 
-class Progress(NamedTuple):
-    """What a block of steps hands on. h: the step to try next; taken, rejected: steps so far; origin [s]:
-    what steps of a given length are counted from."""
+class CollocationState(AbstractState):
+    """The state after a block.
 
-    now: Point
+    now: the end of the last step; h: the step size to try next [s]; origin: the time [s] at which
+    the state was made by `init`, from which steps of a given size are counted."""
+
+    now: StepEnd
     history: History
     h: Scalar
     taken: Scalar
     rejected: Scalar
     origin: Scalar
-
-
-class StepInfo(NamedTuple):
-    """How a step went. iterations; increment: what the last one left undone, over what is allowed; error:
-    its estimate over the tolerance."""
-
-    iterations: Int[Array, ""]
-    increment: Scalar
-    error: Scalar
-
-
-class Record(NamedTuple):
-    """A step as it was taken (`taken` False: there was none), and what its polynomials are made of."""
-
-    start: Point
-    h: Scalar
-    stages: Unknowns
-    power: Power
-    info: StepInfo
-    taken: Bool[Array, ""]
+    result: RESULTS
 
     @property
-    def end(self) -> Float[Array | np.ndarray, "*step"]:
-        """Time [s] at the end of the step, or of several."""
+    def time(self) -> Scalar:
+        return self.now.time
+
+
+class IterationInfo(NamedTuple):
+    """How the iterations of a step went: their number; increment: the remaining error over the allowed one; error:
+    the estimated local error over the tolerance."""
+
+    iterations: Int[Array, "*attempt"]
+    increment: Float[Array, "*attempt"]
+    error: Float[Array, "*attempt"]
+
+
+class CollocationSteps(AbstractSteps):
+    """A step, or several along leading axes: its start, length [s], the accelerations and multipliers at its
+    stages, and the powers there. taken: false for a rejected step, and where there was no step (h = 0)."""
+
+    start: StepEnd
+    h: Float[Array, "*attempt"]
+    stages: StageUnknowns
+    power: Power
+    info: IterationInfo
+    taken: Bool[Array, "*attempt"]
+
+    @property
+    def end(self) -> Float[Array | np.ndarray, "*attempt"]:
+        """Time at the end of the step [s]."""
         return self.start.time + self.h
 
-    def at(self, time: Scalar) -> Point:
-        """Within the step, from the polynomials of the accelerations and of the powers."""
+    @property
+    def log(self) -> Log:
+        iterations = self.info.iterations.astype(float)
+        return Log(self.h > 0.0, self.taken, self.end, self.h, {"iterations_per_step": iterations})
+
+    def pick(self, index: tuple[Int[Array, ""], ...]) -> "CollocationSteps":
+        return jax.tree.map(lambda x: x[index], self)
+
+    def at(self, time: Scalar) -> StepEnd:
+        """The motion at a time [s] within one step, from the polynomials of the accelerations and the powers."""
         start, h, x = self.start, self.h, (time - self.start.time) / self.h
         powers = x ** jnp.arange(STAGES + 1)
         none, once, twice = (x**n * (powers @ TABLE.integrals(n)) for n in (0, 1, 2))
@@ -70,13 +90,27 @@ class Record(NamedTuple):
         vdot = jax.tree.map(lambda *a: sum_of(none, *a), *vdot)
         power = start.power, self.power
         work = jax.tree.map(lambda w, *p: w + h * sum_of(once, *p), start.work, *power)
-        return Point(time, q, v, vdot, work, jax.tree.map(lambda *p: sum_of(none, *p), *power))
+        return StepEnd(time, q, v, vdot, work, jax.tree.map(lambda *p: sum_of(none, *p), *power))
 
 
-def no_record(state: Progress) -> Record:
-    """Of a step that was not taken: zeros."""
+def no_step(state: CollocationState) -> CollocationSteps:
+    """The record of a step that was not taken: zeros."""
     zero, powers = jnp.zeros(()), jnp.zeros(STAGES)
     stages = jax.tree.map(lambda x: jnp.zeros_like(x[1:]), state.history.values)
     start = jax.tree.map(jnp.zeros_like, state.now)
-    info = StepInfo(jnp.zeros((), int), zero, zero)
-    return Record(start, zero, stages, Power(powers, powers), info, jnp.asarray(False))
+    info = IterationInfo(jnp.zeros((), int), zero, zero)
+    return CollocationSteps(start, zero, stages, Power(powers, powers), info, jnp.asarray(False))
+
+
+def zero_length_steps(state: CollocationState, count: int) -> CollocationSteps:
+    """Records in which dense output finds the start of a motion at its own time."""
+    step = no_step(state)
+    # The polynomial is divided by the length of the step, which must not be zero.
+    step = eqx.tree_at(
+        lambda s: (s.start, s.h, s.taken), step, (state.now, jnp.asarray(TINY), jnp.asarray(True))
+    )
+    return jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *x.shape)), step)
+
+
+TINY = 1e-30
+"""Length of a step that ends where it begins, to rounding [s]."""

@@ -41,16 +41,17 @@ def consistent_motion(
     rest = jax.tree.map(jnp.zeros_like, q)
     if system.hub is None:
         rest = system.place_roots(time, rest, derivative=2)
-    at_rest = system.inertial(q, v, rest)
-    tether, power = system.steered(time, q).tether_forces(time, q.tether, v.tether, at_rest.tether)
+    at_rest = system.relative_to_free_fall(q, v, rest)
+    commanded = system.with_commanded_loads(time, q)
+    tether, power = commanded.tether_forces(time, q.tether, v.tether, at_rest.tether)
     loads = Coordinates(tether, at_rest.hub)
-    residual, _ = system.joined(time, q, v, loads, system.no_multipliers(), power)
-    bend = system.constraint_acceleration(time, q, v, rest)
+    residual, _ = system.complete_residual(time, q, v, loads, system.no_multipliers(), power)
+    phi_ddot = system.constraint_acceleration(time, q, v, rest)
     matrix, factors = iteration_matrix.factor_mass(system, time, q) if mass is None else mass
-    rhs = iteration_matrix.to_vector(system, *jax.tree.map(jnp.negative, (residual.forces, bend)))
+    rhs = iteration_matrix.to_vector(system, *jax.tree.map(jnp.negative, (residual.forces, phi_ddot)))
     vdot, lam = iteration_matrix.from_vector(system, bordered.solve(matrix, factors, rhs))
     moving = loads.axpy(1.0, Coordinates(system.tethers.inertia(vdot.tether), vdot.hub))
-    residual, power = system.joined(time, q, v, moving, lam, power)
+    residual, power = system.complete_residual(time, q, v, moving, lam, power)
     return Motion(jax.tree.map(jnp.add, rest, vdot), lam, residual.forces, power)
 
 

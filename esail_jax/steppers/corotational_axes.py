@@ -81,7 +81,7 @@ def loose(system: System) -> Float[Array | np.ndarray, "coef place"]:
     first[0, 0] = 1.0
     held = jnp.zeros(tethers.count)
     if system.roots is not None:
-        held = system.roots.releases.free(held, jnp.ones(tethers.count))
+        held = system.roots.releases.where_released(held, jnp.ones(tethers.count))
     return (1.0 - first * held).reshape(tethers.coefs, -1)
 
 

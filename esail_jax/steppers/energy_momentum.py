@@ -26,7 +26,7 @@ from esail_jax.array_types import Float, Instants, Rotation, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.numerics import bordered
 from esail_jax.numerics.quadrature import gauss_legendre
-from esail_jax.steppers.fixed_step import FixedStep, KeptFactors, State, StepInfo, Unknowns
+from esail_jax.steppers.fixed_step import FixedStep, FrozenFactors, IterationInfo, StepState, Unknowns
 from esail_jax.steppers.fixed_step_solution import solve_step
 from esail_jax.system import Power, Residual, System
 from esail_jax.terms import Energy, PointFields, Term
@@ -94,6 +94,7 @@ class EnergyMomentum(FixedStep):
     """The stepper. Of a `State`, a is w of the last step, power that at its midpoint, and vdot an
     estimate for its end."""
 
+    name: ClassVar[str] = "energy-momentum"
     most_iterations: ClassVar[int] = 30
 
     @property
@@ -113,12 +114,12 @@ class EnergyMomentum(FixedStep):
 
     def factor(
         self, system: System, time: Scalar, q: Coordinates, v: Coordinates, lam: Multipliers
-    ) -> KeptFactors:
+    ) -> FrozenFactors:
         """Iteration matrix of a step at constant velocity from a state, and its factors."""
         h = self.step_size
         middle, end = q.axpy(0.5 * h, v), q.axpy(h, v)
         matrix = self.matrix(system, time + 0.5 * h, middle, v, lam, time + h, end)
-        return KeptFactors(matrix, bordered.factor(matrix), system.rotation(time, q))
+        return FrozenFactors(matrix, bordered.factor(matrix), system.rotation(time, q))
 
     def matrix(
         self,
@@ -195,7 +196,7 @@ class EnergyMomentum(FixedStep):
         return Residual(forces, constraints), power
 
     def correct(
-        self, system: System, residual: Residual, kept: KeptFactors, turned: Rotation
+        self, system: System, residual: Residual, kept: FrozenFactors, turned: Rotation
     ) -> tuple[Unknowns, Coordinates]:
         """Change of the unknowns that a chord step asks for, and the change of q1 that goes with it: twice
         that of q_m, for which the matrix is."""
@@ -208,13 +209,13 @@ class EnergyMomentum(FixedStep):
 
     def tangent(
         self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, unknowns: Unknowns
-    ) -> KeptFactors:
+    ) -> FrozenFactors:
         """Factors of the exact derivative of the residual: forces at the midpoint, constraints at the
         end."""
         made, time, q, u, _ = self.middle(system, end, q0, v0, unknowns.vdot)
         q1, _ = self.end_of_step(system, end, q0, v0, unknowns.vdot)
         matrix = self.matrix(made, time, q, u, unknowns.lam, end, q1)
-        return KeptFactors(matrix, bordered.factor(matrix), jnp.eye(3))
+        return FrozenFactors(matrix, bordered.factor(matrix), jnp.eye(3))
 
     def tolerances(self, system: System, q: Coordinates) -> Float[jax.Array, "2"]:
         """Largest last increments [m] of a step that has converged, of tether nodes and of the hub."""
@@ -222,25 +223,27 @@ class EnergyMomentum(FixedStep):
         return lax.stop_gradient(ROUNDING * jnp.stack([size, size]))
 
     def step(
-        self, system: System, time: Scalar, state: State, kept: KeptFactors, rate: Scalar
-    ) -> tuple[State, StepInfo]:
+        self, system: System, time: Scalar, state: StepState, kept: FrozenFactors, rate: Scalar
+    ) -> tuple[StepState, IterationInfo]:
         """From t to t + h, until what chord iterations leave is rounding."""
         h = self.step_size
         end = time + h
-        guess = jax.tree.map(lambda *x: x[0] + x[1] + x[2], state.a, state.rise, state.bend)
+        guess = jax.tree.map(
+            lambda *x: x[0] + x[1] + x[2], state.a, state.vdot_difference, state.vdot_second_difference
+        )
         unknowns = Unknowns(guess, state.lam)
         unknowns, power, info = solve_step(self, system, end, state.q, state.v, unknowns, kept, rate)
         q, v = self.end_of_step(system, end, state.q, state.v, unknowns.vdot)
         w = unknowns.vdot
         rise = jax.tree.map(jnp.subtract, w, state.a)
-        state = State(
+        state = StepState(
             q=q,
             v=v,
             vdot=w.axpy(0.5, rise),
             a=w,
             lam=unknowns.lam,
-            rise=rise,
-            bend=jax.tree.map(jnp.subtract, rise, state.rise),
+            vdot_difference=rise,
+            vdot_second_difference=jax.tree.map(jnp.subtract, rise, state.vdot_difference),
             work=jax.tree.map(lambda total, rate: total + h * rate, state.work, power),
             power=power,
         )

@@ -1,69 +1,116 @@
-"""What the implicit methods of fixed steps share: a step's state, and what is asked of a method.
+"""Implicit methods with steps of a given size: generalized-alpha and energy-momentum.
 
-The unknowns of a step are vdot (of energy-momentum, w) and the multipliers, found by chord iterations
-(`step_solution.py`). The factors of the iteration matrix, kept over `KEEP` steps, are turned with the hub.
-Inertia, elasticity, damping and rigidity look the same from every direction, so factors made at one
-attitude serve at any other: what they lose is only the change of shape, not the rotation.
+The unknowns of a step are the accelerations (of energy-momentum, their mean over the step) and the multipliers,
+found by chord iterations (`fixed_step_solution.py`). The factors of the iteration matrix serve for a block of up to
+`STEPS_PER_FACTORISATION` steps and are turned with the hub: inertia, elasticity, damping and rigidity are the same
+in every direction, so that only the change of shape makes old factors worse, not the rotation.
+
+A block ends before a step that does not converge, and the next block begins there with fresh factors. If its first
+step fails too, the step is halved, up to `MAX_HALVINGS` times; after a whole step it is doubled again.
 """
 
 from abc import abstractmethod
-from typing import ClassVar, NamedTuple
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any, ClassVar, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
 from esail_jax import iteration_matrix
-from esail_jax.array_types import Float, Int, Rotation, Scalar
+from esail_jax.array_types import Array, Bool, Float, Int, Rotation, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.numerics import bordered
+from esail_jax.numerics.lockstep import bounded_loop, select, while_active
+from esail_jax.steppers.consistent import consistent_motion
+from esail_jax.steppers.results import RESULTS
+from esail_jax.steppers.step_error import StepErrors, after_block, no_errors
+from esail_jax.steppers.stepper import (
+    AbstractState,
+    AbstractStepper,
+    AbstractSteps,
+    Log,
+    Motion,
+    Point,
+    Statistic,
+    replay_blocks,
+)
 from esail_jax.system import Power, System
 
-KEEP = 20
-"""Steps per factorisation. A block of this many steps is the unit of work everywhere: a resumed run
-starts at a block, so that it factors where the uninterrupted one did."""
+STEPS_PER_FACTORISATION = 20
+"""Largest number of steps in a block."""
+
+MAX_HALVINGS = 6
+"""How often the step is halved where iterations do not converge, before the run is given up."""
+
+TICKS = 2**MAX_HALVINGS
+"""Units in which time is counted, per whole step: the end of every step is an exact multiple."""
 
 MAX_ITERATIONS = 12
-"""Chord iterations after which a step has failed; good ones take one or two."""
+"""Number of chord iterations after which a step has failed; good steps take one or two."""
+
+SNAP = 1e-9
+"""Fraction of a step by which an instant may miss the end of a step and still be that end: multiples of decimal
+numbers are not exact in binary."""
 
 
-class State(NamedTuple):
-    """What one step hands to the next.
+class StepState(NamedTuple):
+    """The motion at the end of a step, and what the next step needs of those before.
 
-    rise, bend: first and second differences of vdot over the last steps, for the first guess.
-    work: external work and dissipated energy [J] since the start of the run; power: their rates
-    [W] at this instant.
-    """
+    a: the auxiliary acceleration of generalized-alpha; vdot_difference, vdot_second_difference: differences of vdot
+    over the last steps, for the first guess; work: external work and dissipated energy [J] since the start of the
+    run; power: their rates [W]."""
 
     q: Coordinates
     v: Coordinates
     vdot: Coordinates
     a: Coordinates
     lam: Multipliers
-    rise: Coordinates
-    bend: Coordinates
+    vdot_difference: Coordinates
+    vdot_second_difference: Coordinates
     work: Power
     power: Power
 
 
-class KeptFactors(NamedTuple):
-    """Factors of an iteration matrix, and the attitude they were made at."""
+class FixedStepState(AbstractState):
+    """The state after a block.
 
-    matrix: bordered.Bordered
-    factors: bordered.Factors
-    rotation: Rotation
+    origin: the time [s] at which `init` made the state; ticks: time since then in units of step/TICKS; halvings: how
+    often the step is halved at present; errors: the estimated errors so far."""
 
-    def solve(
-        self, system: System, turned: Rotation, forces: Coordinates, constraints: Multipliers
-    ) -> tuple[Coordinates, Multipliers]:
-        """(dq, s dlam) for a right-hand side given at an attitude `turned` from the factors'."""
-        rhs = iteration_matrix.to_vector(system, forces.rotate(turned.T), constraints)
-        dq, dlam = iteration_matrix.from_vector(system, bordered.solve(self.matrix, self.factors, rhs))
-        return dq.rotate(turned), dlam
+    now: StepState
+    origin: Scalar
+    tick: Scalar
+    ticks: Int[Array, ""]
+    halvings: Int[Array, ""]
+    errors: StepErrors
+    taken: Scalar
+    rejected: Scalar
+    result: RESULTS
+
+    @property
+    def time(self) -> Scalar:
+        return self.origin + self.ticks * self.tick
 
 
-class StepInfo(NamedTuple):
+class Node(NamedTuple):
+    """The end of a step, as dense output needs it."""
+
+    q: Coordinates
+    v: Coordinates
+    vdot: Coordinates
+    work: Power
+    power: Power
+
+    @classmethod
+    def of(cls, state: StepState) -> "Node":
+        """The part of a state that is recorded."""
+        return cls(state.q, state.v, state.vdot, state.work, state.power)
+
+
+class IterationInfo(NamedTuple):
     """How a step went.
 
     iterations; increment [m]: the last one, of tether nodes and of the hub; left [m]: what it is expected
@@ -87,24 +134,111 @@ class StepInfo(NamedTuple):
         return (self.left <= self.tolerance).all()
 
 
+class FixedStepSteps(AbstractSteps):
+    """The steps of a block: where the first begins, and the end of each; errors: the estimates at the end of the
+    block, in parts of the signals' ranges. tried, taken: as in `Log`."""
+
+    start: Node
+    ends: Node
+    end: Float[Array, "*block attempt"]
+    size: Float[Array, "*block attempt"]
+    tried: Bool[Array, "*block attempt"]
+    taken: Bool[Array, "*block attempt"]
+    info: IterationInfo
+    errors: Float[Array, "*block 2"]
+
+    @property
+    def log(self) -> Log:
+        info, shape = self.info, self.end.shape
+        tip, force = (jnp.broadcast_to(self.errors[i], shape) for i in (0, 1))
+        statistics = {
+            "iterations_per_step": info.iterations.astype(float),
+            "last_increment": info.increment.max(-1),
+            "constraint_violation": info.constraint,
+            "residual": info.residual,
+            "tether": info.tether.astype(float),
+            "tip_error": tip,
+            "root_force_error": force,
+        }
+        return Log(self.tried, self.taken, self.end, self.size, statistics)
+
+    def find(self, time: Scalar) -> tuple[Int[Array, ""], ...]:
+        reaches = self.taken & (time <= self.end + SNAP * self.size)
+        return jnp.unravel_index(jnp.argmax(reaches), reaches.shape)
+
+    def pick(self, index: tuple[Int[Array, ""], ...]) -> "Interval":
+        *block, k = index
+        block = tuple(block)
+        before = jax.tree.map(
+            lambda x0, x: jnp.where(k == 0, x0[block], x[(*block, jnp.maximum(k - 1, 0))]),
+            self.start,
+            self.ends,
+        )
+        after = jax.tree.map(lambda x: x[index], self.ends)
+        return Interval(before, after, self.end[index], self.size[index])
+
+
+class Interval(NamedTuple):
+    """One step: its two ends, the time at the second, and its length [s]."""
+
+    before: Node
+    after: Node
+    end: Scalar
+    size: Scalar
+
+
+class Tape(NamedTuple):
+    """Number of steps that a block took, and whether an attempt failed after them."""
+
+    count: Int[Array, ""]
+    failed: Bool[Array, ""]
+
+
+class FrozenFactors(NamedTuple):
+    """Factors of an iteration matrix, and the attitude they were made at."""
+
+    matrix: bordered.Bordered
+    factors: bordered.Factors
+    rotation: Rotation
+
+    def solve(
+        self, system: System, turned: Rotation, forces: Coordinates, constraints: Multipliers
+    ) -> tuple[Coordinates, Multipliers]:
+        """(dq, s dlam) for a right-hand side given at an attitude `turned` from the factors'."""
+        rhs = iteration_matrix.to_vector(system, forces.rotate(turned.T), constraints)
+        dq, dlam = iteration_matrix.from_vector(system, bordered.solve(self.matrix, self.factors, rhs))
+        return dq.rotate(turned), dlam
+
+
 class Unknowns(NamedTuple):
-    """What a step solves for."""
+    """The unknowns of a step."""
 
     vdot: Coordinates
     lam: Multipliers
 
 
-class FixedStep(eqx.Module):
-    """A method that finds vdot and lam of a step by chord iterations: numbers are leaves, so that a new
-    step size does not compile again. The rest of what `solve_step` asks of one is in its subclasses:
-    `attitude`, `residual`, `correct`, `tangent` and `tolerances`."""
+class FixedStep(AbstractStepper):
+    """A method that finds vdot and lam of a step by chord iterations."""
 
     step_size: Scalar
 
+    order: ClassVar[int] = 2
+    steps_per_block: ClassVar[int] = STEPS_PER_FACTORISATION
+    statistics: ClassVar[Mapping[str, Statistic]] = {
+        "iterations_per_step": Statistic("-", "mean"),
+        "last_increment": Statistic("m", "largest"),
+        "constraint_violation": Statistic("m", "largest"),
+        "residual": Statistic("N", "largest"),
+        "tip_error": Statistic("-", "last"),
+        "root_force_error": Statistic("-", "last"),
+    }
     most_iterations: ClassVar[int] = MAX_ITERATIONS
     trusted: ClassVar[float] = 1.0
-    """Tolerances that a last increment may have where so little of it is expected to be left. Above 1 the
-    power of a step, that of the state before its last correction, is off by as much."""
+    """Largest last increment, in tolerances, with which a step is accepted where the expected remainder is within
+    tolerance. With a value above 1 the power of a step, which is computed before its last correction, has an error
+    of that size."""
+
+    # ---- a method --------------------------------------------------------------------------------
 
     @property
     @abstractmethod
@@ -114,30 +248,259 @@ class FixedStep(eqx.Module):
     @abstractmethod
     def factor(
         self, system: System, time: Scalar, q: Coordinates, v: Coordinates, lam: Multipliers
-    ) -> KeptFactors:
-        """Iteration matrix at a state, and its factors."""
+    ) -> FrozenFactors:
+        """The factors of the iteration matrix at a state."""
 
-    def transposable(self, system: System) -> System:
-        """The system whose derivative with respect to the state is taken in reverse."""
-        return system
+    @abstractmethod
+    def attitude(
+        self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, vdot: Coordinates
+    ) -> Rotation:
+        """The attitude to which the factors are turned for a step."""
+
+    @abstractmethod
+    def residual(
+        self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, unknowns: Unknowns
+    ) -> tuple[Any, Power]:
+        """The residual of the equations of a step (`system.Residual`), and the power of its forces."""
+
+    @abstractmethod
+    def correct(
+        self, system: System, residual: Any, kept: FrozenFactors, turned: Rotation
+    ) -> tuple[Unknowns, Coordinates]:
+        """The change of the unknowns in a chord iteration, and the change of q that goes with it."""
+
+    @abstractmethod
+    def tangent(
+        self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, unknowns: Unknowns
+    ) -> FrozenFactors:
+        """The factors of the exact derivative of the residual."""
+
+    @abstractmethod
+    def tolerances(self, system: System, q: Coordinates) -> Float[Array, "2"]:
+        """Largest last increments [m] of a converged step, of tether nodes and of the hub."""
 
     @abstractmethod
     def step(
-        self, system: System, time: Scalar, state: State, kept: KeptFactors, rate: Scalar
-    ) -> tuple[State, StepInfo]:
-        """From t to t + h, until what is left is within tolerance. rate: that of an earlier step with
-        these factors, infinite if there was none."""
+        self, system: System, time: Scalar, state: StepState, kept: FrozenFactors, rate: Scalar
+    ) -> tuple[StepState, IterationInfo]:
+        """One step from `time` [s]. rate: the contraction of the iterations in an earlier step with these factors,
+        infinite if there was none."""
 
-    def block(
-        self, system: System, time: Scalar, state: State, steps: int
-    ) -> tuple[State, tuple[State, StepInfo]]:
-        """`steps` steps with one factorisation; also every state after a step."""
-        kept = self.factor(system, time, state.q, state.v, state.lam)
+    def transposable(self, system: System) -> System:
+        """The system whose derivative with respect to the state is taken in reverse mode."""
+        return system
 
-        def advance(carry, index):
-            state, rate = carry
-            state, info = self.step(system, time + index * self.step_size, state, kept, rate)
-            return (state, lax.stop_gradient(info.rate)), (state, info)
+    def first_state(self, system: System, time: Scalar, state: StepState) -> StepState:
+        """The start with better first guesses, for a method that has them."""
+        return state
 
-        (state, _), results = lax.scan(advance, (state, jnp.asarray(jnp.inf)), jnp.arange(steps))
-        return state, results
+    def rescaled(self, state: StepState, ratio: Scalar) -> StepState:
+        """The state for steps `ratio` times as long."""
+        first = jax.tree.map(lambda x: ratio * x, state.vdot_difference)
+        second = jax.tree.map(lambda x: ratio**2 * x, state.vdot_second_difference)
+        return state._replace(vdot_difference=first, vdot_second_difference=second)
+
+    # ---- the interface of a stepper ----------------------------------------------------------------
+
+    def init(self, model: System, start: Point, until: Scalar) -> tuple[FixedStepState, FixedStepSteps]:
+        """The start with consistent accelerations. `until` is not used: steps are given."""
+        time, q, v, work, _ = start
+        vdot, lam, _, power = consistent_motion(model, time, q, v)
+        nothing = jax.tree.map(jnp.zeros_like, vdot)
+        now = StepState(q, v, vdot, vdot, lam, nothing, nothing, work, power)
+        now = self.first_state(model, time, now)
+        zero, none = jnp.zeros(()), jnp.zeros((), int)
+        errors = no_errors(model.tethers.count)
+        tick = self.step_size / TICKS
+        state = FixedStepState(now, time, tick, none, none, errors, zero, zero, RESULTS.successful)
+        node, count = Node.of(now), STEPS_PER_FACTORISATION
+
+        def repeated(x):
+            return jnp.broadcast_to(x, (count, *jnp.shape(x)))
+
+        ends, info = jax.tree.map(repeated, (node, no_info()))
+        steps = FixedStepSteps(
+            node,
+            ends,
+            repeated(time),
+            repeated(self.step_size),
+            repeated(False),
+            repeated(True),
+            info,
+            errors.parts,
+        )
+        return state, steps
+
+    def block(self, model: System, state: FixedStepState) -> tuple[FixedStepState, FixedStepSteps]:
+        """Up to STEPS_PER_FACTORISATION steps with one factorisation. Where a step fails the steps before it are
+        taken again: a failure is rare, and nothing needs to be selected after a good step."""
+        one_step, wanted = self.stepping(model, state)
+
+        def attempts(carry, records, _):
+            limit, _, failure = carry
+            begun = (state.now, jnp.asarray(jnp.inf), jnp.zeros((), int))
+            (now, *_), (ends, info, good) = bounded_loop(
+                one_step, begun, limit, nothing, STEPS_PER_FACTORISATION
+            )
+            count = jnp.minimum(good.sum(), limit)
+            at = jnp.minimum(count, STEPS_PER_FACTORISATION - 1)
+            seen = jax.tree.map(lambda x: x[at], info)
+            failure = select(count < limit, seen, failure)
+            return (count, limit, failure), (now, ends, info)
+
+        nothing = (Node.of(state.now), no_info(), jnp.asarray(False))
+        room = jax.tree.map(
+            lambda x: jnp.broadcast_to(x, (STEPS_PER_FACTORISATION, *jnp.shape(x))), nothing
+        )
+        carry = (wanted, wanted + 1, no_info())
+        (count, _, failure), (now, ends, info) = while_active(
+            lambda carry: carry[0] < carry[1], attempts, carry, (state.now, *room[:2])
+        )
+        return self.finished(model, state, now, ends, info, Tape(count, count < wanted), failure)
+
+    def stepping(self, model: System, state: FixedStepState) -> tuple[Callable, Int[Array, ""]]:
+        """The function of one step with the factors of this block, and the number of steps to take. With a halved
+        step a block ends at the end of a whole step, where the step may be doubled."""
+        now, ticks = state.now, TICKS >> state.halvings
+        fine = replace(self, step_size=self.step_size * (ticks / TICKS))
+        kept = fine.factor(model, state.time, now.q, now.v, now.lam)
+
+        def one_step(carry):
+            now, rate, index = carry
+            time = state.origin + (state.ticks + index * ticks) * state.tick
+            now, info = fine.step(model, time, now, kept, rate)
+            good = info.converged()
+            return (now, lax.stop_gradient(info.rate), index + 1), good, (Node.of(now), info, good)
+
+        whole = (TICKS - state.ticks % TICKS) // ticks
+        wanted = jnp.where(
+            state.halvings > 0, jnp.minimum(whole, STEPS_PER_FACTORISATION), STEPS_PER_FACTORISATION
+        )
+        return one_step, wanted
+
+    def finished(
+        self,
+        model: System,
+        state: FixedStepState,
+        now: StepState,
+        ends: Node,
+        info: IterationInfo,
+        tape: Tape,
+        failure: IterationInfo,
+    ) -> tuple[FixedStepState, FixedStepSteps]:
+        """The state and the record after a block, from the steps taken, and the choice of the next step."""
+        size = TICKS >> state.halvings
+        index = jnp.arange(STEPS_PER_FACTORISATION)
+        taken = index < tape.count
+        end = state.origin + (state.ticks + (index + 1) * size) * state.tick
+        ticks = state.ticks + tape.count * size
+        length = size * state.tick
+        errors = after_block(
+            state.errors, model, state.time, length, state.now.q, ends.q, tape.count, self.phase_error
+        )
+        # The failed attempt is recorded after the steps that were taken.
+        tried = taken | (tape.failed & (index == tape.count))
+        info = jax.tree.map(
+            lambda x, y: jnp.where((index == tape.count).reshape(-1, *(1,) * (x.ndim - 1)) & tape.failed, y, x),
+            info, failure,
+        )  # fmt: skip
+        sizes = jnp.where(tried, length, 0.0)
+        steps = FixedStepSteps(Node.of(state.now), ends, end, sizes, tried, taken, info, errors.parts)
+
+        useless = tape.failed & (tape.count == 0)
+        stuck = useless & (state.halvings == MAX_HALVINGS)
+        easier = ~tape.failed & (state.halvings > 0) & (ticks % TICKS == 0)
+        halvings = state.halvings + jnp.where(useless & ~stuck, 1, 0) - jnp.where(easier, 1, 0)
+        ratio = 2.0 ** (state.halvings - halvings)
+        now = select(halvings == state.halvings, now, self.rescaled(now, ratio))
+        finite = jnp.isfinite(failure.increment).all()
+        cause = RESULTS.where(finite, RESULTS.newton_diverged, RESULTS.nonfinite)
+        state = replace(
+            state,
+            now=now,
+            ticks=ticks,
+            halvings=halvings,
+            errors=errors,
+            taken=state.taken + tape.count,
+            rejected=state.rejected + tape.failed,
+            result=RESULTS.where(stuck, cause, state.result),
+        )
+        return state, steps
+
+    def evaluate(self, model: System, step: Interval, time: Scalar) -> Point:
+        """The cubics through the values and rates of q, v and the work at both ends of the step.
+
+        v is not the derivative of the cubic of q: the method's v and dq/dt differ by a constant times
+        h^2 d^2v/dt^2 (0.17 at spectral radius 0.25), which would appear at saved instants only."""
+        before, after, end, h = step
+        theta = 1.0 + (time - end) / h
+        t2, t3 = theta**2, theta**3
+        h00, h10, h01, h11 = 2 * t3 - 3 * t2 + 1, t3 - 2 * t2 + theta, 3 * t2 - 2 * t3, t3 - t2
+
+        def cubic(x0, r0, x1, r1):
+            return h00 * x0 + h01 * x1 + h * (h10 * r0 + h11 * r1)
+
+        q = jax.tree.map(cubic, before.q, before.v, after.q, after.v)
+        v = jax.tree.map(cubic, before.v, before.vdot, after.v, after.vdot)
+        work = jax.tree.map(cubic, before.work, before.power, after.work, after.power)
+        between = (q, v, work)
+        at_start, at_end = theta < SNAP, theta > 1.0 - SNAP
+        nearest = select(at_start, (before.q, before.v, before.work), (after.q, after.v, after.work))
+        exact = at_start | at_end
+        return Point(time, *select(exact, nearest, between), exact)
+
+    def failure(self, model: System, state: FixedStepState, log: Log) -> str:
+        tried = np.asarray(log.tried)
+        last = {name: np.asarray(x)[tried][-1] for name, x in log.statistics.items()}
+        step, time = np.asarray(log.size)[tried][-1], np.asarray(log.end)[tried][-1]
+        return (
+            f"At t = {time:.6g} s with steps of {step:.3g} s, tether {int(last['tether'])}: last increment "
+            f"{last['last_increment']:.3g} m after {int(last['iterations_per_step'])} iterations, constraint "
+            f"violation {last['constraint_violation']:.3g} m. Smaller steps did not help."
+        )
+
+    def error_estimates(self, state: FixedStepState) -> dict[str, Scalar]:
+        tip, force = state.errors.parts
+        return {"tip_error": tip, "root_force_error": force}
+
+    # ---- derivatives -------------------------------------------------------------------------------
+
+    def tape(self, steps: FixedStepSteps) -> Tape:
+        """The number of steps: they are taken again."""
+        return Tape(steps.taken.sum(), (steps.tried & ~steps.taken).any())
+
+    def replay(
+        self,
+        model: System,
+        motion: Motion,
+        ended: Motion,
+        tapes: Tape,
+        blocks: Int[Array, ""],
+        times: Float[Array, " instant"],
+    ) -> tuple[Motion, Point]:
+        """The blocks again, each in a loop of fixed length."""
+
+        def block(state, tape):
+            one_step, _ = self.stepping(model, state)
+
+            def step(carry, index):
+                def go(carry):
+                    carry, _, (node, info, _) = one_step(carry)
+                    return carry, (node, info)
+
+                def stay(carry):
+                    return carry, (Node.of(carry[0]), no_info())
+
+                return lax.cond(index < tape.count, go, stay, carry)
+
+            carry = (state.now, jnp.asarray(jnp.inf), jnp.zeros((), int))
+            (now, *_), (ends, info) = lax.scan(step, carry, jnp.arange(STEPS_PER_FACTORISATION))
+            return self.finished(model, state, now, ends, info, tape, no_info())
+
+        return replay_blocks(self, model, motion, block, tapes, blocks, times)
+
+
+def no_info() -> IterationInfo:
+    """The account of a step that was not tried."""
+    zero, none, two = jnp.zeros(()), jnp.zeros((), int), jnp.zeros(2)
+    return IterationInfo(none, two, two, zero, two, zero, zero, none)

@@ -16,13 +16,13 @@ from jax import lax
 from esail_jax.array_types import Float, Int, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.numerics.symbolic_zeros import (
-    any_matrix,
     is_symbolic,
     jvp_of_perturbed,
-    number_of,
+    materialised,
     perturbed,
+    unused_matvec,
 )
-from esail_jax.steppers.fixed_step import FixedStep, KeptFactors, StepInfo, Unknowns
+from esail_jax.steppers.fixed_step import FixedStep, FrozenFactors, IterationInfo, Unknowns
 from esail_jax.system import Power, Residual, System
 
 MARGIN = 10.0
@@ -37,9 +37,9 @@ def solve_step(
     q0: Coordinates,
     v0: Coordinates,
     guess: Unknowns,
-    kept: KeptFactors,
+    kept: FrozenFactors,
     rate: Scalar,
-) -> tuple[Unknowns, Power, StepInfo]:
+) -> tuple[Unknowns, Power, IterationInfo]:
     """Chord iterations. Guess and factors decide how fast they converge, not where to: they carry
     no derivative. rate: as in `FixedStep.step`."""
     turned = stepper.attitude(system, end, q0, v0, guess.vdot) @ kept.rotation.T
@@ -53,7 +53,7 @@ def solve_step(
         size, before = ((x / info.tolerance).max() for x in (norms, info.increment))
         rate = jnp.where(info.iterations > 0, size / before, info.rate)
         part = jnp.where(size <= stepper.trusted, jnp.minimum(1.0, MARGIN * rate), 1.0)
-        info = StepInfo(
+        info = IterationInfo(
             iterations=info.iterations + 1,
             increment=norms,
             left=part * norms,
@@ -71,7 +71,7 @@ def solve_step(
 
     zero, none = jnp.zeros(()), jnp.zeros((), int)
     infinite = jnp.full(2, jnp.inf)
-    start = StepInfo(none, infinite, infinite, rate, stepper.tolerances(system, q0), zero, zero, none)
+    start = IterationInfo(none, infinite, infinite, rate, stepper.tolerances(system, q0), zero, zero, none)
     return lax.while_loop(unfinished, iterate, (guess, Power(zero, zero), start))
 
 
@@ -86,14 +86,14 @@ def _solve_step_jvp(primals, tangents):
         return equations(stepper, system, end, q0, v0, unknowns)[0]
 
     _, given = jvp_of_perturbed(at_that_start, primals[:3], tangents[:3])
-    start_dot = Start(*jax.tree.map(number_of, tangents[3:5], is_leaf=is_symbolic))
+    start_dot = Start(*jax.tree.map(materialised, tangents[3:5], is_leaf=is_symbolic))
     linear = Linearised(stepper, system, end, Start(q0, v0), unknowns)
     unknowns_dot = linear_solution(linear, start_dot, given)
     at = (*primals[:5], unknowns)
     power_dot = jvp_if_wanted(lambda *x: equations(*x)[1], at, (*tangents[:5], unknowns_dot))
     none = np.zeros((), jax.dtypes.float0)
     zero = jnp.zeros(())
-    info_dot = StepInfo(none, *(jnp.zeros(2),) * 2, zero, jnp.zeros(2), zero, zero, none)
+    info_dot = IterationInfo(none, *(jnp.zeros(2),) * 2, zero, jnp.zeros(2), zero, zero, none)
     return (unknowns, power, info), (unknowns_dot, power_dot, info_dot)
 
 
@@ -150,11 +150,10 @@ def linear_solution(linear: Linearised, moved: Start, given: Residual) -> Unknow
     that `transposable` knows, not the one the compiler would be given."""
     linear = lax.stop_gradient(linear)
     nothing, zero = linear.nothing
-    steered = linear.system.steering is not None
 
     def improved(product, inverse, rows):
         x = inverse(rows)
-        if steered:
+        if linear.system.controlled:
             # The tangent does not know how voltages depend on the attitude: a part in a million.
             left = jax.tree.map(jnp.subtract, rows, product(x))
             x = jax.tree.map(jnp.add, x, inverse(left))
@@ -176,7 +175,7 @@ def linear_solution(linear: Linearised, moved: Start, given: Residual) -> Unknow
     rows = jax.tree.map(jnp.negative, Unknowns(*given))
     # As one: the rule for the transpose refuses a part that nothing perturbs beside others.
     both = lax.optimization_barrier((moved, rows))
-    return lax.custom_linear_solve(any_matrix, both, solve, solve_transposed)[1]
+    return lax.custom_linear_solve(unused_matvec, both, solve, solve_transposed)[1]
 
 
 def jvp_if_wanted(function: Callable, primals: tuple, tangents: tuple) -> Any:
@@ -198,7 +197,7 @@ def jvp_if_wanted(function: Callable, primals: tuple, tangents: tuple) -> Any:
 
     nothing = nothing_of(jax.eval_shape(function, *at))
     both = lax.optimization_barrier((moves, nothing))
-    return lax.custom_linear_solve(any_matrix, both, solve, solve_transposed)[1]
+    return lax.custom_linear_solve(unused_matvec, both, solve, solve_transposed)[1]
 
 
 def nothing_of(like: Any) -> Any:

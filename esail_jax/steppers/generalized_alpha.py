@@ -19,7 +19,8 @@ from esail_jax import iteration_matrix
 from esail_jax.array_types import Float, Rotation, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.numerics import bordered
-from esail_jax.steppers.fixed_step import FixedStep, KeptFactors, State, StepInfo, Unknowns
+from esail_jax.numerics.lockstep import select
+from esail_jax.steppers.fixed_step import FixedStep, FrozenFactors, IterationInfo, StepState, Unknowns
 from esail_jax.steppers.fixed_step_solution import solve_step
 from esail_jax.steppers.transposable import Transposable
 from esail_jax.system import Power, Residual, System
@@ -58,6 +59,7 @@ class GeneralizedAlpha(FixedStep):
 
     spectral_radius: Scalar
 
+    name: ClassVar[str] = "generalized-alpha"
     trusted: ClassVar[float] = 1000.0
     """At 40 elements a tether, where guesses are off by so much, work then changes by 1e-10 of itself and
     the dissipated energy by 4e-7; half the iterations are saved."""
@@ -88,14 +90,14 @@ class GeneralizedAlpha(FixedStep):
 
     def factor(
         self, system: System, time: Scalar, q: Coordinates, v: Coordinates, lam: Multipliers
-    ) -> KeptFactors:
+    ) -> FrozenFactors:
         """Iteration matrix ([PGV] Eq. 13, scaled by s) at a state, and its factors."""
         c = self.parameters
         rate_factor = c.gamma / (self.step_size * c.beta)
         matrix = iteration_matrix.tangent(system, time, q, v, lam, self._q_share, rate_factor)
-        return KeptFactors(matrix, bordered.factor(matrix), system.rotation(time, q))
+        return FrozenFactors(matrix, bordered.factor(matrix), system.rotation(time, q))
 
-    def predict(self, state: State) -> tuple[Coordinates, Coordinates, Coordinates]:
+    def predict(self, state: StepState) -> tuple[Coordinates, Coordinates, Coordinates]:
         """q, v and a at the end of the step without the share of vdot_{n+1}."""
         c, h = self.parameters, self.step_size
         known = jax.tree.map(
@@ -144,7 +146,7 @@ class GeneralizedAlpha(FixedStep):
         return system.residual(end, q, v, unknowns.vdot, unknowns.lam)
 
     def correct(
-        self, system: System, residual: Residual, kept: KeptFactors, turned: Rotation
+        self, system: System, residual: Residual, kept: FrozenFactors, turned: Rotation
     ) -> tuple[Unknowns, Coordinates]:
         """Change of the unknowns that a chord step asks for, and the change of q that goes with it."""
         s = self._q_share
@@ -155,7 +157,7 @@ class GeneralizedAlpha(FixedStep):
 
     def tangent(
         self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, unknowns: Unknowns
-    ) -> KeptFactors:
+    ) -> FrozenFactors:
         """Factors of the exact derivative of the residual."""
         q, v = self.end_of_step(system, end, q0, v0, unknowns.vdot)
         return self.factor(system, end, q, v, unknowns.lam)
@@ -174,13 +176,15 @@ class GeneralizedAlpha(FixedStep):
         return lax.stop_gradient(jnp.stack([position, jnp.asarray(HUB_TOLERANCE)]))
 
     def step(
-        self, system: System, time: Scalar, state: State, kept: KeptFactors, rate: Scalar
-    ) -> tuple[State, StepInfo]:
+        self, system: System, time: Scalar, state: StepState, kept: FrozenFactors, rate: Scalar
+    ) -> tuple[StepState, IterationInfo]:
         """From t to t + h, until what chord iterations leave is within tolerance."""
         h = self.step_size
         end = time + h
         q0, v0, a0 = self.predict(state)
-        guess = jax.tree.map(lambda *x: x[0] + x[1] + x[2], state.vdot, state.rise, state.bend)
+        guess = jax.tree.map(
+            lambda *x: x[0] + x[1] + x[2], state.vdot, state.vdot_difference, state.vdot_second_difference
+        )
         unknowns = Unknowns(system.place_roots(end, guess, derivative=2), state.lam)
         unknowns, power, info = solve_step(self, system, end, q0, v0, unknowns, kept, rate)
         vdot, lam = unknowns
@@ -189,15 +193,58 @@ class GeneralizedAlpha(FixedStep):
         work = jax.tree.map(
             lambda w, before, after: w + 0.5 * h * (before + after), state.work, state.power, power
         )
-        state = State(
+        state = StepState(
             q=q,
             v=v,
             vdot=vdot,
             a=a0.axpy(self._vdot_share, vdot),
             lam=lam,
-            rise=rise,
-            bend=jax.tree.map(jnp.subtract, rise, state.rise),
+            vdot_difference=rise,
+            vdot_second_difference=jax.tree.map(jnp.subtract, rise, state.vdot_difference),
             work=work,
             power=power,
         )
         return state, info
+
+    def first_state(self, system: System, time: Scalar, state: StepState) -> StepState:
+        """The start with a_0 = vdot_0 + (alpha_m - alpha_f) h jerk, the jerk taken twice from a trial step.
+
+        vdot at the end of the trial step follows from its velocity. Being implicit, the trial step damps stiff modes,
+        where a time derivative of the accelerations would magnify them. A trial step that does not converge is not
+        used."""
+        kept = self.factor(system, time, state.q, state.v, state.lam)
+        infinite = jnp.asarray(jnp.inf)
+
+        def improved(_, state):
+            trial, info = self.step(system, time, state, kept, infinite)
+            return select(info.converged(), self.with_jerk(state, trial.v), state)
+
+        return lax.fori_loop(0, TRIALS, improved, state)
+
+    def with_jerk(self, state: StepState, v_next: Coordinates) -> StepState:
+        """The start with the jerk that leads to the velocity `v_next` after a step."""
+        c, h = self.parameters, self.step_size
+        a_next = jax.tree.map(
+            lambda v1, v0, a: ((v1 - v0) / h - (1.0 - c.gamma) * a) / c.gamma, v_next, state.v, state.a
+        )
+        vdot_next = jax.tree.map(
+            lambda a1, a0, vdot: ((1.0 - c.alpha_m) * a1 + c.alpha_m * a0 - c.alpha_f * vdot)
+            / (1.0 - c.alpha_f),
+            a_next, state.a, state.vdot,
+        )  # fmt: skip
+        return self.with_difference(state, jax.tree.map(jnp.subtract, vdot_next, state.vdot))
+
+    def with_difference(self, state: StepState, difference: Coordinates) -> StepState:
+        """The state with another first difference of vdot, and with a = vdot(t + (alpha_m - alpha_f) h)."""
+        c = self.parameters
+        a = state.vdot.axpy(c.alpha_m - c.alpha_f, difference)
+        return state._replace(a=a, vdot_difference=difference)
+
+    def rescaled(self, state: StepState, ratio: Scalar) -> StepState:
+        """The auxiliary acceleration a belongs to an instant that moves with the length of the step."""
+        state = super().rescaled(state, ratio)
+        return self.with_difference(state, state.vdot_difference)
+
+
+TRIALS = 2
+"""Number of trial steps at a start."""

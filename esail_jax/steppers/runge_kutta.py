@@ -2,15 +2,16 @@
 
     k_j = f(t + c_j h, y + h sum_l a_jl k_l),    y_new = y + h sum_j b_j k_j,    error = h sum_j e_j k_j
 
-The coefficients and the step controller are diffrax's. The stages are written out here because its own
+The coefficients and the step controller are diffrax's. The stages are written out here because diffrax's own
 loop over them, made for any y and any term, takes three times as long on a chain of twenty rods.
 
-A saved instant never forces a step: the last step passes it, and one more step from where that one
-began, shorter and off the record, ends on it. The run's steps are the same whatever is saved.
+Dense output at an instant within a step is one more step of the method from the start of that step, shorter and
+not part of the run.
 """
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any, ClassVar
 
 import diffrax
 import equinox as eqx
@@ -18,60 +19,101 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jax.ad_checkpoint import checkpoint_name
 
-from esail_jax.array_types import Array, Float, Scalar
+from esail_jax.array_types import Array, Bool, Float, Int, Scalar
+from esail_jax.numerics.lockstep import any_member, bounded_loop, select
+from esail_jax.rod_chain import RodChain, RodState
+from esail_jax.steppers.results import RESULTS
+from esail_jax.steppers.stepper import (
+    AbstractState,
+    AbstractStepper,
+    AbstractSteps,
+    Log,
+    Motion,
+    Point,
+    Statistic,
+)
+from esail_jax.system import Power
 
 METHODS = {"tsit5": diffrax.Tsit5(), "dopri5": diffrax.Dopri5(), "dopri8": diffrax.Dopri8()}
-"""Tsitouras 5(4), Dormand & Prince 5(4) (MATLAB's ode45), Prince & Dormand 8(7). All end a step with
-the first stage of the next."""
+"""Tsitouras 5(4), Dormand & Prince 5(4) (MATLAB's ode45), Prince & Dormand 8(7). All of them end a step with the
+first stage of the next."""
 
 REACH = {"tsit5": 0.95, "dopri5": 1.0, "dopri8": 3.7}
-"""h omega up to which an undamped vibration grows by less than 1e-4 a step. Damped ones, on the real
-axis, are stable up to 3.3 and more."""
+"""Largest product h omega at which an undamped vibration grows by less than 1e-4 a step. Damped vibrations, on the
+real axis, are stable up to 3.3 and more."""
 
-STEPS_PER_CHUNK = 64
-"""Steps between the states that a reverse derivative keeps."""
+STEPS_PER_BLOCK = 32
+"""Largest number of attempted steps in a block."""
 
-STEP_SIZES = "step sizes"
-"""Name of what `jax.checkpoint` around `advance` must keep: chosen once more they may differ by what
-rounding decides, and a derivative would go back through steps that end elsewhere."""
-
-MAX_STEPS = 2**14
-"""Steps between two saved instants, at most, in a run under a trace."""
+NUMBERS_PER_BLOCK = 2**17
+"""Largest size of the record of a block (1 MB): long chains have fewer steps in a block."""
 
 State = Any
 RightHandSide = Callable[[Scalar, State], State]
 
 
-class Point(NamedTuple):
-    """An instant, the state there, and its derivative (the first stage of the next step)."""
+class Knot(eqx.Module):
+    """An end of a step: time [s], the state y, and its derivative, which is the first stage of the next step."""
 
-    time: Scalar
+    time: Float[Array, "*attempt"]
     y: State
     slope: State
 
 
-class Progress(NamedTuple):
-    """What a run hands on. before, now: the ends of the last step; h: the step to try next;
-    control: the step controller's memory; taken, rejected: steps so far."""
+class RungeKuttaState(AbstractState):
+    """The state after a block. now: the end of the last step; h: the step size to try next [s]; control: the memory
+    of the step-size controller; origin: the time [s] from which steps of a given size are counted."""
 
-    before: Point
-    now: Point
+    now: Knot
     h: Scalar
     control: Any
+    origin: Scalar
     taken: Scalar
     rejected: Scalar
+    result: RESULTS
+
+    @property
+    def time(self) -> Scalar:
+        return self.now.time
 
 
-class RungeKutta(eqx.Module):
-    """method: of METHODS. step_size [s]: of every step, or None; then tolerance is the largest local
-    error of any component of a step, relative to the sum of the component and its `scale`."""
+class RungeKuttaSteps(AbstractSteps):
+    """A step, or several along leading axes: its start and its length [s]. taken: false for a rejected step, and where
+    there was no step (h = 0)."""
+
+    start: Knot
+    h: Float[Array, "*attempt"]
+    end: Float[Array, "*attempt"]
+    taken: Bool[Array, "*attempt"]
+
+    @property
+    def log(self) -> Log:
+        return Log(self.h > 0.0, self.taken, self.end, self.h, {})
+
+    def pick(self, index: tuple[Int[Array, ""], ...]) -> "RungeKuttaSteps":
+        return jax.tree.map(lambda x: x[index], self)
+
+
+class RungeKutta(AbstractStepper):
+    """The method of a name in METHODS. step_size [s]: the length of every step, or None; then tolerance is the largest
+    local error of any component of a step, relative to the sum of the component and its `scale`."""
 
     step_size: Scalar | None
     tolerance: Scalar | None
     scale: State | None
     method: str = eqx.field(static=True)
+
+    relative_coordinates: ClassVar[bool] = True
+    energy_guard: ClassVar[bool] = True
+    steps_per_block: ClassVar[int] = STEPS_PER_BLOCK
+    blocks_per_window: ClassVar[int] = 512
+    instants_per_window: ClassVar[int] = 1
+    statistics: ClassVar[Mapping[str, Statistic]] = {}
+
+    @property
+    def name(self) -> str:
+        return self.method
 
     @property
     def order(self) -> int:
@@ -83,13 +125,10 @@ class RungeKutta(eqx.Module):
         return diffrax.PIDController(rtol=self.tolerance, atol=self.tolerance, norm=largest_component)
 
     def scaled(self, y: State) -> State:
-        """In units of the scale."""
+        """y in units of the scale."""
         return jax.tree.map(lambda a, unit: a / unit, y, self.scale)
 
-    def point(self, f: RightHandSide, time: Scalar, y: State) -> Point:
-        return Point(time, y, f(time, y))
-
-    def step(self, f: RightHandSide, start: Point, h: Scalar) -> tuple[Point, State]:
+    def step(self, f: RightHandSide, start: Knot, h: Scalar) -> tuple[Knot, State]:
         """The end of a step and the estimate of its error."""
         table = METHODS[self.method].tableau
         stages = [start.slope]
@@ -98,61 +137,159 @@ class RungeKutta(eqx.Module):
             y = jax.tree.map(lambda y0, *k, row=row: y0 + h * combined(row, k), start.y, *stages)
             stages.append(f(start.time + float(c) * h, y))
         error = jax.tree.map(lambda *k: h * combined(table.b_error, k), *stages)
-        return Point(start.time + h, y, stages[-1]), error  # the last row of a is b
+        return Knot(start.time + h, y, stages[-1]), error  # the last row of a is b
 
-    def start(self, f: RightHandSide, time: Scalar, y: State) -> Progress:
-        """Where a run begins, with a first step size after Hairer, Norsett & Wanner (II.4)."""
-        here, none = self.point(f, time, y), jnp.zeros(())
+    def init(
+        self, model: RodChain, start: RodState | Point, until: Scalar
+    ) -> tuple[RungeKuttaState, RungeKuttaSteps]:
+        """The start, with a first step size after Hairer, Norsett & Wanner (II.4)."""
+        time, y = jnp.zeros(()), start
+        if isinstance(start, Point):
+            time, y = start.time, model.state(start.q, start.v, start.work)
+        now, none = Knot(time, y, model(time, y)), jnp.zeros(())
         h, control = self.step_size, None
         if h is None:
 
             def rate(_, t, y, __):
-                return self.scaled(f(t, jax.tree.map(lambda a, unit: a * unit, y, self.scale)))
+                return self.scaled(model(t, jax.tree.map(lambda a, unit: a * unit, y, self.scale)))
 
             end, control = self.controller.init(
                 None, time, time + 1.0, self.scaled(y), None, None, rate, float(self.order)
             )
-            h = end - time
-        return Progress(here, here, h, control, none, none)
+            h = jnp.minimum(end - time, until - time)
+        state = RungeKuttaState(now, *lax.stop_gradient((h, control)), time, none, none, RESULTS.successful)
+        last = RungeKuttaSteps(now, none, time, jnp.asarray(True))
+        count = steps_per_block(y)
+        return state, jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *x.shape)), last)
 
-    def attempt(self, f: RightHandSide, state: Progress) -> Progress:
-        """One step, kept or not."""
+    def attempt(self, f: RightHandSide, state: RungeKuttaState) -> tuple[RungeKuttaState, RungeKuttaSteps]:
+        """One step, accepted or not, and its record."""
         here, h = state.now, state.h
         new, error = self.step(f, here, h)
         if self.step_size is not None:
             taken = state.taken + 1.0
-            new = new._replace(time=taken * h)  # not a sum of rounded steps
-            return state._replace(before=here, now=new, taken=taken)
+            new = replace(new, time=state.origin + taken * h)  # not a sum of rounded steps
+            step = RungeKuttaSteps(here, h, new.time, jnp.asarray(True))
+            return replace(state, now=new, taken=taken), step
         keep, _, after, _, control, _ = self.controller.adapt_step_size(
             here.time, here.time + h, self.scaled(here.y), self.scaled(new.y), None,
             self.scaled(error), float(self.order), state.control,
         )  # fmt: skip
+        step = RungeKuttaSteps(here, h, new.time, keep)
         h = after - jnp.where(keep, here.time + h, here.time)
+        now = select(keep, new, here)
+        one = jnp.where(keep, 1.0, 0.0)
+        taken, rejected = state.taken + one, state.rejected + 1.0 - one
+        state = replace(state, now=now, h=h, control=control, taken=taken, rejected=rejected)
+        return state, step
 
-        def either(a, b):
-            return jax.tree.map(lambda x, y: jnp.where(keep, x, y), a, b)
+    def block(self, model: RodChain, state: RungeKuttaState) -> tuple[RungeKuttaState, RungeKuttaSteps]:
+        """Some attempted steps, until the state is infinite or the step too small to change the time."""
 
-        kept = jnp.where(keep, 1.0, 0.0)
-        before, now = either(here, state.before), either(new, here)
-        return Progress(before, now, h, control, state.taken + kept, state.rejected + 1.0 - kept)
+        def step(state):
+            state, record = self.attempt(model, state)
+            state = replace(state, result=self.outcome(state))
+            return state, state.result == RESULTS.successful, record
 
-    def stuck(self, state: Progress) -> Array:
-        """Has the state become infinite, or the step too small to change the time?"""
+        nothing = jax.tree.map(jnp.zeros_like, self.record(state))
+        return bounded_loop(step, state, steps_per_block(state.now.y), nothing)
+
+    def record(self, state: RungeKuttaState) -> RungeKuttaSteps:
+        """A step that begins at a state, as a record of the right shape."""
+        return RungeKuttaSteps(state.now, state.h, state.now.time, jnp.asarray(False))
+
+    def outcome(self, state: RungeKuttaState) -> RESULTS:
+        """Whether the method can go on."""
         finite = jnp.stack([jnp.isfinite(x).all() for x in jax.tree.leaves(state.now.y)]).all()
-        return ~finite | ~(state.now.time + 0.25 * state.h > state.now.time)
+        moves = state.now.time + 0.25 * state.h > state.now.time
+        failed = RESULTS.where(finite, RESULTS.min_step_reached, RESULTS.nonfinite)
+        return RESULTS.where(finite & moves, RESULTS.successful, failed)
 
-    def pass_by(self, f: RightHandSide, state: Progress, target: Scalar, limit: Scalar) -> Progress:
-        """Steps until `target` is passed, or `limit` steps are taken, or the run is stuck."""
+    def evaluate(self, model: RodChain, step: RungeKuttaSteps, time: Scalar) -> Point:
+        """One step from the start of the recorded one to the instant."""
+        y = self.step(model, step.start, time - step.start.time)[0].y
+        q, v = model.coordinates(y)
+        zero = jnp.zeros(())
+        return Point(time, q, v, Power(zero, zero) if y.work is None else y.work, jnp.asarray(True))
 
-        def going(state):
-            return (state.now.time < target) & (state.taken < limit) & ~self.stuck(state)
+    def failure(self, model: RodChain, state: RungeKuttaState, log: Log) -> str:
+        text = f"At t = {float(state.time):.6g} s."
+        if self.step_size is not None:
+            return f"{text} {too_long(self.step_size)}"
+        if state.result == RESULTS.min_step_reached:
+            lengths = np.linalg.norm(np.asarray(model.rods(state.now.y.x)), axis=0)
+            shortest = float((lengths / np.asarray(model.system.tethers.lengths)).min())
+            return f"{text} The shortest rod has {shortest:.2g} of its length left."
+        return text
 
-        return lax.while_loop(going, lambda state: self.attempt(f, state), state)
+    # ---- derivatives ----------------------------------------------------------------------------
 
-    def look(self, f: RightHandSide, state: Progress, target: Scalar) -> State:
-        """y at a `target` within the last step."""
-        part = target - state.before.time
-        return self.step(f, state.before, part)[0].y
+    def tape(self, steps: RungeKuttaSteps) -> Float[Array, " attempt"]:
+        """The sizes of the accepted steps [s], then zeros. Chosen again they could differ by rounding, and a
+        derivative would be that of other steps."""
+        order = jnp.argsort(~steps.taken, stable=True)
+        return jnp.where(steps.taken, steps.h, 0.0)[order]
+
+    def replay(
+        self,
+        model: RodChain,
+        motion: Motion,
+        ended: Motion,
+        tapes: Float[Array, "block attempt"],
+        blocks: Int[Array, ""],
+        times: Float[Array, " instant"],
+    ) -> tuple[Motion, Point]:
+        """Steps of given sizes. Only the last block is kept, in which the one instant of the window lies. Blocks
+        beyond the last are skipped."""
+
+        def one(now, h):
+            def go(now):
+                new = self.step(model, now, h)[0]
+                return new, RungeKuttaSteps(now, h, new.time, jnp.asarray(True))
+
+            def stay(now):
+                return now, RungeKuttaSteps(now, jnp.zeros(()), now.time, jnp.asarray(False))
+
+            return lax.cond(h > 0.0, go, stay, now)
+
+        @jax.checkpoint
+        def again(motion, sizes):
+            now, last = lax.scan(one, motion[0], sizes)
+            return now, last
+
+        def block(motion, sizes):
+            some = sizes[0] > 0.0
+            new = lax.cond(
+                any_member(some), lambda m: select(some, again(m, sizes), m), lambda m: m, motion
+            )
+            return new, None
+
+        sizes = jnp.where(jnp.arange(len(tapes))[:, None] < blocks, tapes, 0.0)
+        (now, last), _ = lax.scan(block, (motion.state.now, motion.last), sizes)
+
+        def at(time):
+            before = motion.last.taken & (time <= motion.last.end)
+            found = [steps.pick(steps.find(time)) for steps in (motion.last, last)]
+            return self.evaluate(model, select(before.any(), *found), time)
+
+        points = jax.vmap(at)(times)
+        now = replace(now, time=ended.state.now.time)
+        state = replace(lax.stop_gradient(ended.state), now=now)
+        return Motion(state, last, motion.earlier), points
+
+
+def too_long(step: Scalar) -> str:
+    """What to say of a fixed step at which a chain diverges."""
+    return (
+        f"Steps of {float(step):.3g} s may be too long for the fastest vibration of "
+        "the rods: try shorter ones, a tolerance, or generalized-alpha."
+    )
+
+
+def steps_per_block(y: State) -> int:
+    """Number of attempted steps in a block for a state of this size."""
+    size = 2 * sum(np.size(x) for x in jax.tree.leaves(y))
+    return int(np.clip(NUMBERS_PER_BLOCK // size, 1, STEPS_PER_BLOCK))
 
 
 def combined(weights: Any, stages: Any) -> Array:
@@ -161,87 +298,7 @@ def combined(weights: Any, stages: Any) -> Array:
 
 
 def largest_component(error: State) -> Scalar:
-    """Maximum norm over everything; infinite where a trial step ran into infinity or nowhere, so
-    that the controller takes a smaller one."""
+    """The maximum norm over all components. It is infinite where a trial step is not finite, so that the controller
+    takes a smaller one."""
     largest = jnp.stack([jnp.abs(x).max() for x in jax.tree.leaves(error)]).max()
     return jnp.where(jnp.isnan(largest), jnp.inf, largest)
-
-
-# ---- derivatives ------------------------------------------------------------------------------------
-
-
-@jax.custom_jvp
-def advance(
-    method: RungeKutta, f: RightHandSide, state: Progress, target: Scalar
-) -> tuple[Progress, State]:
-    """Past `target`, and y there; at most MAX_STEPS steps.
-
-    The derivative is that of the steps as they were taken: their sizes carry none. It is written as
-    a replay of a fixed number of steps, in chunks of which reverse mode keeps only the ends, so that
-    forward and reverse mode exist; a run that is not differentiated never executes it. Chunks beyond the
-    last step are skipped, but not under `vmap` of a derivative, where all MAX_STEPS are computed:
-    map such derivatives with `lax.map`.
-    """
-    state = method.pass_by(f, state, target, state.taken + MAX_STEPS)
-    return state, method.look(f, state, target)
-
-
-@advance.defjvp
-def _advance_jvp(primals, tangents):
-    reached, sizes = lax.stop_gradient(accepted_steps(*lax.stop_gradient(primals)))
-    sizes = checkpoint_name(sizes, STEP_SIZES)
-    points, moved = jax.jvp(lambda *x: replay(*x, sizes), primals, tangents)
-    none = jax.tree.map(zero_tangent, reached)
-    return (
-        (reached, points[2]),
-        (none._replace(before=moved[0], now=moved[1]), moved[2]),
-    )
-
-
-def zero_tangent(x: Array) -> Any:
-    """The tangent of what does not move."""
-    inexact = jnp.issubdtype(x.dtype, jnp.inexact)
-    return jnp.zeros_like(x) if inexact else np.zeros(x.shape, jax.dtypes.float0)
-
-
-def accepted_steps(
-    method: RungeKutta, f: RightHandSide, state: Progress, target: Scalar
-) -> tuple[Progress, Float[Array, " step"]]:
-    """Where `advance` gets to, and the sizes [s] of its steps, then zeros."""
-    first = state.taken
-
-    def going(carry):
-        state, _ = carry
-        within = state.taken < first + MAX_STEPS
-        return (state.now.time < target) & within & ~method.stuck(state)
-
-    def body(carry):
-        state, sizes = carry
-        new = method.attempt(f, state)
-        index = (state.taken - first).astype(int)
-        return new, sizes.at[index].set(jnp.where(new.taken > state.taken, state.h, 0.0))
-
-    return lax.while_loop(going, body, (state, jnp.zeros(MAX_STEPS)))
-
-
-def replay(
-    method: RungeKutta, f: RightHandSide, state: Progress, target: Scalar, sizes: Float[Array, " step"]
-) -> tuple[Point, Point, State]:
-    """Steps of given sizes: the ends of the last one, and y at `target` within it."""
-
-    def one(carry, h):
-        def go(carry):
-            _, now = carry
-            return now, method.step(f, now, h)[0]
-
-        return lax.cond(h > 0.0, go, lambda carry: carry, carry), None
-
-    @jax.checkpoint
-    def some(carry, sizes):
-        return lax.scan(one, carry, sizes)
-
-    def chunk(carry, sizes):
-        return lax.cond(sizes[0] > 0.0, some, lambda carry, _: (carry, None), carry, sizes)
-
-    (before, now), _ = lax.scan(chunk, (state.before, state.now), sizes.reshape(-1, STEPS_PER_CHUNK))
-    return before, now, method.look(f, state._replace(before=before), target)

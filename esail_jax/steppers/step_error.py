@@ -8,7 +8,7 @@ buckling wave of wave number 1/l does over elements of length l,
 
     e_{n+1} = e_n exp(sigma h) + (pi/2) c |third difference of s|,    sigma = sqrt(max(-N, 0)/(rho A)) / l,
 
-N the axial force, its mean over `KEEP` steps: what vibrates faster neither buckles nor grows. Shorter waves
+N the axial force, its mean over a block of steps: what vibrates faster neither buckles nor grows. Shorter waves
 grow faster, until elements fold; the wave number is measured (`experiments/stability`).
 
 The signals are the tips and the elastic force at the roots in the hub's axes. Errors are given in parts of
@@ -25,15 +25,15 @@ from jax import lax
 
 from esail_jax.array_types import Array, Bool, Float, PerTether, Scalar
 from esail_jax.coordinates import Coordinates
+from esail_jax.elements.axial import AbstractAxialEnergy
 from esail_jax.numerics.vectors import dot, norm
-from esail_jax.steppers.fixed_step import KEEP
 from esail_jax.system import System
-from esail_jax.terms import PointFields
+from esail_jax.terms import PointFields, find_term
 
 Signal = Float[Array, "3 time tether"]
 
-EVERY = 5
-"""Steps from one look at the axial forces to the next; of each `KEEP` steps there are four."""
+TENSION_STRIDE = 5
+"""Steps from one look at the axial forces to the next; a block of 20 steps has four."""
 
 MOST_GROWTH, MOST = 200.0, 1e100
 """Largest exponent of growth over an entry, and largest error kept: far beyond any range, but finite."""
@@ -71,73 +71,96 @@ def no_errors(tethers: int) -> StepErrors:
     return StepErrors(*[Course(none, far, -far)] * 2, jnp.zeros(2))
 
 
-def after_steps(
+def after_block(
     errors: StepErrors,
     system: System,
-    times: Float[Array, " time"],
-    q: Coordinates,
-    take: Array,
+    time: Scalar,
+    h: Scalar,
+    start: Coordinates,
+    ends: Coordinates,
+    count: Array,
     phase_error: Scalar,
 ) -> StepErrors:
-    """After the steps of an entry, of which `take` count: times [s] and q before the first and after
-    each; phase_error: c."""
-    errors, system, times, q, phase_error = lax.stop_gradient((errors, system, times, q, phase_error))
-    steps = len(times) - 1
-    growth = (times[1] - times[0]) * KEEP * growth_rates(system, q.tether)
-    growth = jnp.where(jnp.arange(0, steps, KEEP)[:, None] < take, growth, 0.0)
-    grown = jnp.minimum(jnp.cumsum(growth, 0), MOST_GROWTH)
-    # Two differences fewer than steps, and none across what begins afresh.
-    share = 0.5 * np.pi * phase_error * take / jnp.maximum(take - 2, 1)
-    kept, counted = jnp.arange(steps + 1) <= take, jnp.arange(3, steps + 1) <= take
+    """The estimates after a block of steps of length h [s] that begins at `time` [s].
+
+    start, ends: q at the beginning of the block and after each step (first axis), of which `count` were taken;
+    phase_error: c. Neighbouring blocks share no third difference: two differences fewer than steps remain, and their
+    sum is scaled up accordingly."""
+    given = (errors, system, time, h, start, ends, phase_error)
+    errors, system, time, h, start, ends, phase_error = lax.stop_gradient(given)
+    steps = len(jax.tree.leaves(ends)[0])
+    number = jnp.arange(steps + 1)
+    times = time + h * number
+    growth = jnp.minimum(h * count * growth_rates(system, ends.tether, count), MOST_GROWTH)
+    share = 0.5 * np.pi * phase_error * count / jnp.maximum(count - 2, 1)
+    kept, counted = number <= count, jnp.arange(3, steps + 1) <= count
 
     def followed(course, signal):
         third = jnp.where(counted[:, None], norm(jnp.diff(signal, 3, axis=1)), 0.0)
-        sums = jnp.pad(third, ((2, 0), (0, 0))).reshape(-1, KEEP, third.shape[-1]).sum(1)
-        local = share * (jnp.exp(grown[-1] - grown) * sums).sum(0)
-        error = jnp.minimum(course.error * jnp.exp(grown[-1]) + local, MOST)
+        error = jnp.minimum(course.error * jnp.exp(growth) + share * third.sum(0), MOST)
         return Course(
             error,
             jnp.minimum(course.low, within(kept, signal, jnp.inf).min(1)),
             jnp.maximum(course.high, within(kept, signal, -jnp.inf).max(1)),
         )
 
-    tips = jnp.moveaxis(q.tether[:, 0, :, -1], 0, 1)
-    tip, force = followed(errors.tip, tips), followed(errors.force, root_forces(system, times, q))
+    def along(x):
+        return jax.tree.map(
+            lambda a, b: jnp.concatenate([x(a)[None], jax.vmap(x)(b)]), start.tether, ends.tether
+        )
+
+    tips = jnp.moveaxis(along(lambda nodal: nodal[0, :, -1]), 0, 1)
+    slopes = along(lambda nodal: root_slopes(system, nodal))
+    hubs = None if start.hub is None else jnp.concatenate([start.hub[None], ends.hub])
+    tip = followed(errors.tip, tips)
+    force = followed(errors.force, root_forces(system, times, slopes, hubs))
     return StepErrors(tip, force, jnp.stack([tip.relative(), force.relative()]))
 
 
 def within(kept: Bool[Array, " time"], signal: Signal, other: float) -> Signal:
-    """The signal at the instants that are kept."""
+    """The signal at the instants that are kept, elsewhere the other value."""
     return jnp.where(kept[:, None], signal, other)
 
 
-def root_forces(system: System, times: Float[Array, " time"], q: Coordinates) -> Signal:
-    """Elastic force [N] on the section at the root, in the hub's axes; 0 of a released tether, which then
-    pulls at nothing."""
+def root_slopes(system: System, nodal: Float[Array, "coef 3 node tether"]) -> Float[Array, "3 tether"]:
+    """r_x at the roots; a truss has the direction of its first element."""
     tethers = system.tethers
-    axial = jax.tree.map(lambda x: x[: tethers.count] if x.ndim else x, system.energies[0])
     if tethers.coefs == 2:
-        slope = q.tether[:, 1, :, 0]
-    else:
-        slope = (q.tether[:, 0, :, 1] - q.tether[:, 0, :, 0]) / tethers.lengths[: tethers.count]
-    fields = PointFields(None, jnp.moveaxis(slope, 0, 1))
+        return nodal[1, :, 0]
+    return (nodal[0, :, 1] - nodal[0, :, 0]) / tethers.lengths[: tethers.count]
+
+
+def root_forces(
+    system: System,
+    times: Float[Array, " time"],
+    slopes: Float[Array, "time 3 tether"],
+    hubs: Float[Array, "time 4 3"] | None,
+) -> Signal:
+    """The elastic force [N] on the section at the root, in the hub's axes; 0 for a released tether."""
+    tethers = system.tethers
+    axial = find_term(system.energies, AbstractAxialEnergy)
+    axial = jax.tree.map(lambda x: x[: tethers.count] if x.ndim else x, axial)
+    fields = PointFields(None, jnp.moveaxis(slopes, 0, 1))
     force = axial.point_forces(times[0], fields, fields).r_x
     released = None if system.roots is None else system.roots.releases.released
     if released is not None:
         force = jnp.where(released, 0.0, force)
-    axes = jax.vmap(system.rotation)(times, q)
+    nowhere = jnp.zeros((tethers.coefs, 3, tethers.elements + 1, tethers.count))
+    axes = jax.vmap(lambda time, hub: system.rotation(time, Coordinates(nowhere, hub)))(times, hubs)
     return (axes.transpose(1, 2, 0)[..., None] * force[:, None]).sum(0)
 
 
 def growth_rates(
-    system: System, nodal: Float[Array, "time coef 3 node tether"]
-) -> Float[Array, "block tether"]:
-    """sigma [1/s] of each tether, its largest of any element, in every `KEEP` steps."""
-    tethers, axial = system.tethers, system.energies[0]
-    fields = tethers.interpolate(jnp.moveaxis(nodal[EVERY::EVERY], 0, 2))
+    system: System, nodal: Float[Array, "time coef 3 node tether"], count: Array
+) -> Float[Array, " tether"]:
+    """sigma [1/s] of each tether, the largest of its elements, from the mean axial force over a block."""
+    tethers, axial = system.tethers, find_term(system.energies, AbstractAxialEnergy)
+    some = nodal[TENSION_STRIDE - 1 :: TENSION_STRIDE]
+    fields = tethers.interpolate(jnp.moveaxis(some, 0, 2))
     force = axial.point_forces(jnp.zeros(()), fields, fields).r_x
     tension = jnp.tensordot(tethers.weights, dot(force, fields.r_x) / norm(fields.r_x), 1)
-    tension = tension.reshape(-1, KEEP // EVERY, *tension.shape[1:]).mean(1)
-    pressure = jnp.maximum(-tension, 0.0)
-    rate = jnp.sqrt(pressure / (tethers.masses * tethers.lengths))
-    return tethers.of_tethers(rate).max(1)
+    # Steps that were not taken are not looked at; a block of less than TENSION_STRIDE steps counts as slack.
+    taken = TENSION_STRIDE * (1 + jnp.arange(len(some))) <= count
+    mean = jnp.where(taken[:, None], tension, 0.0).sum(0) / jnp.maximum(taken.sum(), 1)
+    rate = jnp.sqrt(jnp.maximum(-mean, 0.0) / (tethers.masses * tethers.lengths))
+    return tethers.of_tethers(rate).max(0)

@@ -1,4 +1,4 @@
-"""The tethers' forces with a transpose of their own, for derivatives in reverse mode."""
+"""The tethers' forces with a hand-written transpose, for derivatives in reverse mode."""
 
 import dataclasses
 
@@ -8,60 +8,69 @@ import jax.numpy as jnp
 from esail_jax.array_types import Array, Instants, Nodal
 from esail_jax.numerics.vectors import dot
 from esail_jax.system import Power, System, add_fields
-from esail_jax.terms import PointFields
+from esail_jax.terms import PointFields, needs_command
 
 
 class Transposable(System):
-    """A system for derivatives in reverse with respect to the state and nothing else. Forces of tethers
-    have a transpose of their own; the powers, which have none, are left out.
+    """A system whose residual is differentiated in reverse mode, with respect to the state only.
 
-    At a point the forces' derivative is turned around by `Term.pull_back`, and on either side of that
-    stand each other's transposes: `interpolate`, and `nodal_forces` with the weights of the points. The
-    transpose that the compiler is given otherwise takes twice as long (106 for 217 us on the baseline)."""
+    The derivative of the tethers' forces has a hand-written transpose. At a point, `Term.pull_back`
+    transposes the derivative of the forces. On either side of it stand `interpolate` and, with the weights
+    of the points, `nodal_forces`, which are transposes of each other. The transpose that JAX derives takes
+    twice as long (217 instead of 106 us on the baseline). Powers have no such rule: they are zero here.
+    """
 
     @classmethod
     def of(cls, system: System) -> "Transposable":
-        """The same system."""
+        """The same system, with the hand-written transpose."""
         return cls(**{field.name: getattr(system, field.name) for field in dataclasses.fields(system)})
 
     def tether_forces(self, time: Instants, q: Nodal, v: Nodal, inertial: Nodal) -> tuple[Nodal, Power]:
-        volts = None if self.steering is None else self.loads[0].voltage
+        commands = tuple(load.command if needs_command(load) else None for load in self.loads)
         none = jnp.zeros(q.shape[2:-2])
-        return transposable_forces(self, volts, time, q, v, inertial), Power(none, none)
+        return transposable_forces(self, commands, time, q, v, inertial), Power(none, none)
+
+
+Commands = tuple[Array | None, ...]
+"""For every load the command of its control law, one number per element; None for loads that need none."""
 
 
 @jax.custom_vjp
 def transposable_forces(
-    system: System, volts: Array | None, time: Instants, q: Nodal, v: Nodal, inertial: Nodal
+    system: System, commands: Commands, time: Instants, q: Nodal, v: Nodal, inertial: Nodal
 ) -> Nodal:
-    """The tethers' forces; volts: those of the system, where they depend on the state."""
+    """The tethers' forces. commands: those of the system's loads; they depend on the state and are
+    therefore an argument of their own."""
     return System.tether_forces(system, time, q, v, inertial)[0]
 
 
-def _forces_and_fields(system, volts, time, q, v, inertial):
+def _forces_and_fields(system, commands, time, q, v, inertial):
     fields, rates = (system.tethers.interpolate(x) for x in (q, v))
-    forces = transposable_forces(system, volts, time, q, v, inertial)
-    return forces, (system, volts, time, fields, rates)
+    forces = transposable_forces(system, commands, time, q, v, inertial)
+    return forces, (system, commands, time, fields, rates)
 
 
 def _forces_pulled_back(at, nodal):
-    system, volts, *at = at
+    system, commands, *at = at
     w = system.tethers.interpolate(nodal)
     parts = [term.pull_back(*at, w) for term in (*system.inner_terms, *system.loads)]
     by_fields, by_rates = (add_fields(list(x)) for x in zip(*parts, strict=True))
 
-    def virtual_power(volts):
-        load = system.with_voltage(volts).loads[0].point_forces(*at)
-        return system.integrate(dot(load.r, w.r)).sum()
+    def by_command(load, command):
+        def virtual_power(command):
+            force = load.with_command(command).point_forces(*at)
+            return system.integrate(dot(force.r, w.r)).sum()
 
-    by_volts = None if volts is None else jax.grad(virtual_power)(volts)
+        return None if command is None else jax.grad(virtual_power)(command)
+
+    by_commands = tuple(by_command(*pair) for pair in zip(system.loads, commands, strict=True))
     by_q, by_v = (system.tethers.nodal_forces(x) if any_of(x) else None for x in (by_fields, by_rates))
-    return None, by_volts, None, by_q, by_v, system.tethers.inertia(nodal)
+    return None, by_commands, None, by_q, by_v, system.tethers.inertia(nodal)
 
 
 transposable_forces.defvjp(_forces_and_fields, _forces_pulled_back)
 
 
 def any_of(fields: PointFields) -> bool:
-    """Is there one?"""
+    """Tells whether any field is present."""
     return any(field is not None for field in fields)

@@ -1,0 +1,15 @@
+"""Exit codes of `esail`."""
+
+import enum
+
+
+class ExitCode(enum.IntEnum):
+    """How a command ended."""
+
+    DONE = 0
+    BAD_INPUT = 2
+    """The input was refused: one line on stderr, nothing written."""
+    FAILED = 3
+    """The solver failed; the file holds everything before the failure."""
+    INTERRUPTED = 130
+    """Ctrl-C or SIGTERM; `--resume` continues."""

@@ -1,0 +1,106 @@
+"""The objective of a design as a function of numbers of its scene."""
+
+import functools
+from collections.abc import Mapping
+from typing import Any
+
+import jax
+import numpy as np
+from jax import lax
+
+from esail_jax.array_types import Array, Float, Scalar
+from esail_jax.design import objectives
+from esail_jax.scenes.rules import SceneError
+from esail_jax.scenes.scene import Scene
+from esail_jax.simulation.simulate import simulate
+from esail_jax.simulation.solution import Solution
+
+
+class Objective:
+    """The weighted sum of objectives of a run, as a function of parameters: J(p).
+
+        J(p) = sum_k w_k J_k(p) / J_k(reference)
+
+    Parameters p are a dictionary of numbers or arrays by scene key, in the units of the scene. J is
+    differentiable and may be compiled, so it can be handed to any optimiser:
+    `jax.value_and_grad(objective)(p)`, `jax.jit(objective)`. The reference is the run with constant
+    voltage, for which every J_k counts 1. It is simulated when it is first needed, and then kept. An
+    objective to be retained (`objectives.RETAINED`, the thrust) counts as in `objectives.weighted_sum`.
+
+    scene: a sail with a voltage; weights: by name of an objective (`objectives.py`); circumstances:
+    arrays by scene key, whose first axis counts circumstances (winds, errors of lengths) over which J is
+    averaged.
+
+    Raises SceneError for names that do not exist and for a scene without voltage. A run that fails raises
+    SimulationError, or gives NaN under a trace.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        weights: Mapping[str, float],
+        circumstances: Mapping[str, Array | np.ndarray] | None = None,
+    ):
+        for name in weights:
+            objectives.function_of(name)
+        if scene.voltage is None or scene.chain is not None:
+            raise SceneError("voltage.value", "be given for a design", "is missing")
+        self.scene, self.weights = scene, dict(weights)
+        self.circumstances = dict(circumstances or {})
+
+    def __call__(self, parameters: Mapping[str, Any]) -> Scalar:
+        """J(p), the mean over the circumstances if there are any."""
+        references = self.references
+        if not self.circumstances:
+            return self._of_one(parameters, {}, references)
+        # One run after the other, each recomputed in the backward pass: see `problem.py`.
+        one = jax.checkpoint(lambda pair: self._of_one(parameters, *pair))
+        return lax.map(one, (self.circumstances, references)).mean()
+
+    def _of_one(self, parameters, circumstance, references) -> Scalar:
+        run = simulate(self.scene, dict(parameters) | circumstance)
+        return objectives.weighted_sum(run, self.weights, references)
+
+    def measure(self, run: Solution) -> dict[str, float]:
+        """Values of the objectives of a run, by name."""
+        found = objectives.values(run, tuple(self.weights))
+        return {name: float(value) for name, value in found.items()}
+
+    # ---- reference ------------------------------------------------------------------------------
+
+    # Nothing in a reference is traced. `ensure_compile_time_eval` computes it at once, even if it is needed
+    # for the first time while J is being traced.
+
+    @functools.cached_property
+    def reference_run(self) -> Solution:
+        """The run with constant voltage."""
+        with jax.ensure_compile_time_eval():
+            return self.simulate_reference()
+
+    @functools.cached_property
+    def reference_values(self) -> dict[str, float]:
+        """Values of the objectives of `reference_run`, by name."""
+        with jax.ensure_compile_time_eval():
+            return self.measure(self.reference_run)
+
+    @functools.cached_property
+    def references(self) -> dict[str, float] | dict[str, Float[np.ndarray, " circumstance"]]:
+        """The values by which the objectives are divided, by name.
+
+        With circumstances, an objective to be made small is divided by its mean over all circumstances at
+        constant voltage, one to be retained by its value in the same circumstance."""
+        if not self.circumstances:
+            return self.reference_values
+        count = len(next(iter(self.circumstances.values())))
+        each = [{key: x[i] for key, x in self.circumstances.items()} for i in range(count)]
+        with jax.ensure_compile_time_eval():
+            found = [self.measure(self.simulate_reference(circumstance)) for circumstance in each]
+        rows = {name: np.array([one[name] for one in found]) for name in self.weights}
+        retained = objectives.RETAINED
+        return {name: x if name in retained else np.full(count, x.mean()) for name, x in rows.items()}
+
+    def simulate_reference(self, circumstance: Mapping[str, Any] | None = None) -> Solution:
+        """The run with constant voltage, in the scene itself or in one circumstance."""
+        law = {f"voltage.{x}": None for x in vars(self.scene.voltage) if x not in ("value", "law")}
+        constant = self.scene.replace(law | {"voltage.law": "constant"})
+        return simulate(constant, circumstance)

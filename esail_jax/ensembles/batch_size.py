@@ -1,0 +1,41 @@
+"""Number of members that one call of a program computes."""
+
+from collections.abc import Callable
+
+import jax
+import numpy as np
+
+from esail_jax.compiler import compile_lowered
+
+HOST_BYTES = 2**28
+"""Memory for the results of one call on a CPU [B]."""
+
+MEMBERS_PER_CORE = 8
+"""Largest number of members per core in one call on a CPU: some seconds, after which the host may stop."""
+
+PROBE_BATCH = 8
+"""Members per GPU in the program whose memory is measured."""
+
+MOST_ON_GPU = 4096
+"""Largest number of members per GPU in one call."""
+
+GPU_SHARE = 0.4
+"""Part of a GPU's memory that one call may take."""
+
+
+def batch_on_cores(result_bytes: int, cores: int) -> int:
+    """Members in one call on a CPU. result_bytes: size of one member's observables."""
+    return int(np.clip(HOST_BYTES // result_bytes, 1, MEMBERS_PER_CORE * cores))
+
+
+def batch_in_lockstep(result_bytes: int, lower: Callable[[int], jax.stages.Lowered]) -> int:
+    """Members in one call on all local devices, as many as their memory holds.
+
+    lower(count): the program of so many members, which is compiled once to measure its memory."""
+    devices = jax.local_devices()
+    room = (devices[0].memory_stats() or {}).get("bytes_limit", HOST_BYTES)
+    # The analysis counts the memory of one device's share of the program.
+    memory = compile_lowered(lower(PROBE_BATCH * len(devices))).memory_analysis()
+    measured = (memory.temp_size_in_bytes + memory.output_size_in_bytes) / PROBE_BATCH
+    each = max(result_bytes, measured)
+    return int(np.clip(GPU_SHARE * room / each, 1, MOST_ON_GPU)) * len(devices)

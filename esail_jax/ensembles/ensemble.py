@@ -1,0 +1,60 @@
+"""The results of an ensemble."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from esail_jax.array_types import Bool, Float
+from esail_jax.ensembles.sampling import Inputs
+from esail_jax.scenes.scene import Scene
+
+Rows = dict[str, Float[np.ndarray, "member time ..."]]
+
+
+@dataclasses.dataclass(frozen=True)
+class Ensemble:
+    """Members of an ensemble and their observables; `ensemble["coning_angle"]` is (member, time, ...).
+
+    members: their numbers; time [s]: saved instants; inputs: by scene key, member first; rows:
+    observables by name, (member, time, ...), NaN after a failure; complete: true for members that reached
+    their end; messages: warning or failure of every member, or an empty text; steps: number of steps of
+    every member, NaN if the member is not computed yet."""
+
+    scene: Scene
+    members: np.ndarray
+    time: Float[np.ndarray, " time"]
+    inputs: Inputs
+    rows: Rows
+    complete: Bool[np.ndarray, " member"]
+    messages: tuple[str, ...]
+    steps: Float[np.ndarray, " member"]
+
+    def __getitem__(self, name: str) -> Float[np.ndarray, "member time *some"]:
+        return self.rows[name]
+
+    def __len__(self) -> int:
+        return len(self.members)
+
+    @property
+    def failed(self) -> np.ndarray:
+        """Numbers of the members that did not reach their end."""
+        return self.members[~self.complete]
+
+
+def concatenate(parts: Sequence[Ensemble]) -> Ensemble:
+    """One ensemble of the members of several parts, which share scene and instants."""
+    first = parts[0]
+
+    def column(name):
+        return np.concatenate([getattr(part, name) for part in parts])
+
+    def columns(name):
+        of_parts = [getattr(part, name) for part in parts]
+        return {key: np.concatenate([x[key] for x in of_parts]) for key in getattr(first, name)}
+
+    messages = tuple(text for part in parts for text in part.messages)
+    return Ensemble(
+        first.scene, column("members"), first.time, columns("inputs"), columns("rows"),
+        column("complete"), messages, column("steps"),
+    )  # fmt: skip

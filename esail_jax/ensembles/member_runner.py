@@ -1,0 +1,146 @@
+"""Running members of an ensemble, a batch at a time.
+
+On a CPU every core takes one member at a time, from a thread of its own; the member's numbers then stay
+in the core's cache. Lockstep is not faster there (`experiments/ensembles`). On a GPU all members of a
+batch run in lockstep, and several GPUs divide the batch among them. Members that fail are run again
+alone, as a single run, which can repair steps and explains its failure.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import jax
+import numpy as np
+
+from esail_jax.compiler import compile_lowered
+from esail_jax.cores import cores
+from esail_jax.ensembles.batch_size import batch_in_lockstep, batch_on_cores
+from esail_jax.ensembles.ensemble import Ensemble
+from esail_jax.ensembles.member_program import (
+    MemberResult,
+    lower_members,
+    observable_shapes,
+    select_observables,
+    with_common_method,
+)
+from esail_jax.ensembles.sampling import Inputs, select_members
+from esail_jax.observables.balance import TERMS
+from esail_jax.observables.run_warning import joined_warnings
+from esail_jax.scenes.rules import SceneError
+from esail_jax.scenes.scene import Scene
+from esail_jax.simulation.problem import require_64_bit
+from esail_jax.simulation.schedule import save_times
+from esail_jax.simulation.simulate import simulate
+from esail_jax.steppers.results import RESULTS
+
+BALANCE = {"tethers": TERMS, "chain": ("energy_error", *TERMS)}
+"""Observables that show whether a member's energy is balanced, for sails and for chains."""
+
+
+class MemberRunner:
+    """Runs members of an ensemble, at most `batch` in one call.
+
+    inputs: of all members; observables: names, all if None; batch: members in one call, lockstep: whether
+    they run in lockstep (None: what suits the device); one_core: on a CPU run one member after the other
+    instead of one per core. Raises SceneError for an unknown observable, RuntimeError in 32-bit mode."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        inputs: Inputs,
+        observables: Sequence[str] | None = None,
+        batch: int | None = None,
+        lockstep: bool | None = None,
+        one_core: bool = False,
+    ):
+        require_64_bit()
+        self.scene, self.inputs = scene, inputs
+        self.threads = 1 if one_core else cores()
+        self.common = with_common_method(scene)
+        self.time = save_times(scene.integrator.t_end, scene.output.interval)
+        self.lockstep = jax.default_backend() != "cpu" if lockstep is None else lockstep
+        self.shapes = observable_shapes(scene)
+        self.observables = select_observables(self.shapes, observables)
+        balance = tuple(name for name in BALANCE[scene.main] if name in self.shapes)
+        self._computed = tuple(dict.fromkeys((*self.observables, *balance)))
+        self._program: Callable | None = None
+        devices = len(jax.local_devices()) if self.lockstep else 1
+        batch = self._fitting_batch() if batch is None else batch
+        self.batch = -(-batch // devices) * devices
+
+    def __call__(self, members: np.ndarray) -> Ensemble:
+        """Computes these members, at most `batch`."""
+        self.compile()
+        found = self._in_lockstep(members) if self.lockstep else self._on_cores(members)
+        rows, complete, steps, errors = jax.tree.map(np.array, found)
+        steps, messages = steps.astype(float), []
+        for k, member in enumerate(members):
+            message = joined_warnings({name: x[k] for name, x in rows.items()}, errors[k].tolist())
+            if not complete[k]:
+                alone, message = self.run_alone(int(member))
+                complete[k], steps[k] = alone.complete, alone.steps
+                for name, values in alone.rows.items():
+                    rows[name][k] = values
+            messages.append(message)
+        return Ensemble(
+            self.scene, np.asarray(members), self.time, select_members(self.inputs, members),
+            {name: rows[name] for name in self.observables}, complete, tuple(messages), steps,
+        )  # fmt: skip
+
+    # ---- program and batch ----------------------------------------------------------------------
+
+    def lower(self, count: int | None) -> jax.stages.Lowered:
+        """The lowered program of `count` members in lockstep, or of one member (None)."""
+        return lower_members(self.common, self._computed, self.inputs, count)
+
+    def compile(self) -> None:
+        """Compiles the program, unless this is done already."""
+        if self._program is None:
+            self._program = compile_lowered(self.lower(self.batch if self.lockstep else None))
+
+    def _fitting_batch(self) -> int:
+        """Members in one call: as many as the memory holds; on a CPU not more than take some seconds."""
+        result_bytes = 8 * len(self.time) * sum(math.prod(self.shapes[name]) for name in self._computed)
+        if self.lockstep:
+            return batch_in_lockstep(result_bytes, self.lower)
+        return batch_on_cores(result_bytes, self.threads)
+
+    # ---- members --------------------------------------------------------------------------------
+
+    def _in_lockstep(self, members: np.ndarray) -> MemberResult:
+        """Results of members in lockstep."""
+        # The program has a fixed number of members: the last one is repeated to fill the batch.
+        padded = np.append(members, np.full(self.batch - len(members), members[-1]))
+        found = jax.device_get(self._program(padded, select_members(self.inputs, padded)))
+        return jax.tree.map(lambda x: x[: len(members)], found)
+
+    def _on_cores(self, members: np.ndarray) -> MemberResult:
+        """Results of members, one per core at a time."""
+        if self.threads == 1:
+            found = [self._run_one(member) for member in members]
+        else:
+            # From one thread the runs would be sequential, although JAX's calls return at once.
+            pool = ThreadPoolExecutor(self.threads)
+            try:
+                found = list(pool.map(self._run_one, members))
+            finally:
+                pool.shutdown(cancel_futures=True)
+        return jax.tree.map(lambda *x: np.stack(x), *found)
+
+    def _run_one(self, member: np.integer) -> MemberResult:
+        """Result of one member, by the compiled program."""
+        return jax.device_get(self._program(member, select_members(self.inputs, member)))
+
+    def run_alone(self, member: int) -> tuple[MemberResult, str]:
+        """Result of one member as a single run, and its warning or failure. Rows are NaN after a
+        failure."""
+        try:
+            run = simulate(self.common, select_members(self.inputs, member), throw=False)
+        except SceneError as error:
+            length = len(self.time)
+            rows = {name: np.full((length, *self.shapes[name]), np.nan) for name in self._computed}
+            return MemberResult(rows, False, 0.0, None), str(error)
+        rows = {name: np.asarray(run[name]) for name in self._computed}
+        complete = bool(run.result == RESULTS.successful)
+        return MemberResult(rows, complete, float(run.steps), None), run.stats["message"]

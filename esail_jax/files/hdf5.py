@@ -1,0 +1,123 @@
+"""HDF5 files: atomic replacement, datasets with physical units, attributes.
+
+A file of this package is never changed in place. The new content goes to a temporary file beside it,
+which is flushed to the disk and then renamed. Whatever kills the writer, a reader finds the old file or
+the new one, complete and closed.
+"""
+
+import contextlib
+import os
+import platform
+import shutil
+from collections.abc import Iterable, Iterator
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from esail_jax.observables import Observable, shape_of
+
+PART = ".part"
+"""Last suffix of a temporary file."""
+
+ROWS_PER_CHUNK = 64
+"""Number of instants in one HDF5 chunk of a dataset that grows."""
+
+
+@contextlib.contextmanager
+def atomic_file(path: str | os.PathLike, unique: bool = False) -> Iterator[Path]:
+    """Context manager: gives the path of a temporary file, which replaces `path` when the block ends.
+
+    If the block raises, the temporary file is removed and `path` stays as it is. unique: the name of the
+    temporary file holds the process number, for a file that several processes may write at the same time.
+    """
+    path = Path(path)
+    part = path.with_name(f"{path.name}.{os.getpid()}{PART}" if unique else f"{path.name}{PART}")
+    try:
+        yield part
+        with open(part, "rb") as file:
+            os.fsync(file.fileno())
+        os.replace(part, path)
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise
+
+
+@contextlib.contextmanager
+def atomic_hdf5(path: str | os.PathLike, update: bool = False, unique: bool = False) -> Iterator[h5py.File]:
+    """Context manager: gives an HDF5 file to write, which replaces `path` when the block ends.
+
+    update: start from a copy of `path` instead of an empty file; unique: as for `atomic_file`.
+    """
+    with atomic_file(path, unique) as part:
+        if update:
+            shutil.copyfile(path, part)
+        with h5py.File(part, "r+" if update else "w") as file:
+            yield file
+
+
+def create_quantity(
+    file: h5py.File,
+    name: str,
+    shape: tuple[int, ...],
+    axes: Iterable[str],
+    unit: str,
+    symbol: str,
+    equation: str = "",
+    grows: bool = False,
+) -> h5py.Dataset:
+    """Creates a dataset of numbers with the attributes `unit`, `symbol`, `equation` and `axes`.
+
+    grows: the first axis starts with the given length and can be extended. Values not written are NaN.
+    """
+    storage: dict[str, Any] = {"fillvalue": np.nan}
+    if grows:
+        storage = {"maxshape": (None, *shape[1:]), "chunks": (ROWS_PER_CHUNK, *shape[1:])}
+    data = file.create_dataset(name, shape, float, **storage)
+    data.attrs.update({"unit": unit, "symbol": symbol, "equation": equation})
+    data.attrs["axes"] = list(axes)
+    return data
+
+
+def create_observables(
+    file: h5py.File,
+    observables: Iterable[Observable],
+    members: int,
+    leading: dict[str, int],
+    grows: bool = False,
+) -> None:
+    """Creates /observables/NAME for every observable, by `create_quantity`.
+
+    members: number of tethers or rods; leading: names and lengths of the axes that come before an
+    observable's own.
+    """
+    for entry in observables:
+        shape = (*leading.values(), *shape_of(entry.axes, members))
+        name, axes = f"observables/{entry.name}", (*leading, *entry.axes)
+        create_quantity(file, name, shape, axes, entry.unit, entry.symbol, entry.equation, grows)
+
+
+def append(data: h5py.Dataset, values: np.ndarray) -> None:
+    """Appends rows to a dataset that grows."""
+    before = data.shape[0]
+    data.resize(before + len(values), axis=0)
+    data[before:] = values
+
+
+def to_python(value: Any) -> Any:
+    """An HDF5 attribute as a plain Python value."""
+    return value.item() if hasattr(value, "item") else value
+
+
+def versions() -> dict[str, str]:
+    """Attributes with the versions of Python and of the packages that compute a run."""
+    packages = ("esail_jax", "jax", "jaxlib", "numpy", "h5py")
+    found = {}
+    for name in packages:
+        try:
+            found[f"version_{name}"] = metadata.version(name)
+        except metadata.PackageNotFoundError:  # run from a source tree that is not installed
+            found[f"version_{name}"] = "not installed"
+    return found | {"version_python": platform.python_version()}

@@ -1,0 +1,48 @@
+"""Measurements of a sail's state: the input of its control laws.
+
+The phase phi of a tether is its angle about the spin axis. It is counted in the sense of the spin, from the
+azimuth at which the wind's component in the spin plane points outward along the tether. That azimuth is
+undefined if the wind blows along the spin axis: cos phi and sin phi fade to zero there, and laws of the
+phase to their mean.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+
+from esail_jax.array_types import Array, Float, Scalar, Vector
+
+FADE = 1e-4
+"""Sine of the angle between wind and spin axis at which cos phi and sin phi have faded by a factor
+1/sqrt(2)."""
+
+
+class Measurements(NamedTuple):
+    """What a control law may measure at an instant: time [s], and unit vectors in the inertial frame I.
+
+    spin_axis: X_B. radial_directions: from the spin axis through every root. chords: from every root to its
+    tip. wind: direction of the solar wind at the origin of I; the load that knows the wind adds it.
+    """
+
+    time: Scalar
+    spin_axis: Vector
+    radial_directions: Float[Array, "3 tether"]
+    chords: Float[Array, "3 tether"]
+    wind: Vector | None = None
+
+    @property
+    def root_phase(self) -> Float[Array, "2 tether"]:
+        """cos phi and sin phi of the roots."""
+        return self.phase(self.radial_directions)
+
+    @property
+    def tether_phase(self) -> Float[Array, "2 tether"]:
+        """cos phi and sin phi of the tethers' chords."""
+        flat = self.chords - self.spin_axis[:, None] * (self.spin_axis @ self.chords)
+        return self.phase(flat / jnp.linalg.norm(flat, axis=0))
+
+    def phase(self, directions: Float[Array, "3 tether"]) -> Float[Array, "2 tether"]:
+        """cos phi and sin phi of unit vectors in the spin plane."""
+        across = self.wind - self.spin_axis * (self.spin_axis @ self.wind)
+        toward = across / jnp.sqrt(across @ across + FADE**2)
+        return jnp.stack([toward @ directions, jnp.cross(self.spin_axis, toward) @ directions])

@@ -1,0 +1,104 @@
+"""One observable of a run on one `ax`, labelled from the list of observables."""
+
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib import colormaps, pyplot
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+
+from esail_jax.observables import chain, sail
+from esail_jax.observables.entry import Observable
+from esail_jax.plotting.panels import legend_above, tether_colours, time_unit
+
+MOST_NAMED = 12
+"""Largest number of tethers, rods or joints that the legend names one by one."""
+
+DASHES = ("-", "--", ":")
+"""Line styles of the components of a vector that every tether or joint has."""
+
+COMPONENT_COLOURS = ("tab:blue", "tab:orange", "tab:green")
+
+GREEK = "alpha beta gamma delta theta lambda phi psi omega Gamma Theta Phi Psi".split()
+"""Greek letters that occur in symbols by name."""
+
+
+def entry_of(run: Any, name: str) -> Observable:
+    """Returns the entry of an observable in the list for this kind of run.
+
+    Raises ValueError for a name that the run does not have."""
+    entries = sail.OBSERVABLES if run.scene.chain is None else (*chain.OBSERVABLES, chain.ENERGY_ERROR)
+    known = {entry.name: entry for entry in entries if entry.name in run.observables}
+    if name not in known:
+        raise ValueError(f"`name` must be one of {', '.join(known)}, but is {name!r}")
+    return known[name]
+
+
+def mathtext(symbol: str) -> str:
+    """Returns a symbol of the list for matplotlib's typesetting, with Greek letters and whole indices."""
+    text = re.sub(r"([_^])([A-Za-z0-9]+(?:,[A-Za-z0-9]+)*)", r"\1{\2}", symbol)
+    text = re.sub(r"\beps(?![a-z])", r"\\epsilon", text)
+    for letter in GREEK:
+        text = re.sub(rf"(?<![A-Za-z\\]){letter}(?![a-z])", rf"\\{letter}", text)
+    return f"${text}$"
+
+
+def draw_observable(run: Any, name: str, ax: Axes | None = None) -> Axes:
+    """Draws an observable (time, ...) against time into `ax`, or into a new pyplot figure if None.
+
+    Colours stand for the first axis after time, line styles for the second."""
+    entry = entry_of(run, name)
+    if ax is None:
+        _, ax = pyplot.subplots(layout="constrained")
+    values = np.asarray(run[name])
+    unit, xlabel = time_unit(run)
+    times = np.asarray(run.time) / unit
+    marker = "." if len(times) == 1 else ""
+    first, second = (*values.shape[1:], 1, 1)[:2]
+    curves = values.reshape(len(times), first, second)
+    colours = colours_of(entry.axes, first)
+    for k in range(first):
+        for j in range(second):
+            ax.plot(times, curves[:, k, j], DASHES[j], color=colours[k], linewidth=1.0, marker=marker)
+    ax.set_xlabel(xlabel)
+    words = re.sub(r"_([A-Z])$", r"_in_\1", name).replace("_", " ")  # thrust_O: components in the frame O
+    ax.set_ylabel(f"{words}, {mathtext(entry.symbol)} [{entry.unit}]")
+    ax.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
+    ax.grid(alpha=0.3)
+    handles = legend_of(entry, first, colours)
+    if handles:
+        legend_above(ax, min(4, len(handles)), handles=handles)
+    return ax
+
+
+def colours_of(axes: tuple[str, ...], count: int) -> Sequence[Any]:
+    """Returns one colour per entry of the first axis after time."""
+    if not axes or axes[0] not in ("tether", "rod", "joint"):
+        return COMPONENT_COLOURS
+    if axes[0] == "tether":
+        return list(tether_colours(count))
+    return list(colormaps["viridis"](np.linspace(0.0, 0.92, count)))
+
+
+def legend_of(entry: Observable, count: int, colours: Sequence[Any]) -> list[Line2D]:
+    """Returns lines for the legend: colours for the first axis, styles for the second."""
+    handles = []
+    if entry.axes and 1 < count <= MOST_NAMED:
+        names = labels_of(entry, entry.axes[0], count)
+        handles = [Line2D([], [], color=colours[k], label=name) for k, name in enumerate(names)]
+    if len(entry.axes) > 1:
+        names = labels_of(entry, entry.axes[1], len(DASHES))
+        styles = zip(DASHES, names, strict=True)
+        handles += [Line2D([], [], color="black", linestyle=dash, label=name) for dash, name in styles]
+    return handles
+
+
+def labels_of(entry: Observable, axis: str, count: int) -> list[str]:
+    """Returns the names of an axis' entries: x, y and z, angles by their symbols, others by number."""
+    if axis == "xyz":
+        return list("xyz")
+    if axis == "angle":
+        return [mathtext(symbol) for symbol in entry.symbol.split(", ")]
+    return [f"{axis} {k + 1}" for k in range(count)]

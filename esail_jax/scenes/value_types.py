@@ -1,0 +1,74 @@
+"""Types of the values that the keys of a scene take.
+
+The aliases are the annotations of the tables' fields: what a key may be given. `Shape` and `Kind` are their
+counterparts for the checks at run time.
+"""
+
+import enum
+from collections.abc import Sequence
+
+import numpy as np
+
+from esail_jax.array_types import Array
+
+Number = float | Array
+"""One number: an int, a float, or a JAX array of shape (), traced or not."""
+
+NumberList = Sequence[float] | np.ndarray | Array
+"""A list, tuple or array of numbers."""
+
+PerMember = Number | NumberList
+"""One number for all members (tethers or rods), or a list with one number per member."""
+
+Series = Number | NumberList
+"""One number, or a list with one number per instant."""
+
+Vector = NumberList
+"""Three numbers: x, y, z."""
+
+Vectors = NumberList | Sequence[NumberList]
+"""One vector for all members, or a list with one vector per member."""
+
+Grid = NumberList | Sequence[NumberList]
+"""A list with one number per row, or a list of rows with one number per member."""
+
+
+class Shape(enum.Enum):
+    """How many numbers a key takes. *Members* are the tethers of a sail or the rods of a chain."""
+
+    SCALAR = "number"
+    """One number."""
+
+    MEMBER = "number, or list with one number per member"
+    """One number for all members, or a list with one number per member."""
+
+    VECTOR = "list of three numbers"
+    """Three numbers: x, y, z."""
+
+    VECTORS = "list of three numbers, or list with one such list per member"
+    """One vector for all members, or a list with one vector per member."""
+
+    LIST = "list of numbers"
+    """A list of any length."""
+
+    SERIES = "number, or list of numbers"
+    """One number, or a list of any length."""
+
+    GRID = "list of numbers, or list of lists with one number per member"
+    """A list with one number per row, or a list of rows with one number per member."""
+
+
+class Kind(enum.Enum):
+    """What sort of value a key takes."""
+
+    NUMBER = "number"
+    """Real numbers: the only kind that may be a JAX array."""
+
+    INTEGER = "integer"
+    """Positive integers."""
+
+    CHOICE = "choice"
+    """One of a few names."""
+
+    SWITCH = "switch"
+    """True or false."""

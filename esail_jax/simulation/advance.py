@@ -1,0 +1,173 @@
+"""The motion from one saved instant past the next, by any stepper; and its derivative.
+
+`advance` is called by the host with windows of instants (`host.py`), and by a scan under a trace (`traced.py`).
+Nothing is projected or observed here (`look.py`).
+"""
+
+import functools
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jax.ad_checkpoint import checkpoint_name
+
+from esail_jax.array_types import Array, Bool, Float, Int, Scalar
+from esail_jax.numerics.lockstep import buffer_set, while_active
+from esail_jax.numerics.symbolic_zeros import jvp_of_perturbed
+from esail_jax.simulation.problem import Problem
+from esail_jax.steppers.results import RESULTS
+from esail_jax.steppers.stepper import AbstractSteps, Motion, Point, nan_like
+
+TAPES = "steps as taken"
+"""Checkpoint name of what the derivative keeps of the steps. Steps that were chosen again in the backward pass could
+differ by rounding, and the gradient would be that of other steps."""
+
+
+class Window(NamedTuple):
+    """Some instants [s] in increasing order, of which the first `count` matter."""
+
+    times: Float[Array, " instant"]
+    count: Int[Array, ""]
+
+
+class Advanced(NamedTuple):
+    """The result of `advance`: the motion; the points at the instants, NaN where they were not passed; what `keep`
+    returned for each block; the number of instants passed and of blocks taken."""
+
+    motion: Motion
+    points: Point
+    kept: Any
+    passed: Int[Array, ""]
+    blocks: Int[Array, ""]
+
+
+def advance(
+    problem: Problem,
+    motion: Motion,
+    window: Window,
+    max_steps: Scalar,
+    max_blocks: Int[Array, ""],
+    keep: Callable[[AbstractSteps], Any] | None = None,
+    room: int = 0,
+) -> Advanced:
+    """Takes blocks of steps until the window's instants are passed, `max_blocks` were taken, the run has
+    `max_steps` steps, or the stepper gives up.
+
+    keep: a function of a block's steps, whose results are returned with a leading axis of length `room`, for the
+    first `room` blocks."""
+    stepper, model = problem.stepper, problem.model
+    times, count = window
+
+    def passed(motion, row):
+        index = jnp.minimum(row, len(times) - 1)
+        return (row < count) & (times[index] <= motion.state.time)
+
+    def may_step(motion, blocks):
+        going = motion.state.result == RESULTS.successful
+        return going & (blocks < max_blocks) & (motion.counts[0] < max_steps)
+
+    def active(carry):
+        motion, row, blocks = carry
+        return passed(motion, row) | ((row < count) & may_step(motion, blocks))
+
+    def turn(carry, buffers, is_active):
+        motion, row, blocks = carry
+        points, kept = buffers
+
+        def look(row, points, is_active):
+            step = motion.last.pick(motion.last.find(times[row]))
+            point = stepper.evaluate(model, step, times[row])
+            return row + 1, buffer_set(points, row, point, is_active)
+
+        row, points = while_active(lambda row: is_active & passed(motion, row), look, row, points)
+
+        def waiting(carry):
+            motion, blocks = carry
+            return is_active & (row < count) & ~passed(motion, row) & may_step(motion, blocks)
+
+        def block(carry, kept, is_active):
+            motion, blocks = carry
+            state, steps = stepper.block(model, motion.state)
+            if keep is not None:
+                kept = buffer_set(kept, blocks, keep(steps), is_active)
+            return (Motion(state, steps, motion.earlier), blocks + 1), kept
+
+        (motion, blocks), kept = while_active(waiting, block, (motion, blocks), kept)
+        return (motion, row, blocks), (points, kept)
+
+    one = jax.eval_shape(
+        lambda: stepper.evaluate(model, motion.last.pick(motion.last.find(times[0])), times[0])
+    )
+    points = nan_like(jax.tree.map(lambda x: jnp.zeros((len(times), *x.shape), x.dtype), one))
+    kept = ()
+    if keep is not None:
+        kept = jax.tree.map(
+            lambda x: jnp.zeros((room, *x.shape), x.dtype), jax.eval_shape(lambda: keep(motion.last))
+        )
+    none = jnp.zeros((), int)
+    (motion, row, blocks), (points, kept) = while_active(active, turn, (motion, none, none), (points, kept))
+    return Advanced(with_limit(motion, row < count, max_steps), points, kept, row, blocks)
+
+
+def with_limit(motion: Motion, unfinished: Bool[Array, ""], max_steps: Scalar) -> Motion:
+    """The motion, whose result says so if it ended for want of steps."""
+    state = motion.state
+    ended = unfinished & (state.result == RESULTS.successful) & (motion.counts[0] >= max_steps)
+    return with_result(motion, RESULTS.where(ended, RESULTS.too_many_steps, state.result))
+
+
+def with_result(motion: Motion, result: RESULTS) -> Motion:
+    """The motion with another result."""
+    state = motion.state
+    values = {field: getattr(state, field) for field in state.__dataclass_fields__}
+    return motion._replace(state=type(state)(**values | {"result": result}))
+
+
+# ---- under a trace ------------------------------------------------------------------------------
+
+
+NO_LIMIT = 2**62
+"""Number of blocks that no run reaches."""
+
+
+@jax.custom_jvp
+def move(
+    problem: Problem, motion: Motion, window: Window, max_steps: Scalar
+) -> tuple[Motion, Point, Int[Array, ""]]:
+    """The motion past the instants of a window, the points at the instants, and how many were passed.
+
+    The derivative, in forward and in reverse mode, is that of the steps as they were taken. They are recorded, in at
+    most `stepper.blocks_per_window` blocks, and replayed in loops of fixed length."""
+    found = advance(problem, motion, window, max_steps, jnp.asarray(NO_LIMIT))
+    return found.motion, found.points, found.passed
+
+
+@functools.partial(move.defjvp, symbolic_zeros=True)
+def _move_jvp(primals, tangents):
+    problem, motion, window, max_steps = primals
+    stepper, room = problem.stepper, problem.stepper.blocks_per_window
+    given = lax.stop_gradient((problem, motion, window, max_steps))
+    found = advance(*given, jnp.asarray(room), stepper.tape, room)
+    short = (found.passed < window.count) & (found.motion.state.result == RESULTS.successful)
+    result = RESULTS.where(short, RESULTS.too_many_steps, found.motion.state.result)
+    ended = with_result(found.motion, result)
+    tapes = jax.tree.map(lambda x: checkpoint_name(x, TAPES), lax.stop_gradient(found.kept))
+
+    def replayed(problem, motion, window, max_steps):
+        times = jnp.where(jnp.arange(len(window.times)) < window.count, window.times, window.times[0])
+        return problem.stepper.replay(problem.model, motion, ended, tapes, found.blocks, times)
+
+    _, (motion_dot, points_dot) = jvp_of_perturbed(replayed, primals, tangents)
+    return (ended, found.points, found.passed), (motion_dot, points_dot, none_like(found.passed))
+
+
+def none_like(count: Array) -> Any:
+    """The tangent of an integer."""
+    return jnp.zeros(count.shape, jax.dtypes.float0)
+
+
+def keep_tapes(body: Callable) -> Callable:
+    """The function as a checkpoint of reverse mode that keeps the tapes and computes everything else again."""
+    return jax.checkpoint(body, policy=jax.checkpoint_policies.save_only_these_names(TAPES))

@@ -1,0 +1,148 @@
+"""From the structure and the numbers of a scene to what a run starts with."""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from esail_jax import observables
+from esail_jax.array_types import Array, Scalar, Vector
+from esail_jax.constants import ASTRONOMICAL_UNIT
+from esail_jax.elements.hinges import Hinges
+from esail_jax.iteration_matrix import Inertia, inertia_of
+from esail_jax.rod_chain import RodChain, energy_floor
+from esail_jax.scenes.build import build, build_chain
+from esail_jax.scenes.rules import SceneError
+from esail_jax.scenes.scene import Scene
+from esail_jax.scenes.stepper_choice import stepper_of
+from esail_jax.scenes.structure import Numbers, Structure
+from esail_jax.steppers.consistent import project
+from esail_jax.steppers.stepper import AbstractStepper, Motion, Point
+from esail_jax.system import Power, System
+
+UNBALANCED = 1e-6
+"""Fraction of the tip's centrifugal force by which a steady elongation may miss its equilibrium."""
+
+
+class Problem(NamedTuple):
+    """A built scene and the stepper that integrates it.
+
+    origin: heliocentric position of the origin of the coordinates [m]; start_energy: kinetic and elastic energy at the
+    start [J]; inertia: the factored mass matrix of a sail (None for a chain); energy_floor: the energy [J] below which
+    the balance of a chain is not judged (None where the method needs no guard)."""
+
+    model: System | RodChain
+    stepper: AbstractStepper
+    origin: Vector
+    start_energy: Scalar
+    inertia: Inertia | None
+    energy_floor: Scalar | None
+
+    @property
+    def system(self) -> System:
+        """The sum of terms."""
+        return self.model.system if isinstance(self.model, RodChain) else self.model
+
+    @property
+    def hinges(self) -> Hinges | None:
+        """The springs between the rods of a chain, if it has any."""
+        return self.model.hinges if isinstance(self.model, RodChain) else None
+
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """Names of everything that was built."""
+        return self.model.terms
+
+    def with_events_until(self, time: Scalar | np.ndarray) -> "Problem":
+        """The problem as it is after the events up to a time [s]."""
+        if isinstance(self.model, RodChain):
+            return self
+        return self._replace(model=self.model.with_events_until(time))
+
+
+class Start(NamedTuple):
+    """What a run begins with. unbalanced: force that the steady elongation leaves unbalanced [N], by tether; q: the
+    positions of a sail at the start, by which it is judged."""
+
+    problem: Problem
+    motion: Motion
+    unbalanced: Array
+    q: Any
+
+
+def start(
+    structure: Structure,
+    numbers: Numbers,
+    stepper: AbstractStepper | None = None,
+    point: Point | None = None,
+) -> Start:
+    """The problem and the motion at its start.
+
+    stepper: a method in place of the scene's; point: an instant to start from in place of the scene's start."""
+    origin = numbers.get("initial.heliocentric_position_au", jnp.zeros(3)) * ASTRONOMICAL_UNIT
+    zero = jnp.zeros(())
+    nothing = Power(zero, zero)
+    if structure.has("chain"):
+        chain, rods = build_chain(structure, numbers)
+        if stepper is None:
+            stepper = stepper_of(structure, numbers, chain, rods)
+        unbalanced, inertia = jnp.zeros(1), None
+        floor = energy_floor(chain) if stepper.energy_guard else None
+        model = chain if stepper.relative_coordinates else chain.system
+        q, v = chain.coordinates(rods)
+        begin = rods if stepper.relative_coordinates else Point(zero, q, v, nothing, jnp.asarray(True))
+        if point is not None:
+            q, v, begin = point.q, point.v, point
+        energy = observables.chain.internal_energy(chain.system, chain.hinges, q, v)
+    else:
+        built = build(structure, numbers)
+        model, q, v, unbalanced = built.system, built.q, built.v, built.unbalanced
+        if stepper is None:
+            stepper = stepper_of(structure, numbers, model, None)
+        begin = Point(zero, q, v, nothing, jnp.asarray(True))
+        if point is not None:
+            q, v = project(model, point.time, point.q, point.v)
+            begin = point._replace(q=q, v=v)
+        energy = observables.kinetic_energy(model, v) + observables.elastic_energy(model, q)
+        inertia, floor = inertia_of(model), None
+    if point is not None:
+        energy = energy - point.work.external + point.work.dissipated
+    problem = Problem(model, stepper, origin, energy, inertia, floor)
+    state, last = stepper.init(problem.model, begin, jnp.asarray(jnp.inf))
+    return Start(problem, Motion(state, last, jnp.zeros(2)), unbalanced, q)
+
+
+def restart(problem: Problem, motion: Motion, point: Point, until: Scalar) -> Motion:
+    """The motion from a point at which something was switched, for a problem that is as it is afterwards. until: the
+    next such time [s]."""
+    q, v = project(problem.system, point.time, point.q, point.v)
+    state, last = problem.stepper.init(problem.model, point._replace(q=q, v=v), until)
+    return Motion(state, last, motion.counts)
+
+
+def require_64_bit() -> None:
+    """Raise RuntimeError if JAX computes in 32 bit."""
+    if not jax.config.jax_enable_x64:
+        raise RuntimeError(
+            "esail_jax needs 64-bit numbers (positions of 1e4 m and elongations of 1e-6 m meet in "
+            "one vector), but JAX is set to 32 bit: remove `jax_enable_x64 = False`."
+        )
+
+
+def check_steady(scene: Scene, begun: Start) -> None:
+    """Refuse a spin at which the elements have no steady stretch. Raises SceneError."""
+    tethers = begun.problem.system.tethers
+    q, spin = begun.q.tether, float(np.abs(scene.initial.spin_rate))
+    lengths = tethers.element_length * tethers.elements
+    mass = tethers.line_density * lengths + tethers.tip_mass
+    allowed = UNBALANCED * np.asarray(mass * lengths) * spin**2 + 1e-9
+    unbalanced = np.asarray(begun.unbalanced)
+    radial = np.linalg.norm(np.asarray(q[0, :, -1] - q[0, :, 0]), axis=0)
+    bad = ~(unbalanced <= allowed) | ~np.isfinite(radial)
+    if bad.any():
+        raise SceneError(
+            "initial.spin_rate",
+            f"leave tether {int(np.argmax(bad))} a steady elongation",
+            f"is {spin}: its elements cannot hold the centrifugal force",
+        )

@@ -1,0 +1,107 @@
+"""The result of a run: a mapping from names of observables to arrays."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from esail_jax.array_types import Array, Float
+from esail_jax.observables import described
+from esail_jax.observables.entry import Observable
+from esail_jax.scenes.scene import Scene
+from esail_jax.simulation.results import Checkpoint
+from esail_jax.steppers.results import RESULTS
+from esail_jax.steppers.stepper import AbstractStepper, Point
+
+
+class Solution(eqx.Module, Mapping):
+    """A finished run, as a mapping: `solution["coning_angle"]` is an observable with time as first axis.
+
+    time: saved instants [s]; observables: all arrays by name; result: a member of `RESULTS`; final_state: the point at
+    the end, from which `simulate(scene, start=...)` goes on; stats: steps, rejected_steps, times, terms, and a message if
+    the run failed, its energy balance is wrong or its step too long; numerics: statistics of the steps by saved instant;
+    checkpoint: where a longer run could go on, bit for bit. Under a trace `scene` and the last two are None."""
+
+    time: Float[Array, " time"] | Float[np.ndarray, " time"]
+    observables: dict[str, Array | np.ndarray]
+    result: RESULTS
+    final_state: Point | None
+    stats: dict[str, Any]
+    numerics: dict[str, np.ndarray] | None = None
+    checkpoint: Checkpoint | None = None
+    scene: Scene | None = eqx.field(static=True, default=None)
+    stepper: AbstractStepper | None = None
+
+    def __getitem__(self, name: str) -> Array | np.ndarray:
+        return self.observables[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.observables)
+
+    def __len__(self) -> int:
+        return len(self.observables)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.observables
+
+    def __hash__(self) -> int:
+        return id(self)
+
+    def __eq__(self, other: object) -> bool:
+        return self is other
+
+    @property
+    def steps(self) -> Any:
+        """Number of steps taken: a Python number, or an array under a trace."""
+        steps = self.stats["steps"]
+        return steps if isinstance(steps, jax.core.Tracer) else int(steps)
+
+    def about(self, name: str) -> Observable:
+        """The entry of an observable: its unit, symbol, axes after time, and equation."""
+        return described(name)
+
+    def units(self) -> dict[str, str]:
+        """Units by observable."""
+        return {name: described(name).unit for name in self}
+
+    def at(self, time: float) -> dict[str, np.ndarray]:
+        """The observables at any time [s] of the run, from the same steps as if that instant had been saved.
+
+        The run is taken again up to that time, with the programs that are compiled already. Raises ValueError for a time
+        outside the run, and for a run made under a trace."""
+        from esail_jax.simulation.simulate import observables_at
+
+        return observables_at(self, time)
+
+    def to_xarray(self) -> Any:
+        """The run as an `xarray.Dataset` with units, symbols and named axes. Needs the extra `xarray`."""
+        import xarray
+
+        data = {}
+        for name in self:
+            entry = described(name)
+            axes = ["time", *(f"{name}_{axis}" if axis in OWN_AXES else axis for axis in entry.axes)]
+            attributes = {"units": entry.unit, "symbol": entry.symbol, "equation": entry.equation}
+            data[name] = (axes, np.asarray(self[name]), attributes)
+        time = ("time", np.asarray(self.time), {"units": "s"})
+        return xarray.Dataset(
+            data, coords={"time": time}, attrs={"message": str(self.stats.get("message", ""))}
+        )
+
+    def __repr__(self) -> str:
+        if self.scene is None or isinstance(self.time, jax.core.Tracer):
+            return f"Solution({len(self)} observables at {len(self.time)} instants, under a trace)"
+        stats = self.stats
+        outcome = RESULTS[self.result] if not stats["message"] else stats["message"]
+        return (
+            f"Solution: {len(self)} observables at {len(self.time)} instants from {self.time[0]:g} to {self.time[-1]:g} s\n"
+            f"  {stats.get('method', '')}: {self.steps} steps in {stats['wall_time']:.2f} s, "
+            f"compiling {stats['compile_time']:.2f} s\n"
+            f"  {outcome}"
+        )
+
+
+OWN_AXES = ("angle", "row", "col")
+"""Axes whose entries mean something else in every observable."""

@@ -1,0 +1,99 @@
+"""A run as one program, for `jit`, `grad`, `jvp` and `vmap`: a scan over windows of instants."""
+
+import functools
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+from esail_jax.array_types import Array, Float, Scalar
+from esail_jax.numerics.lockstep import select
+from esail_jax.scenes.structure import Numbers, Structure
+from esail_jax.simulation.advance import Window, keep_tapes, move
+from esail_jax.simulation.look import look, with_running_observables
+from esail_jax.simulation.problem import restart, start
+from esail_jax.simulation.schedule import Schedule
+from esail_jax.steppers.results import RESULTS
+from esail_jax.steppers.stepper import INSTANTS_TOGETHER, AbstractStepper, Point, nan_like
+
+
+class Traced(NamedTuple):
+    """A run under a trace: observables by name, NaN from a failure on; the last point; how the run ended; numbers of
+    steps taken and rejected; the stepper's estimates of its errors."""
+
+    rows: dict[str, Array]
+    point: Point
+    result: RESULTS
+    counts: Float[Array, "2"]
+    errors: dict[str, Scalar]
+
+
+@functools.partial(jax.jit, static_argnums=(0, 1, 2))
+def traced_run(
+    structure: Structure,
+    schedule: Schedule,
+    names: tuple[str, ...] | None,
+    numbers: Numbers,
+    max_steps: Scalar,
+    stepper: AbstractStepper | None = None,
+    point: Point | None = None,
+) -> Traced:
+    """The whole run. Reverse mode keeps the motion between two windows, and the tapes of their steps."""
+    begun = start(structure, numbers, stepper, point)
+    problem = begun.problem
+    windows, number, place = schedule.windows()
+    switched = bool(windows.begins.any())
+    windows = jax.tree.map(jnp.asarray, windows)
+
+    @keep_tapes
+    def body(carry, window):
+        motion, before = carry
+        now = problem.with_events_until(window.start) if switched else problem
+        if switched:
+            motion = lax.cond(
+                window.begins,
+                lambda: select(is_good(motion), restart(now, motion, before, window.until), motion),
+                lambda: motion,
+            )
+        motion, points, passed = move(now, motion, Window(window.times, window.count), max_steps)
+        last = jax.tree.map(lambda x: x[window.count - 1], points)
+        return (motion, last), (points, passed)
+
+    first = jax.eval_shape(
+        lambda: move(problem, begun.motion, Window(windows.times[0], windows.count[0]), max_steps)
+    )
+    nothing = nan_like(jax.tree.map(lambda x: jnp.zeros(x.shape[1:], x.dtype), first[1]))
+    (motion, _), (points, passed) = lax.scan(body, (begun.motion, nothing), windows)
+
+    # All saved instants, batch by batch.
+    good = place < passed[number]
+    points = jax.tree.map(lambda x: x[number, place], points)
+    since = windows.start[number]
+
+    def observed(row):
+        time, point = row
+        now = problem.with_events_until(time) if switched else problem
+        return look(now, point, names)[:2]
+
+    rows, points = lax.map(observed, (since, points), batch_size=INSTANTS_TOGETHER)
+    result = motion.state.result
+    rows, _, kept = with_running_observables(problem, rows, (jnp.nan, 0.0), jnp)
+    if kept is not None:
+        drifted = ~(kept | ~good).all()
+        result = RESULTS.where(drifted & is_good(motion), RESULTS.energy_drift, result)
+        good = jnp.cumprod(good & kept).astype(bool)
+    rows = {name: jnp.where(along(good, x), x, jnp.nan) for name, x in rows.items()}
+    final = jax.tree.map(lambda x: x[-1], points)
+    final = select(good[-1], final, nan_like(final))
+    return Traced(rows, final, result, motion.counts, problem.stepper.error_estimates(motion.state))
+
+
+def is_good(motion) -> Array:
+    """True while the stepper can go on."""
+    return motion.state.result == RESULTS.successful
+
+
+def along(mask: Array, like: Array) -> Array:
+    """A mask over instants in the rank of `like`."""
+    return mask.reshape(-1, *(1,) * (like.ndim - 1))

@@ -1,0 +1,106 @@
+"""The steps of a collocation run taken again from their records, as differentiable functions.
+
+Nothing is solved again: the stages are known, and the implicit function theorem gives their derivative
+(`collocation_solution.known_stages`)."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+from esail_jax.array_types import Array, Float, Int
+from esail_jax.numerics.lockstep import any_member
+from esail_jax.numerics.symbolic_zeros import with_tangent_of
+from esail_jax.steppers.collocation_solution import known_stages
+from esail_jax.steppers.collocation_stages import StepEnd, end_of_step, factor, stage_powers, work_of_step
+from esail_jax.steppers.collocation_steps import CollocationSteps
+from esail_jax.steppers.stepper import AbstractStepper, Motion, Point, points_within
+from esail_jax.system import Power, System
+
+
+def replay_window(
+    stepper: AbstractStepper,
+    system: System,
+    motion: Motion,
+    ended: Motion,
+    tapes: CollocationSteps,
+    blocks: Int[Array, ""],
+    times: Float[Array, " instant"],
+) -> tuple[Motion, Point]:
+    """The blocks of a window; arguments and results are those of `AbstractStepper.replay`."""
+    start = motion.state.now
+    counted = jnp.arange(len(tapes.taken)) < blocks
+    tapes = lax.stop_gradient(replace(tapes, taken=tapes.taken & counted[:, None]))
+
+    @jax.checkpoint
+    def block(now, records):
+        return replay_steps(system, now, records)
+
+    def one(now, records):
+        return lax.cond(any_member(records.taken.any()), block, lambda *x: x, now, records)
+
+    now, records = lax.scan(one, start, tapes)
+    flat = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), records)
+    (work, power), flat = replay_work(system, start, flat)
+    records = jax.tree.map(lambda x, like: x.reshape(like.shape), flat, records)
+    points = points_within(stepper, system, motion.last, records, records.taken, times)
+    # The time has no derivative: step sizes are given.
+    now = now._replace(time=ended.state.now.time, work=work, power=power)
+    index = jnp.maximum(blocks - 1, 0)
+    last = jax.tree.map(lambda x, y: jnp.where(blocks > 0, x[index], y), records, motion.last)
+    # What collocation carries beside its point decides how fast a step is solved, not the result.
+    state = lax.stop_gradient(ended.state)
+    return Motion(replace(state, now=now), last, motion.earlier), points
+
+
+def replay_steps(
+    system: System, now: StepEnd, records: CollocationSteps
+) -> tuple[StepEnd, CollocationSteps]:
+    """The steps of a block, as functions of the system and of what the first of them starts from: the end
+    of the last, and the records, with that derivative. The steps' length carries none. Without work and
+    powers, which nothing else depends on (`replay_work`)."""
+    h = records.h[0]
+    lam = jax.tree.map(lambda x: x[0, 0], records.stages.lam)
+    kept = lax.stop_gradient(factor(*lax.stop_gradient((system, now, h, lam))))
+
+    @jax.checkpoint
+    def step(now, record):
+        # What was not taken may be infinite: times zero that is no zero.
+        stages = jax.tree.map(lambda x: jnp.where(record.taken, x, 0.0), record.stages)
+        # From where it was taken: nothing before a step needs to be done again for its derivative.
+        now = with_tangent_of(record.start, now)
+        unknowns = known_stages(system, now, h, stages, kept, record.info.iterations)
+        q, v = end_of_step(system, now, h, unknowns, kept)
+        end = now._replace(q=q, v=v, vdot=jax.tree.map(lambda x: x[-1], unknowns.vdot))
+        return end, replace(record, start=now, stages=unknowns)
+
+    def step_or_stay(now, record):
+        now = now._replace(time=record.start.time)
+        return lax.cond(record.taken, step, lambda now, record: (now, record), now, record)
+
+    return lax.scan(step_or_stay, now, records)
+
+
+def replay_work(
+    system: System, start: StepEnd, records: CollocationSteps
+) -> tuple[tuple[Power, Power], CollocationSteps]:
+    """Records of `replay_steps` in a row, with the powers and the work from those of `start` on."""
+
+    @jax.checkpoint
+    def powers(record):
+        stages = jax.tree.map(lambda x: jnp.where(record.taken, x, 0.0), record.stages)
+        return stage_powers(system, record.start, record.h, stages)
+
+    def step(before, record):
+        power = powers(record)
+        work = jax.tree.map(jnp.add, before[0], work_of_step(record.h, before[1], power))
+        return (work, jax.tree.map(lambda x: x[-1], power)), power
+
+    def step_or_stay(before, record):
+        none = jax.tree.map(jnp.zeros_like, record.power)
+        after, power = lax.cond(record.taken, step, lambda *x: (x[0], none), before, record)
+        start = record.start._replace(work=before[0], power=before[1])
+        return after, replace(record, start=start, power=power)
+
+    return lax.scan(step_or_stay, (start.work, start.power), records)

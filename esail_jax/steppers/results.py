@@ -1,0 +1,28 @@
+"""The ways in which a run may end."""
+
+import equinox as eqx
+
+
+class RESULTS(eqx.Enumeration):
+    """How a run ended; `RESULTS[result]` is the sentence that says so."""
+
+    successful = "The run reached its end time."
+    newton_diverged = "The equations of a step could not be solved."
+    nonfinite = "The state became infinite or undefined."
+    energy_drift = "The energy balance is off by more than a tenth of the energy."
+    min_step_reached = "The step size fell to nothing."
+    too_many_steps = "The run needs more steps than `max_steps` allows."
+
+
+def is_successful(result: RESULTS):
+    """True for a run that has not failed: a Python value outside a trace, an array within."""
+    return result == RESULTS.successful
+
+
+NAMES = ("successful", "newton_diverged", "nonfinite", "energy_drift", "min_step_reached", "too_many_steps")
+"""The members of `RESULTS`, as run files name them."""
+
+
+def name_of(result: RESULTS) -> str:
+    """The name of a result that is known (not under a trace)."""
+    return next(name for name in NAMES if result == getattr(RESULTS, name))

@@ -1,0 +1,254 @@
+"""`jit` and the compiler options. Matrix products are right whatever their factors, although the library
+that computes them is wrong if all columns of the right factor are equal (`compiler_workaround.py`)."""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import jaxlib
+import numpy as np
+import pytest
+
+from esail_jax import compiler, jit
+from esail_jax.compiler import COMPILER_OPTIONS, compile_lowered
+from esail_jax.compiler_workaround import has_computed_right_factor
+
+LEFT = np.random.default_rng(0).normal(size=(4, 4))
+
+FACTORS = {
+    "one number": lambda x: jnp.broadcast_to(x[0], (4, 12)),
+    "one number a row": lambda x: jnp.broadcast_to(x[:4, None], (4, 12)),
+    "four numbers three times a row": lambda x: jnp.broadcast_to(x[:4], (4, 3, 4)).reshape(4, 12),
+    "any": lambda x: x.reshape(4, 12),
+}
+NUMBERS = np.random.default_rng(1).normal(size=48)
+
+
+@pytest.mark.parametrize("factor", FACTORS)
+@pytest.mark.parametrize("how", ["jit", "compile_lowered", "options"])
+def test_product_with_any_right_factor(factor, how):
+    """A B to rounding (sums of four products of numbers near one), also where all columns of B are equal:
+    by `jit`, by a program that is compiled ahead, and by `jax.jit` with the options."""
+
+    def product(left, x):
+        return left @ FACTORS[factor](x)
+
+    if how == "jit":
+        program = jit(product)
+    elif how == "compile_lowered":
+        program = compile_lowered(jax.jit(product).lower(LEFT, NUMBERS))
+    else:
+        program = jax.jit(product, compiler_options=COMPILER_OPTIONS)
+    expected = LEFT @ np.asarray(FACTORS[factor](NUMBERS))
+    np.testing.assert_allclose(program(LEFT, NUMBERS), expected, rtol=0, atol=1e-14)
+
+
+IN_LIBRARY = """
+%computation (left: f64[4,4], x: {given}) -> f64[4,12] {{
+  %left = f64[4,4]{{1,0}} parameter(0)
+  %x = {given}{{0}} parameter(1)
+{lines}
+  ROOT %product = f64[4,12]{{1,0}} dot(%left, %right), lhs_contracting_dims={{1}}
+}}
+
+ENTRY %main (l: f64[4,4], x.1: {given}) -> f64[4,12] {{
+  ROOT %made = f64[4,12]{{1,0}} fusion(%l, %x.1), kind={kind}, calls=%computation, backend_config={config}
+}}
+"""
+"""As jaxlib 0.10.2 writes a compiled program."""
+
+BROADCAST = "  %right = f64[4,12]{1,0} broadcast(%x), dimensions={0}"
+SPREAD = "  %y = f64[4,3,4]{2,1,0} broadcast(%x), dimensions={2}\n  %right = f64[4,12]{1,0} bitcast(%y)"
+ARRAY = "  %right = f64[4,12]{1,0} bitcast(%x)"
+LIBRARY = {"kind": "kCustom", "config": '{"fusion_config":{"kind":"__ynn_fusion"}}'}
+LOOP = {"kind": "kLoop", "config": "{}"}
+
+
+@pytest.mark.parametrize(
+    ("given", "lines", "place", "refused"),
+    [
+        ("f64[4]", BROADCAST, LIBRARY, True),
+        ("f64[4]", SPREAD, LIBRARY, True),
+        ("f64[48]", ARRAY, LIBRARY, False),
+        ("f64[4]", BROADCAST, LOOP, False),
+    ],
+    ids=["broadcast", "reshaped broadcast", "array", "outside the library"],
+)
+def test_computed_right_factor_is_found(given, lines, place, refused):
+    """A broadcast as right factor is found in the text of a compiled program, also behind a reshaping; an
+    array in memory is not taken for one, and a product outside the library does not count."""
+    assert has_computed_right_factor(IN_LIBRARY.format(given=given, lines=lines, **place)) == refused
+
+
+def test_workaround_has_not_expired():
+    """The workaround is needed for jaxlib < 0.11 only. When this fails: delete `compiler_workaround.py` and
+    its use in `compile_lowered`, and set the options of the new version of JAX in `compiler.py`."""
+    version = tuple(int(part) for part in jaxlib.__version__.split(".")[:2])
+    assert version < (0, 11)
+
+
+def test_nothing_is_searched_without_options(monkeypatch):
+    """With a later JAX, which has other options, a program is compiled once and its text is not read."""
+    monkeypatch.setattr(compiler, "has_computed_right_factor", None)
+    program = compile_lowered(jax.jit(jnp.sin).lower(1.0), None)
+    assert program(1.0) == np.sin(1.0)
+
+
+# ---- jit ---------------------------------------------------------------------------------------
+
+
+class Counted:
+    """A function that counts how often it is traced."""
+
+    def __init__(self, function):
+        self.function, self.traces = function, 0
+
+    def __call__(self, *args, **kwargs):
+        self.traces += 1
+        return self.function(*args, **kwargs)
+
+
+def spring(pair, x, power=2):
+    return {"energy": (pair["k"] * x**power).sum(), "x": x}
+
+
+PAIR = {"k": np.linspace(1.0, 2.0, 5)}
+X = np.linspace(-1.0, 1.0, 5)
+
+
+def test_jit_computes_what_jax_jit_computes():
+    """To rounding of a sum of five numbers near one; results are arrays in the same tree."""
+    found, expected = jit(spring)(PAIR, X), jax.jit(spring)(PAIR, X)
+    assert jax.tree.structure(found) == jax.tree.structure(expected)
+    assert all(isinstance(x, jax.Array) for x in found.values())
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-14), found, expected)
+
+
+def test_jit_compiles_once_for_arguments_of_the_same_kind():
+    """Values may differ, NumPy and JAX arrays be mixed."""
+    function = Counted(spring)
+    compiled = jit(function)
+    compiled(PAIR, X)
+    assert function.traces == len(compiled._programs) == 1
+    np.testing.assert_allclose(compiled(PAIR, 2.0 * X)["x"], 2.0 * X)
+    compiled({"k": np.ones(5)}, X)
+    assert function.traces == len(compiled._programs) == 1
+
+
+def test_jit_compiles_anew_for_other_shapes_types_and_trees():
+    compiled = jit(spring)
+    for k, x in ((1.0, 2.0), (1.0, np.float64(2.0)), (1.0, X), (1.0, X[:3]), (1.0, X.astype(np.float32))):
+        expected = jax.jit(spring)({"k": k}, x)
+        for name, value in compiled({"k": k}, x).items():
+            assert (value.shape, value.dtype) == (expected[name].shape, expected[name].dtype)
+    assert len(compiled._programs) == 5
+    compiled({"k": 1.0, "unused": None}, X)
+    assert len(compiled._programs) == 6
+
+
+def test_programs_of_jit_have_the_options_of_the_package():
+    """A product with a factor computed on the fly goes to the library together with what computes it: at
+    once with the right option, not at all if that would be wrong."""
+    compiled = jit(lambda a, b: a @ b)
+    np.testing.assert_allclose(compiled(LEFT, LEFT), LEFT @ LEFT, rtol=1e-13)
+    (program,) = compiled._programs.values()
+    assert program.as_text() == compile_lowered(compiled.lower(LEFT, LEFT)).as_text()
+
+
+@pytest.mark.parametrize(
+    "how", [{"static_argnums": 2}, {"static_argnums": -1}, {"static_argnames": "power"}]
+)
+def test_jit_takes_static_arguments_by_position_and_by_name(how):
+    """Whichever way they are declared, as for `jax.jit`; every value is a program."""
+    compiled = jit(spring, **how)
+    for power in (2, 3, 2):
+        np.testing.assert_allclose(compiled(PAIR, X, power)["energy"], (PAIR["k"] * X**power).sum())
+    assert len(compiled._programs) == 2
+    if how != {"static_argnums": -1}:
+        np.testing.assert_allclose(compiled(PAIR, X, power=4)["energy"], (PAIR["k"] * X**4).sum())
+
+
+def test_jit_tells_equal_static_values_of_different_types_apart():
+    """True == 1 == 1.0, but results differ in type."""
+    compiled = jit(lambda x, n: x * n, static_argnums=1)
+    assert [compiled(2, n).dtype for n in (1, 1.0, True)] == [int, float, int]
+
+
+def test_jit_under_grad_vmap_and_jit():
+    """Called with traced arguments it is traced like any function, also where some are not."""
+
+    def energy(x, k=PAIR["k"]):
+        return (k * jnp.sin(x)).sum()
+
+    compiled, slope = jit(energy), PAIR["k"] * np.cos(X)
+    np.testing.assert_allclose(jax.grad(compiled)(X), slope, rtol=1e-14)
+    np.testing.assert_allclose(jit(jax.grad(compiled))(X), slope, rtol=1e-14)
+    np.testing.assert_allclose(jax.jit(jax.grad(compiled))(X), slope, rtol=1e-14)
+    np.testing.assert_allclose(jax.jvp(compiled, (X,), (X,))[1], slope @ X, rtol=1e-14)
+    np.testing.assert_allclose(
+        jax.jacfwd(jax.grad(compiled))(X), np.diag(-PAIR["k"] * np.sin(X)), rtol=1e-14
+    )
+    each = [energy(x) for x in (X, 2.0 * X)]
+    both = np.stack([X, 2.0 * X])
+    np.testing.assert_allclose(jax.vmap(compiled)(both), each, rtol=1e-14)
+    np.testing.assert_allclose(jax.jit(jax.vmap(compiled))(both), each, rtol=1e-14)
+    np.testing.assert_allclose(jax.vmap(jax.jit(compiled))(both), each, rtol=1e-14)
+    np.testing.assert_allclose(jax.lax.map(compiled, both), each, rtol=1e-14)
+    np.testing.assert_allclose(jit(lambda x: compiled(x) + compiled(X))(X), 2.0 * each[0], rtol=1e-14)
+    assert jax.eval_shape(compiled, X).shape == ()
+
+
+@pytest.mark.parametrize("transform", [jax.grad, jax.jit, lambda f: lambda x: jax.vmap(f)(x[None])[0]])
+def test_jit_of_a_function_that_encloses_traced_values(transform):
+    """It is called with a plain number, but its body refers to a traced one."""
+
+    def outer(x):
+        inner = jit(lambda y: y * x**2)
+        return inner(3.0) + inner(4.0)
+
+    expected = 7.0 * 2.0 * 1.5 if transform is jax.grad else 7.0 * 1.5**2
+    np.testing.assert_allclose(transform(outer)(jnp.asarray(1.5)), expected, rtol=1e-14)
+
+
+def test_jit_refuses_what_jax_jit_refuses():
+    with pytest.raises(TypeError, match="abstract array"):
+        jit(lambda x: x)("text")
+    with pytest.raises(ValueError, match="hashable"):
+        jit(lambda x, y: x, static_argnums=1)(1.0, [])
+    with pytest.raises(TypeError, match="missing"):
+        jit(lambda x, y: x)(1.0)
+
+
+def test_jit_as_decorator_keeps_name_and_docstring_and_works_on_methods():
+    class Gain:
+        def __init__(self, size):
+            self.size = size
+
+        @functools.partial(jit, static_argnums=0)
+        def scaled(self, x):
+            """Scales."""
+            return self.size * x
+
+    assert (Gain.scaled.__name__, Gain.scaled.__doc__) == ("scaled", "Scales.")
+    np.testing.assert_array_equal(Gain(3.0).scaled(X), 3.0 * X)
+
+
+def test_jit_without_options_is_jax_jit(monkeypatch):
+    """On another device, and with a JAX that does not know the options."""
+    monkeypatch.setattr(compiler, "COMPILER_OPTIONS", None)
+    compiled = jit(spring)
+    np.testing.assert_array_equal(compiled(PAIR, X)["x"], X)
+    assert not compiled._programs
+
+
+def test_disabled_jit_and_cleared_cache():
+    function = Counted(spring)
+    compiled = jit(function)
+    with jax.disable_jit():
+        compiled(PAIR, X)
+        compiled(PAIR, X)
+    assert (function.traces, len(compiled._programs)) == (2, 0)
+    compiled(PAIR, X)
+    compiled.clear_cache()
+    compiled(PAIR, X)
+    assert (function.traces, len(compiled._programs)) == (4, 1)

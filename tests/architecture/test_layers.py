@@ -1,0 +1,120 @@
+"""A module imports from its own layer or a lower one, and the heavy libraries stay in their rooms.
+
+The table is the architecture: physics at a point below the sum of the terms, that below its iteration
+matrix, that below the stepper, that below everything that knows about scenes, files and figures.
+"""
+
+import ast
+import graphlib
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[2] / "esail_jax"
+
+LAYERS = (
+    ("constants", "array_types", "compiler", "compiler_workaround", "cores"),
+    ("numerics", "environment"),
+    ("coordinates", "measurements", "terms"),
+    ("elements", "loads", "joints"),
+    ("system",),
+    ("iteration_matrix", "rod_chain"),
+    ("steppers", "equilibria"),
+    ("observables", "scenes"),
+    ("simulation",),
+    ("files", "ensembles", "design", "plotting"),
+    ("__init__", "commands"),
+    ("cli", "__main__"),
+)
+"""Lowest first. A name stands for a module, or for a folder with all its modules."""
+
+ONLY_IN = {
+    "matplotlib": {"plotting"},
+    "mpl_toolkits": {"plotting"},
+    "h5py": {"files", "ensembles", "design", "commands"},
+}
+"""Who may import what is slow to import or tied to a file format."""
+
+LAYER = {room: number for number, rooms in enumerate(LAYERS) for room in rooms}
+
+FILES = {
+    ".".join(path.relative_to(PACKAGE).with_suffix("").parts): path
+    for path in sorted(PACKAGE.rglob("*.py"))
+}
+"""Every module by its dotted name in the package; a folder's own is `folder.__init__`."""
+
+
+def room_of(module: str) -> str:
+    """First part of a dotted name inside the package."""
+    return module.partition(".")[0]
+
+
+def imported(path: Path) -> set[str]:
+    """Absolute dotted names a file imports, those inside functions included; `from a import b` is
+    a.b: whether b is a module is decided later."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}:{node.lineno}: imports are absolute here"
+            names |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return names
+
+
+def modules_used(path: Path) -> set[str]:
+    """Modules of the package that a file imports."""
+    found = set()
+    for name in imported(path):
+        if room_of(name) != "esail_jax":
+            continue
+        inside = name.partition(".")[2]
+        owner = inside.rpartition(".")[0]
+        candidates = (inside, f"{inside}.__init__", owner, f"{owner}.__init__", "__init__")
+        found.add(next(c for c in candidates if c.lstrip(".") in FILES).lstrip("."))
+    return found
+
+
+def test_every_module_has_a_layer():
+    assert {room_of(module) for module in FILES} == set(LAYER)
+
+
+@pytest.mark.parametrize("module", FILES)
+def test_imports_come_from_own_or_lower_layer(module):
+    above = {used for used in modules_used(FILES[module]) if LAYER[room_of(used)] > LAYER[room_of(module)]}
+    assert not above, f"{module} imports from above: {sorted(above)}"
+
+
+def test_no_circle_of_imports():
+    # Modules of one layer may use each other, in one direction.
+    order = graphlib.TopologicalSorter({module: modules_used(path) for module, path in FILES.items()})
+    order.prepare()  # raises CycleError, which names the circle
+
+
+@pytest.mark.parametrize("library", ONLY_IN)
+def test_library_stays_in_its_room(library):
+    users = {room_of(m) for m, path in FILES.items() if library in {room_of(n) for n in imported(path)}}
+    assert users <= ONLY_IN[library]
+    assert users, f"nobody imports {library}: the rule has lost its subject"
+
+
+def test_only_the_command_line_and_the_function_plot_draw():
+    users = {room_of(m) for m, path in FILES.items() if "plotting" in map(room_of, modules_used(path))}
+    assert users == {"plotting", "cli", "__init__"}
+
+
+def test_a_wrong_import_is_seen(tmp_path):
+    # Of every form an import can take, one inside a function too.
+    text = """
+import esail_jax.cores
+from esail_jax import terms
+from esail_jax.scenes import rules
+from esail_jax import simulate, Scene
+def later():
+    from esail_jax.steppers.consistent import project
+"""
+    file = tmp_path / "wrong.py"
+    file.write_text(text)
+    assert modules_used(file) == {
+        "cores", "terms", "scenes.rules", "__init__", "steppers.consistent",
+    }  # fmt: skip

@@ -1,0 +1,66 @@
+"""A part that a scene leaves out is not there: fewer equations, and not among the terms."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+
+import esail_jax as esail
+from esail_jax.scenes.build import build_jitted
+from esail_jax.scenes.method_choice import with_method
+from esail_jax.scenes.structure import split
+from esail_jax.simulation.entry import problem_of
+from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
+
+
+def count_equations(jaxpr):
+    """Number of equations of a jaxpr, nested ones included."""
+    total = 0
+    for equation in jaxpr.eqns:
+        total += 1
+        for value in equation.params.values():
+            for part in value if isinstance(value, (tuple, list)) else [value]:
+                inner = getattr(part, "jaxpr", part)
+                total += count_equations(inner) if hasattr(inner, "eqns") else 0
+    return total
+
+
+def equations_of_a_step(problem, state):
+    """Number of equations of one factorisation and one step."""
+    stepper = GeneralizedAlpha(jnp.asarray(0.1), problem.spectral_radius)
+
+    def step(problem, state):
+        factors = stepper.factor(problem.system, jnp.zeros(()), state.q, state.v, state.lam)
+        return stepper.step(problem.system, jnp.zeros(()), state, factors, jnp.asarray(jnp.inf))
+
+    return count_equations(jax.make_jaxpr(step)(problem, state).jaxpr)
+
+
+def scenes():
+    size = {"tethers.count": 3, "tethers.elements": 2}
+    full = esail.load_scene("baseline", size | {"integrator.method": "generalized-alpha"})
+    undamped = dataclasses.replace(full.tethers, axial_damping_time=None, bending_damping_time=None)
+    return full, {
+        "bending": full.replace({"tethers.bending": False}),
+        "damping": dataclasses.replace(full, tethers=undamped),
+        "coulomb": dataclasses.replace(full, voltage=None, solar_wind=None),
+        "hub": dataclasses.replace(full, hub=None),
+    }
+
+
+def test_an_absent_part_leaves_no_equations():
+    """Equations of a step, strictly fewer without bending, damping, voltage or hub; a voltage of
+    zero, in contrast, is a term like any other."""
+
+    def measured(scene):
+        structure, numbers = split(with_method(scene))
+        problem, carry = problem_of(numbers, build_jitted(structure, numbers))
+        return equations_of_a_step(problem, carry.state), problem.system.terms
+
+    full, lacking = scenes()
+    equations, terms = measured(full)
+    for part, scene in lacking.items():
+        fewer, left = measured(scene)
+        assert fewer < equations, part
+        assert any(part in term for term in terms) and not any(part in term for term in left)
+    assert measured(full.replace({"voltage.value": 0.0})) == (equations, terms)

@@ -1,0 +1,40 @@
+"""The lists of perturbations (`mutations/*.toml`) fit the package and the table of results.
+
+Running the perturbations takes twenty minutes and is no test: `python tests/tools/mutations.py`.
+"""
+
+import csv
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+LISTS = sorted(Path(__file__).with_name("mutations").glob("*.toml"))
+MUTATIONS = [m for path in LISTS for m in tomllib.loads(path.read_text(encoding="utf-8"))["mutation"]]
+
+
+def test_every_perturbation_finds_its_text():
+    """A text that occurs twice, or no longer, would perturb something else or nothing."""
+    for mutation in MUTATIONS:
+        text = (ROOT / "esail_jax" / mutation["file"]).read_text(encoding="utf-8")
+        assert text.count(mutation["old"]) == 1, mutation["name"]
+        assert mutation["old"] != mutation["new"]
+    names = [mutation["name"] for mutation in MUTATIONS]
+    assert len(set(names)) == len(names)
+
+
+def test_every_perturbation_has_been_noticed():
+    """The table lists all of them, each with a test that failed."""
+    with (ROOT / "experiments/mutations/mutations.csv").open(encoding="utf-8") as file:
+        table = {row["term"]: row["tests that fail"] for row in csv.DictReader(file)}
+    assert set(table) == {mutation["name"] for mutation in MUTATIONS}
+    assert all(table.values())
+
+
+@pytest.mark.parametrize("folder", ["elements", "loads", "joints", "environment", "steppers", "equilibria"])
+def test_every_room_with_physics_is_perturbed(folder):
+    """No file with formulas of its own is left out."""
+    perturbed = {mutation["file"] for mutation in MUTATIONS}
+    files = {f"{folder}/{path.name}" for path in (ROOT / "esail_jax" / folder).glob("[a-z]*.py")}
+    assert files <= perturbed

@@ -1,0 +1,261 @@
+"""Designs: gradients of every objective, what an optimisation reaches, and going on with one."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+import pytest
+from support.quick import jit
+
+import esail_jax as esail
+from esail_jax.cli import main
+from esail_jax.design import Design, Objective, Variable, objectives
+from esail_jax.design.problem import coordinate_of_start, value_of
+
+SMALL = {
+    "tethers.count": 3,
+    "tethers.elements": 2,
+    "integrator.t_end": 400.0,
+    "output.interval": 20.0,
+    "integrator.tolerance": 1e-8,
+    "voltage.law": "harmonic",
+    "voltage.cosine": [0.05],
+    "voltage.sine": [0.02],
+    "voltage.maximum": 40e3,
+}
+FREE = {"voltage.cosine": Variable([0.0], 0.1), "voltage.sine": Variable([0.0], 0.1)}
+
+
+def problem(**changes):
+    settings = {"weights": {"mean-torque": 1.0, "thrust": 1.0}} | changes
+    return Design(esail.load_scene("baseline", SMALL), variables=FREE, **settings)
+
+
+@pytest.fixture(scope="module")
+def torque():
+    return problem()
+
+
+@pytest.fixture(scope="module")
+def optimised(torque):
+    """Four iterations from no modulation and from two starts about it."""
+    return list(torque.optimise(4, starts=3, seed=5))
+
+
+def test_a_variable_keeps_its_limits():
+    """Between its limits by construction, and where it was told to start."""
+    for variable in (Variable([0.2, 0.9], 0.1, 0.0, 1.0), Variable([3.0], 2.0)):
+        assert np.allclose(value_of(variable, coordinate_of_start(variable)), variable.start, rtol=1e-12)
+    held = Variable([[0.5, 1.0]], 0.1, [[0.0, 1.0]], [[2.0, 1.0]])
+    assert np.allclose(value_of(held, coordinate_of_start(held)), held.start, rtol=1e-12)
+    assert value_of(held, np.full((1, 2), 3.0))[0, 1] == 1.0
+    far = value_of(Variable([0.5], 0.1, 0.0, 2.0), np.linspace(-1e3, 1e3, 999))
+    assert far.min() >= 0.0 and far.max() <= 2.0
+
+
+@pytest.mark.slow
+def test_mean_torque_is_cancelled(torque, optimised):
+    """A first harmonic of half a percent does it: the objective, a mean over time, falls by ten
+    digits in four iterations, and the thrust is kept. At no modulation, where the first start is, both are
+    one by definition, and zero: nothing is missing."""
+    states = optimised
+    assert abs(float(states[0].value[0]) - 1.0) < 1e-6
+    assert float(states[-1].value[0]) < 1e-10
+    after = esail.simulate(torque.scene_at(states[-1].x[0]))
+    found = objectives.values(after, ("mean-torque", "thrust"))
+    assert found["mean-torque"] < 1e-6 * torque.objective.reference_values["mean-torque"]
+    assert found["thrust"] > 0.99 * torque.objective.reference_values["thrust"]
+    amplitude = np.abs(torque.scene_at(states[-1].x[0]).voltage.cosine[0])
+    assert 1e-4 < amplitude < 0.1
+
+
+def test_a_design_simulates_nothing_before_it_is_needed(monkeypatch):
+    """Nor does an objective; names are checked at once."""
+
+    def simulate_nothing(*_):
+        raise AssertionError("simulated")
+
+    monkeypatch.setattr("esail_jax.design.objective.simulate", simulate_nothing)
+    design = problem()
+    assert design.scene_at(design.start).voltage.cosine == (0.0,)
+    with pytest.raises(esail.SceneError, match="`objective` must be one of"):
+        Objective(design.scene, {"speed": 1.0})
+    with pytest.raises(esail.SceneError, match=r"`voltage.value` must be given for a design"):
+        Objective(esail.load_scene("steel-chain"), {"spin": 1.0})
+
+
+@pytest.mark.slow
+def test_bare_objective_for_any_optimiser():
+    """A function of a dictionary by scene key. Traced before anything is simulated, it is the concrete one,
+    where no modulation counts 1; its gradient is the quotient of fourth order; optax makes it small."""
+    objective = Objective(esail.load_scene("baseline", SMALL), {"mean-torque": 1.0, "thrust": 1.0})
+    of = jit(jax.value_and_grad(objective))
+    start = {"voltage.cosine": jnp.array([0.03]), "voltage.sine": jnp.array([-0.01])}
+    along = {"voltage.cosine": jnp.array([1.0]), "voltage.sine": jnp.array([0.5])}
+    value, slope = of(start)
+    assert abs(value / objective(start) - 1.0) < 1e-7
+    e = 1e-3
+    ends = [objective(jax.tree.map(lambda x, d, s=s: x + s * e * d, start, along)) for s in (-2, -1, 1, 2)]
+    quotient = (8.0 * (ends[2] - ends[1]) - (ends[3] - ends[0])) / (12.0 * e)
+    assert abs(sum((slope[key] * along[key]).sum() for key in start) / quotient - 1.0) < 1e-5
+    unmodulated = jax.tree.map(jnp.zeros_like, start)
+    assert abs(of(unmodulated)[0] - 1.0) < 1e-6
+    parameters, optimiser = unmodulated, optax.adam(1e-4)
+    state = optimiser.init(parameters)
+    for _ in range(5):
+        changes, state = optimiser.update(of(parameters)[1], state)
+        parameters = optax.apply_updates(parameters, changes)
+    assert of(parameters)[0] < 0.3
+
+
+@pytest.mark.slow
+def test_gradient_of_every_objective():
+    """Against central differences of concrete runs, each objective over its value without modulation."""
+    names = [name for name in objectives.NAMES if name != "thrust"] + [
+        "spin-plane:13,20",
+        "spin-plane:13,20,200",
+    ]
+    design = problem(weights=dict.fromkeys(names, 1.0))
+    x = np.array([0.5, -0.3])
+
+    def each(x):
+        run = esail.simulate(design.scene, design.parameters_at(x))
+        found = objectives.values(run, tuple(names))
+        return jax.numpy.stack([found[name] / design.objective.reference_values[name] for name in names])
+
+    exact = jit(jax.jacrev(each))(x)
+    for i, along in enumerate(np.eye(2)):
+        e = 1e-3
+        ends = [np.asarray(each(x + step * along)) for step in (-2 * e, -e, e, 2 * e)]
+        quotient = (8 * (ends[2] - ends[1]) - (ends[3] - ends[0])) / (12 * e)
+        scale = np.abs(exact).max(1)
+        assert (np.abs(quotient - exact[:, i]) < 1e-4 * scale).all(), (quotient, exact[:, i])
+
+
+@pytest.mark.parametrize("start", [10.0, -10.0, 0.0])
+def test_spin_plane_is_measured_from_its_target(start):
+    """At the start of a run the spin plane is the hub's: its distance from a normal at other sailing and
+    precession angles is the chord between two unit vectors, and none from its own. What is left are the
+    tips' rounding, 1e-12 m in 10 km."""
+    scene = {
+        "tethers.count": 3, "tethers.elements": 2, "integrator.method": "generalized-alpha",
+        "integrator.t_end": 1.0, "output.interval": 1.0, "initial.sailing_angle_deg": start,
+    }  # fmt: skip
+    run = esail.simulate("baseline", scene)
+    first = dataclasses.replace(run, rows={name: x[:1] for name, x in run.rows.items()}, time=run.time[:1])
+    alpha, delta = np.deg2rad([13.0, 20.0])
+    aim = np.array([np.sin(alpha) * np.cos(delta), np.sin(alpha) * np.sin(delta), np.cos(alpha)])
+    own = np.array([np.sin(np.deg2rad(start)), 0.0, np.cos(np.deg2rad(start))])
+    found = objectives.values(first, ("spin-plane:13,20", f"spin-plane:{start}", "spin-plane:0"))
+    assert abs(found["spin-plane:13,20"] - ((aim - own) ** 2).sum()) < 1e-12
+    assert found[f"spin-plane:{start}"] < 1e-24
+    assert abs(found["spin-plane:0"] - (2.0 * np.sin(0.5 * np.deg2rad(start))) ** 2) < 1e-12
+
+
+WINDS = {
+    "solar_wind.speed": np.array([[3.8e5, 4.1e5, 4e5], [4.4e5, 4e5, 3.6e5]]),
+    "tethers.length": np.array([[10e3, 10.05e3, 9.95e3], [9.9e3, 10e3, 10.1e3]]),
+}
+"""Two circumstances: a wind in time, and errors of lengths."""
+
+
+@pytest.mark.slow
+def test_objective_is_the_mean_over_circumstances():
+    """J of both circumstances is the mean of what each alone gives, with its gradient: torque over its mean
+    without modulation, thrust over that of the same wind. Steps of runs batched by vmap are those of single
+    runs: rounding, which a quotient of small torques raises to 1e-9."""
+    gusty = {"solar_wind.time": [0.0, 200.0, 400.0], "solar_wind.speed": [4e5] * 3}
+    # A length for each tether, as in the circumstances: one structure, one program.
+    scene = esail.load_scene("baseline", SMALL | gusty | {"tethers.length": [10e3] * 3})
+    weights = {"mean-torque": 1.0, "thrust": 2.0}
+    design = Design(scene, weights, FREE, circumstances=WINDS)
+    # Without modulation, and somewhere else.
+    state = next(design.optimise(0, starts=2, seed=0, spread=0.5))
+    x, value, slope = state.x[1], state.value[1], state.gradient[1]
+    each = [{key: rows[i] for key, rows in WINDS.items()} for i in range(2)]
+    aim = design.objective
+    plain = [aim.measure(aim.simulate_reference(circumstance)) for circumstance in each]
+    torque = 0.5 * (plain[0]["mean-torque"] + plain[1]["mean-torque"])
+
+    def alone(x, circumstance, thrust):
+        run = esail.simulate(scene, design.parameters_at(x) | circumstance)
+        return objectives.weighted_sum(run, weights, {"mean-torque": torque, "thrust": thrust})
+
+    one = jit(jax.value_and_grad(alone))
+    found = [one(x, wind, before["thrust"]) for wind, before in zip(each, plain, strict=True)]
+    assert np.abs(x).min() > 0.05
+    assert abs(value / (0.5 * (found[0][0] + found[1][0])) - 1.0) < 1e-9
+    assert np.allclose(slope, 0.5 * (found[0][1] + found[1][1]), rtol=1e-8, atol=0.0)
+    assert abs(found[0][0] / found[1][0] - 1.0) > 1e-3
+    # Without modulation thrust costs nothing in any wind, and the mean torque is one.
+    assert abs(state.value[0] - 1.0) < 1e-6
+
+
+@pytest.mark.slow
+def test_several_starts_are_designs_of_their_own(torque, optimised):
+    """Three starts at once reach what each reaches among copies of itself: each has its own direction and
+    step length, and sees nothing of the others. Rounding grows where the torque is nearly cancelled, to
+    parts of the first objective."""
+    together = optimised
+    assert len({float(value) for value in together[0].value}) == 3
+    for i in range(3):
+        three = np.array([i, i, i])
+        copies = dataclasses.replace(
+            together[0],
+            x=together[0].x[three],
+            value=together[0].value[three],
+            gradient=together[0].gradient[three],
+            memory=jax.tree.map(lambda leaf, three=three: leaf[three], together[0].memory),
+        )
+        states = [copies, *torque.optimise(3, copies)]
+        for one, all in zip(states, together[:4], strict=True):
+            assert np.allclose(one.x, all.x[i], rtol=1e-7, atol=1e-9)
+            assert np.abs(one.value - all.value[i]).max() < 1e-9 * together[0].value[i]
+
+
+@pytest.mark.slow
+def test_a_design_from_the_shell_goes_on_as_if_uninterrupted(tmp_path, capsys):
+    """Two iterations, or one and then another: the same numbers, to the last bit; a design that is there
+    is not overwritten, and another one not gone on with."""
+    settings = [x for k, v in SMALL.items() if not k.startswith("voltage") for x in ("--set", f"{k}={v}")]
+    command = ["design", "baseline", *settings, "--quiet", "-o"]
+    once, twice = tmp_path / "once", tmp_path / "twice"
+    assert main([*command, str(once), "--iterations", "2"]) == 0
+    assert main([*command, str(twice), "--iterations", "1"]) == 0
+    assert main([*command, str(twice), "--iterations", "2", "--resume"]) == 0
+    for name in ("designed.toml", "design.png", "before.h5", "after.h5"):
+        assert (twice / name).exists()
+    assert (once / "designed.toml").read_text() == (twice / "designed.toml").read_text()
+    assert main([*command, str(once)]) == 2
+    assert "must not exist" in capsys.readouterr().err
+    assert main([*command, str(once), "--resume", "--objective", "spin=1"]) == 2
+    assert "must be of the same weights" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--objective", "speed=1"], "`objective` must be one of mean-torque, "),
+        (["--objective", "spin-plane=1"], "`objective` must look like spin-plane:15, spin-plane:15,0 (deg"),
+        (["--objective", "spin-plane:1,2,3,4=1"], "`objective` must look like spin-plane:15"),
+        (["--objective", "lagging:3=1"], "`objective` must be one of mean-torque, "),
+        (["--objective", "spin"], "`--objective` must look like NAME=WEIGHT, but is 'spin'"),
+        (["--iterations", "0"], "`--iterations` must be positive, but is 0"),
+    ],
+)
+def test_bad_input(arguments, message, tmp_path, capsys):
+    """One line, and nothing written."""
+    folder = tmp_path / "design"
+    assert main(["design", "baseline", "-o", str(folder), *arguments]) == 2
+    assert message in capsys.readouterr().err
+    assert not folder.exists()
+
+
+def test_help_lists_every_objective(capsys):
+    with pytest.raises(SystemExit):
+        main(["design", "--help"])
+    text = "".join(capsys.readouterr().out.split())
+    for name in (*objectives.NAMES, *objectives.PARAMETRISED):
+        assert name in text, name

@@ -1,0 +1,198 @@
+"""The structured linear solvers against dense matrices of all unknowns (`oracles/dense.py`)."""
+
+import itertools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from esail_jax.numerics import block_tridiagonal, bordered, ring, small_matrices
+from oracles.dense import Dense
+from support.quick import jit
+
+TOLERANCE = 1e-10
+"""Relative error of a solution. Measured: at most 1.4e-13 over all combinations below."""
+
+HUB_POINTS, HUB_OTHERS = 4, 6
+POINT_UNKNOWNS = 3 * HUB_POINTS
+BORDER = POINT_UNKNOWNS + HUB_OTHERS
+
+
+def random_system(p, elements, size, hub=False, extra=0, ringed=False, seed=0):
+    """Returns matrix, ring (or None) and right-hand side as NumPy arrays.
+
+    The matrix is diagonally dominant and symmetric but for a tenth. The extra unknowns have zero
+    diagonals, as multipliers have.
+    """
+    random = np.random.default_rng(seed)
+
+    def noise(*shape):
+        return random.normal(size=shape) / size
+
+    def pair(count):
+        upper = noise(count, size, size, p)
+        return upper, np.swapaxes(upper, 1, 2) + 0.1 * noise(count, size, size, p)
+
+    def saddle(regular, multipliers):
+        n = regular + multipliers
+        matrix = noise(n, n, p)
+        matrix = matrix + np.swapaxes(matrix, 0, 1) + 0.1 * noise(n, n, p)
+        matrix[:regular, :regular] += 4.0 * np.eye(regular)[:, :, None]
+        matrix[regular:, :regular] += 2.0 * np.eye(multipliers, regular)[:, :, None]
+        matrix[:regular, regular:] += 2.0 * np.eye(regular, multipliers)[:, :, None]
+        matrix[regular:, regular:] = 0.0
+        return matrix
+
+    diag = noise(elements + 1, size, size, p)
+    diag = diag + np.swapaxes(diag, 1, 2) + 0.1 * noise(*diag.shape) + 6.0 * np.eye(size)[:, :, None]
+    matrix = bordered.Bordered(diag, *pair(elements))
+    rhs = bordered.Vector(noise(elements + 1, size, p))
+    if hub:
+        border = saddle(POINT_UNKNOWNS, HUB_OTHERS)[:, :, 0]
+        matrix = matrix._replace(weights=0.5 * random.normal(size=(HUB_POINTS, p)), border=border)
+        rhs = rhs._replace(border=noise(BORDER))
+    if extra:
+        local = size - 3 + extra
+        matrix = matrix._replace(local=saddle(size - 3, extra))
+        rhs = rhs._replace(local=noise(extra, p))
+        if hub:
+            matrix = matrix._replace(
+                local_border=noise(local, BORDER, p), border_local=noise(BORDER, local, p)
+            )
+    tips = ring.Ring(*(x[0] for x in pair(1))) if ringed else None
+    return matrix, tips, rhs
+
+
+def solve(matrix, tips, rhs):
+    if tips is None:
+        return bordered.solve(matrix, bordered.factor(matrix), rhs)
+    return ring.solve(matrix, ring.factor(matrix, tips), rhs)
+
+
+@jit
+def solved(matrix, tips, rhs):
+    return solve(matrix, tips, rhs)
+
+
+@jit
+def derivatives(matrix, tips, rhs, direction, weights):
+    """Returns the solution's derivative along a direction of the right-hand side, and the transposed
+    derivative."""
+    _, along = jax.jvp(lambda b: solve(matrix, tips, b), (rhs,), (direction,))
+    _, transposed = jax.vjp(lambda b: solve(matrix, tips, b), rhs)
+    return along, transposed(weights)[0]
+
+
+def on_device(*trees):
+    return jax.tree.map(jnp.asarray, trees)
+
+
+def relative_error(x, exact):
+    return np.abs(x - exact).max() / np.abs(exact).max()
+
+
+# (tethers, elements, block size, hub, extra local unknowns, ring)
+DEFAULT = {
+    (1, 1, 3, False, 0, False),
+    (1, 5, 3, True, 0, False),
+    (3, 1, 6, True, 2, False),
+    (3, 5, 6, True, 2, False),
+    (12, 2, 6, False, 2, False),
+    (12, 40, 3, True, 0, False),
+    (1, 1, 6, True, 0, True),
+    (1, 2, 6, False, 2, True),
+    (1, 5, 3, False, 0, True),
+    (2, 1, 3, True, 0, True),
+    (2, 2, 6, False, 2, True),
+    (3, 1, 6, True, 2, True),
+    (3, 5, 6, True, 2, True),
+    (3, 40, 3, False, 0, True),
+    (12, 2, 6, True, 2, True),
+    (12, 5, 3, True, 0, True),
+}
+
+
+def systems():
+    """Yields all combinations. Most are marked slow, because each takes a second or two to compile.
+
+    A block of size 3 has no free rows and therefore no extra local unknowns.
+    """
+    axes = (1, 2, 3, 12), (1, 2, 5, 40), (3, 6), (False, True), (0, 2), (False, True)
+    for shape in itertools.product(*axes):
+        if shape[2] > 3 or not shape[4]:
+            yield pytest.param(*shape, marks=() if shape in DEFAULT else pytest.mark.slow)
+
+
+@pytest.mark.parametrize("p, elements, size, hub, extra, ringed", list(systems()))
+def test_solution(p, elements, size, hub, extra, ringed):
+    matrix, tips, rhs = random_system(p, elements, size, hub, extra, ringed)
+    dense = Dense(matrix)
+    x = dense.flatten(solved(*on_device(matrix, tips, rhs)))
+    exact = dense.solver(matrix, tips)(dense.flatten(rhs))
+    assert relative_error(x, exact) < TOLERANCE
+
+
+@pytest.mark.parametrize("ringed", [False, True])
+def test_derivatives_by_the_right_hand_side(ringed):
+    """The solution is linear in the right-hand side: its derivative is the inverse of A, transposed that
+    of A^T."""
+    matrix, tips, rhs = random_system(3, 1, 6, hub=True, extra=2, ringed=ringed)
+    direction, weights = (random_system(3, 1, 6, hub=True, extra=2, seed=seed)[2] for seed in (1, 2))
+    along, transposed = derivatives(*on_device(matrix, tips, rhs, direction, weights))
+    dense = Dense(matrix)
+    inverse = dense.solver(matrix, tips)(np.eye(dense.count))
+    assert relative_error(dense.flatten(along), inverse @ dense.flatten(direction)) < TOLERANCE
+    assert relative_error(dense.flatten(transposed), inverse.T @ dense.flatten(weights)) < TOLERANCE
+
+
+@pytest.mark.parametrize("links, batch", [(0, (2,)), (1, (2,)), (4, ()), (4, (3,)), (9, (2, 2))])
+def test_chain(links, batch):
+    """The Schur complement on the port and the solution of the whole chain agree with dense algebra."""
+    size = 3
+    chain = random_system(int(np.prod(batch)), links, size)
+    diag, upper, lower = (x.reshape(*x.shape[:3], *batch) for x in chain[0][:3])
+    rhs = chain[2].blocks.reshape(links + 1, size, *batch)
+
+    @jit
+    def run(diag, upper, lower, rhs):
+        factors, schur = block_tridiagonal.factor(diag, upper, lower)
+        own, port = block_tridiagonal.reduce_to_port(factors, rhs)
+        port = small_matrices.matvec(small_matrices.inverse(schur), port)
+        return schur, block_tridiagonal.substitute_from_port(factors, own, port)
+
+    schur, x = run(*on_device(diag, upper, lower, rhs))
+    for index in np.ndindex(*batch):
+        at = (..., *index)
+        a = np.zeros((links + 1, size, links + 1, size))
+        for k in range(links + 1):
+            a[k, :, k] = diag[k][at]
+        for k in range(links):
+            a[k, :, k + 1], a[k + 1, :, k] = upper[k][at], lower[k][at]
+        a = a.reshape((links + 1) * size, -1)
+        exact = np.linalg.solve(a, rhs[at].reshape(-1))
+        beyond = np.linalg.solve(a[size:, size:], a[size:, :size])
+        assert relative_error(x[at].reshape(-1), exact) < TOLERANCE
+        assert relative_error(schur[at], a[:size, :size] - a[:size, size:] @ beyond) < TOLERANCE
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 4, 5, 6, 9])
+def test_inverse(size):
+    """The inverse of one matrix and of batches, and the products that the solvers use, agree with NumPy."""
+    random = np.random.default_rng(size)
+    for batch in ((), (4,), (2, 3)):
+        a = random.normal(size=(size, size, *batch)) + 4.0 * np.expand_dims(
+            np.eye(size), (2, 3)[: len(batch)]
+        )
+        x = random.normal(size=(size, *batch))
+        inverse, product, transposed = jit(
+            lambda a, x: (
+                small_matrices.inverse(a),
+                small_matrices.matmul(a, small_matrices.transpose(a)),
+                small_matrices.matvec_transposed(small_matrices.transpose(a), x),
+            )
+        )(*on_device(a, x))
+        last = np.moveaxis(a, (0, 1), (-2, -1))
+        assert relative_error(np.moveaxis(inverse, (0, 1), (-2, -1)), np.linalg.inv(last)) < TOLERANCE
+        assert relative_error(product, np.einsum("im...,jm...->ij...", a, a)) < TOLERANCE
+        assert relative_error(transposed, np.einsum("ij...,j...->i...", a, x)) < TOLERANCE

@@ -1,0 +1,100 @@
+"""Observables that the papers do not define.
+
+The oracles `pgv_g_angles.py` to `pgv_k_text.py` test the others.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from esail_jax.numerics.angles import smallest_eigenvector
+from oracles.ledger import relative_error
+from oracles.pgv_h_roots import hub_force_and_torque
+from oracles.sail_matrices import ELEMENT, WEIGHTS, XI, shapes
+from oracles.sail_states import (
+    B_P,
+    NODES,
+    ORIGIN,
+    START_ENERGY,
+    STATES,
+    WORK,
+    P,
+    State,
+    flat,
+    look,
+    model,
+    node,
+    random_placement,
+    states,
+)
+
+
+def test_normal_of_a_symmetric_sail_has_a_derivative():
+    """The eigenvector of the smallest eigenvalue has a derivative if the two other eigenvalues are equal.
+
+    dn = -(1 - n n^T) dA n / (mu - lambda) for eigenvalues lambda, mu, mu. Evenly placed tips have such a
+    matrix; the derivative of all three eigenvectors does not exist there. Forward and reverse mode, to
+    rounding.
+    """
+    rng = np.random.default_rng(2)
+    axes, change = np.linalg.qr(rng.normal(size=(3, 3)))[0], rng.normal(size=(3, 3))
+    matrix, change = (jnp.asarray(x) for x in (axes @ np.diag([1.0, 5.0, 5.0]) @ axes.T, change + change.T))
+    normal, moved = jax.jvp(smallest_eigenvector, (matrix,), (change,))
+    np.testing.assert_allclose(abs(normal @ axes[:, 0]), 1.0, rtol=1e-14)
+    expected = (np.outer(normal, normal) - np.eye(3)) @ change @ normal / 4.0
+    np.testing.assert_allclose(moved, expected, atol=1e-14)
+    pulled = jax.vjp(smallest_eigenvector, matrix)[1](jnp.arange(3.0))[0]
+    np.testing.assert_allclose((pulled * change).sum(), jnp.arange(3.0) @ moved, rtol=1e-13)
+
+
+def test_smallest_distance_is_that_of_a_dense_search():
+    """The smallest distance is the minimum over every remote unit and 10,001 points of every segment of
+    the others."""
+    share = np.linspace(0.0, 1.0, 10_001)[:, None]
+    for state in states():
+        places = np.array(
+            [[B_P @ node(i, j) @ state.q for j in range(1, NODES + 1)] for i in range(1, P + 1)]
+        )
+        found = [
+            np.linalg.norm(places[i, -1] - (start + share * (end - start)), axis=1).min()
+            for i in range(P)
+            for k in range(P)
+            for start, end in zip(places[k, :-1], places[k, 1:], strict=True)
+            if k != i
+        ]
+        np.testing.assert_allclose(state.seen["smallest_tether_distance"], min(found), rtol=1e-7)
+
+
+def test_energy_balance_counts_work_and_losses():
+    for state in states():
+        seen = state.seen
+        assert (seen["external_work"], seen["dissipated_energy"]) == WORK
+        energy = seen["kinetic_energy"] + seen["elastic_energy"]
+        change = energy - START_ENERGY - WORK[0] + WORK[1]
+        np.testing.assert_allclose(seen["energy_balance_error"], change, rtol=1e-12)
+
+
+def test_external_power_is_the_thrust_times_the_velocity():
+    for state in states():
+        power = 0.0
+        for i in range(1, P + 1):
+            for j in range(1, NODES):
+                ends = np.concatenate([node(i, j) @ state.v, node(i, j + 1) @ state.v]).reshape(4, 3)
+                velocity = shapes(XI, ELEMENT[i - 1]).T @ ends
+                force = state.seen["load"][:, :, j - 1, i - 1].T
+                power += ELEMENT[i - 1] * WEIGHTS @ (force * velocity).sum(1)
+        np.testing.assert_allclose(state.seen["external_power"], power, rtol=1e-12)
+
+
+def test_clamped_roots_turn_the_hub_by_their_couples_too():
+    """The torque of Euler's equations of the hub is minus the moment of the forces and couples on the
+    roots."""
+    rng, (system, _, start, *_) = np.random.default_rng(3), model({"tethers.root": "clamped"})
+    # The clamps prescribe the outward direction, in which the tethers start.
+    assert np.abs(system.constraints(jnp.zeros(()), start).clamp).max() < 1e-12
+    placed = [random_placement(rng, system) for _ in range(STATES)]
+    seen = look(system, ORIGIN, [x[0] for x in placed], [x[1] for x in placed])
+    for (q, v, turn, omega), view in zip(placed, seen, strict=True):
+        state = State(flat(q), flat(v), turn, omega, view)
+        _, torque = hub_force_and_torque(state)
+        assert relative_error(-state.orbital @ view["reaction_moment_O"], torque) < 1e-10

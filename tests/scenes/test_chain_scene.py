@@ -1,0 +1,318 @@
+"""Scenes of rod chains, from file to run file: keys, refusals, resuming, and what `info` says."""
+
+import dataclasses
+import importlib
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import esail_jax as esail
+import esail_jax.simulation.explicit
+from esail_jax import cli
+from esail_jax.files import run_file
+from esail_jax.scenes.rules import rule_of
+from esail_jax.scenes.scene import load_scene, parse, to_toml
+from esail_jax.scenes.tables import CHAIN_TABLES, Initial
+from esail_jax.scenes.value_types import Shape
+from support.bits import check_same, esail_run, status_of
+from support.compiled_nothing import no_compilation
+from support.quick import jit
+
+TEXT = """
+[chain]
+rods = 3
+mass = [0.1, 0.2, 0.1]
+length = 0.5
+area = 1e-6
+youngs_modulus = 1e9
+[gravity]
+acceleration = [0.0, -9.81, 0.0]
+[initial]
+rod_vector = [[0.0, -0.5, 0.0], [0.0, -0.5, 0.0], [0.5, 0.0, 0.0]]
+rod_rate = [1.0, 0.0, 0.0]
+[integrator]
+t_end = 1.0
+[output]
+interval = 0.02
+"""
+
+FIELDS = {
+    f"{table}.{field}": rule_of(content.__dataclass_fields__[field])
+    for table, content in CHAIN_TABLES.items()
+    for field in content.__dataclass_fields__
+}
+
+
+@pytest.fixture(scope="module")
+def chain():
+    return parse(TEXT, "chain")
+
+
+NEEDS = {
+    "chain.base_mass": {"chain.anchor": "free"}, "initial.position": {"chain.anchor": "free"},
+    "initial.velocity": {"chain.anchor": "free"}, "chain.bending": {"chain.second_moment": 1e-12},
+    "chain.root": {"chain.bending": True, "chain.second_moment": 1e-12},
+    "integrator.spectral_radius": {"integrator.method": "generalized-alpha"},
+    "solar_wind.speed": {"voltage.value": 1e3}, "solar_wind.number_density": {"voltage.value": 1e3},
+    "solar_wind.cutoff_voltage": {"voltage.value": 1e3}, "voltage.value": {},
+    "initial.heliocentric_position_au": {"voltage.value": 1e3},
+}  # fmt: skip
+"""What a key cannot be without."""
+
+WIND = {
+    "solar_wind.speed": 4e5, "solar_wind.number_density": 7e6, "solar_wind.cutoff_voltage": 1e3,
+    "initial.heliocentric_position_au": (1.0, 0.0, 0.0),
+}  # fmt: skip
+
+
+def with_key(key, value):
+    """The least overrides that make a key legal."""
+    needed = dict(NEEDS.get(key, {}))
+    if "voltage.value" in (*needed, key):
+        needed |= WIND
+    return needed | {key: value}
+
+
+@pytest.mark.parametrize("key", FIELDS)
+def test_every_key_can_be_given_and_written(key, chain):
+    """A value comes out as it went in, through TOML too."""
+    values = {
+        "chain.rods": 3, "chain.anchor": "free", "chain.strain": "green-lagrange", "chain.bending": True,
+        "chain.root": "clamped", "integrator.method": "dopri5", "integrator.tolerance": 0.125,
+    }  # fmt: skip
+    shape = (1.0, 2.0, 0.5) if FIELDS[key].shape in (Shape.VECTOR, Shape.VECTORS) else 0.125
+    value = values.get(key, shape)
+    scene = chain.replace(with_key(key, value))
+    table, _, name = key.partition(".")
+    assert getattr(getattr(scene, table), name) == value
+    assert parse(to_toml(scene), "again") == scene
+
+
+@pytest.mark.parametrize("key", [key for key, rule in FIELDS.items() if not rule.structure])
+def test_every_number_may_be_traced(key, chain, monkeypatch):
+    """As far as the program of the whole run, which takes it as an argument."""
+    like = jnp.ones(3) if FIELDS[key].shape in (Shape.VECTOR, Shape.VECTORS) else jnp.asarray(0.125)
+    seen = []
+
+    def run(structure, times, numbers, step):
+        seen.append(numbers[key])
+        raise StopIteration
+
+    monkeypatch.setattr(esail_jax.simulation.explicit, "traced_run", run)
+    # In the package the name `simulate` is the function, not the module.
+    module = importlib.import_module("esail_jax.simulation.simulate")
+    monkeypatch.setattr(module, "traced_run", lambda s, p, numbers: run(s, p, numbers, None))
+    with pytest.raises(StopIteration):
+        jax.make_jaxpr(lambda x: esail.simulate(chain, with_key(key, x)).time)(like)
+    assert isinstance(seen[0], jax.core.Tracer)
+
+
+REFUSED = [
+    ({"chain.rods": 0}, "chain.rods", "positive integer"),
+    ({"chain.mass": 0.0}, "chain.mass", "positive"),
+    ({"chain.mass": [0.1, 0.2]}, "chain.mass", "3 (`chain.rods`)"),
+    ({"chain.length": [0.5, -0.5, 0.5]}, "chain.length", "positive"),
+    ({"chain.tip_mass": -1.0}, "chain.tip_mass", "negative"),
+    ({"chain.anchor": "loose"}, "chain.anchor", '"fixed" or "free"'),
+    ({"chain.slack_strain": 0.0}, "chain.slack_strain", "(0, 1)"),
+    ({"chain.slack_strain": 2.5}, "chain.slack_strain", "(0, 1)"),
+    ({"chain.base_mass": 1.0}, "chain.base_mass", '"free"'),
+    ({"initial.position": [0.0, 0.0, 1.0]}, "initial.position", '"free"'),
+    ({"chain.bending": True}, "chain.second_moment", "missing"),
+    ({"chain.root": "clamped"}, "chain.root", "chain.bending"),
+    (
+        {"chain.bending": True, "chain.second_moment": 1.0, "integrator.method": "generalized-alpha"},
+        "integrator.method", "explicit",
+    ),
+    ({"initial.rod_vector": [0.0, 0.0, 0.0]}, "initial.rod_vector", "zero"),
+    ({"initial.rod_vector": [[1.0, 0.0, 0.0]] * 2}, "initial.rod_vector", "3 (`chain.rods`)"),
+    ({"initial.rod_vector": [1.0, 0.0]}, "initial.rod_vector", "three numbers"),
+    ({"initial.rod_rate": 1.0}, "initial.rod_rate", "three numbers"),
+    ({"initial.spin_rate": 1.0}, "initial.spin_rate", "known key"),
+    ({"hub.height": 1.0}, "hub.height", "known key"),
+    ({"integrator.method": "rk4"}, "integrator.method", '"dopri8"'),
+    ({"integrator.tolerance": 0.0}, "integrator.tolerance", "(0, 1)"),
+    ({"integrator.tolerance": 1e-6, "integrator.step": 1e-3}, "integrator.tolerance", "fixed"),
+    (
+        {"integrator.method": "dopri5", "integrator.spectral_radius": 0.5},
+        "integrator.spectral_radius", "left out",
+    ),
+    (
+        {"integrator.method": "generalized-alpha", "integrator.tolerance": 1e-6},
+        "integrator.tolerance", "left out",
+    ),
+    ({"voltage.value": 1e3}, "solar_wind.speed", "[voltage]"),
+    (
+        {"voltage.value": 1e3} | WIND | {"initial.heliocentric_position_au": None},
+        "initial.heliocentric", "missing",
+    ),
+    ({"initial.heliocentric_position_au": [1.0, 0.0, 0.0]}, "initial.heliocentric", "left out"),
+    ({"orbit.mean_motion": 0.0}, "orbit.mean_motion", "positive"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("settings", "key", "word"), REFUSED, ids=lambda x: str(x)[:40])
+def test_bad_input_is_refused_by_name(settings, key, word, chain, nothing_compiles):
+    """A bad value is refused by the name of its key before anything is compiled."""
+    settings = {k: v for k, v in settings.items() if v is not None}
+    with pytest.raises(esail.SceneError) as error:
+        esail.simulate(chain, settings)
+    line = str(error.value)
+    assert line.startswith(f"`{key}") and word in line and " must " in line and ", but " in line
+
+
+def test_tables_of_sails_do_not_mix_with_a_chain():
+    for table in ("hub", "remote_units", "tethers"):
+        with pytest.raises(esail.SceneError, match="be left out of a scene with"):
+            parse(TEXT + f"[{table}]\n", "mixed")
+    with pytest.raises(esail.SceneError, match=r"`initial\.rod_vector` must be given"):
+        parse(TEXT.replace("rod_vector", "# "), "without")
+
+
+def test_contracts_chains_are_built_in():
+    """[MW] Sec. 3; exactly the text's numbers."""
+    hanging, steel = load_scene("hanging-chain"), load_scene("steel-chain")
+    assert (hanging.chain.rods, hanging.chain.mass, hanging.chain.length) == (20, 0.1, 1.0)
+    assert hanging.chain.area * hanging.chain.youngs_modulus == 1e3
+    assert (hanging.initial.rod_vector, hanging.initial.rod_rate) == ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0))
+    assert (hanging.integrator.t_end, steel.integrator.t_end) == (5.0, 1.0)
+    assert (steel.chain.rods, steel.chain.length, steel.initial.rod_vector) == (11, 0.1, (0.0, -0.1, 0.0))
+    np.testing.assert_allclose(steel.chain.mass, 7801 * np.pi * 1e-3**2 * 0.1, rtol=1e-15)
+    np.testing.assert_allclose(steel.chain.area, np.pi * 1e-3**2, rtol=1e-15)
+
+
+# ---- run files ------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("chain") / "chain.toml"
+    path.write_text(TEXT)
+    return path
+
+
+@pytest.fixture(scope="module")
+def whole(file, tmp_path_factory):
+    path = tmp_path_factory.mktemp("chain-run") / "whole.h5"
+    assert esail_run(file, path) == 0
+    return path
+
+
+def test_a_run_file_holds_what_simulate_gives(whole, chain, capsys):
+    solution, loaded = esail.simulate(chain), esail.load(whole)
+    assert status_of(whole) == "complete" and loaded.scene == chain
+    assert set(loaded.observables) == {
+        "joint_position", "tension", "kinetic_energy", "elastic_energy", "potential_energy", "energy_error",
+    }  # fmt: skip
+    assert loaded["joint_position"].shape == (51, 4, 3) and loaded["tension"].shape == (51, 3)
+    for name in loaded.observables:
+        np.testing.assert_array_equal(loaded[name], solution[name])
+    energy = loaded["kinetic_energy"] + loaded["elastic_energy"] + loaded["potential_energy"]
+    size = np.maximum(abs(energy[0]), np.maximum.accumulate(loaded["kinetic_energy"]))
+    np.testing.assert_allclose(loaded["energy_error"], (energy - energy[0]) / size, atol=1e-15)
+    assert loaded.stats["terms"] == ("fixed anchor", "rods", "axial", "gravity")
+    assert cli.main(["info", str(whole)]) == 0
+    said = capsys.readouterr().out
+    assert "3 rods" in said and "dopri8, tolerance 1e-09 (chosen)" in said and "E_0" in said
+
+
+def test_the_final_state_is_that_of_the_last_row(chain, tmp_path):
+    """Concrete, traced and from a file, at an end that is no multiple of the interval; from the file it is
+    where a longer run would go on, the last whole interval."""
+    ends = {"integrator.t_end": 0.35, "output.interval": 0.1, "integrator.method": "tsit5"}
+    solution = esail.simulate(chain, ends)
+    np.testing.assert_allclose(
+        solution.final_state.x.sum(1), solution["joint_position"][-1, -1], atol=1e-15
+    )
+    run = jit(lambda mass: esail.simulate(chain, ends | {"chain.mass": mass}).final_state.x)
+    np.testing.assert_allclose(run(jnp.array([0.1, 0.2, 0.1])), solution.final_state.x, atol=1e-12)
+    esail.save(solution, tmp_path / "a.h5")
+    loaded = esail.load(tmp_path / "a.h5")
+    np.testing.assert_allclose(loaded.final_state.x.sum(1), solution["joint_position"][3, -1], atol=1e-15)
+
+
+def test_tables_of_the_wrong_kind_are_refused(chain):
+    initial = Initial(spin_rate=1.0)
+    with pytest.raises(esail.SceneError, match="`initial` must be a ChainInitial, but is a Initial"):
+        dataclasses.replace(chain, initial=initial)
+
+
+@pytest.mark.slow
+def test_a_failed_run_keeps_its_cause_and_a_traced_one_its_nan(chain, tmp_path, capsys):
+    """Energy lost: the message, the code, the file and what `info` says of it."""
+    hard = {"integrator.tolerance": 0.9, "integrator.method": "dopri5", "integrator.t_end": 50.0}
+    failed = esail.simulate(chain, hard, throw=False)
+    assert failed.result == esail.RESULTS.energy_lost and "energy balance" in failed.stats["message"]
+    assert failed.steps > 0
+    esail.save(failed, tmp_path / "a.h5")
+    assert esail.load(tmp_path / "a.h5").result == esail.RESULTS.energy_lost
+    traced = jit(lambda g: esail.simulate(chain, hard | {"gravity.acceleration": g}))
+    traced = traced(jnp.array([0.0, -9.81, 0.0]))
+    assert traced.result == esail.RESULTS.energy_lost
+    assert np.isnan(traced.final_state.x).all()
+    damped = esail.simulate(chain, {"chain.axial_damping_time": 0.01, "integrator.method": "tsit5"})
+    esail.save(damped, tmp_path / "b.h5")
+    assert cli.main(["info", str(tmp_path / "b.h5")]) == 0
+    said = capsys.readouterr().out
+    assert "|dE - W + D|" in said and "axial damping" in said
+
+
+def test_energies_and_tension_of_a_state_by_hand(chain):
+    """Of the start: T = m/6 (u^2 + u.w + w^2) per rod, U = EA (l' - l)^2/(2 l), V by the rods' middles."""
+    scene = chain.replace({"initial.rod_vector": [[0.0, -0.51, 0.0], [0.0, -0.5, 0.0], [0.49, 0.0, 0.0]]})
+    start = {name: x[0] for name, x in esail.simulate(scene).rows.items()}
+    speeds, mass = np.arange(4.0), np.array([0.1, 0.2, 0.1])
+    kinetic = (mass / 6 * (speeds[:-1] ** 2 + speeds[:-1] * speeds[1:] + speeds[1:] ** 2)).sum()
+    np.testing.assert_allclose(start["kinetic_energy"], kinetic, rtol=1e-13)
+    np.testing.assert_allclose(start["elastic_energy"], 2 * 1e3 * 0.01**2 / (2 * 0.5), rtol=1e-10)
+    heights = np.array([-0.255, -0.76, -1.01])
+    np.testing.assert_allclose(start["potential_energy"], 9.81 * (mass * heights).sum(), rtol=1e-13)
+    np.testing.assert_allclose(start["tension"], [20.0, 0.0, -20.0], atol=1e-10)
+    np.testing.assert_allclose(start["joint_position"][-1], [0.49, -1.01, 0.0], atol=1e-15)
+    assert start["energy_error"] == 0.0
+
+
+@pytest.mark.slow
+def test_a_run_cut_short_goes_on_bit_for_bit(file, whole, tmp_path, monkeypatch):
+    """At an earlier end that is a saved instant, at one that is not, and in the midst of a call."""
+    for t_end in (0.42, 0.43):
+        path = tmp_path / f"{t_end}.h5"
+        assert esail_run(file, path, "--t-end", t_end) == 0
+        assert run_file.load(path).time[-1] == t_end
+        assert esail_run(file, path, "--resume") == 0
+        check_same(path, whole)
+    path = tmp_path / "interrupted.h5"
+    pieces = esail_jax.simulation.explicit.ExplicitMarch.pieces
+
+    def interrupted(self):
+        for number, piece in enumerate(pieces(self)):
+            yield piece
+            if number == 0:
+                raise esail.SimulationError("stopped", esail.RESULTS.nonfinite, piece)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(esail_jax.simulation.explicit.ExplicitMarch, "pieces", interrupted)
+        assert esail_run(file, path) == 3
+    assert status_of(path) == "failed"
+    assert esail_run(file, path, "--resume") == 0
+    check_same(path, whole)
+
+
+@pytest.mark.slow
+def test_the_implicit_method_resumes_too(file, tmp_path):
+    implicit = ("--set", "integrator.method=generalized-alpha", "--set", "integrator.step=1e-3")
+    path, again = tmp_path / "implicit.h5", tmp_path / "again.h5"
+    assert esail_run(file, path, *implicit) == 0
+    assert esail_run(file, again, *implicit, "--t-end", "0.5") == 0
+    assert esail_run(file, again, *implicit, "--resume") == 0
+    check_same(again, path)
+    assert esail_run(file, again, "--resume") == 2, "another method is another scene"
+
+
+# Last: what the other tests share would be compiled again.
+@pytest.mark.xfail(strict=True, raises=AssertionError, reason="the choice of the method is compiled again")
+def test_load_compiles_nothing(whole):
+    with no_compilation():
+        assert esail.load(whole)["tension"].shape == (51, 3)

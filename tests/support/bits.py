@@ -1,0 +1,31 @@
+"""Run files: made by the command, and compared bit by bit."""
+
+import h5py
+
+from esail_jax import cli
+
+
+def esail_run(scene, path, *more):
+    """Runs `esail run` in this process and returns its exit status."""
+    return cli.main(["run", str(scene), "-o", str(path), "--quiet", *map(str, more)])
+
+
+def status_of(path):
+    """Returns the status that a run file records."""
+    with h5py.File(path, "r") as file:
+        return file.attrs["status"]
+
+
+def check_same(path, other):
+    """Two run files have the same names, shapes and bits in /time, /observables, /numerics and /state."""
+    with h5py.File(path, "r") as a, h5py.File(other, "r") as b:
+        names = ([], [])
+        for file, found in zip((a, b), names, strict=True):
+            file.visit(found.append)
+        assert names[0] == names[1]
+        for name in names[0]:
+            if isinstance(a[name], h5py.Dataset) and name != "scene":
+                assert a[name].shape == b[name].shape, name
+                assert a[name][()].tobytes() == b[name][()].tobytes(), f"{name} differs"
+        assert dict(a["state"].attrs) == dict(b["state"].attrs)
+        assert (a.attrs["status"], a.attrs["steps"]) == (b.attrs["status"], b.attrs["steps"])

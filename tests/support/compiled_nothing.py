@@ -1,0 +1,51 @@
+"""A fixture that fails a test in which any program is compiled."""
+
+import contextlib
+import sys
+
+import jax
+import jax.monitoring
+import pytest
+
+COMPILATION = "/jax/core/compile/backend_compile_duration"
+"""JAX records this event for every program, whether it is compiled or read from the persistent cache: for
+programs of `jax.jit`, programs compiled ahead of time, and single operations on arrays."""
+
+CONVERSIONS = ("jit(convert_element_type)", "jit(broadcast_in_dim)", "jit(stage)")
+"""Programs of one operation by which JAX makes arrays of numbers. They are allowed."""
+
+
+def forget_programs():
+    """Drops the compiled programs of this process. A program from an earlier test would cause no event."""
+    jax.clear_caches()
+    for name, module in list(sys.modules.items()):
+        if name.partition(".")[0] == "esail_jax":
+            for value in vars(module).values():
+                if hasattr(value, "cache_clear"):  # a function with `functools.lru_cache`
+                    value.cache_clear()
+
+
+@contextlib.contextmanager
+def no_compilation():
+    """Raises AssertionError where a program is compiled, and at the end, if that first error was caught."""
+    compiled = []
+
+    def refuse(event, _, **details):
+        if event == COMPILATION and details.get("fun_name") not in CONVERSIONS:
+            compiled.append(details.get("fun_name", "a program"))
+            raise AssertionError(f"{compiled[-1]} was compiled")
+
+    forget_programs()
+    jax.monitoring.register_event_duration_secs_listener(refuse)
+    try:
+        yield
+    finally:
+        jax.monitoring.unregister_event_duration_listener(refuse)
+    assert not compiled, f"{', '.join(compiled)} compiled"
+
+
+@pytest.fixture
+def nothing_compiles():
+    """Lets the test fail if anything is compiled during it."""
+    with no_compilation():
+        yield
