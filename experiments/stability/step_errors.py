@@ -13,15 +13,12 @@ from pathlib import Path
 
 import numpy as np
 from cases import GROUPS, Case
-from measure import AT_LEAST, GUARD, OutOfTimeError, largest, out_of_time, scene_of, spread
-from starts import with_start
+from measure import AT_LEAST, GUARD, OutOfTimeError, joined, largest, out_of_time, scene_of, spread
+from starts import start_of
 
 import esail_jax as esail
 from esail_jax.observables.balance import balance_warning
 from esail_jax.observables.run_warning import STEP_ERRORS, WARN_ABOVE
-from esail_jax.simulation.march import march_of
-from esail_jax.simulation.prepare import prepare
-from esail_jax.simulation.results import join
 
 PATH = Path(__file__).with_name("step_errors.csv")
 SIGNALS = dict(zip(("tip_position_I", "reaction_B"), STEP_ERRORS, strict=True))
@@ -43,16 +40,17 @@ error."""
 
 def rows_of(case: Case, variant: str) -> tuple[dict, dict] | None:
     """Returns observables and numerics of a run, None if it fails or is too slow."""
-    prepared, pieces = with_start(prepare(scene_of(case, variant)), case.start), []
+    scene = scene_of(case, variant)
+    run = esail.run(scene, start=start_of(scene, case.start))
     signal.signal(signal.SIGPROF, out_of_time)
     signal.setitimer(signal.ITIMER_PROF, GUARD)
     try:
-        pieces = [piece for piece in march_of(prepared).pieces() if len(piece.time)]
+        chunks = [chunk for chunk in run if len(chunk.time)]
     except (esail.SimulationError, OutOfTimeError):
         return None
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0.0)
-    return join([piece.rows for piece in pieces]), join([piece.numerics for piece in pieces])
+    return joined(chunks, "observables"), joined(chunks, "numerics")
 
 
 def compared(case: Case) -> dict | None:
