@@ -3,10 +3,9 @@
 python experiments/peer_exudyn/causes.py
 """
 
-import contextlib
 import dataclasses
 
-import jax
+import jax.numpy as jnp
 import numpy as np
 import sail
 from inputs import sail_of
@@ -14,35 +13,31 @@ from run import INTERVAL, scene_of
 from signals import signals
 
 import esail_jax as esail
-from esail_jax.simulation import entry, programs
+from esail_jax.array_types import Scalar
+from esail_jax.steppers.fixed_step import StepState
+from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
+from esail_jax.system import System
 
 T_END = 600.0
+SPECTRAL_RADIUS = 0.25
+"""The default of the package, and the setting of Exudyn in `sail.py`."""
+
 LOOKED_AT = ("tip_position_I", "kinetic_energy", "root_coning_angle", "angular_velocity_B", "reaction_B")
 
 
-@contextlib.contextmanager
-def plain_start():
-    """Starts esail_jax as Exudyn does, with a_0 = vdot_0: without the jerk in the first a."""
-    usual = entry.with_jerk
-    entry.with_jerk = lambda stepper, state, v_next: state
-    forget_programs()
-    try:
-        yield
-    finally:
-        entry.with_jerk = usual
-        forget_programs()
+class PlainStart(GeneralizedAlpha):
+    """Generalized-alpha that starts as in Exudyn, with a_0 = vdot_0: without the jerk in the first a."""
 
-
-def forget_programs() -> None:
-    """Drops compiled programs, which contain the other start."""
-    jax.clear_caches()
-    programs._compiled.cache_clear()
+    def first_state(self, system: System, time: Scalar, state: StepState) -> StepState:
+        """Returns the state as it is."""
+        return state
 
 
 def run_ours(scene: esail.Scene, plain: bool) -> dict[str, np.ndarray]:
     """Returns the signals of esail_jax; plain: with a_0 = vdot_0."""
-    with plain_start() if plain else contextlib.nullcontext():
-        ours = esail.simulate(scene)
+    kind = PlainStart if plain else GeneralizedAlpha
+    stepper = kind(jnp.asarray(scene.integrator.step), jnp.asarray(SPECTRAL_RADIUS))
+    ours = esail.simulate(scene, stepper=stepper)
     return {name: np.asarray(ours[name]) for name in ours.observables}
 
 
