@@ -122,7 +122,8 @@ class HostRun:
                 )
                 passed, motion = int(done.passed), done.motion
                 seen = min(passed, shown)
-                pending = pending.with_steps(log := on_host(done.kept), int(done.blocks), self.statistics)
+                log = Log.from_table(np.asarray(done.kept)[: int(done.blocks)], programs.statistics)
+                pending = pending.with_steps(log, self.statistics)
                 left, memory, rows, numerics, good = pending, energy, {}, {}, seen
                 if passed:
                     found, last, gaps = programs.look(problem, done.points, np.asarray(passed))
@@ -192,11 +193,6 @@ class HostRun:
         else:
             text = problem.stepper.failure(problem.model, motion.state, log)
         return SimulationError(f"{RESULTS[result]} {text}".strip(), result)
-
-
-def on_host(log: Log) -> Log:
-    """The log as NumPy arrays."""
-    return jax.tree.map(np.asarray, log)
 
 
 def paths(tree: Any) -> dict[str, Any]:

@@ -17,10 +17,11 @@ from esail_jax.scenes.structure import Numbers, Structure
 from esail_jax.simulation.advance import Window, advance
 from esail_jax.simulation.look import look_at_window
 from esail_jax.simulation.problem import restart, start
-from esail_jax.steppers.stepper import AbstractStepper, Point
+from esail_jax.steppers.stepper import AbstractStepper, Log, Motion, Point
+from esail_jax.system import System
 
-MAX_BLOCKS = 64
-"""Largest number of blocks in one call."""
+MAX_ATTEMPTS = 4096
+"""Largest number of attempted steps in one call."""
 
 MAX_INSTANTS, NUMBERS_PER_CALL = 256, 2**22
 """Largest number of saved instants in one call, and of numbers in their points (32 MB)."""
@@ -30,8 +31,9 @@ WORK_PER_CALL = 400_000
 
 
 class Programs(NamedTuple):
-    """The compiled functions `start`, `advance`, `look_at_window` and, for a scene with switch times, `restart`;
-    instants, blocks: largest numbers in one call."""
+    """The compiled functions `start`, `advance`, `look_at_window` and, for a scene with switch times, `restart`.
+
+    instants, blocks: largest numbers in one call; statistics: names of the statistics in a block's log."""
 
     start: Callable
     advance: Callable
@@ -39,6 +41,7 @@ class Programs(NamedTuple):
     restart: Callable | None
     instants: int
     blocks: int
+    statistics: tuple[str, ...]
 
 
 Shapes = tuple[tuple[str, tuple[int, ...]], ...]
@@ -73,13 +76,13 @@ def _compiled(
         chain = problem.stepper.relative_coordinates
         starts = pool.submit(starting.compile, compiler_options=CHAIN_OPTIONS if chain else START_OPTIONS)
         step = motion.last.taken.shape[0]
-        size = sum(np.prod(x.shape, dtype=int) for x in jax.tree.leaves(motion.state)) // 6
+        size = degrees_of_freedom(problem.system)
         instants = int(np.clip(NUMBERS_PER_CALL // (4 * size), 1, MAX_INSTANTS))
-        blocks = int(np.clip(WORK_PER_CALL // (step * size), 1, MAX_BLOCKS))
+        blocks = int(np.clip(WORK_PER_CALL // (step * size), 1, MAX_ATTEMPTS // step))
         window = Window(jax.ShapeDtypeStruct((instants,), float), integer)
 
         def advance_window(problem, motion, window, max_steps, max_blocks):
-            keep = lambda steps: steps.log  # noqa: E731
+            keep = lambda steps: steps.log.table()  # noqa: E731
             return advance(problem, motion, window, max_steps, max_blocks, keep, blocks)
 
         # The longest first, so that the others are traced while it compiles.
@@ -100,4 +103,17 @@ def _compiled(
             one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), points)
             restarting = jax.jit(restart).lower(problem, motion, one, number)
             restarts = pool.submit(restarting.compile, compiler_options=START_OPTIONS).result()
-        return Programs(starts.result(), advances.result(), looks.result(), restarts, instants, blocks)
+        statistics = tuple(jax.eval_shape(motion_log, motion).statistics)
+        compiled = (starts.result(), advances.result(), looks.result(), restarts)
+        return Programs(*compiled, instants, blocks, statistics)
+
+
+def motion_log(motion: Motion) -> Log:
+    """The log of the last block."""
+    return motion.last.log
+
+
+def degrees_of_freedom(system: System) -> int:
+    """The number of coordinates, from shapes alone."""
+    tethers = system.tethers
+    return 3 * tethers.coefs * (tethers.elements + 1) * tethers.count + 12 * (system.hub is not None)

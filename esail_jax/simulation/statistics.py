@@ -23,13 +23,10 @@ class Pending(NamedTuple):
         """No steps."""
         return cls(np.zeros((0, 4 + len(statistics))))
 
-    def with_steps(self, log: Log, blocks: int, statistics: Mapping[str, Statistic]) -> "Pending":
-        """These steps, and those of `blocks` logged blocks (first axes `block, attempt`)."""
-        log = Log(*(np.asarray(x)[:blocks] for x in log[:4]), log.statistics)
-        tried = log.tried
-        columns = [log.end, log.taken, ~log.taken, log.size]
-        columns += [np.asarray(log.statistics[name])[:blocks] for name in statistics]
-        new = np.stack([np.asarray(x, float)[tried] for x in columns], axis=1)
+    def with_steps(self, log: Log, statistics: Mapping[str, Statistic]) -> "Pending":
+        """These steps, and those of a log."""
+        columns = [log.end, log.taken, ~log.taken, log.size, *(log.statistics[name] for name in statistics)]
+        new = np.stack([np.asarray(x, float)[log.tried] for x in columns], axis=1)
         return Pending(np.concatenate([self.table, new]))
 
     def merged(self, until: float, statistics: Mapping[str, Statistic]) -> "Pending":

@@ -21,7 +21,7 @@ import numpy as np
 from jax import lax
 
 from esail_jax.array_types import Array, Bool, Float, Int, Scalar
-from esail_jax.numerics.lockstep import any_member, bounded_loop, select
+from esail_jax.numerics.lockstep import any_member, select
 from esail_jax.rod_chain import RodChain, RodState
 from esail_jax.steppers.results import RESULTS
 from esail_jax.steppers.stepper import (
@@ -43,11 +43,8 @@ REACH = {"tsit5": 0.95, "dopri5": 1.0, "dopri8": 3.7}
 """Largest product h omega at which an undamped vibration grows by less than 1e-4 a step. Damped vibrations, on the
 real axis, are stable up to 3.3 and more."""
 
-STEPS_PER_BLOCK = 32
-"""Largest number of attempted steps in a block."""
-
-NUMBERS_PER_BLOCK = 2**17
-"""Largest size of the record of a block (1 MB): long chains have fewer steps in a block."""
+STEPS_PER_CHUNK = 64
+"""Number of steps between two states that a reverse derivative keeps."""
 
 State = Any
 RightHandSide = Callable[[Scalar, State], State]
@@ -106,8 +103,8 @@ class RungeKutta(AbstractStepper):
 
     relative_coordinates: ClassVar[bool] = True
     energy_guard: ClassVar[bool] = True
-    steps_per_block: ClassVar[int] = STEPS_PER_BLOCK
-    blocks_per_window: ClassVar[int] = 512
+    steps_per_block: ClassVar[int] = 1
+    blocks_per_window: ClassVar[int] = 2**14
     instants_per_window: ClassVar[int] = 1
     statistics: ClassVar[Mapping[str, Statistic]] = {}
 
@@ -158,9 +155,7 @@ class RungeKutta(AbstractStepper):
             )
             h = jnp.minimum(end - time, until - time)
         state = RungeKuttaState(now, *lax.stop_gradient((h, control)), time, none, none, RESULTS.successful)
-        last = RungeKuttaSteps(now, none, time, jnp.asarray(True))
-        count = steps_per_block(y)
-        return state, jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *x.shape)), last)
+        return state, one_step(RungeKuttaSteps(now, none, time, jnp.asarray(True)))
 
     def attempt(self, f: RightHandSide, state: RungeKuttaState) -> tuple[RungeKuttaState, RungeKuttaSteps]:
         """One step, accepted or not, and its record."""
@@ -183,20 +178,12 @@ class RungeKutta(AbstractStepper):
         state = replace(state, now=now, h=h, control=control, taken=taken, rejected=rejected)
         return state, step
 
-    def block(self, model: RodChain, state: RungeKuttaState) -> tuple[RungeKuttaState, RungeKuttaSteps]:
-        """Some attempted steps, until the state is infinite or the step too small to change the time."""
-
-        def step(state):
-            state, record = self.attempt(model, state)
-            state = replace(state, result=self.outcome(state))
-            return state, state.result == RESULTS.successful, record
-
-        nothing = jax.tree.map(jnp.zeros_like, self.record(state))
-        return bounded_loop(step, state, steps_per_block(state.now.y), nothing)
-
-    def record(self, state: RungeKuttaState) -> RungeKuttaSteps:
-        """A step that begins at a state, as a record of the right shape."""
-        return RungeKuttaSteps(state.now, state.h, state.now.time, jnp.asarray(False))
+    def block(
+        self, model: RodChain, state: RungeKuttaState
+    ) -> tuple[RungeKuttaState, RungeKuttaSteps]:
+        """One attempted step. A longer block would have to copy each step into its record."""
+        state, step = self.attempt(model, state)
+        return replace(state, result=self.outcome(state)), one_step(step)
 
     def outcome(self, state: RungeKuttaState) -> RESULTS:
         """Whether the method can go on."""
@@ -224,58 +211,51 @@ class RungeKutta(AbstractStepper):
 
     # ---- derivatives ----------------------------------------------------------------------------
 
-    def tape(self, steps: RungeKuttaSteps) -> Float[Array, " attempt"]:
-        """The sizes of the accepted steps [s], then zeros. Chosen again they could differ by rounding, and a
-        derivative would be that of other steps."""
-        order = jnp.argsort(~steps.taken, stable=True)
-        return jnp.where(steps.taken, steps.h, 0.0)[order]
+    def tape(self, steps: RungeKuttaSteps) -> Scalar:
+        """The size of an accepted step [s], else 0. Chosen again it could differ by rounding, and a derivative would
+        be that of other steps."""
+        return jnp.where(steps.taken, steps.h, 0.0)[0]
 
     def replay(
         self,
         model: RodChain,
         motion: Motion,
         ended: Motion,
-        tapes: Float[Array, "block attempt"],
+        tapes: Float[Array, " block"],
         blocks: Int[Array, ""],
         times: Float[Array, " instant"],
     ) -> tuple[Motion, Point]:
-        """Steps of given sizes. Only the last block is kept, in which the one instant of the window lies. Blocks
-        beyond the last are skipped."""
+        """Steps of given sizes. Only the last step is kept, in which the one instant of the window lies. Chunks beyond
+        the last step are skipped."""
 
-        def one(now, h):
-            def go(now):
+        def one(carry, h):
+            def go(carry):
+                _, now = carry
                 new = self.step(model, now, h)[0]
-                return new, RungeKuttaSteps(now, h, new.time, jnp.asarray(True))
+                return RungeKuttaSteps(now, h, new.time, jnp.asarray(True)), new
 
-            def stay(now):
-                return now, RungeKuttaSteps(now, jnp.zeros(()), now.time, jnp.asarray(False))
-
-            return lax.cond(h > 0.0, go, stay, now)
+            return lax.cond(h > 0.0, go, lambda carry: carry, carry), None
 
         @jax.checkpoint
-        def again(motion, sizes):
-            now, last = lax.scan(one, motion[0], sizes)
-            return now, last
+        def some(carry, sizes):
+            return lax.scan(one, carry, sizes)[0]
 
-        def block(motion, sizes):
-            some = sizes[0] > 0.0
-            new = lax.cond(
-                any_member(some), lambda m: select(some, again(m, sizes), m), lambda m: m, motion
-            )
-            return new, None
+        def chunk(carry, sizes):
+            going = any_member((sizes > 0.0).any())
+            return lax.cond(going, some, lambda carry, _: carry, carry, sizes), None
 
-        sizes = jnp.where(jnp.arange(len(tapes))[:, None] < blocks, tapes, 0.0)
-        (now, last), _ = lax.scan(block, (motion.state.now, motion.last), sizes)
+        sizes = jnp.where(jnp.arange(len(tapes)) < blocks, tapes, 0.0)
+        sizes = sizes[jnp.argsort(sizes == 0.0, stable=True)]
+        carry = (motion.last.pick((0,)), motion.state.now)
+        (last, now), _ = lax.scan(chunk, carry, sizes.reshape(-1, STEPS_PER_CHUNK))
+        points = jax.vmap(lambda time: self.evaluate(model, last, time))(times)
+        state = replace(lax.stop_gradient(ended.state), now=replace(now, time=ended.state.now.time))
+        return Motion(state, one_step(last), motion.earlier), points
 
-        def at(time):
-            before = motion.last.taken & (time <= motion.last.end)
-            found = [steps.pick(steps.find(time)) for steps in (motion.last, last)]
-            return self.evaluate(model, select(before.any(), *found), time)
 
-        points = jax.vmap(at)(times)
-        now = replace(now, time=ended.state.now.time)
-        state = replace(lax.stop_gradient(ended.state), now=now)
-        return Motion(state, last, motion.earlier), points
+def one_step(step: RungeKuttaSteps) -> RungeKuttaSteps:
+    """The record of a block of one step."""
+    return jax.tree.map(lambda x: x[None], step)
 
 
 def too_long(step: Scalar) -> str:
@@ -284,12 +264,6 @@ def too_long(step: Scalar) -> str:
         f"Steps of {float(step):.3g} s may be too long for the fastest vibration of "
         "the rods: try shorter ones, a tolerance, or generalized-alpha."
     )
-
-
-def steps_per_block(y: State) -> int:
-    """Number of attempted steps in a block for a state of this size."""
-    size = 2 * sum(np.size(x) for x in jax.tree.leaves(y))
-    return int(np.clip(NUMBERS_PER_BLOCK // size, 1, STEPS_PER_BLOCK))
 
 
 def combined(weights: Any, stages: Any) -> Array:

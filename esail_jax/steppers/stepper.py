@@ -16,12 +16,13 @@ a name in `scenes/method_choice.py`.
 """
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
 from esail_jax.array_types import Array, Bool, Float, Int, Scalar
@@ -60,14 +61,26 @@ class AbstractState(eqx.Module):
 class Log(NamedTuple):
     """A short account of the attempted steps of a block, in order, first axis `attempt`.
 
-    tried: false where the block had ended before; taken: false where the step was rejected; end, size: time at
-    the end of the step and its length [s]; statistics: more numbers by name."""
+    tried: false where the block had ended before; taken: false where the step was rejected; end, size: time at the end
+    of the step and its length [s]; statistics: more numbers by name."""
 
-    tried: Bool[Array, " attempt"]
-    taken: Bool[Array, " attempt"]
-    end: Float[Array, " attempt"]
-    size: Float[Array, " attempt"]
-    statistics: dict[str, Float[Array, " attempt"]]
+    tried: Bool[Array, "*attempt"]
+    taken: Bool[Array, "*attempt"]
+    end: Float[Array, "*attempt"]
+    size: Float[Array, "*attempt"]
+    statistics: dict[str, Float[Array, "*attempt"]]
+
+    def table(self) -> Float[Array, "*attempt column"]:
+        """The account as one array: a loop writes it faster than its parts."""
+        columns = [*self[:4], *(self.statistics[name] for name in sorted(self.statistics))]
+        return jnp.stack([x.astype(float) for x in columns], axis=-1)
+
+    @classmethod
+    def from_table(cls, table: Float[np.ndarray, "*attempt column"], names: Iterable[str]) -> "Log":
+        """The account from its table, on the host. names: those of the statistics."""
+        tried, taken, end, size, *others = np.moveaxis(table, -1, 0)
+        statistics = dict(zip(sorted(names), others, strict=True))
+        return cls(tried > 0.0, taken > 0.0, end, size, statistics)
 
 
 class AbstractSteps(eqx.Module):

@@ -1,9 +1,9 @@
-"""Three spin periods of the baseline sail at 10 deg, facing the Sun, and without voltage.
+"""Simulates three spin periods of the baseline sail at 10 deg, facing the Sun, and without voltage.
 
     python experiments/baseline/run.py
 
 Writes table.csv (smallest and largest value of every observable) and figures/alpha-10/*.png beside
-this file, and prints how well the runs are solved.
+this file, and prints measures of the accuracy of the runs.
 """
 
 import argparse
@@ -19,10 +19,10 @@ from esail_jax.observables.sail import OBSERVABLES
 HERE = Path(__file__).parent
 
 CASES = {"alpha-10": "baseline", "alpha-0": "sun-facing", "voltage-off": "voltage-off"}
-"""Built-in scene of every case."""
+"""Name of a case and its built-in scene."""
 
 DRAWN = ("alpha-10",)
-"""Cases with figures in the repository."""
+"""Cases whose figures are in the repository."""
 
 DOTS_PER_INCH = 80
 
@@ -30,7 +30,7 @@ UNITS = {entry.name: entry.unit for entry in OBSERVABLES}
 
 
 def range_rows(case: str, solution: esail.Solution) -> list[list]:
-    """case, observable, component, unit, smallest, largest; per-tether values over all tethers."""
+    """Returns rows (case, observable, component, unit, smallest, largest), over time and all tethers."""
     rows = []
     for name in solution.observables:
         values = np.asarray(solution[name])
@@ -43,7 +43,7 @@ def range_rows(case: str, solution: esail.Solution) -> list[list]:
 
 
 def summary(solution: esail.Solution) -> dict[str, float]:
-    """What the README's second table shows."""
+    """Returns the numbers of one column of the README's second table."""
     energy = solution["kinetic_energy"] + solution["elastic_energy"]
     spin = solution["angular_velocity_B"][:, 0]
     stats = solution.stats
@@ -60,15 +60,15 @@ def summary(solution: esail.Solution) -> dict[str, float]:
 
 
 def draw(solution: esail.Solution, directory: Path) -> None:
-    """The figures of `plotting.plot_all`, small enough for the repository."""
+    """Writes the figures of `plotting.plot_all`, small enough for the repository."""
     directory.mkdir(parents=True, exist_ok=True)
     for make in plotting.FIGURES:
         make(solution).savefig(directory / f"{make.__name__}.png", dpi=DOTS_PER_INCH)
 
 
 def main(t_end: float | None) -> None:
-    """Run, write, print."""
-    overrides = {"integrator.method": "generalized-alpha"}  # as in the paper
+    """Runs all cases, writes the table and the figures, prints the summary."""
+    overrides = {"integrator.method": "generalized-alpha"}  # the paper's method
     if t_end is not None:
         overrides["integrator.t_end"] = t_end
     rows, lines = [], {}
@@ -89,5 +89,5 @@ def main(t_end: float | None) -> None:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--t-end", type=float, help="a shorter run [s]")
+    parser.add_argument("--t-end", type=float, help="end time of shorter runs [s]")
     main(parser.parse_args().t_end)

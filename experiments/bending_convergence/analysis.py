@@ -1,4 +1,4 @@
-"""Signals of a run, errors against a finer one, orders of convergence."""
+"""Computes signals of a run, errors relative to a finer run, and orders of convergence."""
 
 import numpy as np
 from models import Lane, Run
@@ -19,17 +19,18 @@ SIGNALS = {
     "spin": "spin of the hub",
     "mid": "middle of the tether",
 }
-"""What is compared: key and name. Angles of the first L/n are those of its chord, all a truss shows."""
+"""Compared signals: key and name. The angles of the first L/n are those of its chord; a truss has no
+others."""
 
 
 def angles(vectors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Coning and lagging of vectors (time, xyz) of tether 1 in the hub's frame."""
+    """Returns coning and lagging of vectors (time, xyz) of tether 1 in the hub's frame."""
     x, y, z = vectors.T
     return np.arctan2(x, np.hypot(y, z)), np.arctan2(z, y)
 
 
 def at(run: Run, x: float) -> np.ndarray:
-    """Position of the material point x [m] from the root, in the hub's frame: (time, xyz)."""
+    """Returns the position of the material point x [m] from the root, in the hub's frame: (time, xyz)."""
     shape = run.seen["shape_B"]
     nodes = np.linspace(0.0, LENGTH, run.elements + 1)
     if shape.shape[1] == 2:
@@ -40,7 +41,7 @@ def at(run: Run, x: float) -> np.ndarray:
 
 
 def signals(run: Run, chord: float) -> dict[str, np.ndarray]:
-    """Every signal, time first, vectors second; chord [m]: length of the chord at the root."""
+    """Returns all signals (time, component); chord [m]: length of the chord at the root."""
     seen = run.seen
     chord_coning, chord_lagging = angles(at(run, chord))
     found = {
@@ -61,7 +62,8 @@ def signals(run: Run, chord: float) -> dict[str, np.ndarray]:
 
 
 def errors(run: Run, reference: Run) -> dict[str, tuple[float, float]]:
-    """Largest and root-mean-square error of every signal over the reference's range (largest component)."""
+    """Returns the largest and the rms error of every signal, relative to the reference's range (largest
+    component)."""
     chord = LENGTH / run.elements
     mine, true = signals(run, chord), signals(reference, chord)
     found = {}
@@ -73,17 +75,18 @@ def errors(run: Run, reference: Run) -> dict[str, tuple[float, float]]:
 
 
 def ranges(run: Run) -> dict[str, float]:
-    """Range of every signal."""
+    """Returns the range of every signal."""
     return {key: float(np.ptp(value, axis=0).max()) for key, value in signals(run, LENGTH).items()}
 
 
 def order(elements: list[int], error: list[float]) -> float:
-    """-d log(error) / d log(elements), least squares."""
+    """Returns the order of convergence, -d log(error) / d log(elements), by least squares."""
     return float(-np.polyfit(np.log(elements), np.log(error), 1)[0])
 
 
 def elements_for(elements: list[int], error: list[float], wanted: float) -> float:
-    """Number of elements at which the error first falls below the wanted one; logarithms interpolated."""
+    """Returns the number of elements at which the error first falls below `wanted`; interpolates
+    logarithms."""
     logs = np.log(error)
     for k in range(1, len(elements)):
         if logs[k] <= np.log(wanted) < logs[k - 1]:
@@ -93,39 +96,39 @@ def elements_for(elements: list[int], error: list[float], wanted: float) -> floa
 
 
 class Study:
-    """The runs of one scene, by variant, elements, numbers and refinement of the step."""
+    """The runs of one scene, by variant, elements, parameters and refinement of the step."""
 
     def __init__(self, runs: list[Run]):
         self.runs = {(r.variant, r.elements, r.lane, r.refine): r for r in runs}
 
     def get(self, variant: str, elements: int, lane: Lane | None = None, refine: int = 1) -> Run:
-        """One run."""
+        """Returns one run."""
         return self.runs[(variant, elements, lane or Lane(), refine)]
 
     def meshes(self, variant: str, lane: Lane | None = None) -> list[int]:
-        """Numbers of elements there are."""
+        """Returns the available numbers of elements."""
         lane = lane or Lane()
         return sorted(n for v, n, at, f in self.runs if v == variant and at == lane and f == 1)
 
     def reference(self, lane: Lane | None = None) -> Run:
-        """The finest cable with these numbers."""
+        """Returns the run of the finest cable with these parameters."""
         for variant in ("nonlinear", "none"):
             if meshes := self.meshes(variant, lane):
                 return self.get(variant, meshes[-1], lane)
         raise KeyError(lane)
 
     def errors(self, variant: str, elements: int, lane: Lane | None = None) -> dict:
-        """Errors against the reference."""
+        """Returns the errors relative to the reference."""
         return errors(self.get(variant, elements, lane), self.reference(lane))
 
     def curve(self, variant: str, key: str, kind: int = 1, lane: Lane | None = None) -> tuple:
-        """Elements and errors of one signal (0: largest, 1: root mean square), the reference left out."""
+        """Returns elements and errors of one signal (kind 0: largest, 1: rms), without the reference."""
         last = self.reference(lane)
         meshes = [n for n in self.meshes(variant, lane) if self.get(variant, n, lane) is not last]
         return meshes, [self.errors(variant, n, lane)[key][kind] for n in meshes]
 
     def cost(self, variant: str, elements: int) -> float:
-        """us per step: the quickest run with the scene's EI."""
+        """Returns the time per step [us] of the fastest run with the scene's EI."""
         chosen = [
             r.microseconds
             for (v, n, lane, f), r in self.runs.items()

@@ -1,4 +1,4 @@
-"""The figures."""
+"""Draws the figures of the study."""
 
 from pathlib import Path
 
@@ -29,7 +29,7 @@ STYLE = {
 
 
 def save(figure, name: str) -> None:
-    """Write a figure."""
+    """Writes a figure."""
     figure.tight_layout()
     FOLDER.mkdir(exist_ok=True)
     figure.savefig(FOLDER / f"{name}.png", dpi=DOTS_PER_INCH)
@@ -37,7 +37,7 @@ def save(figure, name: str) -> None:
 
 
 def convergence(study: Study) -> None:
-    """Errors of every variant over the number of elements."""
+    """Draws the errors of every variant over the number of elements."""
     figure, axes = plt.subplots(3, 4, figsize=(15, 10), sharex=True)
     for axis, (key, title) in zip(axes.flat, SIGNALS.items(), strict=True):
         for variant, style in STYLE.items():
@@ -57,7 +57,7 @@ def convergence(study: Study) -> None:
 
 
 def coordinates(study: Study) -> None:
-    """Errors over the number of coordinates."""
+    """Draws the errors over the number of coordinates."""
     figure, axes = plt.subplots(1, 4, figsize=(15, 4.5))
     for axis, key in zip(axes, ("coning", "root coning", "reaction", "strain"), strict=True):
         for variant, per_node in (("truss", 3), ("none", 6)):
@@ -76,7 +76,7 @@ def coordinates(study: Study) -> None:
 
 
 def stiffness(study: Study, powers: tuple[int, ...], fine: int) -> None:
-    """What EI changes, and how it changes the error of a mesh."""
+    """Draws the effect of EI on the signals, and on the error of a mesh."""
     figure, axes = plt.subplots(1, 2, figsize=(13, 5.5))
     base = study.get("nonlinear", fine)
     factors = [10.0**k for k in powers]
@@ -92,7 +92,7 @@ def stiffness(study: Study, powers: tuple[int, ...], fine: int) -> None:
     axes[0].set_xlabel(r"$\ell_b/L = \sqrt{EI/T}/L$")
     axes[0].set_ylabel("rms change / range")
     axes[0].set_ylim(1e-12, 1)
-    axes[0].set_title(f"what EI changes ({fine} cables)")
+    axes[0].set_title(f"effect of EI on the signals ({fine} cables)")
     axes[0].legend(fontsize=8)
     for n, style in ((5, "o-"), (20, "s--")):
         for key, color in (("coning", "tab:blue"), ("root coning", "tab:orange"), ("strain", "tab:red")):
@@ -105,7 +105,7 @@ def stiffness(study: Study, powers: tuple[int, ...], fine: int) -> None:
     axes[1].axhline(1.0, color="0.5", lw=1)
     axes[1].set_xlabel(r"$\ell_b/l$, element length $l = L/n$")
     axes[1].set_ylabel("error with this EI / error without bending")
-    axes[1].set_title("what EI does to the error of a mesh")
+    axes[1].set_title("effect of EI on the error of a mesh")
     axes[1].legend(fontsize=8)
     for axis in axes:
         axis.grid(alpha=0.3)
@@ -113,7 +113,7 @@ def stiffness(study: Study, powers: tuple[int, ...], fine: int) -> None:
 
 
 def frequencies(table: list[dict]) -> None:
-    """Errors of frequencies by interpolation."""
+    """Draws the errors of frequencies of every interpolation."""
     figure, axes = plt.subplots(1, 3, figsize=(14, 4.8), sharey=True)
     for axis, mode in zip(axes, (1, 2, 3), strict=True):
         for name, marker in zip(modes.INTERPOLATIONS, "svDo", strict=True):
@@ -130,7 +130,7 @@ def frequencies(table: list[dict]) -> None:
 
 
 def sail_spin(sail: Study) -> None:
-    """Spin rate of the sail's hub, cables without bending and trusses."""
+    """Draws the spin rate of the sail's hub for cables without bending and trusses."""
     figure, axes = plt.subplots(2, 1, figsize=(12, 8), sharex=True)
     window = TIMES > TIMES[-1] * 2.5 / 3.0
     for axis, variant in zip(axes, ("none", "truss"), strict=True):

@@ -1,4 +1,4 @@
-"""The variants compared, and a small driver that compiles one of them and runs it with several numbers."""
+"""Defines the compared variants, and compiles and runs one of them with several sets of parameters."""
 
 import dataclasses
 import time
@@ -29,16 +29,17 @@ from esail_jax.system import Power
 from esail_jax.terms import PointFields, Term, find_term
 
 STEP = 0.1
-"""[s], for every mesh."""
+"""Step [s] of every mesh."""
 
 SAVED = 1178
-"""Instants kept after the first, every 2 KEEP steps of `STEP`: 4 s, 4712 s in all, three spin periods."""
+"""Number of saved instants after the first, one per 2 KEEP steps of `STEP`: every 4 s, 4712 s in all,
+which are three spin periods."""
 
 TIMES = np.arange(SAVED + 1) * 2 * KEEP * STEP
-"""Instants kept [s]."""
+"""Saved instants [s]."""
 
 VARIANTS = ("nonlinear", "linear", "none", "truss")
-"""Cable with EI kappa^2/2, with EI |r_xx|^2/2, without bending, and trusses."""
+"""Names of the variants: cable with EI kappa^2/2, with EI |r_xx|^2/2, without bending; truss."""
 
 KEPT = (
     "coning_angle", "lagging_angle", "root_coning_angle", "root_lagging_angle", "tether_length",
@@ -47,7 +48,7 @@ KEPT = (
 
 
 class LinearBending(Term):
-    """W = EI |r_xx|^2 / 2: the curvature of a cable of small strain, stretch gradients included."""
+    """Linear bending energy W = EI |r_xx|^2 / 2, for small strain; it also contains stretch gradients."""
 
     stiffness: PerTether
 
@@ -55,16 +56,17 @@ class LinearBending(Term):
     depends_on: ClassVar[tuple[str, ...]] = ("r_xx",)
 
     def density(self, fields: PointFields) -> PerPoint:
-        """W [J/m]."""
+        """Returns W [J/m]."""
         return 0.5 * self.stiffness * dot(fields.r_xx, fields.r_xx)
 
     def point_forces(self, time: Instants, fields: PointFields, rates: PointFields) -> PointFields:
+        """Returns the stress dW/dr_xx of every point."""
         stress = jax.grad(lambda r_xx: self.density(fields._replace(r_xx=r_xx)).sum())(fields.r_xx)
         return PointFields(None, None, stress)
 
 
 class Lane(NamedTuple):
-    """Numbers that differ between runs of one program: EI over the scene's, and damping times [s]."""
+    """Parameters that differ between runs of one program: EI / EI of the scene, and damping times [s]."""
 
     stiffness: float = 1.0
     axial: float = 1.0
@@ -72,7 +74,7 @@ class Lane(NamedTuple):
 
 
 def scene_of(variant: str, elements: int, scene: str = "single-tether") -> esail.Scene:
-    """The scene of a variant."""
+    """Returns the scene of a variant."""
     loaded = esail.load_scene(scene)
     tethers = {"elements": elements}
     if variant == "truss":
@@ -85,7 +87,7 @@ def scene_of(variant: str, elements: int, scene: str = "single-tether") -> esail
 
 
 def system_of(variant: str, structure, numbers: dict, lane: Lane):
-    """System, its start, and the place of the sail."""
+    """Returns the system, its model with the initial state, and the sail's position from the Sun [m]."""
     numbers = dict(numbers)
     numbers["tethers.axial_damping_time"] = jnp.full_like(numbers["tethers.length"], lane.axial)
     if variant in ("nonlinear", "linear"):
@@ -101,9 +103,10 @@ def system_of(variant: str, structure, numbers: dict, lane: Lane):
 
 
 def march(stepper: GeneralizedAlpha, system, model, refine: int, saved: int):
-    """Saved instants and states, start included; iterations and failed steps.
+    """Integrates; returns saved instants and states including the start, and the counts of iterations and
+    failed steps.
 
-    The blocks before t = 0 are trials that find a_0, as `schedule.beginning` and `entry.with_jerk` do it.
+    The blocks before t = 0 are trial steps that determine a_0 with its jerk correction, as in the package.
     """
     zero = jnp.zeros(())
     nothing = Power(zero, zero)
@@ -124,14 +127,15 @@ def march(stepper: GeneralizedAlpha, system, model, refine: int, saved: int):
         state, counts = lax.scan(block, state, index * blocks + jnp.arange(blocks))
         return state, (state, counts.sum(0))
 
-    # The interval before t = 0 hands back the state at t = 0.
+    # The result of the interval before t = 0 is the state at t = 0.
     _, (states, counts) = lax.scan(interval, state, jnp.arange(-1, saved))
     time = jnp.arange(saved + 1) * blocks * KEEP * stepper.step_size
     return time, states, counts.sum(0)
 
 
 def history(variant: str, structure, numbers: dict, lane: Lane, refine: int, saved: int):
-    """Tether 1 in the hub's frame from its root, observables, iterations per step, steps that failed."""
+    """Returns observables with the shape of tether 1 in the hub's frame, iterations per step, failed
+    steps."""
     system, model, origin = system_of(variant, structure, numbers, lane)
     stepper = GeneralizedAlpha(jnp.asarray(STEP / refine), model.spectral_radius)
     times, states, (iterations, failed) = march(stepper, system, model, refine, saved)
@@ -155,7 +159,7 @@ def history(variant: str, structure, numbers: dict, lane: Lane, refine: int, sav
 
 
 class Run(NamedTuple):
-    """One run: what was asked, what was seen (time first), and what it cost."""
+    """One run: its settings, its signals (time first), and its time per step [us]."""
 
     variant: str
     elements: int
@@ -169,7 +173,8 @@ class Run(NamedTuple):
 def run(
     variant: str, elements: int, lanes: tuple[Lane, ...], refine: int = 1, scene: str = "single-tether"
 ) -> list[Run]:
-    """Compile a variant once and run it with every lane's numbers; step `STEP` / refine."""
+    """Compiles a variant once and runs it with the parameters of every lane; the step is `STEP` /
+    refine."""
     structure, numbers = split(with_method(scene_of(variant, elements, scene)))
 
     def one_lane(lane):

@@ -1,10 +1,10 @@
-"""Small transverse vibrations of one spinning tether: frequencies by several interpolations.
+"""Computes frequencies of small transverse vibrations of one spinning tether by several interpolations.
 
     omega_k^2 M w = K w,    w(0) = 0,    T(x) = omega^2 (m_u L + mu (L^2 - x^2) / 2),
     K = integral of T w'^2 + EI w''^2 dx,    M = integral of mu w^2 dx + m_u w(L)^2
 
-out of the spin plane; in it omega_k^2 is less by omega^2. The first mode, w = x, has the frequency of the
-spin. Small motion of a tether with its root at the centre, its stretch neglected.
+The equations hold out of the spin plane; in the plane omega_k^2 is less by omega^2. The first mode, w = x,
+has the frequency of the spin. The root of the tether is at the centre; its stretch is neglected.
 """
 
 from collections.abc import Callable
@@ -22,17 +22,17 @@ XI, WEIGHTS = 0.5 * (GAUSS[0] + 1.0), 0.5 * GAUSS[1]
 
 
 def tension(x: np.ndarray | float) -> np.ndarray | float:
-    """T(x) [N] of the unstretched tether."""
+    """Returns the tension T(x) [N] of the unstretched tether."""
     return SPIN**2 * (TIP_MASS * LENGTH + 0.5 * LINE_DENSITY * (LENGTH**2 - x**2))
 
 
 def boundary_layer(factor: float = 1.0) -> float:
-    """sqrt(EI / T(L/2)) [m] of a tether with `factor` times the scene's EI."""
+    """Returns the bending length sqrt(EI / T(L/2)) [m] for `factor` times the scene's EI."""
     return float(np.sqrt(factor * SCENE_EI / tension(0.5 * LENGTH)))
 
 
 def lagrange(degree: int) -> Callable:
-    """Shape functions of a C0 element with `degree` + 1 equidistant nodes."""
+    """Returns the shape functions of a C0 element with `degree` + 1 equidistant nodes."""
     nodes = np.linspace(0.0, 1.0, degree + 1)
     coefs = np.linalg.inv(np.vander(nodes, increasing=True))
 
@@ -49,11 +49,11 @@ INTERPOLATIONS = {
     "cubic C0": (lagrange(3), 3),
     "cubic C1 (cable)": (ancf_cable.shape_functions, 2),
 }
-"""Shape functions, and the unknowns that each element adds."""
+"""Name, shape functions, and number of unknowns that each element adds."""
 
 
 def matrices(shapes: Callable, stride: int, n: int, stiffness: float) -> tuple[np.ndarray, np.ndarray]:
-    """K and M of n elements with the root held."""
+    """Returns K and M of n elements with a fixed root."""
     length = LENGTH / n
     s, ds = shapes(XI), shapes(XI, 1) / length
     dds = shapes(XI, 2) / length**2 if stiffness else 0.0 * s
@@ -73,8 +73,8 @@ def matrices(shapes: Callable, stride: int, n: int, stiffness: float) -> tuple[n
 
 
 def frequencies(name: str, n: int, factor: float = 0.0) -> np.ndarray:
-    """Frequencies [rad/s] out of plane, ascending; factor: EI over the scene's."""
+    """Returns the frequencies [rad/s] out of the plane, ascending; factor: EI / EI of the scene."""
     shapes, stride = INTERPOLATIONS[name]
     k, m = matrices(shapes, stride, n, factor * SCENE_EI)
-    # Slopes times the element's length are unknowns of the size of positions.
+    # Slopes are multiplied by the element's length, so that all unknowns have the size of positions.
     return np.sqrt(np.abs(scipy.linalg.eigh(k, m, eigvals_only=True)))

@@ -1,4 +1,4 @@
-"""Is it bending stiffness that lets cable elements converge faster than trusses?
+"""Studies whether bending stiffness makes cable elements converge faster than trusses.
 
     python experiments/bending_convergence/run.py
 
@@ -18,7 +18,7 @@ HERE = Path(__file__).parent
 
 
 def write(name: str, rows: list[dict]) -> None:
-    """A table beside this file."""
+    """Writes a table beside this file."""
     with open(HERE / name, "w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, rows[0], lineterminator="\n")
         writer.writeheader()
@@ -26,7 +26,8 @@ def write(name: str, rows: list[dict]) -> None:
 
 
 def result(scene: str, run: Run, reference: Run) -> dict:
-    """One line of results.csv: what was run, against what, and the errors over the range of each signal."""
+    """Returns a row of results.csv: the run, its reference, and the errors relative to each signal's
+    range."""
     row = {
         "scene": scene,
         "variant": run.variant,
@@ -45,7 +46,7 @@ def result(scene: str, run: Run, reference: Run) -> dict:
 
 
 def results(scene: str, found: Study) -> list[dict]:
-    """Every run against its reference, and against what shows the effect of bending alone."""
+    """Returns rows that compare every run with its reference, and with the run without bending."""
     rows = []
     for run in found.runs.values():
         if run is not found.reference(run.lane):
@@ -57,7 +58,7 @@ def results(scene: str, found: Study) -> list[dict]:
 
 
 def frequency_table() -> list[dict]:
-    """Relative errors of the frequencies of transverse modes."""
+    """Returns the relative errors of the frequencies of transverse modes."""
     exact = modes.frequencies("cubic C1 (cable)", 80)
     rows = []
     for name in modes.INTERPOLATIONS:
@@ -72,7 +73,7 @@ def frequency_table() -> list[dict]:
 
 
 def print_errors(title: str, rows: dict[str, dict]) -> None:
-    """A table with one column per signal; numbers, or pairs of which the second is shown."""
+    """Prints a table with one column per signal; of a pair of numbers only the second."""
     print(f"\n{title:38s}" + "".join(f"{key[:13]:>14s}" for key in SIGNALS))
     for name, row in rows.items():
         values = [row[key][1] if isinstance(row[key], tuple) else row[key] for key in SIGNALS]
@@ -80,7 +81,7 @@ def print_errors(title: str, rows: dict[str, dict]) -> None:
 
 
 def print_tables(tether: Study, sail: Study) -> None:
-    """What the README shows."""
+    """Prints the tables of the README."""
     fine, get = plan.FINE, tether.get
     print_errors("ranges", {"one tether": ranges(tether.reference()), "sail": ranges(sail.reference())})
     checks = {
@@ -109,7 +110,7 @@ def print_tables(tether: Study, sail: Study) -> None:
             table[f"{variant}, order from {least}"] = orders
         for n in (1, 2, 3, 5, 10):
             wanted = tether.errors("none", n, lane)
-            table[f"trusses as good as {n} cables"] = {
+            table[f"trusses as accurate as {n} cables"] = {
                 key: elements_for(*tether.curve("truss", key, 1, lane), wanted[key][1]) for key in SIGNALS
             }
         print_errors(f"axial damping {lane.axial:g} s, rms / range", table)
@@ -134,13 +135,13 @@ def print_tables(tether: Study, sail: Study) -> None:
 
 
 def main() -> None:
-    """Run, write, draw, print."""
+    """Runs everything and reports."""
     tether, sail = Study(plan.runs_of_one_tether()), Study(plan.runs_of_the_sail())
     report(tether, sail)
 
 
 def report(tether: Study, sail: Study) -> None:
-    """Everything that follows from the runs."""
+    """Writes the tables, draws the figures and prints what follows from the runs."""
     table = frequency_table()
     write("results.csv", results("single-tether", tether) + results("baseline", sail))
     write(

@@ -1,34 +1,34 @@
-"""The runs of the study."""
+"""Defines the runs of the study."""
 
 from models import Lane, Run, run
 
 CABLES = (1, 2, 3, 5, 7, 9, 10, 15, 20)
 TRUSSES = (1, 2, 3, 5, 7, 9, 10, 11, 15, 20, 40, 80, 160)
 FINE, FINEST = 40, 80
-"""Cables of the references: of stiffer tethers, and of the scene's."""
+"""Numbers of cables of the references: for stiffer tethers, and for the tethers of the scene."""
 
 DAMPED = Lane()
 AXIAL = (Lane(axial=0.0), DAMPED, Lane(axial=10.0))
 AS_SHIPPED = Lane(bending=1.0)
-"""The scene as it is, bending damping too; the other runs go without it."""
+"""Parameters of the scene itself, with bending damping; the other runs have none."""
 
 POWERS = (2, 4, 6, 8, 10, 11, 12, 13, 14)
-"""EI over the scene's, powers of ten."""
+"""Exponents k of the factors 10^k of EI."""
 
 SWEPT = (5, 20, FINE)
-"""Cables that run with all of them."""
+"""Numbers of cables that run with all these factors."""
 
 SAIL = (("nonlinear", 5), *(("none", n) for n in (1, 3, 5, 15)), *(("truss", n) for n in (1, 3, 5, 9, 20)))
-"""Meshes of the published sail of 12 tethers; the finest cable is its reference."""
+"""Meshes of the published sail of 12 tethers; the finest cable is the reference."""
 
 
 def stiffer(*powers: int) -> tuple[Lane, ...]:
-    """Tethers of 10^power times the EI."""
+    """Returns the parameters of tethers with 10^power times the EI."""
     return tuple(Lane(stiffness=10.0**power) for power in powers)
 
 
 def lanes(variant: str, n: int) -> tuple[Lane, ...]:
-    """Numbers with which a mesh is run."""
+    """Returns the parameters with which a mesh is run."""
     if n >= FINEST:
         return AXIAL if variant == "nonlinear" else (DAMPED,)
     if variant == "nonlinear":
@@ -39,7 +39,7 @@ def lanes(variant: str, n: int) -> tuple[Lane, ...]:
 
 
 def runs_of_one_tether(tell=print) -> list[Run]:
-    """Every run of one tether."""
+    """Makes all runs of one tether."""
     plan = [(variant, n, 1) for variant in ("nonlinear", "linear", "none") for n in (*CABLES, FINE)]
     plan += [("truss", n, 1) for n in TRUSSES] + [("nonlinear", FINEST, 1)]
     plan += [("nonlinear", FINE, 2), ("nonlinear", 5, 2), ("truss", 9, 2)]
@@ -51,7 +51,7 @@ def runs_of_one_tether(tell=print) -> list[Run]:
 
 
 def runs_of_the_sail(tell=print) -> list[Run]:
-    """Every run of the sail."""
+    """Makes all runs of the sail."""
     found = []
     for variant, n in SAIL:
         lane = AS_SHIPPED if variant == "nonlinear" else DAMPED

@@ -1,4 +1,7 @@
-"""What the regularisation of the bending dissipation changes: python run.py prints the table."""
+"""Prints the README's table: the effect of the regularised bending dissipation.
+
+python experiments/bending_damping/run.py
+"""
 
 import numpy as np
 
@@ -19,16 +22,20 @@ STIFF = {
     "integrator.t_end": 120.0,
     "output.interval": 1.0,
 }
-"""EI = 200 N m^2: bending carries the root, and its damping is felt."""
+"""A sail with EI = 200 N m^2: bending is significant at the root, and its damping has a visible effect."""
 
 
 def run(overrides: dict, turn: float):
-    """A run with another kappa_0 L."""
+    """Simulates the baseline with another kappa_0 L [rad]."""
     return esail.simulate("baseline", overrides | {"tethers.straight_turn": turn})
 
 
 def main() -> None:
-    print("kappa_0 L [rad]  dissipated [J]  tip moves by [m]   largest turn of a tether: ", end="")
+    """Runs all values of kappa_0 L and prints the table."""
+    print(
+        "kappa_0 L [rad]  dissipated [J]  change of the tips [m]   largest change of direction: ",
+        end="",
+    )
     reference = run(STIFF, 1e-7)
     slope = reference["coning_angle"] - reference["root_coning_angle"]
     print(f"{np.abs(slope).max():.1e} rad between root and tip")

@@ -1,5 +1,5 @@
 #!/bin/sh
-# Ten thousand baseline sails over three spin periods, with uncertain lengths, masses, voltages, spin and wind.
+# Simulates ten thousand baseline sails over three spin periods, with uncertain lengths, masses, voltages, spin and wind.
 #
 #     sh experiments/ensembles/monte_carlo.sh FOLDER [--resume]     twelve minutes on two cores
 set -e

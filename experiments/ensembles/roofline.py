@@ -1,11 +1,11 @@
-"""What limits members in lockstep on a core: arithmetic, memory traffic and their speeds, by batch.
+"""Measures what limits members in lockstep on one core: operations, memory traffic and their rates.
 
 taskset -c 0 python experiments/ensembles/roofline.py       # roofline.csv; two minutes on one core
 
-One iteration of a collocation step of the baseline (`stage_solution.py`), for 1 to 32 members at once: its
-time, the operations and the memory traffic that the compiler counts for the compiled program, and how fast
-the same core adds arrays as large as what that program works on. The iteration is what lockstep and one by
-one have in common: nothing waits for anything here.
+The script runs one iteration of a collocation step of the baseline (`collocation_solution.py`) for 1 to 32
+members at once. It reports the time, the operations and the memory traffic that the compiler counts for the
+compiled program, and the rate at which the same core adds arrays of the size of the program's data. In
+lockstep a fast member waits for a slow one; in this single iteration no member waits.
 """
 
 import csv
@@ -28,11 +28,11 @@ BATCHES = (1, 2, 4, 8, 16, 32)
 REPEATS = 15
 LOOPS = 100
 STEP = 5.0
-"""[s]"""
+"""Step [s] of the iteration that is timed."""
 
 
 def seconds(loop, *arguments) -> float:
-    """Median time of a compiled loop of LOOPS turns, per turn."""
+    """Returns the median time [s] per iteration of a compiled loop of LOOPS iterations."""
     jax.block_until_ready(loop(*arguments))
     times = []
     for _ in range(REPEATS):
@@ -43,15 +43,18 @@ def seconds(loop, *arguments) -> float:
 
 
 def iteration(system, now, h, kept, nodes, like):
-    """One simplified Newton iteration. nodes: the unknowns, all nodes along one axis, as they are carried
-    there; like: what they look like elsewhere."""
+    """Makes one simplified Newton iteration.
+
+    nodes: the unknowns with all nodes along one axis, as in the package's loop; like: the unknowns with
+    their usual shapes."""
     residual, axes = stage_residuals(system, now, h, jax.tree.map(reshaped, nodes, like))
     change = correction(system, residual, turns_to(axes, kept), kept)
     return jax.tree.map(lambda x, y: x + reshaped(y, x), nodes, change)
 
 
-def of_batch(size: int) -> tuple:
-    """Time [s] of an iteration of `size` members, its operations and traffic [B], what it works on [B]."""
+def measure_batch(size: int) -> tuple:
+    """Returns time [s], operations, traffic [B] and size of the data [B] of an iteration of `size`
+    members."""
     scene = esail.load_scene("baseline", {"integrator.t_end": 100.0})
     prepared = prepare(scene)
     system, progress = prepared.problem.system, prepared.carry.progress
@@ -80,7 +83,8 @@ def of_batch(size: int) -> tuple:
 
 
 def stream(size: float) -> float:
-    """Bytes per second of a <- a + s b, three arrays' worth, with both arrays in `size` bytes."""
+    """Returns the rate [B/s] of a <- a + s b, which moves three arrays; a and b together take `size`
+    bytes."""
     n = max(int(size / 16), 64)
     a, b = jnp.ones(n), jnp.full(n, 1e-9)
     add = jax.jit(lambda a, b: jax.lax.fori_loop(0, LOOPS, lambda i, a: a + i * b, a))
@@ -88,7 +92,7 @@ def stream(size: float) -> float:
 
 
 def main() -> None:
-    """Measure, print and write."""
+    """Measures all batches, prints and writes roofline.csv."""
     with open(Path(__file__).with_name("roofline.csv"), "w", newline="", encoding="utf-8") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(
@@ -96,7 +100,7 @@ def main() -> None:
              "GFLOP_per_s", "GB_per_s", "GB_per_s_of_adding")
         )  # fmt: skip
         for size in BATCHES:
-            took, flops, traffic, works_on = of_batch(size)
+            took, flops, traffic, works_on = measure_batch(size)
             speed = stream(works_on)
             row = (size, took / size * 1e6, flops / size / 1e3, traffic / size / 1e3, works_on / 1e3,
                    flops / took / 1e9, traffic / took / 1e9, speed / 1e9)  # fmt: skip

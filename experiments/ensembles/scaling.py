@@ -1,5 +1,7 @@
-"""Members a second by number of processes, each on a core of its own; of an ensemble in this process on all
-cores; and of single runs, in processes side by side that know nothing of each other.
+"""Measures members per second of ensembles and of single runs, by number of processes.
+
+The cases are `esail ensemble` with 1, 2, ... processes (each with its own core), an ensemble in this
+process on all cores, and independent processes that make single runs.
 
 python experiments/ensembles/scaling.py [FOLDER]     # scaling.csv; some minutes
 """
@@ -19,7 +21,7 @@ import numpy as np
 HERE = Path(__file__).parent
 MEMBERS = 96
 SINGLE = 24
-"""Single runs of a process."""
+"""Number of single runs of each process."""
 
 INTERVAL = 60.0
 VARY = ("tethers.length[*]=normal:10e3:10", "initial.spin_rate=normal:4e-3:4e-5")
@@ -30,7 +32,7 @@ COMMAND += ["--observables", ",".join(OBSERVABLES), "--set", f"output.interval={
 
 
 def drawn(members: int):
-    """Scene and inputs of so many members."""
+    """Returns the scene and the inputs of `members` members."""
     import esail_jax as esail
     from esail_jax.ensembles import draw, parse_variation
 
@@ -39,7 +41,8 @@ def drawn(members: int):
 
 
 def single_runs(ready, done) -> None:
-    """A process's single runs, once all are ready."""
+    """Makes the single runs of one process, after all processes have compiled; puts their time [s] into
+    `done`."""
     import esail_jax as esail
     from esail_jax.ensembles import select_members
 
@@ -52,8 +55,8 @@ def single_runs(ready, done) -> None:
     done.put(time.perf_counter() - began)
 
 
-def of_single_runs(processes: int) -> float:
-    """Single runs a second of all processes together."""
+def single_run_rate(processes: int) -> float:
+    """Returns single runs per second of all processes together."""
     context = multiprocessing.get_context("spawn")
     ready, done = context.Barrier(processes), context.Queue()
     started = [context.Process(target=single_runs, args=(ready, done)) for _ in range(processes)]
@@ -65,8 +68,8 @@ def of_single_runs(processes: int) -> float:
     return processes * SINGLE / max(seconds)
 
 
-def in_process() -> float:
-    """Members a second of an ensemble in this process, on all its cores."""
+def in_process_rate() -> float:
+    """Returns members per second of an ensemble in this process, on all its cores."""
     from esail_jax.ensembles import MemberRunner
 
     scene, inputs = drawn(MEMBERS)
@@ -78,8 +81,9 @@ def in_process() -> float:
     return MEMBERS / (time.perf_counter() - began)
 
 
-def of_processes(scratch: Path, count: int) -> tuple[float, float]:
-    """Members a second of `esail ensemble` while its processes run members, and seconds of the command."""
+def command_rate(scratch: Path, count: int) -> tuple[float, float]:
+    """Returns members per second of `esail ensemble` while members run, and the time [s] of the whole
+    command."""
     began = time.perf_counter()
     subprocess.run([*COMMAND, "-o", str(scratch), "--processes", str(count)], check=True)
     whole = time.perf_counter() - began
@@ -88,13 +92,13 @@ def of_processes(scratch: Path, count: int) -> tuple[float, float]:
 
 
 def main(scratch: Path) -> None:
-    """Everything with one process, two, and so on, as far as there are cores."""
+    """Measures all cases with 1, 2, 4, ... processes, up to the number of cores, and writes scaling.csv."""
     most = len(os.sched_getaffinity(0))
     counts = [2**k for k in range(8) if 2**k <= most]
-    of_processes(scratch / "first", 1)  # fills the cache of compiled programs
-    rows = [("single runs, processes side by side", count, of_single_runs(count), "") for count in counts]
-    rows += [("esail ensemble", n, *of_processes(scratch / f"{n}", n)) for n in counts]
-    rows.append(("ensemble in one process", 1, in_process(), ""))
+    command_rate(scratch / "first", 1)  # fills the cache of compiled programs
+    rows = [("single runs, processes side by side", count, single_run_rate(count), "") for count in counts]
+    rows += [("esail ensemble", n, *command_rate(scratch / f"{n}", n)) for n in counts]
+    rows.append(("ensemble in one process", 1, in_process_rate(), ""))
     with open(HERE / "scaling.csv", "w", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(("way", "processes", "members_per_s", "whole_s"))

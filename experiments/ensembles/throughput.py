@@ -1,4 +1,4 @@
-"""How many sails a core runs, one by one, in an ensemble, and in lockstep; and what memory they take.
+"""Measures the throughput of one core: single runs, an ensemble, members in lockstep; and their memory.
 
 taskset -c 0 python experiments/ensembles/throughput.py     # throughput.csv; ten minutes on one core
 """
@@ -32,11 +32,11 @@ MEMBERS = 8
 REPEATS = 3
 LOCKSTEP = (1, 4, 16)
 SHORT = {"integrator.t_end": 400.0, "output.interval": 60.0}
-"""Of the lockstep runs: rates of steps need no more."""
+"""Overrides of the lockstep runs; a rate of steps needs no longer run."""
 
 
 def timed(call) -> float:
-    """Median of the processor times [s]."""
+    """Returns the median processor time [s] of REPEATS calls."""
     times = []
     for _ in range(REPEATS):
         began = time.process_time()
@@ -46,7 +46,7 @@ def timed(call) -> float:
 
 
 def one_by_one(name: str, scene: esail.Scene) -> list[tuple]:
-    """Single runs, and members of an ensemble one after the other."""
+    """Times single runs, and members of an ensemble one after the other."""
     inputs = draw(scene, [parse_variation(text) for text in VARY], MEMBERS, 1)
     three = MemberRunner(scene, inputs, THREE, one_core=True)
     everything, members = MemberRunner(scene, inputs, one_core=True), np.arange(MEMBERS)
@@ -68,7 +68,7 @@ def one_by_one(name: str, scene: esail.Scene) -> list[tuple]:
 
 
 def main() -> None:
-    """Measure and write."""
+    """Measures all scenes and batches, writes throughput.csv."""
     rows = []
     for name, overrides in SCENES.items():
         rows += one_by_one(name, esail.load_scene("baseline", overrides))

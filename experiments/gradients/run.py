@@ -1,4 +1,4 @@
-"""Gradients through three spin periods of the baseline: reverse mode, forward mode and differences.
+"""Compares gradients through three spin periods of the baseline: reverse mode, forward mode, differences.
 
 python experiments/gradients/run.py        # ten minutes on one core; writes gradients.csv
 """
@@ -14,11 +14,13 @@ import numpy as np
 import esail_jax as esail
 
 TOLERANCE = 1e-12
-"""So that differences of runs, whose steps differ, are smooth."""
+"""Tolerance of the runs: small enough that finite differences are smooth although the steps of runs
+differ."""
 
 CHANGES = (2e-3, 1e-4)
-"""Of voltages, and of all other numbers, for differences of fourth order: what changes frequencies turns
-the phase of the shortest waves, 0.3 rad/s, by a thousand times as much over the run."""
+"""Relative changes for fourth-order differences: of voltages, and of all other numbers. The second is
+smaller because a change of a frequency changes the phase of the shortest waves, 0.3 rad/s, a thousand
+times as much over the run."""
 
 NUMBERS = {
     "initial.spin_rate": 4e-3,
@@ -32,14 +34,14 @@ NUMBERS = {
     "solar_wind.number_density": 7.3e6,
     "hub.radius": 1.0,
 }
-"""With the twelve voltages: 22 numbers, each times a factor that is one."""
+"""Numbers that are varied, besides the twelve voltages: 22 in all, each multiplied by a factor of 1."""
 
 SCALARS = ("tip x", "spin rate", "coning of tether 3", "sailing angle", "thrust along the wind")
-"""At the end of the run."""
+"""Names of the five outputs, all at the end of the run."""
 
 
 def outcome(factors):
-    """The five scalars."""
+    """Returns the five scalars as functions of the 22 factors."""
     overrides = {key: value * factors[12 + i] for i, (key, value) in enumerate(NUMBERS.items())}
     overrides |= {"voltage.value": 20e3 * factors[:12], "output.interval": 4712.39 / 10}
     run = esail.simulate("baseline", overrides | {"integrator.tolerance": TOLERANCE})
@@ -58,7 +60,7 @@ def outcome(factors):
 
 
 def main() -> None:
-    """Compute, compare, write."""
+    """Computes the derivatives in three ways, compares them, writes gradients.csv."""
     one = np.ones(12 + len(NUMBERS))
     began = time.perf_counter()
     reverse = np.asarray(jax.jit(jax.jacrev(outcome))(one))
@@ -66,7 +68,7 @@ def main() -> None:
     along = np.random.default_rng(0).normal(size=len(one))
     forward = np.asarray(jax.jit(lambda x: jax.jvp(outcome, (x,), (along,))[1])(one))
     mode = np.abs(reverse @ along / forward - 1.0)
-    print("forward over reverse mode - 1:", mode, flush=True)
+    print("forward mode / reverse mode - 1:", mode, flush=True)
 
     def at(i, steps):
         factors = one.copy()
@@ -78,7 +80,7 @@ def main() -> None:
         near, far = at(i, 1) - at(i, -1), at(i, 2) - at(i, -2)
         change = CHANGES[i >= 12]
         quotient, coarse = (8.0 * near - far) / (12.0 * change), far / (4.0 * change)
-        # What differences do not know: a tenth of what the higher order changed.
+        # Estimated error of the difference: a tenth of the change from second to fourth order.
         doubt = np.abs(quotient - near / (2.0 * change)) * 0.1
         for k, scalar in enumerate(SCALARS):
             scale = np.abs(reverse[k]).max()

@@ -1,16 +1,17 @@
-"""Time of one acceleration of a chain of rods against the number of rods.
+"""Measures the time of one acceleration of a chain of rods for many numbers of rods.
 
     python experiments/mw_rods/acceleration.py    # acceleration.csv, bandwidth.csv, figures/ (a minute)
 
 The right-hand side is `RodChain`: tensions, force on every joint, two sweeps with the factors of the mass
-matrix, differences. Timed as single calls from Python and inside a compiled loop, where every call feeds
-the next one (with an addition and a multiplication per coordinate, fused into its last pass). Beside it:
+matrix, differences. It is timed as single calls from Python and inside a compiled loop, where every call
+uses the result of the one before (with an addition and a multiplication per coordinate, fused into the last
+pass). For comparison:
 
 dense:     the same with the full mass matrix of the paper's Eq. 8 and `jnp.linalg.solve` in every call;
-one loop:  what reads x and the factors and writes x'', 24 + 16 + 24 bytes a rod, would take at best;
+one loop:  the least time to read x and the factors and to write x'', 24 + 16 + 24 bytes per rod;
 copies:    NumPy's copy of arrays of that many bytes, and of as many as XLA counts for the compiled call.
 
-One thread. Medians, and the least time in the loop; every timing waits for its result
+All use one thread. Times are medians, and the least time in the loop; every timing waits for its result
 (`block_until_ready`).
 """
 
@@ -39,14 +40,14 @@ from esail_jax.rod_chain import RodChain, RodState
 from esail_jax.system import System
 
 RODS = (2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10**4, 10**5, 10**6)
-DENSE = 1000  # rods, at most
+DENSE = 1000  # largest number of rods for the dense solve
 MASS, LENGTH, STIFFNESS, GRAVITY = 0.1, 1.0, 1000.0, (9.81, 0.0, 0.0)  # kg, m, N, m/s^2: first experiment
-STREAM = 24 + 16 + 24  # bytes a rod: x and two factors read, x'' written
-CALLS, LOOPS = 31, 7  # timings of which the median is taken
+STREAM = 24 + 16 + 24  # bytes per rod: x and two factors read, x'' written
+CALLS, LOOPS = 31, 7  # number of timings of a median
 
 
 def chain_of(rods: int) -> RodChain:
-    """The chain of the first experiment with another number of rods."""
+    """Returns the chain of the first experiment with another number of rods."""
     ones = jnp.ones((rods, 1))
     tethers = TetherBatch(ones * LENGTH, ones * MASS / LENGTH, jnp.zeros(1), rods, "rod", ("r_x",))
     roots = FrameRoots(jnp.eye(3), jnp.zeros(()), jnp.zeros((3, 1)), None)
@@ -55,13 +56,14 @@ def chain_of(rods: int) -> RodChain:
 
 
 def state_of(rods: int) -> RodState:
-    """Rods of about 1 m in all directions [m, m/s]."""
+    """Returns rods of about 1 m in random directions [m, m/s]."""
     x = np.random.default_rng(0).normal(size=(3, rods))
     return RodState(jnp.asarray(x / np.linalg.norm(x, axis=0) * 1.01), jnp.asarray(0.1 * x), None)
 
 
 def dense_rate(rods: int) -> Callable[[RodState], RodState]:
-    """d(x, v)/dt with the mass matrix in rod coordinates (Eq. 8), solved anew in every call."""
+    """Returns the function d(x, v)/dt that solves with the mass matrix in rod coordinates (Eq. 8) in every
+    call."""
     k = np.arange(rods)
     beyond = MASS * (rods - 1 - np.maximum.outer(k, k))
     matrix = jnp.asarray(beyond + MASS / 2 - np.eye(rods) * MASS / 6)
@@ -76,28 +78,30 @@ def dense_rate(rods: int) -> Callable[[RodState], RodState]:
 
 
 jit = partial(jax.jit, compiler_options=CHAIN_OPTIONS)
-"""As a run compiles it."""
+"""`jax.jit` with the compiler options of a run."""
 
 
 def seconds_of(call: Callable) -> float:
+    """Returns the time [s] of one call, result included."""
     begin = time.perf_counter()
     jax.block_until_ready(call())
     return time.perf_counter() - begin
 
 
 def times_of(call: Callable, times: int) -> np.ndarray:
-    """Median and least seconds of a call, after one that compiles."""
+    """Returns the median and the least time [s] of a call, after a first call that compiles."""
     jax.block_until_ready(call())
     found = [seconds_of(call) for _ in range(times)]
     return np.array([np.median(found), np.min(found)])
 
 
 def median_of(call: Callable, times: int) -> float:
+    """Returns the median time [s] of a call."""
     return float(times_of(call, times)[0])
 
 
 def looped(rate: Callable, count: int) -> Callable:
-    """`count` calls, each from where the one before led."""
+    """Returns a compiled loop of `count` calls; each call depends on the one before."""
 
     def body(_, state):
         return RodState(1.0 + 1e-6 * rate(state).v, state.v, None)
@@ -106,7 +110,7 @@ def looped(rate: Callable, count: int) -> Callable:
 
 
 def loop_time(rate: Callable, state: RodState) -> np.ndarray:
-    """Median and least seconds per call inside a loop that takes some 30 ms or more."""
+    """Returns the median and the least time [s] per call inside a loop of at least some 30 ms."""
     few = looped(rate, 3)
     once = median_of(lambda: few(state), 3) / 3
     count = int(np.clip(0.03 / once, 20, 30000))
@@ -115,7 +119,7 @@ def loop_time(rate: Callable, state: RodState) -> np.ndarray:
 
 
 def copy_time(total: float) -> float:
-    """Seconds NumPy takes to move `total` bytes: half of them read, half written."""
+    """Returns the time [s] in which NumPy moves `total` bytes: half of them read, half written."""
     source = np.ones(max(1, int(total / 16)))
     target = np.zeros_like(source)
     count = int(np.clip(2e7 / max(total, 1.0), 3, 5000))
@@ -128,7 +132,7 @@ def copy_time(total: float) -> float:
 
 
 def line(rods: int) -> dict:
-    """A row of the table."""
+    """Returns a row of acceleration.csv."""
     chain, state, none = chain_of(rods), state_of(rods), jnp.zeros(())
     program = jit(lambda chain, state: chain(none, state))
     counted = program.lower(chain, state).compile().cost_analysis()
@@ -157,7 +161,7 @@ def line(rods: int) -> dict:
 
 
 def bandwidth() -> list[dict]:
-    """NumPy's copy, bytes read and written per second, for arrays in cache and in memory."""
+    """Returns the rate of NumPy's copy (bytes read plus written) for arrays in the caches and in memory."""
     return [
         {"array_bytes": size, "GB_per_s": 2e-9 * size / copy_time(2 * size)}
         for size in (2**14, 2**17, 2**20, 2**23, 2**26, 2**28)
@@ -165,7 +169,8 @@ def bandwidth() -> list[dict]:
 
 
 def crossing(rows: list[dict]) -> str:
-    """Number of rods from which on the sweeps are the faster way."""
+    """Returns a sentence with the number of rods from which on the sweeps are faster than the dense
+    solve."""
     pairs = [(r["rods"], np.log(r["dense_us"] / r["loop_us"])) for r in rows if r["dense_us"] != ""]
     rods, gain = np.array(pairs).T
     if gain[0] > 0:
@@ -176,7 +181,7 @@ def crossing(rows: list[dict]) -> str:
 
 
 def main() -> None:
-    """Tables and figure."""
+    """Measures all sizes; writes the tables and the figure."""
     empty = jax.jit(lambda chain, state: state.x[:, 0])
     chain, state = chain_of(10), state_of(10)
     fixed = median_of(lambda: empty(chain, state), 301)

@@ -1,8 +1,8 @@
-"""Chains of elastic rods and two integrators of high order, made without any code of esail_jax.
+"""Chains of elastic rods and two integrators of high order, without any code of esail_jax.
 
 n rods hang from a fixed point. Rod i is the vector x_i [m] from joint i-1 to joint i; it stays straight,
-its mass m [kg] lies evenly on its undeformed length l [m], and velocity is linear along it. With u, w [m/s]
-the velocities of its two ends and EA [N] its stiffness, which holds in compression too,
+its mass m [kg] is uniform along its undeformed length l [m], and velocity is linear along it. Let u, w
+[m/s] be the velocities of its two ends and EA [N] its stiffness, also in compression. Then
 
     T = sum m (|u|^2 + u.w + |w|^2) / 6             [J]
     U = sum EA (|x| - l)^2 / (2 l)                  [J]
@@ -13,7 +13,7 @@ tip m/3) on the diagonal, m/6 beside it; m' = m (at the tip m/2); D r = x; f = E
 Both integrators work with the rods:  x'' = D M^-1 m' g - (D M^-1 D^T) f(x)  [m/s^2].
 
 `gauss`:  collocation at 8 points, order 16, fixed step, fixed-point iteration, long double (64 bits).
-`dop853`: SciPy's explicit pair of order 8, step under control of a tolerance, double precision.
+`dop853`: SciPy's explicit pair of order 8, step-size control by a tolerance, double precision.
 """
 
 from dataclasses import dataclass
@@ -43,16 +43,16 @@ class Chain:
     speed: float  # [m/s]
 
     def start(self):
-        """x [m] and x' [m/s] of the rods, (n, 3) each."""
+        """Returns x [m] and x' [m/s] of the rods, (n, 3) each."""
         ones = np.ones((self.rods, 1))
         return ones * [0.0, -self.length, 0.0], ones * [self.speed, 0.0, 0.0]
 
     def times(self):
-        """Times of the saved states [s]."""
+        """Returns the times of the saved states [s]."""
         return np.linspace(0.0, self.duration, round(self.duration / self.saved) + 1)
 
     def matrices(self, dtype):
-        """D M^-1 m' (n) and EA / l D M^-1 D^T (n, n) [1/s^2], computed in `dtype`."""
+        """Returns D M^-1 m' (n) and EA / l D M^-1 D^T (n, n) [1/s^2], computed in `dtype`."""
         n, m = self.rods, dtype(self.mass)
         eye, below = np.eye(n, dtype=dtype), np.eye(n, k=-1, dtype=dtype)
         mass, weight = 2 * m / 3 * eye + m / 6 * (below + below.T), np.full(n, m)
@@ -65,7 +65,8 @@ class Chain:
         return difference @ inverse @ weight, spring * (difference @ inverse @ difference.T)
 
     def acceleration(self, direction, dtype):
-        """The function x -> x'' [m/s^2] for arrays (..., n, 3) of `dtype`, gravity along `direction`."""
+        """Returns the function x -> x'' [m/s^2] for arrays (..., n, 3) of `dtype`, with gravity along
+        `direction`."""
         weight, response = self.matrices(dtype)
         fall, one, length = weight[:, None] * (dtype(GRAVITY) * direction), dtype(1), dtype(self.length)
         fall = fall.astype(dtype)
@@ -78,7 +79,8 @@ class Chain:
         return function
 
     def energy(self, x, v, direction):
-        """T + U + V [J] from their definitions above, not from the matrices of the equations of motion."""
+        """Returns T + U + V [J] from the definitions above, not from the matrices of the equations of
+        motion."""
         mass, length, stiffness, gravity = np.array(
             [self.mass, self.length, self.stiffness, GRAVITY], x.dtype
         )
@@ -90,7 +92,8 @@ class Chain:
 
 
 def gauss_coefficients(points, dtype):
-    """Nodes c, weights b, integrals of L_j from 0 to c_i, and L_j(1 + c_i), where L_j(c_k) = delta_jk."""
+    """Returns nodes c, weights b, integrals of L_j from 0 to c_i, and L_j(1 + c_i), where L_j(c_k) =
+    delta_jk."""
     z = np.cos(np.pi * (np.arange(points, 0, -1, dtype=dtype) - dtype(0.25)) / (points + dtype(0.5)))
     for _ in range(8):  # Newton's method on the Legendre polynomial
         previous, value = np.ones_like(z), z
@@ -110,9 +113,9 @@ def gauss_coefficients(points, dtype):
 
 
 def gauss(chain, direction, x, v, step, points=8, dtype=np.longdouble):
-    """Rods and their velocities at the saved times, (times, ..., n, 3), from x, v (..., n, 3).
+    """Returns x and v of the rods at the saved times, (times, ..., n, 3), from initial x, v (..., n, 3).
 
-    Steps are as long as fits between saved times, `step` [s] at most.
+    Steps divide the interval between saved times and are at most `step` [s].
     """
     acceleration = chain.acceleration(direction, dtype)
     c, b, integral, ahead = gauss_coefficients(points, dtype)
@@ -131,7 +134,7 @@ def gauss(chain, direction, x, v, step, points=8, dtype=np.longdouble):
                 stages = acceleration(places).reshape(points, -1)
                 before, change = change, h * h * np.abs(stages - old).max()
                 if change <= rounding or (change <= 1000 * rounding and 2 * change > before):
-                    break  # converged, or no longer falling but for rounding
+                    break  # converged, or limited by rounding
             else:
                 raise RuntimeError("the stages of a Gauss step did not converge")
             x, v = x + h * v + last @ stages, v + h * (b @ stages)
@@ -140,10 +143,10 @@ def gauss(chain, direction, x, v, step, points=8, dtype=np.longdouble):
 
 
 def dop853(chain, direction, tolerance):
-    """The same from the chain's own start; `tolerance` is relative, and absolute per length of a rod.
+    """Returns the same as `gauss`, from the chain's own start, by SciPy's DOP853.
 
-    Steps end at every saved time, since SciPy's dense output has a lower order than the steps.
-    """
+    The tolerance is relative, and absolute in units of a rod's length. A step ends at every saved time,
+    because SciPy's dense output has a lower order than the steps."""
     acceleration, shape = chain.acceleration(direction, np.float64), (chain.rods, 3)
 
     def rate(_, y):
@@ -156,7 +159,9 @@ def dop853(chain, direction, tolerance):
         solver = DOP853(rate, begin, states[-1], end, first_step=first, **options)
         while solver.status == "running":
             solver.step()
-            if solver.t < end or first is None:  # the last step is cut short: no guess for the next one
+            if (
+                solver.t < end or first is None
+            ):  # the last step is shortened and gives no guess for the next one
                 first = min(solver.step_size, chain.saved / 2)
         if solver.status == "failed":
             raise RuntimeError("DOP853 failed")
@@ -165,5 +170,5 @@ def dop853(chain, direction, tolerance):
 
 
 def tip(x):
-    """Position of the free end [m]."""
+    """Returns the position of the free end [m]."""
     return x.sum(-2)

@@ -1,4 +1,4 @@
-"""What the parts of run.py share: directions, references, runs of the package, tables."""
+"""Functions that the parts of run.py share: directions, references, signals of runs, tables."""
 
 import csv
 import re
@@ -18,7 +18,7 @@ DIRECTIONS = {
     for axis in AXES
     for sign in "+-"
 }
-"""Gravity [m/s^2] by the name of its direction."""
+"""Name of a direction and gravity [m/s^2] along it."""
 
 DEFAULT = "default (dopri8, 1e-9)"
 METHODS = {
@@ -30,29 +30,31 @@ METHODS = {
 
 
 def reference_name(direction: str, experiment: int = 1) -> str:
-    """Of the file with the tip's path for gravity along, say, `+X`."""
+    """Returns the name of the file with the tip's path for gravity along `direction`, for example `+X`."""
     return f"exp{experiment}_{'plus' if direction[0] == '+' else 'minus'}_{direction[1].lower()}"
 
 
 def table_of(name: str) -> np.ndarray:
-    """The rows of references/<name>.csv, (row, column)."""
+    """Returns the rows of references/<name>.csv, (row, column)."""
     return np.loadtxt(REFERENCES / f"{name}.csv", delimiter=",")
 
 
 def reference_error(name: str) -> float:
-    """How far the next best solution is from the one kept [m], at the end: from the file's header."""
+    """Returns the final distance [m] between the reference and the next best solution, from the file's
+    header."""
     with open(REFERENCES / f"{name}.csv", encoding="utf-8") as file:
         lines = [line for line in file if line.startswith("#") and "Gauss, step" in line]
     return float(re.findall(r": \S+, (\S+)$", next(line for line in lines if "kept" not in line))[0])
 
 
 def tip(solution: esail.Solution) -> np.ndarray:
-    """Path of the free end [m], (time, 3)."""
+    """Returns the path of the free end [m], (time, 3)."""
     return np.asarray(solution["joint_position"])[:, -1]
 
 
 def distance(solution: esail.Solution, reference: np.ndarray) -> np.ndarray:
-    """Between the tip and its reference (t, x, y, z), at the reference's instants [m]."""
+    """Returns the distance [m] between the tip and its reference (t, x, y, z), at the reference's
+    instants."""
     every = round((len(solution.time) - 1) / (len(reference) - 1))
     if not np.allclose(solution.time[::every], reference[:, 0], atol=1e-9):
         raise ValueError("the saved instants of the run and of its reference differ")
@@ -60,13 +62,13 @@ def distance(solution: esail.Solution, reference: np.ndarray) -> np.ndarray:
 
 
 def energies(solution: esail.Solution) -> dict[str, np.ndarray]:
-    """Kinetic, elastic, potential (zero at the anchor's height) and total energy [J]."""
+    """Returns kinetic, elastic, potential (zero at the anchor's height) and total energy [J]."""
     parts = {name: np.asarray(solution[f"{name}_energy"]) for name in ("kinetic", "elastic", "potential")}
     return parts | {"total": sum(parts.values())}
 
 
 def relative_error(solution: esail.Solution) -> np.ndarray:
-    """Eq. 31 of the paper: (E - E_0) / E_0; not a number where E_0 is zero."""
+    """Returns (E - E_0) / E_0, Eq. 31 of the paper; NaN if E_0 is zero."""
     total = energies(solution)["total"]
     scale = max(np.abs(part).max() for part in energies(solution).values())
     start = total[0] if abs(total[0]) > 1e-12 * scale else np.nan
@@ -74,7 +76,7 @@ def relative_error(solution: esail.Solution) -> np.ndarray:
 
 
 def write(name: str, rows: Iterable[dict]) -> None:
-    """A table beside this file; also printed. Numbers that are not whole have four digits."""
+    """Writes a table beside this file and prints it. Floating-point numbers have four digits."""
 
     def text(value):
         return f"{value:.4g}" if isinstance(value, float) else value
@@ -90,6 +92,6 @@ def write(name: str, rows: Iterable[dict]) -> None:
 
 
 def read(name: str) -> list[dict]:
-    """A table beside this file."""
+    """Reads a table beside this file."""
     with open(HERE / name, newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file))

@@ -1,4 +1,4 @@
-"""The figures of run.py and acceleration.py."""
+"""Draws the figures of run.py and acceleration.py."""
 
 from pathlib import Path
 
@@ -23,7 +23,7 @@ COLOURS = {
 
 
 def save(figure, name: str) -> None:
-    """Write a figure."""
+    """Writes a figure."""
     figure.tight_layout()
     FOLDER.mkdir(exist_ok=True)
     figure.savefig(FOLDER / f"{name}.png", dpi=DOTS_PER_INCH)
@@ -31,7 +31,7 @@ def save(figure, name: str) -> None:
 
 
 def six():
-    """Axes for the six directions."""
+    """Returns a figure with axes for the six directions."""
     figure, axes = plt.subplots(2, 3, figsize=(10, 5.6), sharex=True)
     for axis in axes[-1]:
         axis.set_xlabel("time [s]")
@@ -39,7 +39,7 @@ def six():
 
 
 def energies(runs: dict) -> None:
-    """Fig. 2 of the paper for every direction of gravity."""
+    """Draws Fig. 2 of the paper for every direction of gravity."""
     figure, axes = six()
     styles = {"kinetic": "tab:blue", "elastic": "tab:green", "potential": "tab:orange", "total": "k"}
     for axis, (direction, run) in zip(axes.T.flat, runs.items(), strict=True):
@@ -54,7 +54,7 @@ def energies(runs: dict) -> None:
 
 
 def energy_errors(runs: dict, bound: float) -> None:
-    """Fig. 3 of the paper, absolute values, for every direction and way to step."""
+    """Draws Fig. 3 of the paper, absolute values, for every direction and method."""
     figure, axes = six()
     directions = list(dict.fromkeys(direction for direction, _ in runs))
     for axis, direction in zip(axes.T.flat, directions, strict=True):
@@ -78,7 +78,7 @@ def energy_errors(runs: dict, bound: float) -> None:
 
 
 def tips(away: dict, spread: np.ndarray) -> None:
-    """Distance of the tip from the references in time, and the spread of nearby starts."""
+    """Draws the distance of the tip from the references over time, and the spread of nearby starts."""
     figure, axis = plt.subplots(figsize=(7, 4.4))
     for direction, (times, off) in away.items():
         style = ":" if direction == "-Z" else "-"
@@ -98,7 +98,7 @@ def tips(away: dict, spread: np.ndarray) -> None:
 
 
 def path(run, reference: np.ndarray) -> None:
-    """Fig. 4 of the paper: coordinates of the tip in time, and its path."""
+    """Draws Fig. 4 of the paper: coordinates of the tip over time, and its path."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(9, 4))
     place = tip(run)
     for k, name in enumerate("xyz"):
@@ -118,7 +118,7 @@ def path(run, reference: np.ndarray) -> None:
 
 
 def tip_distance(times: np.ndarray, off: dict, bound: float) -> None:
-    """Fig. 5 of the paper, with other codes and models in place of ADAMS."""
+    """Draws Fig. 5 of the paper, with other codes and models in place of ADAMS."""
     figure, axis = plt.subplots(figsize=(7, 4.2))
     for name, values in off.items():
         every = (len(times) - 1) // (len(values) - 1)
@@ -133,7 +133,7 @@ def tip_distance(times: np.ndarray, off: dict, bound: float) -> None:
 
 
 def work_precision(rows: list[dict], cases: list[str]) -> None:
-    """Error over run time of every method, one panel for each case."""
+    """Draws the error of every method over its run time, one panel per case."""
     figure, axes = plt.subplots(1, len(cases), figsize=(13, 5), sharey=True)
     for axis, case in zip(axes, cases, strict=True):
         for name in dict.fromkeys(row["method"] for row in rows if row["case"] == case):
@@ -155,7 +155,7 @@ def work_precision(rows: list[dict], cases: list[str]) -> None:
 
 
 def markers(name: str) -> str:
-    """By Exudyn's model and integrator."""
+    """Returns the marker of a model and an integrator of Exudyn."""
     _, model, method = name.split()
     shapes = {"rigid": "sD", "tree": "^v<>", "elastic": "o*hp"}[model]
     order = ["GeneralizedAlpha", "TrapezoidalIndex2", "RK44", "RK67", "DOPRI5"]
@@ -163,7 +163,7 @@ def markers(name: str) -> str:
 
 
 def acceleration(rows: list[dict]) -> None:
-    """Time per acceleration and per rod over the number of rods."""
+    """Draws the time per acceleration and per rod over the number of rods."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.4))
     curves = {
         "call_us": ("o-", "one call from Python"),
@@ -179,7 +179,7 @@ def acceleration(rows: list[dict]) -> None:
     moved = [(int(r["rods"]), float(r["copy_ns_per_rod"])) for r in rows if r["copy_ns_per_rod"] != ""]
     right.loglog(*np.array(moved).T, "k--", lw=1, label="copying the bytes XLA counts")
     least = [(int(r["rods"]), float(r["least_ns_per_rod"])) for r in rows if r["least_ns_per_rod"] != ""]
-    right.loglog(*np.array(least).T, "k:", lw=1, label="copying 64 bytes a rod")
+    right.loglog(*np.array(least).T, "k:", lw=1, label="copying 64 bytes per rod")
     left.set_ylabel("time per acceleration [us]")
     right.set_ylabel("time per rod [ns]")
     for axis in (left, right):

@@ -1,9 +1,10 @@
-"""MATLAB's ode45, with which the paper's runs were made, in NumPy.
+"""MATLAB's ode45, with which the paper's runs were made, reimplemented in NumPy.
 
-Dormand and Prince 5(4); largest of |error_i| / max(|y_i|, AbsTol/RelTol) below RelTol (1e-3 and 1e-6 by
-default); steps as long as that allows, a tenth of the duration at most. What is printed at given times,
-here every 1e-4 s, is interpolated within steps by a polynomial of degree 4, not stepped to.
-Written from memory of the published algorithm and not compared with MATLAB. No code of esail_jax is used.
+The method is the pair 5(4) of Dormand and Prince. The largest |error_i| / max(|y_i|, AbsTol/RelTol) must
+be below RelTol (RelTol 1e-3 and AbsTol 1e-6 by default); a step is at most a tenth of the duration. Output
+at given times, here every 1e-4 s, is interpolated within steps by a polynomial of degree 4. The code was
+written from memory of the published algorithm and was not compared with MATLAB. It uses no code of
+esail_jax.
 """
 
 import numpy as np
@@ -33,13 +34,13 @@ POWER = 1 / 5
 
 
 def rate_of(chain: Chain, direction: str):
-    """y' of y = (x, x'), (2, n, 3)."""
+    """Returns the function y -> y' for y = (x, x'), (2, n, 3)."""
     acceleration = chain.acceleration(DIRECTIONS[direction], np.float64)
     return lambda y: np.stack([y[1], acceleration(y[0])])
 
 
 def stages_of(rate, y, slope, h):
-    """The end of a step and its seven slopes, the last of them at the end."""
+    """Returns the end of a step and its seven slopes; the last slope belongs to the end."""
     k = [slope]
     for row in A:
         end = y + h * np.tensordot(row, k, 1)
@@ -48,7 +49,7 @@ def stages_of(rate, y, slope, h):
 
 
 def step(rate, y, slope, h, relative, absolute):
-    """One step that the error allows: its end, its slopes, its size and the next size to try."""
+    """Makes one accepted step; returns its end, its slopes, its size and the next size to try."""
     failed = False
     while True:
         end, k = stages_of(rate, y, slope, h)
@@ -63,7 +64,8 @@ def step(rate, y, slope, h, relative, absolute):
 
 
 def ode45(chain: Chain, direction: str, relative=1e-3, absolute=1e-6, printed=1e-4):
-    """Times [s], states (time, 2, n, 3) and number of steps; `printed` [s]: between two of the times."""
+    """Returns times [s], states (time, 2, n, 3) and the number of steps; printed [s]: interval of
+    output."""
     rate, y, t, steps = rate_of(chain, direction), np.stack(chain.start()), 0.0, 0
     times = np.linspace(0.0, chain.duration, round(chain.duration / printed) + 1)
     states, slope, longest = [y[None]], rate(y), 0.1 * chain.duration

@@ -1,18 +1,19 @@
-"""The chain of 11 steel rods of Ma and Wang's second experiment in Exudyn, in place of their ADAMS.
+"""Simulates the 11 steel rods of Ma and Wang's second experiment in Exudyn, in place of their ADAMS.
 
     pip install 'exudyn==1.13.6' scipy
     python experiments/mw_rods/peer.py           # references/exudyn_<model>_<direction>.csv (one minute)
     python experiments/mw_rods/peer.py --timing  # references/exudyn_timing.csv (three minutes)
 
-Rods of 0.1 m hang along -Y from the origin, unstretched and at rest; gravity acts from t = 0, 1 s follows.
-The paper does not print gravity's direction: here +X (across) and -Y (along). Models, all in SI units:
+Rods of 0.1 m hang along -Y from the origin, unstretched and at rest; gravity acts from t = 0, and the runs
+cover 1 s. The paper does not print gravity's direction; here it is +X (across) and -Y (along). Models, in
+SI units:
 
 rigid    ObjectRigidBody in space, inertia of the cylinder, ObjectJointSpherical between them
 tree     the same cylinders in relative angles about Z (ObjectKinematicTree): plane motion only
-thin     `tree` without the radius in the inertia about Z: rods of m L^2 / 12
+thin     `tree` without the radius in the inertia about Z: inertia m L^2 / 12
 elastic  straight bars with axial stiffness EA and consistent mass, no other stiffness or inertia: the model
-         of the paper. Their ends are the nodes; one ObjectGenericODE2 holds gravity and the constant mass
-         matrix (m/6) [2 1; 1 2] per bar, ObjectConnectorSpringDamper of stiffness EA / L pulls. The
+         of the paper. Their ends are the nodes; one ObjectGenericODE2 has gravity and the constant mass
+         matrix (m/6) [2 1; 1 2] per bar, ObjectConnectorSpringDamper has the stiffness EA / L. The
          axial force is EA (l - L) / L for any length l, without damping. Unlike `rigid` it has no radius.
 """
 
@@ -43,13 +44,14 @@ SAVED = dict(storeInternal=True, outputVariableType=exu.OutputVariableType.Posit
 
 
 def inertia_of(radius: float) -> np.ndarray:
-    """Inertia [kg m^2] of a rod along Y about its centre; `radius` [m] counts across the rod only."""
+    """Returns the inertia [kg m^2] of a rod along Y about its centre; `radius` [m] has an effect across
+    the rod only."""
     across = MASS * (3 * radius**2 + LENGTH**2) / 12
     return np.diag([across, MASS * RADIUS**2 / 2, across])
 
 
 def rigid(system, gravity: tuple) -> int:
-    """Rigid cylinders and spherical joints; the number of the sensor at the tip."""
+    """Adds rigid cylinders and spherical joints; returns the number of the sensor at the tip."""
     last = system.CreateGround()
     for i in range(RODS):
         rod = system.CreateRigidBody(
@@ -63,7 +65,8 @@ def rigid(system, gravity: tuple) -> int:
 
 
 def tree(system, gravity: tuple, radius: float = RADIUS) -> int:
-    """Rigid cylinders that turn about Z, in relative angles; the number of the sensor at the tip."""
+    """Adds rigid cylinders that rotate about Z, in relative angles; returns the number of the sensor at
+    the tip."""
     values = ("referenceCoordinates", "initialCoordinates", "initialCoordinates_t")
     node = items.NodeGenericODE2(numberOfODE2Coordinates=RODS, **dict.fromkeys(values, [0.0] * RODS))
     links = items.ObjectKinematicTree(
@@ -82,7 +85,7 @@ def tree(system, gravity: tuple, radius: float = RADIUS) -> int:
 
 
 def elastic(system, gravity: tuple) -> int:
-    """Bars with consistent mass and axial springs; the number of the sensor at the tip."""
+    """Adds bars with consistent mass and axial springs; returns the number of the sensor at the tip."""
     mass = np.zeros((RODS + 1, RODS + 1))
     nodes, last = [], system.AddMarker(items.MarkerBodyPosition(bodyNumber=system.CreateGround()))
     for i in range(RODS):
@@ -102,7 +105,8 @@ MODELS = {"rigid": rigid, "tree": tree, "thin": functools.partial(tree, radius=0
 
 @dataclasses.dataclass(frozen=True)
 class Method:
-    """An integrator of Exudyn. tolerance: of Newton's iteration, or of DOPRI5's local error; RK: unused."""
+    """An integrator of Exudyn. tolerance: that of Newton's iteration, or of DOPRI5's local error; unused
+    by RK."""
 
     solver: str
     tolerance: float = 1.0
@@ -111,9 +115,10 @@ class Method:
         return self.solver if self.tolerance == 1.0 else f"{self.solver} {self.tolerance:g}"
 
     def run(self, model: str, direction: str, substeps: int, rows: int = 1) -> tuple[np.ndarray, float]:
-        """(instant, txyz) of the tip [s, m] and the run time [s]; SolverError if Exudyn gives up.
+        """Returns (instant, txyz) of the tip [s, m] and the run time [s]. Raises SolverError if Exudyn
+        fails.
 
-        Per INTERVAL, `substeps` steps (DOPRI5: at least so many) and `rows` rows saved.
+        Every INTERVAL has `substeps` steps (for DOPRI5: at least) and `rows` saved rows.
         """
         system = exu.SystemContainer().AddSystem()
         sensor = MODELS[model](system, GRAVITY[direction])
@@ -138,14 +143,14 @@ class Method:
 
 
 def gap(path: np.ndarray, fine: np.ndarray) -> float:
-    """Largest distance [m] over the instants of `path` from a spline through `fine`."""
+    """Returns the largest distance [m] of `path`, at its instants, from a spline through `fine`."""
     away = path[:, 1:] - CubicSpline(fine[:, 0], fine[:, 1:])(path[:, 0])
     return float(np.linalg.norm(away, axis=1).max())
 
 
 FINEST = dict.fromkeys(("tree", "thin"), (Method("RK67"), 40, 6))
 FINEST |= {"rigid": (Method("GeneralizedAlpha", 1e-10), 200, 2), "elastic": (Method("RK67"), 4000, 6)}
-"""Method, substeps and order of the paths written."""
+"""Method, substeps and order of the paths that are written."""
 
 IMPLICIT = [Method(s, t) for s in ("GeneralizedAlpha", "TrapezoidalIndex2") for t in (1e-5, 1e-6)]
 EXPLICIT = [Method("RK44"), Method("RK67"), *(Method("DOPRI5", 10.0**-k) for k in range(2, 8))]
@@ -154,8 +159,9 @@ SUBSTEPS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 25, 30, 40, 50, 60, 70, 
 
 
 def write_paths(direction: str, models: Iterable) -> None:
-    """The tip paths, what halving the step changed in their headers; prints distances between them [m]."""
-    known = REFERENCES.glob(f"exp2_{direction}.csv")  # of reference.py
+    """Writes the tip paths, with the effect of halving the step in their headers; prints their distances
+    [m]."""
+    known = REFERENCES.glob(f"exp2_{direction}.csv")  # written by reference.py
     paths = {path.stem: np.loadtxt(path, delimiter=",")[:, :4] for path in known}
     for model in models:
         method, substeps, order = FINEST[model]
@@ -174,10 +180,11 @@ t,x,y,z"""
 
 
 def write_timing() -> None:
-    """For +X: the fewest steps of every method that meet an error of the tip; best time of nine runs."""
+    """Writes, for +X, the fewest steps of every method within an error of the tip, and the best time of
+    nine runs."""
     lines = ["model,method and tolerance,wanted_m,error_m,steps,us_per_step,run_s"]
     for model, methods in TRIED.items():
-        exact = "tree" if model == "rigid" else model  # the same motion, known better
+        exact = "tree" if model == "rigid" else model  # the same motion, with a smaller error
         fine, _ = FINEST[exact][0].run(exact, "plus_x", FINEST[exact][1], rows=20)
         for method, wanted in itertools.product(methods, (1e-4, 1e-6)):
             for substeps in SUBSTEPS[: 1 if method.solver == "DOPRI5" else None]:

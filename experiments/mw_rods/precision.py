@@ -1,7 +1,8 @@
-"""Error of the tip against run time: explicit methods, generalized-alpha, Exudyn.
+"""Measures error of the tip and run time of explicit methods, generalized-alpha and Exudyn.
 
-Called by run.py. Error: largest distance [m] of the tip from the reference over its saved instants.
-Run time: median of three runs (one, where it takes over three seconds) after a first one that compiles.
+run.py calls this module. The error is the largest distance [m] of the tip from the reference over its saved
+instants. The run time is the median of three runs (one, if it takes over three seconds) after a first one
+that compiles.
 """
 
 import functools
@@ -17,7 +18,7 @@ CASES = {
     "exp1 -Y": ("hanging-chain", "-Y", 0.05),
     "exp2 +X": ("steel-chain", "+X", 0.005),
 }
-"""Scene, gravity, and the interval of its reference [s]."""
+"""Scene, direction of gravity, and interval of the reference [s] of every case."""
 
 TOLERANCES = [10.0**-k for k in range(4, 12)]
 FIXED = {"hanging-chain": (3e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4), "steel-chain": (1e-5, 5.6e-6, 5e-6, 2.5e-6)}
@@ -25,13 +26,13 @@ IMPLICIT = {
     "hanging-chain": (5e-3, 2.5e-3, 1e-3, 5e-4, 2e-4, 1e-4),
     "steel-chain": (1e-3, 5e-4, 2.5e-4, 1e-4, 5e-5, 2.5e-5),
 }
-"""Steps [s] that divide the interval between saved instants."""
+"""Steps [s] of the implicit method; they divide the interval between saved instants."""
 
-SLOW = 3.0  # [s]
+SLOW = 3.0  # run time [s] above which a run is not repeated
 
 
 def settings(scene: str) -> list[tuple[str, float, dict]]:
-    """Curve, its parameter, and the scene's entries for every point."""
+    """Returns curve, parameter and overrides of every point."""
     tolerances = TOLERANCES if scene == "hanging-chain" else TOLERANCES[::2] + TOLERANCES[-1:]
     found = [
         (name, t, {"integrator.method": name, "integrator.tolerance": t})
@@ -51,7 +52,7 @@ def settings(scene: str) -> list[tuple[str, float, dict]]:
 
 
 def point(case: str, curve: str, parameter: float, options: dict) -> dict:
-    """A line of the table; what the run failed with, if it did."""
+    """Returns a row of the table; for a failed run with the message."""
     scene, direction, interval = CASES[case]
     run = functools.partial(
         esail.simulate,
@@ -78,7 +79,7 @@ def point(case: str, curve: str, parameter: float, options: dict) -> dict:
 
 
 def exudyn() -> list[dict]:
-    """Exudyn's points, of the same experiment, against its own converged solution of the same model."""
+    """Returns Exudyn's rows for the same experiment; errors are relative to its own converged solution."""
     with open(REFERENCES / "exudyn_timing.csv", encoding="utf-8") as file:
         _, *lines = file.read().splitlines()
     rows = {}
@@ -99,7 +100,7 @@ def exudyn() -> list[dict]:
 
 
 def main() -> None:
-    """The table and its figure."""
+    """Runs all cases; writes the table and its figure."""
     rows = []
     for case, (scene, *_) in CASES.items():
         rows += [point(case, *setting) for setting in settings(scene)]

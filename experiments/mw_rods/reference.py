@@ -1,14 +1,14 @@
-"""Reference solutions of two experiments with chains of elastic rods, and how far they can be trusted.
+"""Computes reference solutions of two experiments with chains of elastic rods, and their uncertainty.
 
     python experiments/mw_rods/reference.py soft growth stiff    # any of the three
 
 soft:   n = 20, EA = 1000 N, T = 5 s, gravity along +-X, +-Y, +-Z: paths of the tip.
-growth: the same chain from starts that differ a little: how fast they part, and when rods go slack.
-stiff:  n = 11 rods of steel, T = 1 s, gravity along +X: path of the tip; and that +Z is its mirror image.
+growth: the same chain, starts that differ slightly: growth rate of their distance, and when rods go slack.
+stiff:  n = 11 rods of steel, T = 1 s, gravity along +X: path of the tip; +Z must be its mirror image.
 
-Nothing of esail_jax is used: chains.py has the equations and the two integrators. What is kept is Gauss
-with the shorter step; each file of references/ states how far the longer step and two tolerances of DOP853
-are from it. Constants are the numbers of double precision nearest to the decimal ones.
+The script uses no code of esail_jax: chains.py has the equations and the two integrators. The reference is
+Gauss with the shorter step; each file of references/ states the distance to Gauss with the longer step and
+to DOP853 with two tolerances. Constants are the double-precision numbers nearest to the decimal ones.
 """
 
 import argparse
@@ -34,7 +34,7 @@ STEEL = Chain(
 
 
 def write(name, columns, table, notes):
-    """references/<name>.csv: comments, then rows of 17 digits."""
+    """Writes references/<name>.csv: comments, then rows of 17 digits."""
     FOLDER.mkdir(exist_ok=True)
     header = "\n".join(
         ("made by experiments/mw_rods/reference.py", *notes, "columns: " + ", ".join(columns))
@@ -44,7 +44,7 @@ def write(name, columns, table, notes):
 
 
 def path(name, chain, direction, steps, tolerances):
-    """Integrate in four ways, write the path of the tip with their differences, and return it."""
+    """Integrates in four ways, writes the path of the tip with their differences, and returns the path."""
     methods = {f"Gauss, step {step:g} s": (gauss, *chain.start(), step) for step in steps}
     methods |= {f"DOP853, tolerance {tolerance:g}": (dop853, tolerance) for tolerance in tolerances}
     labels, runs, seconds = list(methods), [], []
@@ -64,7 +64,7 @@ def path(name, chain, direction, steps, tolerances):
         f"strains at these times from {strain.min():.2e} to {strain.max():.2e}",
     ]
     columns, table = ["t [s]", "x [m]", "y [m]", "z [m]"], [times, *kept.T]
-    if off[0].max() > 1e-10:  # the chaotic one: errors row by row
+    if off[0].max() > 1e-10:  # chaotic: the errors are written row by row
         columns += [f"error of {labels[k]} [m]" for k in (0, 3)]
         table += [off[0], off[3]]
         for k in (0, 3):
@@ -80,11 +80,11 @@ def path(name, chain, direction, steps, tolerances):
 
 
 def separations(direction, size, step=0.0025):
-    """How far nine starts part: one as it is, eight with each component of each x_i moved by +-size [m].
+    """Integrates nine starts: the original, and eight with each component of each x_i changed by +-size
+    [m].
 
-    Returns in time the largest distance between two tips [m], and the largest from the unmoved one over all
-    rods [m] (root of the sum of squares).
-    """
+    Returns, over time, the largest distance between two tips [m], and the largest distance from the
+    original over all rods [m] (root of the sum of squares)."""
     x, v = SOFT.start()
     signs = np.random.default_rng(0).choice([-1.0, 1.0], (8, SOFT.rods, 3))
     starts = x + np.concatenate([np.zeros((1, SOFT.rods, 3)), signs]) * np.longdouble(size)
@@ -95,13 +95,13 @@ def separations(direction, size, step=0.0025):
 
 
 def slope(times, distance, window):
-    """Growth rate [1/s]: the slope of ln(distance) by least squares."""
+    """Returns the growth rate [1/s], the slope of ln(distance) by least squares."""
     inside = (times > window[0] - 1e-9) & (times < window[1] + 1e-9)
     return np.polyfit(times[inside], np.log(distance[inside]), 1)[0]
 
 
 def growth_rates(size=1e-14, large=1e-9):
-    """A table of how the six directions enlarge a change of the start."""
+    """Writes a table of the growth of a change of the start for the six directions."""
     times, rows, window = SOFT.times(), [], (3.0, 4.5)
     for name in DIRECTIONS:
         tips, rods = separations(name, size)
@@ -117,7 +117,7 @@ def growth_rates(size=1e-14, large=1e-9):
 
 
 def slack(direction):
-    """When rods of the soft chain are in compression, in words."""
+    """Returns sentences that say when rods of the soft chain are in compression."""
     chain = replace(SOFT, saved=0.001)
     x, _ = gauss(chain, DIRECTIONS[direction], *chain.start(), 0.001)
     strain, times = np.sqrt((x * x).sum(-1)).astype(float) / chain.length - 1, chain.times()
@@ -131,7 +131,7 @@ def slack(direction):
 
 
 def spread(direction="minus_x", size=1e-12, window=(3.0, 4.5)):
-    """The chaotic direction: distance in time between starts that differ by `size` [m]."""
+    """Writes the distance over time between starts that differ by `size` [m], for the chaotic direction."""
     times, (tips, rods) = SOFT.times(), separations(direction, size)
     notes = [
         f"gravity {direction}: nine starts, eight with each component of each x_i moved by +-{size:g} m",

@@ -1,16 +1,17 @@
-"""Ma and Wang's two experiments with esail_jax: energies, tips, Exudyn, error against time.
+"""Repeats Ma and Wang's two experiments with esail_jax: energies, tips, Exudyn, error against time.
 
     python experiments/mw_rods/run.py                        # everything (about nine minutes)
     python experiments/mw_rods/run.py energy tips steel ode45 steps precision    # or some of these
 
 energy:     Figs. 2 and 3 of the paper for gravity along +-X, +-Y, +-Z; energy.csv
-tips:       tip of the first experiment against references/; tips.csv, chaos.csv
-steel:      Figs. 4 and 5, the second experiment against references/ and Exudyn; steel.csv
-ode45:      both experiments with ode45.py, no code of esail_jax; ode45.csv (one and a half minutes)
+tips:       tip of the first experiment compared with references/; tips.csv, chaos.csv
+steel:      Figs. 4 and 5, the second experiment compared with references/ and Exudyn; steel.csv
+ode45:      both experiments with ode45.py, without code of esail_jax; ode45.csv (one and a half minutes)
 steps:      fixed explicit steps in the second experiment; steps.csv
 precision:  error against run time of several methods (precision.py); work_precision.csv
 
-Figures go to figures/. References come from reference.py (esail_jax plays no part) and peer.py (Exudyn).
+Figures are written to figures/. References come from reference.py (no code of esail_jax) and peer.py
+(Exudyn).
 """
 
 import argparse
@@ -37,17 +38,17 @@ from reference import SOFT, STEEL
 
 import esail_jax as esail
 
-BOUND_ENERGY, BOUND_TIP = 6e-6, 8e-3  # the paper's, of its Figs. 3 and 5 [-, m]
+BOUND_ENERGY, BOUND_TIP = 6e-6, 8e-3  # bounds of the paper, from its Figs. 3 and 5 [-, m]
 MODELS = {"rigid": "plus_x", "tree": "plus_x", "thin": "plus_x", "elastic": "plus_x"}
 
 
 def hanging(direction: str, **options) -> esail.Solution:
-    """The first experiment, saved every 0.01 s."""
+    """Simulates the first experiment, saved every 0.01 s."""
     return esail.simulate("hanging-chain", {"gravity.acceleration": DIRECTIONS[direction], **options})
 
 
 def energy() -> None:
-    """Energies and their errors in the first experiment, for all directions and four ways to step."""
+    """Computes energies and their errors in the first experiment, for all directions and four methods."""
     runs = {(d, name): hanging(d, **options) for d in DIRECTIONS for name, options in METHODS.items()}
     rows = []
     for (direction, name), run in runs.items():
@@ -73,7 +74,7 @@ def energy() -> None:
 
 
 def tips() -> None:
-    """The tip of the first experiment against the references, with the package's own choice of method."""
+    """Compares the tip of the first experiment, with the default method, with the references."""
     rows, away = [], {}
     for direction in DIRECTIONS:
         name = reference_name(direction)
@@ -96,12 +97,15 @@ def tips() -> None:
 
 
 def chaos(times: np.ndarray, off: np.ndarray) -> list[dict]:
-    """For gravity along -X: when agreement is lost, and how fast nearby starts part."""
+    """Returns, for gravity along -X, the times when errors exceed limits, and the growth rate of small
+    changes."""
     spread, growth = table_of("exp1_minus_x_spread"), table_of("exp1_growth")
     rows = []
     for limit in (1e-10, 1e-9, 1e-8, 1e-6, 1e-4, 1e-2):
         late = times[np.argmax(off > limit)] if (off > limit).any() else np.nan
-        rows.append({"quantity": f"package is off by more than {limit:g} m from [s]", "value": float(late)})
+        rows.append(
+            {"quantity": f"error of the package exceeds {limit:g} m from [s]", "value": float(late)}
+        )
     inside = (spread[:, 0] > 3.0 - 1e-9) & (spread[:, 0] < 4.5 + 1e-9)
     for name, column in (("tips", 1), ("all rods", 2)):
         rate = np.polyfit(spread[inside, 0], np.log(spread[inside, column]), 1)[0]
@@ -119,7 +123,8 @@ def chaos(times: np.ndarray, off: np.ndarray) -> list[dict]:
 
 
 def steel() -> None:
-    """The second experiment: path of the tip, and its distance from the references and from Exudyn."""
+    """Computes the path of the tip in the second experiment, and its distance from references and
+    Exudyn."""
     run, reference = esail.simulate("steel-chain"), table_of("exp2_plus_x")
     off = {"reference": distance(run, reference)}
     off |= {
@@ -150,7 +155,7 @@ def steel() -> None:
 
 
 def matlab() -> None:
-    """Both experiments as ode45 would integrate them, printed every 1e-4 s."""
+    """Integrates both experiments by ode45, with output every 1e-4 s."""
     rows = []
     cases = [("exp1", d, tolerance) for d in DIRECTIONS for tolerance in (1e-3, 1e-4, 1e-5, 1e-6)]
     for case, direction, tolerance in [*cases, ("exp2", "+X", 1e-3)]:
@@ -183,7 +188,7 @@ FIXED = {
 
 
 def steps() -> None:
-    """Which fixed steps the second experiment survives, and what the others end with."""
+    """Runs the second experiment with fixed steps, and records which are stable and how the others fail."""
     rows, reference = [], table_of("exp2_plus_x")
     fastest = np.sqrt(np.linalg.eigvals(STEEL.matrices(np.float64)[1]).real.max())  # [1/s]
     for method, step in ((m, h) for m, sizes in FIXED.items() for h in sizes):
@@ -210,7 +215,7 @@ PARTS = {
 
 
 def main() -> None:
-    """The parts asked for, in their order."""
+    """Runs the chosen parts in their order."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

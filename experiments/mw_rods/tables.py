@@ -1,6 +1,6 @@
-"""The README's two tables that are made from CSV files: error against time, and time per acceleration.
+"""Makes two tables of the README from CSV files: error against time, and time per acceleration.
 
-python experiments/mw_rods/tables.py    # rewrites what stands between the markers in README.md
+python experiments/mw_rods/tables.py    # rewrites the text between the markers in README.md
 """
 
 import re
@@ -12,14 +12,14 @@ RODS = (2, 20, 100, 1000, 10_000, 100_000, 1_000_000)
 
 
 def duration(seconds: float | None) -> str:
-    """With two digits and a unit."""
+    """Returns a duration with two digits and a unit."""
     if seconds is None:
         return "-"
     return f"{seconds:.2g} s" if seconds >= 1.0 else f"{1e3 * seconds:.0f} ms"
 
 
 def precision() -> str:
-    """By case and method: the least run time within each limit of the error."""
+    """Returns the table of the least run time within each limit of the error, by case and method."""
     groups: dict[tuple[str, str], list[tuple[float, float]]] = {}
     for row in read("work_precision.csv"):
         if row["error_m"] and row["run_s"]:
@@ -34,15 +34,15 @@ def precision() -> str:
 
 
 def acceleration() -> str:
-    """Selected sizes."""
+    """Returns the table of times per acceleration for the sizes RODS."""
     head = (
         "rods",
         "call, us",
         "in a loop, us",
-        "ns a rod",
+        "ns per rod",
         "dense, us",
-        "bytes a rod",
-        "copying those, ns a rod",
+        "bytes per rod",
+        "copying as many bytes, ns per rod",
     )
     keys = ("rods", "call_us", "loop_us", "loop_ns_per_rod", "dense_us", "bytes_per_rod", "copy_ns_per_rod")
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
@@ -54,7 +54,7 @@ def acceleration() -> str:
 
 
 def main() -> None:
-    """Put the tables in their places."""
+    """Writes the tables into README.md."""
     path = HERE / "README.md"
     text = path.read_text(encoding="utf-8")
     for name, table in (("precision", precision()), ("acceleration", acceleration())):

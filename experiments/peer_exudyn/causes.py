@@ -1,12 +1,11 @@
-"""Where the differences come from: the baseline for 600 s, one thing changed at a time.
+"""Finds the causes of the differences: simulates the baseline for 600 s with one change at a time.
 
 python experiments/peer_exudyn/causes.py
 """
 
-import contextlib
 import dataclasses
 
-import jax
+import jax.numpy as jnp
 import numpy as np
 import sail
 from inputs import sail_of
@@ -14,58 +13,54 @@ from run import INTERVAL, scene_of
 from signals import signals
 
 import esail_jax as esail
-from esail_jax.simulation import entry, programs
+from esail_jax.array_types import Scalar
+from esail_jax.steppers.fixed_step import StepState
+from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
+from esail_jax.system import System
 
 T_END = 600.0
+SPECTRAL_RADIUS = 0.25
+"""The default of the package, and the setting of Exudyn in `sail.py`."""
+
 LOOKED_AT = ("tip_position_I", "kinetic_energy", "root_coning_angle", "angular_velocity_B", "reaction_B")
 
 
-@contextlib.contextmanager
-def plain_start():
-    """esail_jax started as Exudyn starts, with a_0 = vdot_0: no jerk in the first a."""
-    usual = entry.with_jerk
-    entry.with_jerk = lambda stepper, state, v_next: state
-    forget_programs()
-    try:
-        yield
-    finally:
-        entry.with_jerk = usual
-        forget_programs()
+class PlainStart(GeneralizedAlpha):
+    """Generalized-alpha that starts as in Exudyn, with a_0 = vdot_0: without the jerk in the first a."""
 
-
-def forget_programs() -> None:
-    """Programs of the other start must not be used again."""
-    jax.clear_caches()
-    programs._compiled.cache_clear()
+    def first_state(self, system: System, time: Scalar, state: StepState) -> StepState:
+        """Returns the state as it is."""
+        return state
 
 
 def run_ours(scene: esail.Scene, plain: bool) -> dict[str, np.ndarray]:
-    """Signals of esail_jax with either start."""
-    with plain_start() if plain else contextlib.nullcontext():
-        ours = esail.simulate(scene)
+    """Returns the signals of esail_jax; plain: with a_0 = vdot_0."""
+    kind = PlainStart if plain else GeneralizedAlpha
+    stepper = kind(jnp.asarray(scene.integrator.step), jnp.asarray(SPECTRAL_RADIUS))
+    ours = esail.simulate(scene, stepper=stepper)
     return {name: np.asarray(ours[name]) for name in ours.observables}
 
 
 def run_theirs(scene: esail.Scene, step: float, **options) -> dict[str, np.ndarray]:
-    """Signals of Exudyn."""
+    """Returns the signals of Exudyn."""
     given, every = sail_of(scene), round(INTERVAL / step)
     return signals(given, sail.simulate(given, step, round(T_END / step), every, **options))
 
 
 def line(label: str, ours: dict, theirs: dict) -> None:
-    """Largest differences, in the units of the signals."""
+    """Prints the largest differences, in the units of the signals."""
     gaps = [abs(ours[name] - theirs[name]).max() for name in LOOKED_AT]
     print(f"{label:58s}" + "".join(f"{gap:19.1e}" for gap in gaps), flush=True)
 
 
 def with_wind(step: float) -> None:
-    """Start, hub and tolerance changed one at a time."""
+    """Prints the effects of the start, the hub's coordinates and the tolerance."""
     scene = scene_of(step, 5, T_END)
     usual, theirs = run_ours(scene, plain=False), run_theirs(scene, step)
     plain = run_ours(scene, plain=True)
     line(f"{step} s, as compared", usual, theirs)
     line(f"{step} s, esail_jax with a_0 = vdot_0", plain, theirs)
-    line(f"{step} s, esail_jax with either start", usual, plain)
+    line(f"{step} s, esail_jax: one start or the other", usual, plain)
     turning = run_theirs(scene, step, lie_group=True)
     line(f"{step} s, Exudyn's hub on the Lie group, same start", plain, turning)
     line(f"{step} s, Exudyn's hub: Lie group or Euler parameters", turning, theirs)
@@ -75,7 +70,7 @@ def with_wind(step: float) -> None:
 
 
 def without_wind(step: float) -> None:
-    """No wind: the exact motion is a rigid rotation of constant energy."""
+    """Prints errors without wind, where the exact motion is a rigid rotation of constant energy."""
     scene = scene_of(step, 5, T_END)
     scene = dataclasses.replace(scene, voltage=None, solar_wind=None)
     time = np.arange(0.0, T_END + 1.0, INTERVAL)
@@ -91,14 +86,14 @@ def without_wind(step: float) -> None:
         late = np.linalg.norm(tip[0]) * (turned - 4e-3 * time)
         print(
             f"{step} s, no wind, {name:28s} tip ahead of the exact motion by {late[-1]:9.2e} m after "
-            f"{T_END:g} s; energy off by {energy[1] - energy[0]:9.2e} J after 5 s, "
-            f"{energy[-1] - energy[0]:9.2e} J in the end",
+            f"{T_END:g} s; energy changed by {energy[1] - energy[0]:9.2e} J after 5 s, "
+            f"{energy[-1] - energy[0]:9.2e} J at the end",
             flush=True,
         )
 
 
 def root_gaps(step: float, t_end: float) -> None:
-    """How far the root nodes end up from the points of the hub that hold them."""
+    """Prints the final gap between the root nodes and the points of the hub that hold them."""
     scene = scene_of(step, 5, t_end)
     given = sail_of(scene)
     final = esail.simulate(scene).final_state.q

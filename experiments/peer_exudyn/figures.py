@@ -13,17 +13,17 @@ SHOWN = (
     ("angular_velocity_B", 1, "hub rate about Y_B [rad/s]"),
     ("reaction_B", 0, "root reaction along X_B [N]"),
 )
-"""Signal, tether or component (tether 1), label."""
+"""Signals that are drawn: name, index of tether or component, label."""
 
 
 def component(run: dict, signal: str, index: int) -> np.ndarray:
-    """(time): one component, of tether 1 where there is one vector per tether."""
+    """Returns one component (time); of tether 1 where there is one vector per tether."""
     values = run[signal]
     return values[:, 0, index] if values.ndim == 3 else values[:, index]
 
 
 def draw_signals(coarse: dict, fine: dict, directory: Path) -> None:
-    """Both codes over each other, and their difference at two steps."""
+    """Draws the signals of both codes, and their difference at two steps."""
     figure = Figure(figsize=(11, 4.8), layout="constrained")
     axes = figure.subplots(2, len(SHOWN), sharex=True)
     for (signal, index, label), (above, below) in zip(SHOWN, axes.T, strict=True):
@@ -44,7 +44,8 @@ def draw_signals(coarse: dict, fine: dict, directory: Path) -> None:
 
 
 def draw_differences(found: list, directory: Path) -> None:
-    """Relative difference of every signal: between the codes, and of each code with half the step."""
+    """Draws the relative difference of every signal: between the codes, and of each code with half the
+    step."""
     figure = Figure(figsize=(9, 4.5), layout="constrained")
     ax = figure.subplots()
     names = list(dict.fromkeys(entry.signal for entry in found))
@@ -67,5 +68,6 @@ def draw_differences(found: list, directory: Path) -> None:
 
 
 def save(figure: Figure, path: Path) -> None:
+    """Writes a figure; makes its folder."""
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=DOTS_PER_INCH)

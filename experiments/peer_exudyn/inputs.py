@@ -1,4 +1,4 @@
-"""What both codes are given: numbers and initial state of an esail_jax scene, as NumPy arrays."""
+"""The inputs of both codes: numbers and initial state of an esail_jax scene, as NumPy arrays."""
 
 import dataclasses
 
@@ -9,14 +9,15 @@ from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.structure import split
 
 POINTS = 5
-"""Gauss points per element of the load: as many as Exudyn's cable has for its axial force."""
+"""Gauss points per element of the load; Exudyn's cable has as many for its axial force."""
 
 XI, WEIGHTS = (0.5 * (1.0 + np.polynomial.legendre.leggauss(POINTS)[0]),
                0.5 * np.polynomial.legendre.leggauss(POINTS)[1])  # fmt: skip
 
 
 def hermite(xi: np.ndarray, derivative: int = 0) -> np.ndarray:
-    """Cubic shape functions of (r_i, l r_x,i, r_j, l r_x,j), or a derivative in xi: (point, 4)."""
+    """Returns cubic shape functions of (r_i, l r_x,i, r_j, l r_x,j), or their derivatives in xi: (point,
+    4)."""
     powers = np.array([[1, 0, -3, 2], [0, 1, -2, 1], [0, 0, 3, -2], [0, 0, -1, 1]], float)
     polynomials = [np.polynomial.Polynomial(row).deriv(derivative) for row in powers]
     return np.stack([p(np.asarray(xi)) for p in polynomials], axis=-1)
@@ -24,11 +25,11 @@ def hermite(xi: np.ndarray, derivative: int = 0) -> np.ndarray:
 
 @dataclasses.dataclass(frozen=True)
 class Sail:
-    """What both codes are given, in SI units.
+    """A sail in SI units.
 
-    position, velocity: nodal vectors (tether, node, 2, xyz), r and r_x; hub_*: of the hub's centre,
-    its attitude C_B^I and angular velocity in I; inertia about X_B, Y_B, Z_B; anchors (tether, xyz) in B.
-    load: sigma/u [N s/m^2] per tether, zero without wind; origin R_0 [m] from the Sun.
+    position, velocity: nodal vectors (tether, node, 2, xyz), r and r_x; hub_*: position and velocity of
+    the hub's centre, its attitude C_B^I and angular velocity in I; inertia about X_B, Y_B, Z_B; anchors
+    (tether, xyz) in B. load: sigma/u [N s/m^2] per tether, zero without wind; origin R_0 [m] from the Sun.
     """
 
     position: np.ndarray
@@ -53,30 +54,33 @@ class Sail:
 
     @property
     def tethers(self) -> int:
+        """Number of tethers."""
         return self.position.shape[0]
 
     @property
     def elements(self) -> int:
+        """Number of elements per tether."""
         return self.position.shape[1] - 1
 
     @property
     def element_length(self) -> np.ndarray:
-        """l [m] per tether."""
+        """Element length l [m] per tether."""
         return self.length / self.elements
 
     def element_vectors(self, nodal: np.ndarray) -> np.ndarray:
-        """(..., tether, node, 2, xyz) to (..., tether, elem, 4, xyz), slopes times l."""
+        """Gathers nodal (..., tether, node, 2, xyz) into (..., tether, elem, 4, xyz); slopes are
+        multiplied by l."""
         scaled = nodal.copy()
         scaled[..., 1, :] *= self.element_length[:, None, None]
         return np.concatenate([scaled[..., :-1, :, :], scaled[..., 1:, :, :]], axis=-2)
 
     def slopes(self, nodal: np.ndarray, xi: np.ndarray = XI) -> np.ndarray:
-        """r_x at points xi of every element: (..., tether, elem, point, xyz)."""
+        """Returns r_x at points xi of every element: (..., tether, elem, point, xyz)."""
         return hermite(xi, 1) @ self.element_vectors(nodal) / self.element_length[:, None, None, None]
 
 
 def sail_of(scene: Scene) -> Sail:
-    """Numbers and initial state of a scene; raises ValueError for what this adapter lacks."""
+    """Returns the sail of a scene. Raises ValueError for parts that this adapter does not support."""
     structure, numbers = split(scene)
     wanted = {"tethers.strain": "engineering", "tethers.element": "cable", "tethers.root": "pinned"}
     for key, value in wanted.items():

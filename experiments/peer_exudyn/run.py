@@ -1,10 +1,10 @@
-"""The baseline sail in esail_jax and in Exudyn, signal by signal.
+"""Compares the baseline sail in esail_jax and in Exudyn, signal by signal.
 
     pip install -e '.[peers]'
     python experiments/peer_exudyn/run.py [--check] [--t-end 200] [--timing]
 
-Writes differences.csv and figures/*.png beside this file and prints the tables of the README. With
---check the exit status is 1 when a difference exceeds its bound; --timing measures steps instead.
+Writes differences.csv and figures/*.png beside this file and prints the tables of the README. With --check
+the exit status is 1 when a difference exceeds its bound; --timing measures the time per step instead.
 """
 
 import argparse
@@ -28,23 +28,24 @@ CASES = ((0.1, 5), (0.05, 5), (0.1, 10), (0.05, 10))
 """Step [s] and elements per tether."""
 
 INTERVAL, T_END = 5.0, 4710.0
-"""Saved every 5 s, three spin periods less 2.39 s: every saved instant is the end of a step of both codes,
-so that nothing is interpolated."""
+"""Saved interval and end time [s]: three spin periods less 2.39 s. Every saved instant is the end of a
+step of both codes, so no output is interpolated."""
 
 BOUND = 1e-3
-"""Largest difference over the range of a signal that passes --check."""
+"""Largest difference, relative to the range of a signal, that passes --check."""
 
 LOOSER = {name: 1e-2 for name in ("root_coning_angle", "root_lagging_angle", "reaction_B")}
-"""Signals with a bound of their own: those of the root carry the axial ringing of the first element."""
+"""Signals with another bound: those of the root contain axial vibrations of the first element."""
 
 FLOOR = 1e-3
-"""Smallest range, over the largest magnitude: a nearly constant signal is not divided by its noise."""
+"""Smallest range, relative to the largest magnitude: a nearly constant signal is not divided by its
+noise."""
 
 UNITS = {entry.name: entry.unit for entry in OBSERVABLES}
 
 
 def scene_of(step: float, elements: int, t_end: float) -> esail.Scene:
-    """The baseline with the strain measure of Exudyn's cable."""
+    """Returns the baseline with the strain measure of Exudyn's cable."""
     return esail.load_scene(
         "baseline",
         {
@@ -58,7 +59,7 @@ def scene_of(step: float, elements: int, t_end: float) -> esail.Scene:
 
 
 def both(step: float, elements: int, t_end: float) -> dict[str, dict[str, np.ndarray]]:
-    """Signals of one case by code, the same arrays under the same names."""
+    """Runs one case in both codes; returns signals by code, with the same names and shapes."""
     scene = scene_of(step, elements, t_end)
     ours = esail.simulate(scene)
     given = sail_of(scene)
@@ -73,8 +74,10 @@ def both(step: float, elements: int, t_end: float) -> dict[str, dict[str, np.nda
 
 @dataclasses.dataclass(frozen=True)
 class Difference:
-    """One signal of two runs. largest: of |x - y| over time and components; range: of the component that
-    varies most in time, at least FLOOR of the magnitude."""
+    """The difference of one signal between two runs.
+
+    largest: maximum of |x - y| over time and components; range: range in time of the component that varies
+    most, at least FLOOR times the magnitude."""
 
     compared: str
     against: str
@@ -84,20 +87,22 @@ class Difference:
 
     @property
     def relative(self) -> float:
+        """Largest difference, relative to the range."""
         return self.largest / self.range
 
     @property
     def bound(self) -> float:
+        """Largest relative difference that passes --check."""
         return LOOSER.get(self.signal, BOUND)
 
     def row(self) -> list:
-        """A line of the table."""
+        """Returns the row of differences.csv."""
         numbers = [f"{x:.3g}" for x in (self.largest, self.range, self.relative, self.bound)]
         return [self.compared, self.against, self.signal, UNITS[self.signal], *numbers]
 
 
 def differences(name: str, x: dict, against: str, y: dict) -> list[Difference]:
-    """Every signal of run `x` against run `y`, which gives the ranges."""
+    """Returns the differences of every signal between runs `x` and `y`; the ranges are those of `y`."""
     if not np.allclose(x["time"], y["time"], rtol=1e-12):
         raise ValueError(f"{name} and {against} are not saved at the same instants")
     found = []
@@ -109,7 +114,8 @@ def differences(name: str, x: dict, against: str, y: dict) -> list[Difference]:
 
 
 def compare(runs: dict) -> list[Difference]:
-    """Code against code in every case, then each code against itself with half the step."""
+    """Returns the differences between the codes in every case, then of each code from itself at half the
+    step."""
     found = []
     for (step, elements), case in runs.items():
         label = f"{step:g} s, {elements} elements"
@@ -123,6 +129,7 @@ def compare(runs: dict) -> list[Difference]:
 
 
 def write(found: list[Difference]) -> None:
+    """Writes differences.csv."""
     with open(HERE / "differences.csv", "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["run", "against", "signal", "unit", "largest", "range", "relative", "bound"])
@@ -130,7 +137,7 @@ def write(found: list[Difference]) -> None:
 
 
 def show(found: list[Difference]) -> None:
-    """Relative differences, a line per signal and a column per pair of runs."""
+    """Prints relative differences, with a row per signal and a column per pair of runs."""
     pairs = list(dict.fromkeys((entry.compared, entry.against) for entry in found))
     table = {(entry.compared, entry.against, entry.signal): entry.relative for entry in found}
     for number, (compared, against) in enumerate(pairs):
@@ -141,7 +148,7 @@ def show(found: list[Difference]) -> None:
 
 
 def timing(repeats: int = 5, t_end: float = 100.0) -> None:
-    """Time per step, medians of alternating runs; compiling and assembling are not in it."""
+    """Prints the time per step, medians of alternating runs, without compiling and assembling."""
     for step, elements in ((0.1, 5), (0.1, 10)):
         scene, steps = scene_of(step, elements, t_end), round(t_end / step)
         given = sail_of(scene)
@@ -162,7 +169,7 @@ def timing(repeats: int = 5, t_end: float = 100.0) -> None:
 
 
 def main(t_end: float, check: bool) -> int:
-    """Run, write, print; the exit status."""
+    """Runs, writes, prints, and returns the exit status."""
     runs = {case: both(*case, t_end) for case in CASES}
     found = compare(runs)
     write(found)
@@ -180,8 +187,12 @@ def main(t_end: float, check: bool) -> int:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--check", action="store_true", help="exit 1 when a difference exceeds its bound")
-    parser.add_argument("--t-end", type=float, default=T_END, help="a shorter run [s], a multiple of 5")
-    parser.add_argument("--timing", action="store_true", help="time per step of both codes, nothing else")
+    parser.add_argument(
+        "--t-end", type=float, default=T_END, help="end time of a shorter run [s], a multiple of 5"
+    )
+    parser.add_argument(
+        "--timing", action="store_true", help="only measure the time per step of both codes"
+    )
     options = parser.parse_args()
     if options.timing:
         timing()

@@ -1,8 +1,7 @@
-"""The sail of an esail_jax scene, built and run in Exudyn.
+"""Builds and runs the sail of an esail_jax scene in Exudyn.
 
-Shared with esail_jax: the numbers of the scene and the initial state (`inputs.py`). Everything else is
-Exudyn's: cable elements, rigid hub, joints, integrator; the Coulomb load is written here once more, in
-NumPy.
+It shares with esail_jax only the numbers of the scene and the initial state (`inputs.py`). Cable elements,
+rigid hub, joints and integrator are Exudyn's; the Coulomb load is implemented here a second time, in NumPy.
 """
 
 import dataclasses
@@ -21,11 +20,11 @@ from inputs import POINTS, WEIGHTS, XI, Sail, hermite
 
 
 class Thrust:
-    """Coulomb force of a sail, consistently integrated over all elements at once.
+    """Coulomb force of a sail, integrated consistently over all elements at once.
 
-    f = (sigma/u) (u - (r_x . u) r_x / r_x^2) [N/m of undeformed length], u radial from the Sun. An
-    element's four vectors, three components each, are columns of one matrix: two products and a
-    dozen array operations in all, because Exudyn calls this once per residual.
+    f = (sigma/u) (u - (r_x . u) r_x / r_x^2) [N/m of undeformed length], u radial from the Sun. The
+    four vectors of an element, three components each, are columns of one matrix, so that a call takes two
+    products and a dozen array operations: Exudyn calls this function for every residual.
     """
 
     def __init__(self, sail: Sail):
@@ -42,10 +41,11 @@ class Thrust:
         self.speed, self.size = sail.wind_speed, sail.position.size
 
     def __call__(self, coordinates: np.ndarray) -> np.ndarray:
-        """Generalized forces of all nodal coordinates, both flat in the layout of `Sail.position`."""
+        """Returns the generalized forces; coordinates and forces are flat, in the layout of
+        `Sail.position`."""
         fields = self.table @ (coordinates[self.index] * self.scale)
         away = (fields[:POINTS] + self.origin).reshape(POINTS, -1, 3)
-        along = fields[POINTS:].reshape(POINTS, -1, 3)  # l r_x: only its direction is used
+        along = fields[POINTS:].reshape(POINTS, -1, 3)  # l r_x: only the direction is used
         along_along, along_away, away_away = (
             np.einsum("gec,gec->ge", *pair) for pair in ((along, along), (along, away), (away, away))
         )
@@ -56,7 +56,7 @@ class Thrust:
 
 
 def assemble(sail: Sail, lie_group: bool = False):
-    """An Exudyn system with this sail, and the numbers of its spherical joints.
+    """Returns an Exudyn system with this sail, and the numbers of its spherical joints.
 
     Coordinates are displacements from the initial state. The hub's node comes first (Euler
     parameters, or a rotation vector with the Lie group integrator), then the nodes of tether after
@@ -116,9 +116,10 @@ def assemble(sail: Sail, lie_group: bool = False):
 
 
 def load_object(sail: Sail, nodes: list):
-    """One object over all tether nodes that does nothing but push: a Python call per residual.
+    """Returns one Exudyn object over all tether nodes that only applies the load, by one Python call per
+    residual.
 
-    Its Jacobian is given as zero: the load's tangent is a millionth of the stiffness.
+    Its Jacobian is zero, because the load's tangent is a millionth of the stiffness.
     """
     size = sail.position.size
 
@@ -142,8 +143,10 @@ def load_object(sail: Sail, nodes: list):
 
 @dataclasses.dataclass(frozen=True)
 class History:
-    """Saved instants, time first: nodal position and velocity as in `Sail`, the hub's centre,
-    attitude, velocity and angular velocity (in B), force of the hub on every tether (in I)."""
+    """A run at its saved instants, time first.
+
+    It has nodal position and velocity as in `Sail`, the hub's centre, attitude, velocity and angular
+    velocity (in B), the force of the hub on every tether (in I), and the run time [s]."""
 
     time: np.ndarray
     position: np.ndarray
@@ -157,7 +160,7 @@ class History:
 
 
 def settings_of(step: float, steps: int, tolerance: float):
-    """Generalized-alpha for index 3 at spectral radius 0.25, fixed step."""
+    """Returns settings for generalized-alpha with a fixed step, index 3 and spectral radius 0.25."""
     settings = exu.SimulationSettings()
     integration = settings.timeIntegration
     integration.numberOfSteps = steps
@@ -181,9 +184,9 @@ def settings_of(step: float, steps: int, tolerance: float):
 def simulate(
     sail: Sail, step: float, steps: int, every: int, tolerance: float = 1e-9, lie_group: bool = False
 ) -> History:
-    """Run `steps` steps [s], keeping every `every`-th state and the first.
+    """Runs `steps` steps of length `step` [s]; saves the first state and every `every`-th one.
 
-    Raises RuntimeError when Exudyn gives up.
+    Raises RuntimeError if Exudyn's solver fails.
     """
     system, joints = assemble(sail, lie_group)
     data, output = system.systemData, exu.OutputVariableType
@@ -206,7 +209,7 @@ def simulate(
 
     calls = 0
 
-    def after(system, time):  # Exudyn calls this before the first step too
+    def after(system, time):  # Exudyn calls this before the first step, too
         nonlocal calls
         if calls % every == 0:
             keep(time)
@@ -214,7 +217,7 @@ def simulate(
         return True
 
     system.SetPostStepUserFunction(after)
-    exu.config.printToConsole = False  # it warns of the allocations of the Python load
+    exu.config.printToConsole = False  # Exudyn warns of memory allocations of the Python load
     began = time.perf_counter()
     done = system.SolveDynamic(settings_of(step, steps, tolerance))
     seconds = time.perf_counter() - began

@@ -1,6 +1,6 @@
-"""Signals of an Exudyn run under the names of esail_jax, from Exudyn's states alone.
+"""Computes the signals of an Exudyn run, with the names of esail_jax, from Exudyn's states alone.
 
-Nothing here calls `esail_jax.observables`: an error there must show as a difference.
+This module does not call `esail_jax.observables`, so that an error there shows as a difference.
 """
 
 import numpy as np
@@ -8,24 +8,28 @@ from inputs import WEIGHTS, XI, Sail, hermite
 from sail import History, Thrust
 
 STRAIN_XI = np.linspace(0.0, 1.0, 11)
-"""Points of an element at which the largest strain is looked for."""
+"""Points of an element at which the largest strain is evaluated."""
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
+    """Returns vectors along the last axis, normalised."""
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
 def orbital_frames(position: np.ndarray) -> np.ndarray:
-    """Columns i_O, j_O, k_O at positions (time, xyz) [m] from the Sun: k_O away from it, i_O along
-    the ecliptic: (time, xyz, axis)."""
+    """Returns the axes i_O, j_O, k_O at positions (time, xyz) [m] from the Sun: (time, xyz, axis).
+
+    k_O points away from the Sun, i_O along the ecliptic."""
     k = unit(position)
     i = unit(np.cross([0.0, 0.0, 1.0], k))
     return np.stack([i, np.cross(k, i), k], axis=-1)
 
 
 def coning_and_lagging(body: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Angles [rad] of vectors (time, tether, xyz) in B: from the plane of Y_B, Z_B towards X_B, and
-    in that plane from the tether's own azimuth."""
+    """Returns coning and lagging angles [rad] of vectors (time, tether, xyz) in B.
+
+    Coning is the angle from the plane of Y_B, Z_B towards X_B; lagging is the angle in that plane from the
+    tether's own azimuth."""
     p = body.shape[1]
     coning = np.arctan2(body[..., 0], np.hypot(body[..., 1], body[..., 2]))
     angle = np.arctan2(body[..., 2], body[..., 1]) - 2.0 * np.pi * np.arange(p) / p
@@ -33,9 +37,9 @@ def coning_and_lagging(body: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def signals(sail: Sail, history: History) -> dict[str, np.ndarray]:
-    """Every compared signal, time first."""
+    """Returns all compared signals, time first."""
     r = history.position
-    to_body = history.hub_rotation  # vectors as rows: row @ C_B^I gives components in B
+    to_body = history.hub_rotation  # vectors are rows: row @ C_B^I gives components in B
     roots, tips = r[:, :, 0, 0], r[:, :, -1, 0]
     coning, lagging = coning_and_lagging((tips - roots) @ to_body)
     root_coning, root_lagging = coning_and_lagging(r[:, :, 0, 1] @ to_body)
@@ -64,7 +68,7 @@ def signals(sail: Sail, history: History) -> dict[str, np.ndarray]:
 
 
 def kinetic_energy(sail: Sail, history: History) -> np.ndarray:
-    """T [J] of tethers, remote units and hub."""
+    """Returns the kinetic energy T [J] of tethers, remote units and hub."""
     v = hermite(XI) @ sail.element_vectors(history.velocity)
     squared = (v * v).sum(-1) @ WEIGHTS
     tips = (history.velocity[:, :, -1, 0] ** 2).sum(-1)
@@ -74,7 +78,8 @@ def kinetic_energy(sail: Sail, history: History) -> np.ndarray:
 
 
 def elastic_energy(sail: Sail, r: np.ndarray) -> np.ndarray:
-    """U [J]: axial with strain |r_x| - 1, bending with Exudyn's curvature |r_x x r_xx| / |r_x|^2."""
+    """Returns the elastic energy U [J], with strain |r_x| - 1 and Exudyn's curvature |r_x x r_xx| /
+    |r_x|^2."""
     r_x = sail.slopes(r)
     r_xx = hermite(XI, 2) @ sail.element_vectors(r) / sail.element_length[:, None, None, None] ** 2
     stretch = np.linalg.norm(r_x, axis=-1)

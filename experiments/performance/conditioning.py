@@ -1,9 +1,9 @@
-"""Condition number of the matrix generalized-alpha solves with, against the step.
+"""Prints the condition number of the iteration matrix of generalized-alpha for several steps.
 
     python experiments/performance/conditioning.py
 
-The matrix of the baseline at its start, with the multipliers scaled by the step (`newton_matrix.tangent`),
-rows and columns scaled until the largest entry of each is 1.
+The matrix belongs to the baseline at its start. Its multipliers are scaled by the step
+(`iteration_matrix.tangent`), its rows and columns until the largest entry of each is 1.
 """
 
 import jax
@@ -22,7 +22,7 @@ STEPS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0)
 
 
 def dense(matrix: bordered.Bordered) -> np.ndarray:
-    """What `bordered.solve` inverts, column by column, of unknowns of its own."""
+    """Returns the dense matrix that `bordered.solve` inverts, from the solutions for unit vectors."""
     factors = bordered.factor(matrix)
     links, rows, tethers = matrix.upper.shape[0], matrix.diag.shape[1], matrix.diag.shape[-1]
     free = matrix.free * tethers
@@ -41,7 +41,7 @@ def dense(matrix: bordered.Bordered) -> np.ndarray:
 
 
 def condition(matrix: np.ndarray) -> float:
-    """Of the matrix, equilibrated (Ruiz)."""
+    """Returns the condition number of the matrix after equilibration (Ruiz)."""
     for _ in range(20):
         rows, columns = (1.0 / np.sqrt(np.abs(matrix).max(axis)) for axis in (1, 0))
         matrix = rows[:, None] * matrix * columns
@@ -49,7 +49,7 @@ def condition(matrix: np.ndarray) -> float:
 
 
 def main() -> None:
-    """A line per step."""
+    """Prints one line per step."""
     model = build(*split(esail.load_scene("baseline")))
     zero = jnp.zeros(())
     _, lam = consistent_acceleration(model.system, zero, model.q, model.v)

@@ -1,7 +1,9 @@
-"""Time per step, what leaving a term out saves, growth with size: python run.py [part ...].
+"""Measures the time per step of generalized-alpha: baseline, without single terms, larger sails.
 
-Pin it to one core for figures that compare: taskset -c 0 python run.py
-Medians of interleaved repetitions, compile time apart (in seconds of processor time).
+    taskset -c 0 python experiments/performance/run.py [per_step] [leaving_out] [growth]
+
+Bind the process to one core, so that measurements are comparable. Times are medians of interleaved
+repetitions; compile times are separate, in seconds of processor time.
 """
 
 import dataclasses
@@ -20,18 +22,18 @@ from esail_jax.simulation.prepare import prepare
 from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
 
 METHOD = {"integrator.method": "generalized-alpha"}
-"""What is timed here; `experiments/work_precision` compares the methods."""
+"""The method that is timed here; `experiments/work_precision` compares the methods."""
 
 
 def without(scene: esail.Scene, table: str, *keys: str) -> esail.Scene:
-    """The scene without some keys of a table, or without the table."""
+    """Returns the scene without some keys of a table, or without the whole table."""
     content = getattr(scene, table)
     part = dataclasses.replace(content, **dict.fromkeys(keys)) if keys else None
     return dataclasses.replace(scene, **{table: part})
 
 
 def started(scene: esail.Scene, seconds: float):
-    """A prepared scene, its state after some seconds, and the numbers of a full entry."""
+    """Returns a prepared scene, its state after some seconds, and the data of a full block of steps."""
     prepared = prepare(scene.replace({"integrator.t_end": seconds}))
     march = March(prepared)
     for _ in march.pieces():
@@ -41,18 +43,19 @@ def started(scene: esail.Scene, seconds: float):
 
 
 def seconds_of(call) -> float:
+    """Returns the wall time [s] of one call, result included."""
     begin = time.perf_counter()
     jax.block_until_ready(call())
     return time.perf_counter() - begin
 
 
 def median_of(program, *arguments) -> float:
-    """Seconds of a compiled program, median of nine calls."""
+    """Returns the median time [s] of nine calls of a compiled program."""
     return float(np.median([seconds_of(lambda: program(*arguments)) for _ in range(9)]))
 
 
 def per_step() -> None:
-    """A step of the baseline beside a 400 x 400 matrix product."""
+    """Compares the time of a step of the baseline with that of a 400 x 400 matrix product."""
     prepared, carry, data = started(esail.load_scene("baseline", METHOD), 200.0)
     matrix = jnp.asarray(np.random.default_rng(0).normal(size=(400, 400)))
     product = jax.jit(lambda a: a @ a)
@@ -66,14 +69,14 @@ def per_step() -> None:
     pairs = [(seconds_of(step) / steps, seconds_of(lambda: product(matrix))) for _ in range(50)]
     ours, theirs = np.median(pairs, axis=0)
     rate = 2 * 400**3 / theirs / 1e9
-    print(f"step {1e6 * ours:.1f} us, ratio to the product {ours / theirs:.4f}")
+    print(f"step {1e6 * ours:.1f} us, relative to the product {ours / theirs:.4f}")
     print(f"product {1e3 * theirs:.2f} ms ({rate:.0f} GFLOP/s)")
     iterations, increment = np.mean(info.iterations), np.max(info.increment)
     print(f"iterations per step {iterations:.3f}, last increment {increment:.1e} m")
 
 
 def count_equations(jaxpr) -> int:
-    """Equations of a jaxpr, nested ones included."""
+    """Returns the number of equations of a jaxpr, including nested ones."""
     total = 0
     for equation in jaxpr.eqns:
         total += 1
@@ -85,7 +88,7 @@ def count_equations(jaxpr) -> int:
 
 
 def equations_of_a_step(problem, state) -> int:
-    """Equations of one factorisation and one step."""
+    """Returns the number of traced equations of one factorisation and one step."""
     stepper = GeneralizedAlpha(jnp.asarray(0.1), problem.spectral_radius)
 
     def one(problem, state):
@@ -96,7 +99,7 @@ def equations_of_a_step(problem, state) -> int:
 
 
 def leaving_out() -> None:
-    """The baseline with a part left out."""
+    """Measures equations, compile time and time per step of the baseline without single terms."""
     full = esail.load_scene("baseline", METHOD)
     scenes = {
         "everything": full,
@@ -134,7 +137,7 @@ def leaving_out() -> None:
 
 
 def growth() -> None:
-    """Time per element and step, observables included."""
+    """Measures the time per element and step, and of the observables, for several sizes of sail."""
     for tethers, elements in ((12, 5), (12, 10), (12, 20), (12, 50), (12, 100), (50, 5), (100, 5)):
         size = {"tethers.count": tethers, "tethers.elements": elements}
         prepared, carry, data = started(esail.load_scene("baseline", METHOD).replace(size), 6.0)

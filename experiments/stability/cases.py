@@ -1,8 +1,9 @@
-"""The cases: what is changed of a small sail, and how it starts.
+"""Defines the cases: changes of a small sail, and its initial states.
 
-The sail is the baseline (wind, bending, both dampings, hub) with three tethers of three elements: small, so
-that a case takes seconds, and stiff all the same, as stiffness per element does not depend on their number.
-Cases that differ in numbers only share compiled programs; what compiles anew is a group of its own.
+The sail is the baseline (wind, bending, both dampings, hub) with three tethers of three elements. It is
+small, so that a case takes seconds, but as stiff as a large sail: only the number of elements per tether
+changes the stiffness of an element. Cases that differ in numbers only share compiled programs; cases with
+another compiled structure form a group of their own.
 """
 
 from dataclasses import dataclass, field
@@ -20,8 +21,10 @@ SMALL = {
 
 @dataclass(frozen=True)
 class Case:
-    """settings: scene keys that differ from `SMALL`; absent: tables or keys taken out; start: of
-    `starts.py`; step [s] of both methods, None for their defaults."""
+    """One case.
+
+    settings: scene keys that differ from `SMALL`; absent: tables or keys that are removed; start: initial
+    state of `starts.py`; step [s] of both methods, None for their defaults."""
 
     name: str
     settings: dict = field(default_factory=dict)
@@ -31,17 +34,17 @@ class Case:
 
 
 def run_for(seconds: float, **settings) -> dict:
-    """Another end time, with 200 saved instants."""
+    """Returns settings with another end time and 200 saved instants."""
     return {"integrator.t_end": seconds, "output.interval": seconds / 200.0} | settings
 
 
 def with_step(h: float) -> dict:
-    """A fixed step: two hundred of them, every tenth saved."""
+    """Returns settings for 200 fixed steps; every tenth is saved."""
     return {"integrator.t_end": 200 * h, "output.interval": 10 * h}
 
 
 def bending(factor: float) -> dict:
-    """Flexural rigidity times a factor."""
+    """Returns settings with the flexural rigidity times a factor."""
     return {"tethers.second_moment": SECOND_MOMENT * factor}
 
 
@@ -166,7 +169,7 @@ RELEASED = [
 
 
 def size(count: int, elements: int, seconds: float) -> Case:
-    """Other numbers of tethers and elements."""
+    """Returns a case with other numbers of tethers and elements."""
     settings = {"tethers.count": count, "tethers.elements": elements}
     name = f"{count} tether{'s' * (count > 1)} x {elements}"
     return Case(name, run_for(seconds, **settings))
@@ -185,4 +188,4 @@ GROUPS = {
     "release": RELEASED,
     **{f"{group[0].name}": group for group in COUNTS + ELEMENTS},
 }
-"""By compiled structure."""
+"""Cases by compiled structure."""

@@ -1,4 +1,6 @@
-"""One run of one case, measured; a worker process does the runs of one structure, one line of JSON each."""
+"""Measures runs of cases. A worker process makes the runs of one structure and prints a line of JSON for
+each.
+"""
 
 import dataclasses
 import json
@@ -8,23 +10,21 @@ import time
 
 import numpy as np
 from cases import GROUPS, SMALL, Case
-from starts import with_start
+from starts import start_of
 
 import esail_jax as esail
 from esail_jax.observables.run_warning import run_warning
 from esail_jax.scenes.rules import SceneError
-from esail_jax.simulation.march import march_of
-from esail_jax.simulation.prepare import prepare
-from esail_jax.simulation.results import join
 
 GUARD = 20.0
-"""Processor seconds after which a run is stopped, compiling excluded: what else the machine does changes
-nothing."""
+"""Processor seconds, without compiling, after which a run is stopped. Processor time does not depend on
+other programs on the machine."""
 
 FIXED_STEP = 0.1  # generalized-alpha's default [s]
 
 AT_LEAST = 1e-4
-"""Of its size is what something is said to range over: at rest only rounding would be left to compare."""
+"""A signal's range is taken to be at least this fraction of its magnitude. Otherwise a signal at rest
+would be compared with rounding errors."""
 
 VARIANTS = {
     "generalized-alpha": ("generalized-alpha", 1.0),
@@ -32,15 +32,16 @@ VARIANTS = {
     "generalized-alpha, finer": ("generalized-alpha", 0.25),
     "collocation, finer": ("collocation", 0.25),
 }
-"""Method, and part of the step. With a tolerance instead: a thousandth of the default."""
+"""Name of a variant, its method, and the factor of its step. A finer run with a tolerance uses 1e-12
+instead."""
 
 
 class OutOfTimeError(Exception):
-    """The guard's."""
+    """Raised in a run that exceeds GUARD."""
 
 
 def scene_of(case: Case, variant: str) -> esail.Scene:
-    """The scene of a case for one of `VARIANTS`."""
+    """Returns the scene of a case for one of `VARIANTS`."""
     method, part = VARIANTS[variant]
     settings = SMALL | case.settings | {"integrator.method": method}
     if method == "generalized-alpha":
@@ -59,56 +60,65 @@ def scene_of(case: Case, variant: str) -> esail.Scene:
 
 
 def measured(case: Case, variant: str) -> dict:
-    """Outcome and numbers of a run."""
+    """Makes a run and returns its outcome and numbers."""
     row = {"case": case.name, "method": variant}
     try:
-        prepared = with_start(prepare(scene_of(case, variant)), case.start)
+        scene = scene_of(case, variant)
+        run = esail.run(scene, start=start_of(scene, case.start))
     except SceneError as error:
         return row | {"outcome": "refused", "message": " ".join(str(error).split())}
-    march, pieces, message, outcome = march_of(prepared), [], "", "ran"
+    chunks, message, outcome = [], "", "ran"
     began = time.process_time()
     signal.signal(signal.SIGPROF, out_of_time)
     signal.setitimer(signal.ITIMER_PROF, GUARD)
     try:
-        for piece in march.pieces():
-            pieces.append(piece)
+        for chunk in run:
+            chunks.append(chunk)
     except esail.SimulationError as error:
         outcome, message = "gave up", " ".join(str(error).split())
     except OutOfTimeError:
-        outcome, message = "too slow", where(march)
+        outcome, message = "too slow", where(chunks)
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0.0)
     row |= {"outcome": outcome, "message": message, "run_s": time.process_time() - began}
-    row |= {"steps": march.steps, "repairs": march.repairs}
-    pieces = [piece for piece in pieces if len(piece.time)]
-    return row | (numbers(pieces) if pieces else {})
+    chunks = [chunk for chunk in chunks if len(chunk.time)]
+    return row | (numbers(chunks) if chunks else {"steps": 0})
 
 
 def out_of_time(*_) -> None:
+    """Raises OutOfTimeError; called by the timer."""
     raise OutOfTimeError
 
 
-def where(march) -> str:
-    """How far a run of collocation got, and with which step; of others the time."""
-    progress = getattr(march.carry, "progress", None)
-    if progress is None:
+def where(chunks: list) -> str:
+    """Returns a sentence with the time, steps and step size that a run has reached."""
+    chunks = [chunk for chunk in chunks if len(chunk.time)]
+    if not chunks:
         return ""
+    numerics = joined(chunks, "numerics")
     return (
-        f"at t = {float(progress.now.time):.4g} s after {float(progress.taken):.0f} steps and "
-        f"{float(progress.rejected):.0f} rejections, step {float(progress.h):.3g} s"
+        f"at t = {chunks[-1].reached:.4g} s after {numerics['steps'].sum():.0f} steps and "
+        f"{numerics['rejected_steps'].sum():.0f} rejections, step {numerics['last_step'][-1]:.3g} s"
     )
 
 
-def numbers(pieces: list) -> dict:
-    """Energy balance, constraints, steps and the end of what was seen."""
-    rows, numerics = join([piece.rows for piece in pieces]), join([piece.numerics for piece in pieces])
-    times = np.concatenate([piece.time for piece in pieces])
+def joined(chunks: list, part: str) -> dict[str, np.ndarray]:
+    """Returns the observables or the numerics of consecutive chunks in one."""
+    parts = [getattr(chunk, part) for chunk in chunks]
+    return {name: np.concatenate([x[name] for x in parts]) for name in parts[0]}
+
+
+def numbers(chunks: list) -> dict:
+    """Returns energy balance, constraint violation, steps and the final signals of a run."""
+    rows, numerics = joined(chunks, "observables"), joined(chunks, "numerics")
+    times = np.concatenate([chunk.time for chunk in chunks])
     energy = rows["kinetic_energy"] + rows["elastic_energy"]
     good = np.isfinite(energy)
     exchanged = (energy - energy[0], rows["external_work"], rows["dissipated_energy"])
-    weights = numerics.get("steps", np.ones(len(times)))
+    weights = numerics["steps"]
     tips, reactions = rows["tip_position_I"], rows["reaction_B"]
     return {
+        "steps": int(weights.sum()),
         "reached_s": float(times[good][-1]) if good.any() else 0.0,
         "finite": bool(np.isfinite(rows["energy_balance_error"]).all()),
         "energy_J": largest(energy),
@@ -118,7 +128,7 @@ def numbers(pieces: list) -> dict:
         "warning": run_warning(rows, numerics),
         "constraint_m": largest(numerics["constraint_violation"]),
         "iterations": float((weights * numerics["iterations_per_step"]).sum() / max(weights.sum(), 1)),
-        "rejected": float(numerics.get("rejected_steps", np.zeros(1)).sum()),
+        "rejected": float(numerics["rejected_steps"].sum()),
         "strain": largest(rows["max_axial_strain"]),
         "tips": tips[-1].tolist(),
         "tips_range": max(spread(tips), AT_LEAST * largest(tips)),
@@ -128,17 +138,17 @@ def numbers(pieces: list) -> dict:
 
 
 def largest(x: np.ndarray) -> float:
-    """Of the finite ones."""
+    """Returns the largest magnitude of the finite numbers."""
     return float(np.nanmax(np.abs(x), initial=0.0))
 
 
 def spread(x: np.ndarray) -> float:
-    """Largest range of a component."""
+    """Returns the largest range of a component."""
     return float(np.nanmax(np.nanmax(x, 0) - np.nanmin(x, 0), initial=0.0))
 
 
 def main() -> None:
-    """Jobs come as lines of JSON, [case, variant]; each is answered by its row."""
+    """Reads jobs, lines of JSON [case, variant], and prints a row for each."""
     cases = {case.name: case for case in GROUPS[sys.argv[1]]}
     for line in sys.stdin:
         name, variant = json.loads(line)

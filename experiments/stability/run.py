@@ -1,10 +1,10 @@
-"""Stiff and extreme sails by both methods: which run, refuse, give up, or end wrong without a word.
+"""Runs stiff and extreme sails by both methods, and records which succeed, fail, or are wrong silently.
 
     python experiments/stability/run.py                  # everything
     python experiments/stability/run.py base truss       # groups of cases.py
     python experiments/stability/run.py --case "EA x 1000"
 
-Writes cases.csv. Every group runs in a process of its own; what hangs is ended and recorded.
+Writes cases.csv. Every group runs in its own process; a run that hangs is stopped and recorded.
 """
 
 import argparse
@@ -22,12 +22,13 @@ from cases import GROUPS
 
 HERE = Path(__file__).parent
 HANG = 600.0
-"""Seconds without a word from a worker: its own guard, of processor time, and compiling fit in."""
+"""Seconds to wait for an answer of a worker; enough for its own guard, in processor time, and compiling."""
 
 PLAIN = ("generalized-alpha", "collocation")
 FINER = ("generalized-alpha, finer", "collocation, finer")
 DISAGREE = 1e-2
-"""Of a range: from there on a case is run again with finer steps by both methods."""
+"""Difference between the methods, relative to the range, above which a case is run again with finer
+steps."""
 
 COLUMNS = (
     "group", "case", "method", "outcome", "reached_s", "steps", "rejected", "repairs", "iterations",
@@ -37,20 +38,21 @@ COLUMNS = (
 
 
 class Worker:
-    """A process that does the runs of a group and keeps its compiled programs; begun anew after a hang."""
+    """A process that makes the runs of a group and keeps its compiled programs; it is restarted after a
+    hang."""
 
     def __init__(self, group: str):
         self.group, self.process = group, None
 
     def begin(self) -> None:
-        """A new process, its lines in a queue."""
+        """Starts a new process and a thread that puts its lines into a queue."""
         command = [sys.executable, str(HERE / "measure.py"), self.group]
         self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         self.lines: queue.Queue = queue.Queue()
         threading.Thread(target=listen, args=(self.process, self.lines), daemon=True).start()
 
     def row(self, name: str, method: str) -> dict:
-        """That of a run; a hang and a crash have rows, too."""
+        """Returns the row of a run; a hang and a crash have rows, too."""
         if self.process is None:
             self.begin()
         self.process.stdin.write(json.dumps([name, method]) + "\n")
@@ -68,7 +70,7 @@ class Worker:
         return row
 
     def end(self) -> None:
-        """Of the process, if there is one."""
+        """Ends the process, if there is one."""
         if self.process is not None:
             self.process.kill()
             self.process.wait()
@@ -76,14 +78,14 @@ class Worker:
 
 
 def listen(process: subprocess.Popen, lines: queue.Queue) -> None:
-    """A worker's lines, None at its end."""
+    """Puts a worker's lines into the queue, and None at its end."""
     for line in process.stdout:
         lines.put(line)
     lines.put(None)
 
 
 def group_done(group: str, names: list[str]) -> list[dict]:
-    """Rows of a group: both methods, and finer where they disagree."""
+    """Returns the rows of a group: both methods, with finer steps where they disagree."""
     worker = Worker(group)
     rows = [worker.row(name, method) for method in PLAIN for name in names]
     again = [name for name in names if disagree(rows, name)]
@@ -94,15 +96,15 @@ def group_done(group: str, names: list[str]) -> list[dict]:
     return [{"group": group, **row} for row in rows]
 
 
-def of(rows: list[dict], name: str, method: str) -> dict | None:
-    """The row of a run that came to its end."""
+def complete_row(rows: list[dict], name: str, method: str) -> dict | None:
+    """Returns the row of a complete run, None if there is none."""
     found = [r for r in rows if (r["case"], r["method"]) == (name, method) and r["outcome"] == "ran"]
     return found[0] if found and found[0]["finite"] else None
 
 
 def disagree(rows: list[dict], name: str) -> bool:
-    """Did both methods run and end apart, or is an energy balance off?"""
-    pair = [of(rows, name, method) for method in PLAIN]
+    """Tells whether both runs are complete and either differ at the end or have a warning."""
+    pair = [complete_row(rows, name, method) for method in PLAIN]
     if any(row is None for row in pair):
         return False
     off = [x for x in apart(*pair).values() if x is not None]
@@ -110,7 +112,7 @@ def disagree(rows: list[dict], name: str) -> bool:
 
 
 def apart(row: dict, other: dict) -> dict:
-    """Distance of the ends in parts of the range."""
+    """Returns the differences at the end, relative to the range."""
     found = {}
     for name in ("tips", "reactions"):
         size = max(row[f"{name}_range"], other[f"{name}_range"])
@@ -120,19 +122,19 @@ def apart(row: dict, other: dict) -> dict:
 
 
 def best_of(rows: list[dict], row: dict) -> dict | None:
-    """What a run is compared with: the finest collocation, and that with the other method."""
+    """Returns the reference of a run: the finest collocation run, for that run itself the next best one."""
     for method in ("collocation, finer", "collocation", "generalized-alpha, finer", "generalized-alpha"):
-        found = of(rows, row["case"], method)
+        found = complete_row(rows, row["case"], method)
         if found is not None and method != row["method"]:
             return found
     return None
 
 
 def judge(row: dict, other: dict | None) -> None:
-    """Complete a row: relative errors, and how it ended where its run came to an end.
+    """Adds relative errors to a row, and the outcome of a complete run.
 
-    warned: its energy balance or its step is off, and the package says so; off: it is apart from the
-    finest run, and nobody says so."""
+    warned: the package reports an error of the energy balance or too long a step; off: the run differs
+    from the finest run, and the package reports nothing."""
     if "balance_J" not in row:
         return
     row["of_exchanged"] = row["balance_J"] / row["exchanged_J"] if row["exchanged_J"] else 0.0
@@ -151,7 +153,7 @@ def judge(row: dict, other: dict | None) -> None:
 
 
 def write(rows: list[dict]) -> None:
-    """Into cases.csv; of the cases that were not run the old rows stay."""
+    """Writes cases.csv; cases that were not run keep their old rows."""
     path, done = HERE / "cases.csv", {row["case"] for row in rows}
     kept = []
     if path.exists():
@@ -166,12 +168,13 @@ def write(rows: list[dict]) -> None:
 
 
 def main() -> None:
+    """Runs the chosen groups and writes cases.csv after each of them."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("groups", nargs="*", metavar="group", help=", ".join(GROUPS))
-    parser.add_argument("--case", action="append", help="only these cases")
-    parser.add_argument("--jobs", type=int, default=2, help="workers at a time")
+    parser.add_argument("--case", action="append", help="run only this case; may be repeated")
+    parser.add_argument("--jobs", type=int, default=2, help="number of parallel workers")
     chosen = parser.parse_args()
     names = {
         group: [case.name for case in GROUPS[group] if not chosen.case or case.name in chosen.case]

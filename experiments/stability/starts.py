@@ -1,81 +1,67 @@
-"""Starts that no scene key describes: the tethers of a prepared scene laid out anew, turning rigidly."""
+"""Makes initial states that no scene key describes: another shape of the tethers, with rigid rotation."""
 
 import jax.numpy as jnp
 import numpy as np
 
+import esail_jax as esail
 from esail_jax.coordinates import Coordinates
-from esail_jax.simulation import blocks, entry
-from esail_jax.simulation.prepare import Prepared
+from esail_jax.scenes.build import build_jitted
+from esail_jax.scenes.method_choice import with_method
+from esail_jax.scenes.structure import split
+from esail_jax.steppers.stepper import Point
+from esail_jax.system import Power, System
 
 
-def with_start(prepared: Prepared, start: str) -> Prepared:
-    """The prepared scene with another start: "short 0.9", "arc 180" or "inwards 5"."""
+def start_of(scene: esail.Scene, start: str) -> Point | None:
+    """Returns the initial state "short 0.9", "arc 180" or "inwards 5" of a scene; None for the scene's
+    own."""
     if not start:
-        return prepared
+        return None
     kind, number = start.split()
-    system = prepared.problem.system
-    q, v = state_of(prepared)
-    q, v = {"short": shortened, "arc": bent, "inwards": moving}[kind](prepared, q, v, float(number))
-    zero = jnp.zeros(())
+    model = build_jitted(*split(with_method(scene)))
+    system, zero = model.system, jnp.zeros(())
+    # X_B is the spin axis.
+    omega = system.rotation(zero, model.q)[:, 0] * scene.initial.spin_rate
+    shape = {"short": shortened, "arc": bent, "inwards": moving}[kind]
+    q, v = shape(system, model.q, model.v, omega, float(number))
     q, v = system.place_roots(zero, q), system.place_roots(zero, v, derivative=1)
-    return prepared._replace(carry=carry_of(prepared, q, v))
+    return Point(zero, q, v, Power(zero, zero), jnp.asarray(True))
 
 
-def state_of(prepared: Prepared) -> tuple[Coordinates, Coordinates]:
-    """Where the run would start."""
-    carry = prepared.carry
-    state = carry.state if isinstance(carry, entry.Carry) else carry.seen
-    return state.q, state.v
+def rotating(omega: jnp.ndarray, tether: jnp.ndarray) -> jnp.ndarray:
+    """Returns the velocities of nodal vectors that rotate with the hub; omega: angular velocity in I
+    [rad/s]."""
+    return jnp.moveaxis(jnp.cross(omega, jnp.moveaxis(tether, 1, -1)), -1, 1)
 
 
-def carry_of(prepared: Prepared, q: Coordinates, v: Coordinates):
-    """What the method of a run starts with."""
-    system = prepared.problem.system
-    if not prepared.collocated:
-        return entry.starting_carry(q, v, system)
-    progress = prepared.problem.method.start(system, jnp.zeros(()), q, v)
-    energy = blocks.observables.kinetic_energy(system, v) + blocks.observables.elastic_energy(system, q)
-    return blocks.Carry(progress, energy, progress.now, progress.taken)
-
-
-def omega_of(prepared: Prepared) -> jnp.ndarray:
-    """Angular velocity of the start in I [rad/s]; X_B is the spin axis."""
-    axis = prepared.problem.system.rotation(jnp.zeros(()), state_of(prepared)[0])[:, 0]
-    return axis * prepared.scene.initial.spin_rate
-
-
-def turning(prepared: Prepared, tether: jnp.ndarray) -> jnp.ndarray:
-    """Velocities of nodal vectors that turn with the hub."""
-    return jnp.moveaxis(jnp.cross(omega_of(prepared), jnp.moveaxis(tether, 1, -1)), -1, 1)
-
-
-def shortened(prepared: Prepared, q: Coordinates, v: Coordinates, part: float):
-    """Straight tethers compressed to a part of their start's length."""
+def shortened(system: System, q: Coordinates, v: Coordinates, omega: jnp.ndarray, part: float):
+    """Returns straight tethers that are compressed to a part of their initial length."""
     root = q.tether[:1, :, :1]
     tether = part * q.tether
     tether = tether.at[0].add((1.0 - part) * root[0])
-    return q._replace(tether=tether), v._replace(tether=turning(prepared, tether))
+    return q._replace(tether=tether), v._replace(tether=rotating(omega, tether))
 
 
-def bent(prepared: Prepared, q: Coordinates, v: Coordinates, degrees: float):
-    """Unstretched arcs in the spin plane that leave their roots radially and turn by `degrees` in all."""
-    tethers = prepared.problem.system.tethers
+def bent(system: System, q: Coordinates, v: Coordinates, omega: jnp.ndarray, degrees: float):
+    """Returns unstretched arcs of `degrees` in the spin plane, radial at their roots."""
+    tethers = system.tethers
     root, total = q.tether[0, :, 0], np.deg2rad(degrees)
     length = jnp.broadcast_to(tethers.element_length, (tethers.elements, tethers.count)).sum(0)
     outward = q.tether[0, :, -1] - root
     outward = outward / jnp.linalg.norm(outward, axis=0)
-    axis = prepared.problem.system.rotation(jnp.zeros(()), q)[:, 0]
+    axis = system.rotation(jnp.zeros(()), q)[:, 0]
     sideways = jnp.cross(axis, outward.T).T
     turn = total * jnp.linspace(0.0, 1.0, tethers.elements + 1)[:, None]
     x, y = length / total * jnp.sin(turn), length / total * (1.0 - jnp.cos(turn))
     position = root[:, None] + outward[:, None] * x + sideways[:, None] * y
     slope = outward[:, None] * jnp.cos(turn) + sideways[:, None] * jnp.sin(turn)
     tether = jnp.stack([position, slope][: tethers.coefs])
-    return q._replace(tether=tether), v._replace(tether=turning(prepared, tether))
+    return q._replace(tether=tether), v._replace(tether=rotating(omega, tether))
 
 
-def moving(prepared: Prepared, q: Coordinates, v: Coordinates, speed: float):
-    """Tethers shrinking evenly, their tips at `speed` [m/s] towards the root."""
+def moving(system: System, q: Coordinates, v: Coordinates, omega: jnp.ndarray, speed: float):
+    """Returns tethers with a uniform rate of contraction; the tips move at `speed` [m/s] towards the
+    root."""
     offset = q.tether.at[0].add(-q.tether[0, :, :1])
     reach = jnp.linalg.norm(offset[0, :, -1], axis=0)
     return q, v._replace(tether=v.tether - speed * offset / reach)

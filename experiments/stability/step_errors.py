@@ -1,9 +1,9 @@
-"""What fixed steps of generalized-alpha are said to be off by, beside what they are off by.
+"""Compares estimated and true errors of fixed steps of generalized-alpha.
 
     python experiments/stability/step_errors.py                  # all groups; rewrites step_errors.csv
     python experiments/stability/step_errors.py base truss       # groups of cases.py
 
-The truth is collocation's run: largest difference over all saved instants, in parts of the range.
+The true error is the largest difference from collocation over all saved instants, relative to the range.
 """
 
 import csv
@@ -13,15 +13,12 @@ from pathlib import Path
 
 import numpy as np
 from cases import GROUPS, Case
-from measure import AT_LEAST, GUARD, OutOfTimeError, largest, out_of_time, scene_of, spread
-from starts import with_start
+from measure import AT_LEAST, GUARD, OutOfTimeError, joined, largest, out_of_time, scene_of, spread
+from starts import start_of
 
 import esail_jax as esail
 from esail_jax.observables.balance import balance_warning
 from esail_jax.observables.run_warning import STEP_ERRORS, WARN_ABOVE
-from esail_jax.simulation.march import march_of
-from esail_jax.simulation.prepare import prepare
-from esail_jax.simulation.results import join
 
 PATH = Path(__file__).with_name("step_errors.csv")
 SIGNALS = dict(zip(("tip_position_I", "reaction_B"), STEP_ERRORS, strict=True))
@@ -37,25 +34,28 @@ COLUMNS = (
 )
 
 RIGHT, OFF = 1e-3, 1e-2
-"""Parts of the range: below the first nothing should be said, above the second something must."""
+"""Errors relative to the range: below RIGHT a warning is false, from OFF on a missing warning is an
+error."""
 
 
 def rows_of(case: Case, variant: str) -> tuple[dict, dict] | None:
-    """Observables and numerics of a run, None if it does not come to its end."""
-    prepared, pieces = with_start(prepare(scene_of(case, variant)), case.start), []
+    """Returns observables and numerics of a run, None if it fails or is too slow."""
+    scene = scene_of(case, variant)
+    run = esail.run(scene, start=start_of(scene, case.start))
     signal.signal(signal.SIGPROF, out_of_time)
     signal.setitimer(signal.ITIMER_PROF, GUARD)
     try:
-        pieces = [piece for piece in march_of(prepared).pieces() if len(piece.time)]
+        chunks = [chunk for chunk in run if len(chunk.time)]
     except (esail.SimulationError, OutOfTimeError):
         return None
     finally:
         signal.setitimer(signal.ITIMER_PROF, 0.0)
-    return join([piece.rows for piece in pieces]), join([piece.numerics for piece in pieces])
+    return joined(chunks, "observables"), joined(chunks, "numerics")
 
 
 def compared(case: Case) -> dict | None:
-    """Estimate and truth, as far as there are both."""
+    """Returns estimates and, if collocation succeeds, true errors of a case; None if generalized-alpha
+    fails."""
     run, true = (rows_of(case, method) for method in ("generalized-alpha", "collocation"))
     if run is None:
         return None
@@ -70,7 +70,7 @@ def compared(case: Case) -> dict | None:
 
 
 def verdict(row: dict) -> str:
-    """Is the warning right, missed or false?"""
+    """Returns whether the warning is right, missed or false."""
     warned = not max(row["tips_estimate"], row["forces_estimate"]) <= WARN_ABOVE
     if "tips" not in row:
         return "warned, truth unknown" if warned else "truth unknown"
@@ -81,6 +81,7 @@ def verdict(row: dict) -> str:
 
 
 def main() -> None:
+    """Measures the chosen groups and writes step_errors.csv."""
     rows = []
     for group in sys.argv[1:] or GROUPS:
         for case in GROUPS[group]:

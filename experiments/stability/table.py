@@ -1,6 +1,6 @@
-"""The README's table, made from cases.csv.
+"""Makes the README's tables from cases.csv.
 
-python experiments/stability/table.py    # rewrites what stands between the markers in README.md
+python experiments/stability/table.py    # rewrites the text between the markers in README.md
 """
 
 import csv
@@ -25,12 +25,12 @@ HEAD = (
 
 
 def digits(text: str, form: str = "{:.0e}") -> str:
-    """A number with few digits, a dash where there is none."""
+    """Returns a number with few digits, or a dash if there is none."""
     return form.format(float(text)) if text else "-"
 
 
 def cells(row: dict | None) -> list[str]:
-    """Of one run. Rejected steps and repairs stand behind the steps."""
+    """Returns the cells of one run. Rejected steps and repairs follow the steps after a +."""
     if row is None or row["outcome"] == "refused":
         return ["-" if row is None else "refused", "", "", "", ""]
     extra = float(row["rejected"] or 0) + float(row["repairs"] or 0)
@@ -43,7 +43,7 @@ def cells(row: dict | None) -> list[str]:
 
 
 def table(rows: list[dict]) -> str:
-    """One line per case: both methods, and how far apart they end."""
+    """Returns the table with a row per case: both methods, and their difference at the end."""
     head = (*HEAD, "tips apart", "reactions apart")
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     for name in dict.fromkeys(row["case"] for row in rows):
@@ -55,7 +55,7 @@ def table(rows: list[dict]) -> str:
 
 
 def finer(rows: list[dict]) -> str:
-    """The runs with finer steps, beside the plain ones."""
+    """Returns the table of the runs with finer steps, beside the default ones."""
     head = ("case", *(f"{m}, {what}" for m in METHODS for what in ("tips", "reactions", "balance")))
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     for name in dict.fromkeys(row["case"] for row in rows if row["method"].endswith("finer")):
@@ -70,7 +70,7 @@ def finer(rows: list[dict]) -> str:
 
 
 def main() -> None:
-    """Put the tables in their places."""
+    """Writes the tables into README.md."""
     with (HERE / "cases.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     path = HERE / "README.md"

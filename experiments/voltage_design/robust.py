@@ -1,8 +1,8 @@
-"""The torque design under gusts and with uncertain tether lengths, checked on draws it has not seen.
+"""Designs the torque problem for gusts and uncertain tether lengths, and checks it on other draws.
 
 python experiments/voltage_design/robust.py    # after run.py torque
 
-Writes robust.csv, robust.toml, robust.png.
+Writes robust.csv, robust.toml and robust.png.
 """
 
 import csv
@@ -21,10 +21,10 @@ from esail_jax.scenes.scene import Scene, to_toml
 HERE = Path(__file__).parent
 TETHERS, LENGTH = 12, 10e3
 LENGTH_ERROR = 0.005
-"""Standard deviation of a tether's length, over the length: 50 m."""
+"""Standard deviation of a tether's length, relative to the length: 50 m."""
 
 SEEN, HELD_OUT = 12, 16
-"""Draws that the design is made with, and draws that it is checked on."""
+"""Number of draws of the design, and of the check."""
 
 ITERATIONS = 6
 NUMBERS = ("mean-torque", "thrust")
@@ -32,8 +32,10 @@ WIND = ("speed", "number_density")
 
 
 def draws(first: int, count: int) -> dict[str, np.ndarray]:
-    """Winds in time and tether lengths for seeds from `first`: Ornstein-Uhlenbeck processes for the
-    logarithms of speed (5 %) and number density (30 %), correlated over 600 s; normal errors of lengths."""
+    """Returns time series of the wind and tether lengths for `count` seeds from `first`.
+
+    The logarithms of speed (5 %) and number density (30 %) are Ornstein-Uhlenbeck processes, correlated
+    over 600 s; the errors of lengths are normal."""
     seeds = range(first, first + count)
     winds = [gusty_wind(seed, TURN) for seed in seeds]
     errors = np.stack([np.random.default_rng((seed, 1)).normal(size=TETHERS) for seed in seeds])
@@ -42,7 +44,7 @@ def draws(first: int, count: int) -> dict[str, np.ndarray]:
 
 
 def sail() -> Scene:
-    """That of `torque`, in a wind that may change at the instants of the gusts."""
+    """Returns the scene of `torque` in a constant wind that is given at the instants of the gusts."""
     steady = esail.load_scene("baseline", TORQUE)
     instants = gusty_wind(0, TURN)["time"]
     series = {f"solar_wind.{key}": [getattr(steady.solar_wind, key)] * len(instants) for key in WIND}
@@ -50,7 +52,7 @@ def sail() -> Scene:
 
 
 def measured(scene: Scene, circumstances: dict[str, np.ndarray]) -> np.ndarray:
-    """NUMBERS of a run in every circumstance (draw, number)."""
+    """Simulates the scene in every circumstance and returns NUMBERS (draw, number)."""
     rows = []
     for i in range(len(circumstances["tethers.length"])):
         run = esail.simulate(scene, {key: x[i].tolist() for key, x in circumstances.items()})
@@ -59,15 +61,15 @@ def measured(scene: Scene, circumstances: dict[str, np.ndarray]) -> np.ndarray:
 
 
 def summary(name: str, mesh: str, found: np.ndarray, constant: np.ndarray) -> tuple:
-    """A row of robust.csv: means and largest of the torque squared, its mean over that of constant voltage,
-    and the least thrust over that in the same wind."""
+    """Returns a row of robust.csv: mean and largest squared torque, reduction of the mean relative to
+    constant voltage, and the least thrust relative to constant voltage in the same wind."""
     torque, before = found[:, 0], constant[:, 0]
     kept = (found[:, 1] / constant[:, 1]).min()
     return (name, mesh, torque.mean(), torque.max(), before.mean() / torque.mean(), kept)
 
 
 def draw(found: dict[str, np.ndarray]) -> Figure:
-    """Mean torque by held-out draw."""
+    """Draws the mean torque of every draw of the check."""
     figure = Figure(figsize=(7.0, 4.0), layout="constrained")
     axis = figure.subplots()
     order = np.argsort(found["constant"][:, 0])
@@ -83,7 +85,7 @@ def draw(found: dict[str, np.ndarray]) -> Figure:
 
 
 def main() -> None:
-    """Design, check, write."""
+    """Designs, checks, writes."""
     began = time.perf_counter()
     scene = sail()
     weights = {"mean-torque": 1.0, "thrust": 1.0}
@@ -124,7 +126,7 @@ def main() -> None:
 
 
 def scene_in_calm() -> Scene:
-    """The sail in the mean wind."""
+    """Returns the sail of `torque` in the mean wind."""
     return esail.load_scene("baseline", TORQUE)
 
 

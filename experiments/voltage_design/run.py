@@ -1,10 +1,10 @@
-"""Voltage designs on the baseline sail, each checked on a finer one.
+"""Designs voltages for the baseline sail and checks them on a finer mesh.
 
     python experiments/voltage_design/run.py [torque] [switch-on] [--check]    # some minutes each
 
-Writes results.csv, <design>.png, <design>.toml; --check: results.csv of the designs that are there. Beside
-each design stands what needs none: the first harmonic of the published planar-cone law, and a smooth step
-as long as the designed one.
+Writes results.csv, <design>.png and <design>.toml; --check only measures the designs in <design>.toml
+again. Each design is compared with a known control that is not optimised: the first harmonic of the
+published planar-cone law, and a smooth step as long as the designed one.
 """
 
 import csv
@@ -25,11 +25,10 @@ from esail_jax.scenes.scene import to_toml
 HERE = Path(__file__).parent
 TURN = 2.0 * np.pi / 4e-3  # s, one spin period
 FINER = 2
-"""Times the elements, with a hundredth of the tolerance: half the step."""
+"""Factor of the number of elements in the check; the tolerance is a hundredth, which halves the step."""
 
 COARSE = 1e-7
-"""Tolerance while designing."""
-
+"""Tolerance of the runs of a design."""
 
 TORQUE = {
     "integrator.t_end": TURN, "output.interval": TURN / 100, "integrator.tolerance": COARSE,
@@ -37,17 +36,18 @@ TORQUE = {
     "voltage.maximum": 40e3,
 }  # fmt: skip
 WAVES = {f"voltage.{name}": Variable([0.0, 0.0], 0.1) for name in ("cosine", "sine")}
-"""One turn at 10 deg with two harmonics of the spin phase, and what is chosen of them."""
+"""Variables of `torque`, one turn at 10 deg: the amplitudes of two harmonics of the spin phase."""
 
 
 def torque() -> Design:
-    """No mean torque across the spin axis at 10 deg, with the thrust kept."""
+    """Returns the problem: no mean torque across the spin axis at 10 deg, without loss of thrust."""
     return Design(esail.load_scene("baseline", TORQUE), {"mean-torque": 1.0, "thrust": 1.0}, WAVES)
 
 
 def planar_cone_harmonic(scene: esail.Scene) -> dict[str, list[float]]:
-    """First harmonic of the published law of the planar cone, sigma = sigma_bar (1 - x cos phi)^-3, for the
-    cone of rigid tethers that V_0 holds:
+    """Returns the first harmonic of the published planar-cone law, sigma = sigma_bar (1 - x cos phi)^-3.
+
+    The cone is that of rigid tethers at V_0:
 
     a_1 = 3 x (V_0 - V_1) / V_0,  x = tan alpha tan Lambda,
     sin Lambda = sigma_bar L^2 cos alpha / (2 I omega_0^2).
@@ -64,13 +64,14 @@ def planar_cone_harmonic(scene: esail.Scene) -> dict[str, list[float]]:
 
 
 def smooth_step(scene: esail.Scene) -> dict[str, list[float]]:
-    """The table of a switch-on without design: up along the smooth step over the designed time."""
+    """Returns the table of a switch-on without optimisation: a smooth step over the same time."""
     time = np.asarray(scene.voltage.time)
     return {"voltage.table": np.asarray(voltage.smooth_step(time / time[-1])).tolist()}
 
 
 def switch_on() -> Design:
-    """No lagging and no swing of the spin rate after switching on towards the Sun."""
+    """Returns the problem: switch on, facing the Sun, without variations of lagging, spin rate and
+    coning."""
     knots = np.linspace(0.0, TURN / 2, 17)
     overrides = {
         "integrator.t_end": TURN, "output.interval": TURN / 100, "integrator.tolerance": COARSE,
@@ -83,26 +84,26 @@ def switch_on() -> Design:
 
 
 DESIGNS = {"torque": (torque, 6, planar_cone_harmonic), "switch-on": (switch_on, 30, smooth_step)}
-"""Problems, iterations at most, and what needs no design."""
+"""Problem, largest number of iterations, and known control of every design."""
 
 NUMBERS = {"torque": ("mean-torque", "thrust"), "switch-on": ("lagging", "spin", "coning", "thrust")}
-"""What is measured of each."""
+"""Objectives that are measured for every design."""
 
 
 def finer(scene: esail.Scene) -> esail.Scene:
-    """The scene with a finer mesh and shorter steps."""
+    """Returns the scene with a finer mesh and shorter steps."""
     elements = FINER * scene.tethers.elements
     return scene.replace({"tethers.elements": elements, "integrator.tolerance": COARSE / 100})
 
 
 def plain(scene: esail.Scene) -> esail.Scene:
-    """With constant voltage."""
+    """Returns the scene with constant voltage."""
     law = {f"voltage.{x}": None for x in vars(scene.voltage) if x not in ("value", "law")}
     return scene.replace(law | {"voltage.law": "constant"})
 
 
 def designed(name: str) -> None:
-    """Design; write the scene and the figure."""
+    """Solves a design problem; writes the scene and the figure."""
     make, count, _ = DESIGNS[name]
     problem, began = make(), time.perf_counter()
     states = []
@@ -120,7 +121,8 @@ def designed(name: str) -> None:
 
 
 def checked(name: str) -> list[tuple]:
-    """Rows of results.csv: constant voltage, what needs no design, and the design, on both meshes."""
+    """Returns rows of results.csv: constant voltage, the known control, the design, and both on a finer
+    mesh."""
     best = esail.load_scene(HERE / f"{name}.toml")
     known = best.replace(DESIGNS[name][2](best))
     found = [measured(scene) for scene in (plain(best), known, best)]
@@ -129,14 +131,14 @@ def checked(name: str) -> list[tuple]:
 
 
 def measured(scene: esail.Scene) -> dict[str, float]:
-    """The numbers of a scene's run."""
+    """Simulates a scene and returns all objectives of NUMBERS."""
     run = esail.simulate(scene)
     kinds = {kind for several in NUMBERS.values() for kind in several}
     return {name: float(x) for name, x in objectives.values(run, tuple(kinds)).items()}
 
 
 def main(names: list[str]) -> None:
-    """Design unless told to check only, check, write."""
+    """Solves the named designs (not with --check), checks them, writes results.csv."""
     only_check, rows = "--check" in names, []
     for name in [name for name in names if name != "--check"] or list(DESIGNS):
         if not only_check:

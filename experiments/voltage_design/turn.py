@@ -1,9 +1,10 @@
-"""Turning the spin axis by 5 deg, to larger sailing angles, in the shortest time.
+"""Turns the spin axis by 5 deg, to larger sailing angles, in the shortest time.
 
 python experiments/voltage_design/turn.py    # writes turn.csv, turn-voltages.csv, turn.png
 
-Voltages lie in [0, 40 kV]; 20 kV without modulation. Every control is flown open loop as a table in time,
-but for the laws of the spin phase and of attitude feedback, which look at the hub.
+Voltages are limited to [0, 40 kV]; they are 20 kV without modulation. Every control is open loop, a table
+in time, except the laws of the spin phase and of attitude feedback, which measure the hub. "All or
+nothing" is bang-bang control.
 """
 
 import csv
@@ -18,44 +19,45 @@ import esail_jax as esail
 from esail_jax.constants import PROTON_MASS, THRUST_FACTOR, VACUUM_PERMITTIVITY
 from esail_jax.design import Design, Variable, plane_normals
 from esail_jax.scenes.scene import Scene
-from esail_jax.simulation.simulate import Solution
 
 HERE = Path(__file__).parent
 SPIN, VOLTS, MAXIMUM = 4e-3, 20e3, 40e3
 START, ANGLE = 10.0, 5.0
-"""Sailing angle at the start, and by how much the axis turns [deg]."""
+"""Sailing angle at the start, and the wanted change of it [deg]."""
 
 KNOTS = 24
-"""Of the tables, per turn: straight lines between."""
+"""Knots of the tables per turn; voltages are linear between knots."""
 
 LONGEST, SAVED = 4.0, 40
-"""Turns that controls may take, and saved instants per turn."""
+"""Largest number of turns of a control, and saved instants per turn."""
 
 REST = 0.5
-"""Turns at V_0 after the control, over which the spin plane is measured: nutation, which goes round twice a
-turn, counts as a miss, and not as part of the way."""
+"""Turns at V_0 after the control, over which the spin plane is averaged. Nutation has two periods per
+turn, so it counts as an error and not as progress towards the target."""
 
 CALM = 1e-6
-"""Weight of the hub's swing: enough to be noticed, too little to slow the turn."""
+"""Weight of the hub's swing: large enough to have an effect, too small to slow the turn."""
 
 ITERATIONS = 25
 
 TIMES = (1.02,)
-"""Designed for these parts of the time in which all or nothing turns the sail."""
+"""Durations of the designs, relative to the time that bang-bang control needs."""
 
 
 def sail(turns: float, overrides: dict) -> Scene:
-    """The baseline for some turns."""
+    """Returns the baseline for some turns."""
     times = {"integrator.t_end": turns * TURN, "output.interval": TURN / SAVED}
     return esail.load_scene("baseline", times | {"integrator.tolerance": COARSE} | overrides)
 
 
-# ---- what a rigid sail could do -------------------------------------------------------------------
+# ---- the limit of a rigid sail ---------------------------------------------------------------------
 
 
 def rigid_sail() -> tuple[float, float]:
-    """H = N I omega [N m s], I = (m_tip + m / 3) L^2, and N M [N m], where M = sigma u cos alpha L^2 / 2 is
-    the moment of a tether's thrust at MAXIMUM, of a flat rigid sail. alpha: in the middle of the way."""
+    """Returns H = N I omega [N m s] and N M [N m] of a flat rigid sail with N tethers.
+
+    I = (m_tip + m / 3) L^2; M = sigma u cos alpha L^2 / 2 is the moment of a tether's thrust at MAXIMUM;
+    alpha is the mean of the initial and the wanted sailing angle."""
     scene = sail(1.0, {})
     tethers, wind, length = scene.tethers, scene.solar_wind, scene.tethers.length
     inertia = (scene.remote_units.mass + tethers.density * tethers.area * length / 3.0) * length**2
@@ -67,15 +69,17 @@ def rigid_sail() -> tuple[float, float]:
 
 
 def rigid_turns(wave: float) -> float:
-    """Turns that the rigid sail needs, H angle / (N M wave); wave: mean over the phase of sin phi times the
-    thrust over its largest."""
+    """Returns the turns that the rigid sail needs, H angle / (N M wave).
+
+    wave: mean over the phase of sin phi times thrust / largest thrust."""
     momentum, moment = rigid_sail()
     return momentum * np.deg2rad(ANGLE) / (moment * wave) / TURN
 
 
 def waves() -> dict[str, float]:
-    """`wave` of all or nothing, 1 / pi, and of the largest first harmonic within the limits, less what the
-    cutoff voltage takes, by quadrature."""
+    """Returns `wave` of bang-bang control, 1 / pi, and of the largest first harmonic within the limits.
+
+    The second is computed by quadrature, including the loss by the cutoff voltage."""
     phase = np.linspace(0.0, 2.0 * np.pi, 3601)[:-1]
     cutoff = float(sail(1.0, {}).solar_wind.cutoff_voltage)
     thrust = np.maximum(VOLTS * (1.0 + np.sin(phase)) - cutoff, 0.0) / (MAXIMUM - cutoff)
@@ -86,19 +90,21 @@ def waves() -> dict[str, float]:
 
 
 def instants(turns: float) -> np.ndarray:
-    """Knots of a table [s], evenly spaced."""
+    """Returns evenly spaced knots of a table [s]."""
     return np.linspace(0.0, turns * TURN, round(KNOTS * turns) + 1)
 
 
 def phase_table(knots: np.ndarray, amplitude: float) -> np.ndarray:
-    """1 + b cos(omega_0 t + 2 pi i / N), limited: tethers on the side towards Y_B(0) pull more, and turn
-    the angular momentum, which is along X_B, to larger sailing angles."""
+    """Returns 1 + b cos(omega_0 t + 2 pi i / N), limited to [0, MAXIMUM / VOLTS].
+
+    Tethers on the side towards Y_B(0) have more thrust and turn the angular momentum, which is along X_B,
+    to larger sailing angles."""
     azimuth = SPIN * knots[:, None] + 2.0 * np.pi * np.arange(12) / 12
     return np.clip(1.0 + amplitude * np.cos(azimuth), 0.0, MAXIMUM / VOLTS)
 
 
 def table_law(knots: np.ndarray, table: np.ndarray) -> dict:
-    """Overrides: a table, and V_0 a knot after its end."""
+    """Returns overrides for a table that is followed by V_0, one knot later."""
     after = knots[-1] + TURN / KNOTS
     return {
         "voltage.law": "piecewise-linear", "voltage.maximum": MAXIMUM,
@@ -108,7 +114,7 @@ def table_law(knots: np.ndarray, table: np.ndarray) -> dict:
 
 
 def known_controls() -> dict[str, dict]:
-    """Overrides of controls that need no design."""
+    """Returns overrides of the known controls, which are not optimised."""
     knots = instants(LONGEST)
     harmonic = {"voltage.law": "harmonic", "voltage.maximum": MAXIMUM, "voltage.cosine": [0.0]}
     feedback = {
@@ -126,32 +132,35 @@ def known_controls() -> dict[str, dict]:
     }
 
 
-# ---- what they do ---------------------------------------------------------------------------------
+# ---- results of controls --------------------------------------------------------------------------
 
 
-def turned(run: Solution) -> np.ndarray:
-    """Angles [deg] of the spin plane's normal from its start along the way, and off it (instant, 2)."""
+def turned(run: esail.Solution) -> np.ndarray:
+    """Returns angles [deg] of the spin plane's normal from its start, towards the target and across
+    (instant, 2)."""
     normal = np.asarray(plane_normals(run)) @ run["rotation_IB"][0]
     return np.rad2deg(np.stack([np.arctan2(-normal[:, 2], normal[:, 0]), np.arcsin(normal[:, 1])], axis=1))
 
 
-def turned_in_the_mean(run: Solution) -> tuple[np.ndarray, np.ndarray]:
-    """Instants, and `turned` averaged over half a turn about them, which takes the nutation out."""
+def turned_in_the_mean(run: esail.Solution) -> tuple[np.ndarray, np.ndarray]:
+    """Returns instants [s], and `turned` averaged over half a turn about them; the mean removes the
+    nutation."""
     window = np.ones(SAVED // 2 + 1)
     window[[0, -1]] = 0.5
     mean = np.stack([np.convolve(x, window / window.sum(), "valid") for x in turned(run).T], axis=1)
     return np.asarray(run.time)[SAVED // 4 : -(SAVED // 4)], mean
 
 
-def swing(run: Solution) -> np.ndarray:
-    """Angle of the hub's axis from the spin plane's normal [deg]."""
+def swing(run: esail.Solution) -> np.ndarray:
+    """Returns the angle between the hub's axis and the spin plane's normal [deg]."""
     apart = np.linalg.norm(run["rotation_IB"][:, :, 0] - np.asarray(plane_normals(run)), axis=1)
     return np.rad2deg(2.0 * np.arcsin(0.5 * apart))
 
 
-def flown(name: str, run: Solution) -> tuple:
-    """A row of turn.csv of a control that goes on: the turns after which ANGLE is reached (nan: never), and
-    what is so there or at the end."""
+def flown(name: str, run: esail.Solution) -> tuple:
+    """Returns the row of turn.csv of a control that does not stop.
+
+    It has the number of turns until ANGLE is reached (nan: never), and the state there, or at the end."""
     time, mean = turned_in_the_mean(run)
     over = np.flatnonzero(mean[:, 0] >= ANGLE)
     end, needed = time[-1], np.nan
@@ -164,9 +173,11 @@ def flown(name: str, run: Solution) -> tuple:
     return name, "5", float(needed), along, off, np.nan, float(largest), np.nan
 
 
-def stopped(name: str, elements: int, turns: float, run: Solution) -> tuple:
-    """A row of turn.csv of a control that ends after some turns: mean of the spin plane over REST from then
-    on, how far it swings about that mean, and how far the hub swings until then and after."""
+def stopped(name: str, elements: int, turns: float, run: esail.Solution) -> tuple:
+    """Returns the row of turn.csv of a control that ends after some turns.
+
+    It has the mean of the spin plane's normal over REST from then on, the largest distance from that mean
+    (nutation), and the largest swing of the hub before and after the end of the control."""
     time = np.asarray(run.time)
     after = time >= turns * TURN - 1e-6
     angles, rest = turned(run)[after], time[after]
@@ -181,10 +192,10 @@ HEAD = "control elements turns along_deg off_deg nutation_deg hub_swing_deg hub_
 
 
 def controlled(turns: float, table: np.ndarray) -> Scene:
-    """A table over some turns, then V_0 for REST."""
+    """Returns the scene with a table over some turns, then V_0 for REST."""
     law = table_law(np.linspace(0.0, turns * TURN, len(table)), table)
     count = round(SAVED * turns)
-    # Saved instants that meet the control's end.
+    # Makes the end of the control a saved instant.
     law |= {"integrator.t_end": (turns + REST) * TURN, "output.interval": turns * TURN / count}
     return sail(turns + REST, law)
 
@@ -193,8 +204,11 @@ def controlled(turns: float, table: np.ndarray) -> Scene:
 
 
 def problem(turns: float) -> Design:
-    """The spin plane as near as possible to its target, and at rest, over REST after the control. It starts
-    from nine tenths of the largest first harmonic; V_0 after the control's end is not chosen."""
+    """Returns the design problem: the spin plane close to its target, and at rest, over REST after the
+    control.
+
+    The optimisation starts from nine tenths of the largest first harmonic; V_0 after the control is
+    fixed."""
     scene = controlled(turns, phase_table(instants(turns), 0.9))
     table = np.asarray(scene.voltage.table)
     lower, upper = np.zeros(table.shape), np.full(table.shape, MAXIMUM / VOLTS)
@@ -204,7 +218,7 @@ def problem(turns: float) -> Design:
 
 
 def design(turns: float) -> np.ndarray:
-    """The designed table, without its last row."""
+    """Solves the design problem and returns its table, without the last row."""
     began, found = time.perf_counter(), problem(turns)
     states = []
     for state in found.optimise(ITERATIONS):
@@ -214,8 +228,8 @@ def design(turns: float) -> np.ndarray:
     return np.asarray(found.scene_at(states[-1].x[0]).voltage.table)[:-1]
 
 
-def draw(runs: dict[str, Solution], table: np.ndarray, turns: float) -> Figure:
-    """The way of the spin plane's normal, the hub's swing, and the designed voltages."""
+def draw(runs: dict[str, esail.Solution], table: np.ndarray, turns: float) -> Figure:
+    """Draws the angle of the spin plane's normal, the hub's swing, and the designed voltages."""
     figure = Figure(figsize=(12.0, 4.0), layout="constrained")
     way, hub, volts = figure.subplots(1, 3)
     for name, run in runs.items():
@@ -224,7 +238,7 @@ def draw(runs: dict[str, Solution], table: np.ndarray, turns: float) -> Figure:
         hub.plot(at, swing(run), lw=1.0)
     way.axhline(ANGLE, color="k", ls=":", lw=0.8)
     way.set_ylabel("spin plane turned by [deg]")
-    way.set_ylim(-0.3, 1.5 * ANGLE)  # a hub that tumbles turns the normal's side with it
+    way.set_ylim(-0.3, 1.5 * ANGLE)  # when the hub tumbles, the normal changes its side
     way.legend(fontsize=6)
     hub.set_ylabel("hub's axis from the spin plane's normal [deg]")
     hub.set_yscale("log")
@@ -239,7 +253,7 @@ def draw(runs: dict[str, Solution], table: np.ndarray, turns: float) -> Figure:
 
 
 def main() -> None:
-    """Fly what is known, design, check, write."""
+    """Simulates the known controls, designs, checks, writes."""
     runs = {name: esail.simulate(sail(LONGEST, law), throw=False) for name, law in known_controls().items()}
     rows = [flown(name, run) for name, run in runs.items()]
     print("angular momentum [N m s], moments of all tethers at 40 kV [N m]:", *rigid_sail())

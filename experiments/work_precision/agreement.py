@@ -1,4 +1,7 @@
-"""How far the reference of the baseline agrees with the independent code: python agreement.py."""
+"""Prints how well the reference of the baseline agrees with the independent code.
+
+python experiments/work_precision/agreement.py
+"""
 
 from pathlib import Path
 
@@ -11,7 +14,7 @@ GOLDEN = Path(__file__).parents[2] / "tests" / "physics" / "golden" / "baseline.
 
 
 def main() -> None:
-    """Differences over the range, at the instants the file has."""
+    """Prints differences relative to the range, at the instants of the independent code's file."""
     method, tolerance = REFERENCE["tethers"]
     run = measure(esail.load_scene("baseline"), method, "tolerance", tolerance, 1)
     exact = np.load(GOLDEN)

@@ -1,9 +1,9 @@
-"""Errors of runs that name no method, on every built-in scene, over the range of each observable.
+"""Measures the errors of runs with default settings on every built-in scene, relative to each range.
 
     python experiments/work_precision/defaults.py [scene ...]      # a line per scene, and defaults.csv
 
-The reference is the most accurate method at a tolerance near rounding, believed as far as a run at ten
-times that tolerance agrees with it (`esail_jax/bench.py`).
+The reference is the most accurate method at a tolerance near rounding. Its uncertainty is the difference
+from a run at ten times that tolerance (`esail_jax/commands/bench.py`).
 """
 
 import csv
@@ -20,8 +20,8 @@ COLUMNS = ("scene", "method", "steps", "compared", "worst", "error", "doubt")
 
 
 def row_of(name: str) -> tuple:
-    """Which method ran, how many observables the reference knows, the worst of them, and by how much the
-    reference itself is unsure of it."""
+    """Returns scene, method, steps, number of compared observables, the worst of them, its error, and the
+    uncertainty of the reference for it."""
     scene = esail.load_scene(name)
     reference, _ = bench.reference_line(scene)
     run = esail.simulate(scene)
@@ -32,7 +32,7 @@ def row_of(name: str) -> tuple:
 
 
 def main(names: list[str]) -> None:
-    """Print and write."""
+    """Runs all scenes, prints and writes defaults.csv."""
     with open(TABLE, "w", newline="", encoding="utf-8") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(COLUMNS)

@@ -1,7 +1,7 @@
-"""The classical explicit Runge-Kutta method on the same sail, through `consistent_acceleration`.
+"""The classical explicit Runge-Kutta method for the same sail, with `consistent_acceleration`.
 
-v' = vdot with M vdot + Phi_q^T lam = Q and d^2 Phi / dt^2 = 0: no constraint is left. One factorisation
-of the mass matrix per evaluation; a code made for this would keep it.
+The method integrates v' = vdot, where M vdot + Phi_q^T lam = Q and d^2 Phi / dt^2 = 0, so no constraint
+remains. Every evaluation factors the mass matrix; a code made for this method would keep the factors.
 """
 
 import functools
@@ -13,21 +13,25 @@ import numpy as np
 
 import esail_jax as esail
 from esail_jax.commands.bench import Run, with_method
+from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.structure import split
-from esail_jax.simulation import blocks
+from esail_jax.simulation.host import compile_scene
+from esail_jax.simulation.look import look
 from esail_jax.steppers.consistent import consistent_acceleration
+from esail_jax.steppers.stepper import Point
+from esail_jax.system import Power
 
 WORKS = ("external_work", "dissipated_energy", "energy_balance_error")
-"""Observables that need integrals along the run, which are not taken here."""
+"""Observables that need integrals over time; this script does not compute these integrals."""
 
 
 def moved(x, h, rate):
-    """x + h rate."""
+    """Returns x + h rate."""
     return jax.tree.map(lambda a, b: a + h * b, x, rate)
 
 
 def step(system, t, q, v, h):
-    """One step of the classical method."""
+    """Returns q and v after one step of the classical method."""
 
     def vdot(c, q, v):
         return consistent_acceleration(system, t + c * h, q, v)[0]
@@ -48,7 +52,7 @@ def step(system, t, q, v, h):
 
 @functools.partial(esail.jit, static_argnums=(4, 5))
 def states(system, q, v, h, rows, per_row):
-    """States at saved instants, the start first."""
+    """Returns q and v at the saved instants, including the start."""
 
     def row(y, k):
         def one(j, y):
@@ -62,27 +66,28 @@ def states(system, q, v, h, rows, per_row):
 
 
 def measure(scene: esail.Scene, h: float, span: float, runs: int = 2) -> Run:
-    """Runs up to the last saved instant within `span`; observables are in the time, as elsewhere."""
+    """Measures runs up to the last saved instant within `span` [s]; their times include the observables."""
     scene = with_method(scene, "collocation", "tolerance", 1e-9)
-    _, problem, carry = jax.jit(blocks.problem_of, static_argnums=0)(*split(scene), None)
+    compiled = compile_scene(scene)
+    problem, start = compiled.problem, build_jitted(*split(compiled.resolved))
     interval = scene.output.interval
     rows, per_row = int(span / interval + 1e-9), round(interval / h)
-    start = carry.progress.now
+    nothing = Power(jnp.zeros(()), jnp.zeros(()))
 
     @esail.jit
-    def look(q, v):
+    def observe(q, v):
         times = interval * jnp.arange(rows + 1)
 
         def one(x):
-            time, q, v = x
-            return blocks.observed(problem, carry.start_energy, start._replace(time=time, q=q, v=v))
+            point = Point(*x, nothing, jnp.asarray(True))
+            return look(problem, point)[0]
 
         return jax.lax.map(one, (times, q, v), batch_size=32)
 
     def run():
         began, processor = time.perf_counter(), time.process_time()
         q, v = states(problem.system, start.q, start.v, jnp.asarray(h), rows, per_row)
-        found = jax.tree.map(np.asarray, look(q, v))
+        found = jax.tree.map(np.asarray, observe(q, v))
         return time.perf_counter() - began, time.process_time() - processor, found
 
     compiling, *_ = run()

@@ -1,4 +1,4 @@
-"""Error against run time of the package's methods, of an explicit one and of Exudyn.
+"""Measures error and run time of the package's methods, of an explicit method and of Exudyn.
 
 pip install -e '.[peers]'
 taskset -c 1 python experiments/work_precision/run.py [scene ...]    # <scene>.jsonl, a line per run
@@ -23,14 +23,14 @@ HERE = Path(__file__).parent
 PEER = HERE.parent / "peer_exudyn"
 
 TOLERANCE = 1e-5
-"""Of Exudyn's Newton iterations: a third faster than 1e-9, tips equal to 1e-7 m after 100 s."""
+"""Tolerance of Exudyn's Newton iterations: a third faster than 1e-9; tips agree to 1e-7 m after 100 s."""
 
 SHORT = 400.0
-"""Span [s] of the two repetitions of an Exudyn run; their times are extrapolated."""
+"""Simulated time [s] of the two repetitions of an Exudyn run; their run times are extrapolated."""
 
 
 def exudyn(scene: esail.Scene, step: float) -> Run:
-    """Exudyn on the same sail: the whole span once, a part of it twice."""
+    """Runs Exudyn on the same sail: the whole span once, a part of it twice."""
     if str(PEER) not in sys.path:
         sys.path.insert(0, str(PEER))
     import sail
@@ -49,14 +49,14 @@ def exudyn(scene: esail.Scene, step: float) -> Run:
 
 
 def compared(run: Run, reference: Reference) -> dict[str, float]:
-    """Errors of a run that may be shorter than the reference, or know fewer observables."""
+    """Returns the errors of a run, which may be shorter than the reference or have fewer observables."""
     names = [name for name in reference.names if name in run.rows]
     rows = len(run.rows[names[0]])
     return bench.errors(run.rows, {name: reference.rows[name][:rows] for name in names}, names)
 
 
 def lines(case: Case):
-    """Every run of a scene, the reference first."""
+    """Yields a table line for every run of a scene, the reference first."""
     scene, t_end = case.scene, case.scene.integrator.t_end
     reference, first = bench.reference_line(scene)
     yield first
@@ -73,7 +73,7 @@ def lines(case: Case):
 
 
 def main(names: list[str]) -> None:
-    """Run and write."""
+    """Runs the named cases and writes <scene>.jsonl."""
     about = bench.machine()
     if importlib.util.find_spec("exudyn"):
         about["versions"]["exudyn"] = importlib.metadata.version("exudyn")

@@ -1,4 +1,4 @@
-"""The sails of the study and what runs on each."""
+"""The sails of the study, with the methods and settings that run on each."""
 
 import dataclasses
 
@@ -9,7 +9,7 @@ STEPS = (0.8, 0.4, 0.2, 0.1, 0.05, 0.025)
 TOLERANCES = tuple(10.0**-k for k in range(6, 13))
 
 ENGINEERING = {"tethers.strain": "engineering"}
-"""That of Exudyn's cable."""
+"""Overrides for the strain measure of Exudyn's cable."""
 
 UNEQUAL = ENGINEERING | {
     "tethers.count": 7,
@@ -21,8 +21,10 @@ UNEQUAL = ENGINEERING | {
 
 @dataclasses.dataclass(frozen=True)
 class Case:
-    """A sail. curves: methods of the package; rk4: step [s] and span [s] of the explicit method; exudyn:
-    steps [s]."""
+    """A sail and its runs.
+
+    curves: methods of the package with their settings; rk4: step [s] and span [s] of the explicit method;
+    exudyn: steps [s] of Exudyn."""
 
     overrides: dict
     curves: tuple[Curve, ...]
@@ -31,11 +33,12 @@ class Case:
 
     @property
     def scene(self) -> esail.Scene:
+        """The baseline with this case's overrides."""
         return esail.load_scene("baseline", self.overrides)
 
 
 def curves(steps: tuple[float, ...], tolerances: tuple[float, ...] = TOLERANCES) -> tuple[Curve, ...]:
-    """Methods of the package; another one is another line."""
+    """Returns the package's methods with their settings; a new method is one more line."""
     return (
         ("generalized-alpha", "step", steps),
         ("energy-momentum", "step", steps[:3]),
@@ -65,4 +68,4 @@ CASES = {
         exudyn=(0.2, 0.1, 0.05),
     ),
 }
-"""Explicit steps are half to all of the longest stable one."""
+"""All cases by name. Steps of the explicit method are half to all of the longest stable step."""

@@ -1,4 +1,7 @@
-"""table.csv, the figure and the tables of the README from the lines of run.py: python tables.py."""
+"""Makes table.csv, the figure and the README's tables from the lines that run.py writes.
+
+python experiments/work_precision/tables.py
+"""
 
 import csv
 import json
@@ -29,7 +32,7 @@ SIGNALS = (
     "kinetic_energy",
     "elastic_energy",
 )
-"""What all codes give, those of experiments/peer_exudyn: motion, forces and energies."""
+"""The 14 signals of all codes, as in experiments/peer_exudyn: motion, forces and energies."""
 
 TITLES = {
     "peer": "12 x 5, engineering strain",
@@ -45,11 +48,11 @@ STYLES = {
     "exudyn": ("Exudyn, generalized-alpha", "s", "C2"),
     "rk4": ("explicit Runge-Kutta 4", "^", "C3"),
 }
-"""Label, marker and colour by method."""
+"""Label, marker and colour of each method."""
 
 
 def read(scene: str) -> list[dict]:
-    """Lines of a scene, with the worst of the shared signals and the time of the whole span."""
+    """Returns the lines of a scene, with the worst of the shared signals and the time of the whole span."""
     with open(HERE / f"{scene}.jsonl", encoding="utf-8") as file:
         entries = [json.loads(text) for text in file]
     for entry in entries:
@@ -65,7 +68,7 @@ def read(scene: str) -> list[dict]:
 
 
 def row(entry: dict) -> dict[str, str]:
-    """A line of the table."""
+    """Returns a row of table.csv."""
     key = "step" if "step" in entry else "tolerance"
     return {
         "scene": entry["scene"],
@@ -86,15 +89,17 @@ def row(entry: dict) -> dict[str, str]:
 
 
 def curve(entries: list[dict], method: str) -> tuple[np.ndarray, np.ndarray]:
-    """Seconds and errors of a method's runs, coarsest first; errors of short spans do not compare."""
+    """Returns times [s] and errors of a method's runs, coarsest first; runs over a short span are left
+    out."""
     runs = [x for x in entries if x["method"] == method and x["role"] != "reference"]
     runs = [x for x in runs if x["span"] > 0.3 * x["t_end"]]
     return np.array([x["seconds"] for x in runs]), np.array([x["error"] for x in runs])
 
 
 def seconds_for(entries: list[dict], method: str, bound: float) -> float:
-    """Time at which a method's error is `bound`, between two runs by powers; nan beyond them, the
-    cheapest run's if that is already better."""
+    """Returns the time [s] at which a method's error is `bound`, by a power law between two runs.
+
+    The time of the fastest run if its error is already below the bound; nan if no run reaches the bound."""
     seconds, error = curve(entries, method)
     if not len(error) or error.min() > bound:
         return np.nan
@@ -106,7 +111,8 @@ def seconds_for(entries: list[dict], method: str, bound: float) -> float:
 
 
 def at_equal_error(entries: list[dict]) -> list[str]:
-    """Markdown rows: seconds per method at every bound, in brackets over those of collocation."""
+    """Returns Markdown rows: time [s] of each method at every bound, in brackets relative to
+    collocation."""
     methods = [m for m in dict.fromkeys(x["method"] for x in entries) if len(curve(entries, m)[0]) > 1]
     found = [f"| worst error | {' | '.join(methods)} |", "|---" * (len(methods) + 1) + "|"]
     for bound in BOUNDS:
@@ -118,7 +124,7 @@ def at_equal_error(entries: list[dict]) -> list[str]:
 
 
 def draw(found: dict[str, list[dict]]) -> None:
-    """Worst error against time, one line per method."""
+    """Draws the worst error against run time, one line per method."""
     figure, axes = plt.subplots(
         1, len(found), figsize=(3.4 * len(found), 3.4), sharex=True, sharey=True, squeeze=False
     )
@@ -141,7 +147,7 @@ def draw(found: dict[str, list[dict]]) -> None:
 
 
 def main() -> None:
-    """Read, write, print."""
+    """Reads the lines, writes the table and the figure, prints the README's tables."""
     found = {scene: read(scene) for scene in CASES if (HERE / f"{scene}.jsonl").exists()}
     found = {scene: entries for scene, entries in found.items() if entries}
     rows = [row(entry) for entries in found.values() for entry in entries]
