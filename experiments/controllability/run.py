@@ -47,7 +47,7 @@ def outcome(table, sailing_deg):
     """
     run = esail.simulate("baseline", settings(len(table) - 1) | {
         "voltage.table": table, "initial.sailing_angle_deg": sailing_deg})  # fmt: skip
-    rows = {name: jnp.asarray(x) for name, x in run.rows.items()}
+    rows = {name: jnp.asarray(x) for name, x in run.observables.items()}
     start = rows["rotation_IB"][0]
     normal = plane_normals(run)[-1]
     tilts = jnp.stack([-start[:, 2] @ normal, start[:, 1] @ normal])
