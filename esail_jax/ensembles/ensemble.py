@@ -16,8 +16,8 @@ Rows = dict[str, Float[np.ndarray, "member time ..."]]
 class Ensemble:
     """Members of an ensemble and their observables; `ensemble["coning_angle"]` is (member, time, ...).
 
-    members: their numbers; time [s]: saved instants; inputs: by scene key, member first; rows:
-    observables by name, (member, time, ...), NaN after a failure; complete: true for members that reached
+    members: their numbers; time [s]: saved instants; inputs: by scene key, member first;
+    observables: by name, (member, time, ...), NaN after a failure; complete: true for members that reached
     their end; messages: warning or failure of every member, or an empty text; steps: number of steps of
     every member, NaN if the member is not computed yet."""
 
