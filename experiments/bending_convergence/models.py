@@ -14,6 +14,9 @@ from esail_jax import observables
 from esail_jax.array_types import Instants, PerPoint, PerTether
 from esail_jax.compiler import COMPILER_OPTIONS
 from esail_jax.constants import ASTRONOMICAL_UNIT
+from esail_jax.elements.axial import AxialEnergy
+from esail_jax.elements.bending import BendingEnergy
+from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.numerics.vectors import dot
 from esail_jax.scenes.build import build
 from esail_jax.scenes.method_choice import with_method
@@ -23,7 +26,7 @@ from esail_jax.steppers.consistent import consistent_acceleration
 from esail_jax.steppers.fixed_step import KEEP, StepInfo
 from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
 from esail_jax.system import Power
-from esail_jax.terms import PointFields, Term
+from esail_jax.terms import PointFields, Term, find_term
 
 STEP = 0.1
 """[s], for every mesh."""
@@ -92,7 +95,7 @@ def system_of(variant: str, structure, numbers: dict, lane: Lane):
     model = build(structure, numbers)
     system = model.system
     if variant == "linear":
-        axial, bending = system.energies
+        axial, bending = (find_term(system.energies, kind) for kind in (AxialEnergy, BendingEnergy))
         system = dataclasses.replace(system, energies=(axial, LinearBending(bending.stiffness)))
     return system, model, numbers["initial.heliocentric_position_au"] * ASTRONOMICAL_UNIT
 
@@ -140,7 +143,7 @@ def history(variant: str, structure, numbers: dict, lane: Lane, refine: int, sav
         q, v, vdot, lam = state.q, state.v, state.vdot, state.lam
         residual, power = system.residual(time, q, v, vdot, lam)
         fields, rates = system.tethers.interpolate(q.tether), system.tethers.interpolate(v.tether)
-        load = sum(term.force(time, fields, rates) for term in system.loads)
+        load = find_term(system.loads, CoulombThrust).force(time, fields, rates)
         instant = observables.Instant(
             system, time, q, v, vdot, lam, state.work, zero, origin, residual.forces, power, load
         )
