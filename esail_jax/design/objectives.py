@@ -164,8 +164,8 @@ def function_of(name: str) -> Callable[[Solution], Scalar]:
 
 def values(run: Solution, names: tuple[str, ...]) -> dict[str, Scalar]:
     """Values of the named objectives of a run."""
-    rows = {name: jnp.asarray(x) for name, x in run.rows.items()}
-    run = dataclasses.replace(run, time=jnp.asarray(run.time), rows=rows)
+    rows = {name: jnp.asarray(x) for name, x in run.observables.items()}
+    run = dataclasses.replace(run, time=jnp.asarray(run.time), observables=rows)
     return {name: function_of(name)(run) for name in names}
 
 

@@ -16,8 +16,8 @@ Rows = dict[str, Float[np.ndarray, "member time ..."]]
 class Ensemble:
     """Members of an ensemble and their observables; `ensemble["coning_angle"]` is (member, time, ...).
 
-    members: their numbers; time [s]: saved instants; inputs: by scene key, member first; rows:
-    observables by name, (member, time, ...), NaN after a failure; complete: true for members that reached
+    members: their numbers; time [s]: saved instants; inputs: by scene key, member first;
+    observables: by name, (member, time, ...), NaN after a failure; complete: true for members that reached
     their end; messages: warning or failure of every member, or an empty text; steps: number of steps of
     every member, NaN if the member is not computed yet."""
 
@@ -25,16 +25,16 @@ class Ensemble:
     members: np.ndarray
     time: Float[np.ndarray, " time"]
     inputs: Inputs
-    rows: Rows
+    observables: Rows
     complete: Bool[np.ndarray, " member"]
     messages: tuple[str, ...]
     steps: Float[np.ndarray, " member"]
 
     def __getitem__(self, name: str) -> Float[np.ndarray, "member time *some"]:
-        return self.rows[name]
+        return self.observables[name]
 
     def __contains__(self, name: object) -> bool:
-        return name in self.rows
+        return name in self.observables
 
     def __len__(self) -> int:
         return len(self.members)
@@ -43,12 +43,12 @@ class Ensemble:
         complete, end = int(self.complete.sum()), float(self.time[-1])
         return (
             f"Ensemble({len(self)} members, {complete} complete; {len(self.time)} instants to {end:g} s; "
-            f"observables {', '.join(self.rows)})"
+            f"observables {', '.join(self.observables)})"
         )
 
     def keys(self) -> Iterable[str]:
         """Names of the observables."""
-        return self.rows.keys()
+        return self.observables.keys()
 
     @property
     def failed(self) -> np.ndarray:
@@ -69,6 +69,6 @@ def concatenate(parts: Sequence[Ensemble]) -> Ensemble:
 
     messages = tuple(text for part in parts for text in part.messages)
     return Ensemble(
-        first.scene, column("members"), first.time, columns("inputs"), columns("rows"),
+        first.scene, column("members"), first.time, columns("inputs"), columns("observables"),
         column("complete"), messages, column("steps"),
     )  # fmt: skip

@@ -138,7 +138,7 @@ def write_piece(folder: Path, name: str, task: Task, found: Ensemble, seconds: t
         file["member"], file["time"], file["steps"] = found.members, found.time, found.steps
         file["complete"] = found.complete
         file.create_dataset("message", data=list(found.messages), dtype=TEXT)
-        for observable, values in found.rows.items():
+        for observable, values in found.observables.items():
             file[f"observables/{observable}"] = values
 
 

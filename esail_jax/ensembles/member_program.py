@@ -4,7 +4,7 @@ Members share one compiled program, so they share the method of integration and 
 choice; only physical numbers differ between them.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -13,10 +13,16 @@ import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 
 from esail_jax.ensembles.sampling import Inputs
+from esail_jax.observables import listed, shape_of
 from esail_jax.observables.run_warning import STEP_ERRORS
+from esail_jax.scenes.build import build
+from esail_jax.scenes.method_choice import with_method
+from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
+from esail_jax.scenes.structure import split
 from esail_jax.simulation.simulate import simulate_traced
 from esail_jax.steppers.results import RESULTS
+from esail_jax.system import System
 
 
 class MemberResult(NamedTuple):
@@ -68,3 +74,35 @@ def in_lockstep(function: Callable) -> Callable:
     mesh = Mesh(np.array(devices), ("member",))
     shares = PartitionSpec("member")
     return jax.shard_map(side_by_side, mesh=mesh, in_specs=shares, out_specs=shares, check_vma=False)
+
+
+# ---- what members have in common ----------------------------------------------------------------
+
+
+def with_common_method(scene: Scene) -> Scene:
+    """The scene with the method of integration, and the fixed step if there is one, that the scene's own
+    numbers call for. All members use them. A tolerance that is not given follows from each member's
+    numbers."""
+    table = with_method(scene).integrator
+    chosen = {"integrator.method": table.method, "integrator.step": table.step}
+    return scene.replace({key: value for key, value in chosen.items() if value is not None})
+
+
+def system_of(scene: Scene) -> System:
+    """The scene's system, with shapes in place of numbers."""
+    structure, numbers = split(with_method(scene))
+    return jax.eval_shape(lambda n: build(structure, n).system, numbers)
+
+
+def observable_shapes(scene: Scene) -> dict[str, tuple[int, ...]]:
+    """Shapes of the scene's observables at one instant, by name."""
+    return {x.name: shape_of(x.axes, scene.members.count) for x in listed(system_of(scene))}
+
+
+def select_observables(known: Iterable[str], names: Sequence[str] | None) -> tuple[str, ...]:
+    """The given names without repetition, or all known ones if None. Raises SceneError for an unknown
+    name."""
+    for name in names or ():
+        if name not in known:
+            raise SceneError("observables", f"be among {', '.join(known)}", f"is {name!r}")
+    return tuple(known) if names is None else tuple(dict.fromkeys(names))

@@ -102,7 +102,9 @@ OUTCOMES = (
 
 def outcomes_of(ensemble: Ensemble) -> list[Outcome]:
     """The outcomes whose observable the ensemble has, with a finite value for at least one member."""
-    return [x for x in OUTCOMES if x.observable in ensemble.rows and np.isfinite(x.of(ensemble)).any()]
+    return [
+        x for x in OUTCOMES if x.observable in ensemble.observables and np.isfinite(x.of(ensemble)).any()
+    ]
 
 
 class Sensitivities(NamedTuple):

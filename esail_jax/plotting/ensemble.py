@@ -64,7 +64,7 @@ def fans(ensemble: Ensemble) -> Figure:
     and the median."""
     shown = []
     for label, name, factor, component in FANS:
-        if name not in ensemble.rows or not ensemble.complete.any():
+        if name not in ensemble.observables or not ensemble.complete.any():
             continue
         rows = factor * ensemble[name][ensemble.complete]
         rows = rows if component is None else rows[..., component]

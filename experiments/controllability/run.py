@@ -1,8 +1,6 @@
-"""Computes the controllability Gramian of the baseline's voltages over one turn, and costs of outputs.
+"""Controllability of the baseline by its voltages over one turn: the Gramian, and the cost of directions.
 
-python experiments/controllability/run.py    # some minutes
-
-Writes costs.csv, eigen.csv, checks.csv and gramian.png.
+python experiments/controllability/run.py    # some minutes; writes costs, eigen, checks .csv, gramian.png
 """
 
 import csv
@@ -15,17 +13,17 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import esail_jax as esail
+from esail_jax.compiler import COMPILER_OPTIONS
 from esail_jax.design import plane_normals
 
 HERE = Path(__file__).parent
 TETHERS, SPIN, VOLTS = 12, 4e-3, 20e3
 TURN = 2.0 * np.pi / SPIN  # s
 SLOTS = 48
-"""Number of intervals of a turn; voltages are linear within each. Half as many show the discretisation
-error."""
+"""Intervals of a turn between which voltages run straight. Half as many show what is missed."""
 
 ANGLES = (10.0, 0.0)
-"""Sailing angles [deg]: that of the baseline, and facing the Sun."""
+"""Sailing angles [deg]: of the baseline, and towards the Sun."""
 
 TOLERANCE = 1e-8
 
@@ -38,27 +36,28 @@ for wave in range(1, TETHERS // 2 + 1):
 
 OUTPUTS = ["tilt along the wind", "tilt across", "spin rate", *(f"lagging {name}" for name, _ in PATTERNS)]
 UNITS = np.array([np.deg2rad(1.0)] * 2 + [0.01 * SPIN] + [np.deg2rad(1.0)] * len(PATTERNS))
-"""Units of the outputs: one degree of tilt, one percent of the spin rate, one degree of lagging."""
+"""One of each output: a degree of the spin plane's normal, a percent of the spin rate, a degree of lag."""
 
 
 def outcome(table, sailing_deg):
-    """Returns the outputs at the end of a turn, in UNITS. table: voltages / V_0 (instant, tether).
+    """The outputs at the end of a turn, in UNITS. table: voltages (instant, tether), parts of V_0.
 
-    The tilts are the angles of the spin plane's normal from the initial hub axis, towards larger sailing
-    angles (in the plane of wind and axis) and across. The lagging outputs are amplitudes of PATTERNS.
+    Tilts: of the spin plane's normal from the hub's axis at the start, towards larger sailing angles (in
+    the plane of wind and axis) and across. Lagging: amplitudes of the patterns over the tethers.
     """
     run = esail.simulate("baseline", settings(len(table) - 1) | {
         "voltage.table": table, "initial.sailing_angle_deg": sailing_deg})  # fmt: skip
-    start = jnp.asarray(run["rotation_IB"][0])
+    rows = {name: jnp.asarray(x) for name, x in run.observables.items()}
+    start = rows["rotation_IB"][0]
     normal = plane_normals(run)[-1]
     tilts = jnp.stack([-start[:, 2] @ normal, start[:, 1] @ normal])
-    spin = jnp.asarray(run["angular_velocity_B"][-1, :1])
+    spin = rows["angular_velocity_B"][-1, :1]
     parts = jnp.stack([pattern / (pattern @ pattern) for _, pattern in PATTERNS])
-    return jnp.concatenate([tilts, spin, parts @ run["lagging_angle"][-1]]) / UNITS
+    return jnp.concatenate([tilts, spin, parts @ rows["lagging_angle"][-1]]) / UNITS
 
 
 def settings(slots: int) -> dict:
-    """Returns the overrides of the baseline for a table with `slots` intervals."""
+    """Overrides of the baseline."""
     return {
         "voltage.law": "piecewise-linear", "voltage.value": VOLTS,
         "voltage.time": np.linspace(0.0, TURN, slots + 1).tolist(),
@@ -67,7 +66,7 @@ def settings(slots: int) -> dict:
 
 
 def hat_masses(slots: int) -> np.ndarray:
-    """Returns M_kl = integral of h_k h_l dt [s] for the piecewise linear basis functions h_k of a turn."""
+    """M_kl = integral of h_k h_l dt [s] of the piecewise linear functions h_k of a turn."""
     width = TURN / slots
     masses = np.diag(np.full(slots + 1, 4.0)) + np.eye(slots + 1, k=1) + np.eye(slots + 1, k=-1)
     masses[0, 0] = masses[-1, -1] = 2.0
@@ -75,41 +74,37 @@ def hat_masses(slots: int) -> np.ndarray:
 
 
 class Gramian:
-    """The Gramian W = int G G^T dt over a turn, with y = int G(t) dV(t) dt for small voltage changes dV.
-
+    """W = int G G^T dt over a turn, where y = int G(t) dV(t) dt for small changes dV of voltages.
     The smallest rms change (over tethers and time) that reaches y is sqrt(y^T W^-1 y / (12 T)) volts."""
 
     def __init__(self, slopes: np.ndarray):
         # slopes: d outputs / d table (output, instant, tether).
         self.slopes = np.asarray(slopes) / VOLTS
         self.masses = hat_masses(slopes.shape[1] - 1)
-        # G in the basis of hat functions: M^-1 times the response to each of them.
+        # G on the hat functions: what the response is to each of them, in their own inner product.
         self.kernel = np.linalg.solve(self.masses, self.slopes.swapaxes(0, 1).reshape(len(self.masses), -1))
         self.kernel = self.kernel.reshape(len(self.masses), len(OUTPUTS), TETHERS).swapaxes(0, 1)
         self.matrix = np.einsum("aki,bki->ab", self.slopes, self.kernel)
 
     def rms(self, energy: np.ndarray) -> np.ndarray:
-        """Returns the rms voltage [V] of an energy y^T W^-1 y [V^2 s]."""
+        """Volts, of y^T W^-1 y [V^2 s]."""
         return np.sqrt(energy / (TETHERS * TURN))
 
     def alone(self) -> np.ndarray:
-        """Returns the rms voltage [V] for one unit of every output, with the other outputs free."""
+        """Volts for one unit of every output, whatever the others do."""
         return self.rms(1.0 / np.diag(self.matrix))
 
     def others_held(self) -> np.ndarray:
-        """Returns the rms voltage [V] for one unit of every output, with the other outputs unchanged."""
+        """Volts for one unit of every output, the others left as they are."""
         return self.rms(np.diag(np.linalg.inv(self.matrix)))
 
     def directions(self) -> tuple[np.ndarray, np.ndarray]:
-        """Returns rms voltages [V] for a unit along every eigenvector, smallest first, and the
-        eigenvectors."""
+        """Volts of a unit along every eigenvector, the cheapest first, and the eigenvectors as columns."""
         values, vectors = np.linalg.eigh(self.matrix)
         return self.rms(1.0 / values[::-1]), vectors[:, ::-1]
 
     def change(self, y: np.ndarray, held: bool) -> np.ndarray:
-        """Returns the smallest change dV [V] (instant, tether) that reaches y.
-
-        held: outputs in which y is zero must not change; otherwise they are free."""
+        """The smallest change dV [V] (instant, tether) that reaches y; held: not what y is zero in."""
         used = np.ones(len(y), bool) if held else y != 0.0
         weights = np.zeros(len(y))
         weights[used] = np.linalg.solve(self.matrix[np.ix_(used, used)], y[used])
@@ -117,8 +112,7 @@ class Gramian:
 
 
 def coarser(slopes: np.ndarray) -> np.ndarray:
-    """Returns the derivatives for half as many intervals, whose hat functions are h_2k + (h_2k-1 + h_2k+1)
-    / 2."""
+    """By the knots of half as many intervals, whose hats are h_2k + (h_2k-1 + h_2k+1) / 2."""
     even = slopes[:, ::2].copy()
     even[:, 1:] += 0.5 * slopes[:, 1::2]
     even[:, :-1] += 0.5 * slopes[:, 1::2]
@@ -126,17 +120,15 @@ def coarser(slopes: np.ndarray) -> np.ndarray:
 
 
 def difference(sailing_deg: float) -> tuple[np.ndarray, np.ndarray]:
-    """Returns a random direction of the table and the derivative along it by fourth-order differences."""
+    """A direction of the table, and the derivative along it by differences of fourth order."""
     along = np.random.default_rng(0).normal(size=(SLOTS + 1, TETHERS))
     ends = [np.asarray(outcome(1.0 + step * along, sailing_deg)) for step in (-4e-3, -2e-3, 2e-3, 4e-3)]
     return along, (8.0 * (ends[2] - ends[1]) - (ends[3] - ends[0])) / (12.0 * 2e-3)
 
 
 def check(found: Gramian, sailing_deg: float, reached: float) -> list[tuple]:
-    """Applies the smallest changes for `reached` units in whole runs.
-
-    Returns rows (output, its change, largest change of another output, largest voltage change [V]); the
-    changes of outputs are divided by `reached`."""
+    """The smallest changes for a part `reached` of a unit, run: what they reach along the output, and the
+    largest of what else they move, both over `reached`."""
     plain = np.ones(found.slopes.shape[1:])
     before = np.asarray(outcome(plain, sailing_deg))
     rows = []
@@ -149,7 +141,7 @@ def check(found: Gramian, sailing_deg: float, reached: float) -> list[tuple]:
 
 
 def draw(found: dict[float, Gramian]) -> Figure:
-    """Draws the cost of every output and eigenvector, and the smallest voltages for four outputs."""
+    """Costs by output, cost by eigenvector, and the cheapest voltages for a tilt and for spin."""
     figure = Figure(figsize=(13.0, 7.5), layout="constrained")
     costs, spectrum, *maps = figure.subplots(2, 3).ravel()
     at = np.arange(len(OUTPUTS))
@@ -181,7 +173,7 @@ def draw(found: dict[float, Gramian]) -> Figure:
 
 
 def write(name: str, head: tuple, rows: list[tuple]) -> None:
-    """Writes a CSV table with four digits."""
+    """A table as CSV, four digits."""
     with open(HERE / name, "w", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(head)
@@ -189,7 +181,7 @@ def write(name: str, head: tuple, rows: list[tuple]) -> None:
 
 
 def main() -> None:
-    """Computes the Gramians, checks them by whole runs, writes tables and figure."""
+    """Compute, check, write."""
     began = time.perf_counter()
     jacobian = esail.jit(jax.jacrev(outcome))
     found, costs, eigen, checks = {}, [], [], []
@@ -207,7 +199,7 @@ def main() -> None:
         checks += [(sailing, *row) for row in check(fine, sailing, 0.1)]
         along, quotient = difference(sailing)
         miss = np.abs(np.einsum("aki,ki->a", slopes, along) - quotient).max() / np.abs(quotient).max()
-        print(f"reverse mode - differences, relative to the largest output: {miss:.1e}", flush=True)
+        print(f"reverse mode against differences, of the largest: {miss:.1e}", flush=True)
     write("costs.csv", ("sailing_deg", "output", "alone_V", "others_held_V", "others_held_coarse_V"), costs)
     write("eigen.csv", ("sailing_deg", "direction", "rms_V", "first", "second", "third"), eigen)
     write("checks.csv", ("sailing_deg", "output", "reached", "others_moved", "largest_V"), checks)

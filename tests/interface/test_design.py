@@ -152,7 +152,8 @@ def test_spin_plane_is_measured_from_its_target(start):
         "integrator.t_end": 1.0, "initial.sailing_angle_deg": start,
     }  # fmt: skip
     run = esail.simulate("baseline", scene)
-    first = dataclasses.replace(run, rows={name: x[:1] for name, x in run.rows.items()}, time=run.time[:1])
+    rows = {name: x[:1] for name, x in run.observables.items()}
+    first = dataclasses.replace(run, observables=rows, time=run.time[:1])
     alpha, delta = np.deg2rad([13.0, 20.0])
     aim = np.array([np.sin(alpha) * np.cos(delta), np.sin(alpha) * np.sin(delta), np.cos(alpha)])
     own = np.array([np.sin(np.deg2rad(start)), 0.0, np.cos(np.deg2rad(start))])

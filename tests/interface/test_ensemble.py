@@ -78,7 +78,7 @@ def arguments(folder, members=12, seed=3, vary=VARY, **more):
 
 def same(a, b):
     """Tells whether two ensembles are bit-identical; NaN equals NaN."""
-    return all(np.array_equal(a[name], b[name], equal_nan=True) for name in a.rows)
+    return all(np.array_equal(a[name], b[name], equal_nan=True) for name in a.observables)
 
 
 @pytest.mark.slow
@@ -111,7 +111,9 @@ def test_every_core_takes_a_member(scene, inputs, ensemble, monkeypatch):
     monkeypatch.setattr("esail_jax.ensembles.member_runner.cores", lambda: 2)
     monkeypatch.setattr(MemberRunner, "_run_one", together)
     found = simulate_members(scene, {key: x[:4] for key, x in inputs.items()})
-    assert all(np.array_equal(found[name], x[:4], equal_nan=True) for name, x in ensemble.rows.items())
+    assert all(
+        np.array_equal(found[name], x[:4], equal_nan=True) for name, x in ensemble.observables.items()
+    )
 
 
 @pytest.mark.parametrize(
@@ -171,7 +173,7 @@ def test_lockstep_and_subsets(scene, inputs, ensemble):
     number."""
     part = {key: x[:5] for key, x in inputs.items()}
     found = simulate_members(scene, part, SIGNALS, batch=3, lockstep=True)
-    assert list(found.rows) == list(SIGNALS) and len(found) == 5
+    assert list(found.observables) == list(SIGNALS) and len(found) == 5
     for name in SIGNALS:
         size = np.abs(ensemble[name]).max()
         assert np.abs(found[name] - ensemble[name][:5]).max() < 1e-11 * size, name
@@ -218,7 +220,7 @@ def test_spread(ensemble):
     assert np.allclose(seen.quantiles[2], np.median(rows, axis=0), rtol=1e-12)
     assert (seen.minimum <= seen.quantiles[0]).all() and (seen.quantiles[-1] <= seen.maximum).all()
     for outcome in OUTCOMES:
-        if outcome.observable in ensemble.rows:
+        if outcome.observable in ensemble.observables:
             assert np.isfinite(outcome.of(ensemble)).all()
 
 
@@ -244,7 +246,7 @@ def test_file(finished, scene, inputs, ensemble):
         assert file["inputs/initial.spin_rate"].shape == (12,)
         assert np.array_equal(file["inputs/tethers.length"][()], inputs["tethers.length"])
         assert np.array_equal(file["time"][()], ensemble.time)
-        assert set(file["observables"]) == set(ensemble.rows)
+        assert set(file["observables"]) == set(ensemble.observables)
         for name, data in file["observables"].items():
             assert list(data.attrs["axes"])[:2] == ["member", "time"]
             assert data.shape == ensemble[name].shape and data.attrs["unit"] is not None
@@ -301,7 +303,7 @@ def test_going_on(finished, tmp_path, capsys):
     assert main([*arguments(folder, members=15, processes=1), "--resume"]) == 0
     old, new = load_ensemble(finished), load_ensemble(whole)
     assert len(new) == 15 and new.complete.all()
-    for name in old.rows:
+    for name in old.observables:
         assert np.array_equal(old[name], new[name][:12], equal_nan=True)
 
 
