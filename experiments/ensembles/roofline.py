@@ -18,7 +18,6 @@ import jax.numpy as jnp
 
 import esail_jax as esail
 from esail_jax.compiler import compile_lowered
-from esail_jax.numerics.lockstep import LOCKSTEP
 from esail_jax.simulation.host import compile_scene
 from esail_jax.steppers.collocation import first_guess
 from esail_jax.steppers.collocation_solution import reshaped, stage_residuals
@@ -73,7 +72,7 @@ def measure_batch(size: int) -> tuple:
 
     if size > 1:
         now, kept, nodes = repeated((now, kept, nodes))
-        once = jax.vmap(once, axis_name=LOCKSTEP)
+        once = jax.vmap(once)
     program = compile_lowered(jax.jit(once).lower(now, kept, nodes))
     counted, memory = program.cost_analysis(), program.memory_analysis()
     works_on = memory.argument_size_in_bytes + memory.output_size_in_bytes + memory.temp_size_in_bytes
