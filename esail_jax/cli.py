@@ -58,7 +58,7 @@ def add_command(commands: Any, name: str, text: str) -> argparse.ArgumentParser:
 
 def add_scene(command: argparse.ArgumentParser) -> None:
     """Adds the arguments of every command that simulates a given scene."""
-    command.add_argument("scene", metavar="SCENE", help="name of a built-in scene, or path of a TOML file")
+    command.add_argument("scene", help="name of a built-in scene, or path of a TOML file")
     command.add_argument("--t-end", metavar="SECONDS", help="end time [s] instead of the scene's")
     command.add_argument(
         "--set",

@@ -158,8 +158,7 @@ def assemble(
     masses: tuple[Array, Array | None],
     lam: Multipliers,
 ) -> bordered.Bordered:
-    """Assembles element blocks, point masses (tip, base), and the blocks of hub and clamps in one
-    matrix."""
+    """Assembles element blocks, point masses (tip, base), hub and clamps in one matrix."""
     weights = None
     if system.hub is not None:
         weights = system.roots.releases.where_released(jnp.zeros(()), system.roots.weights)
@@ -203,8 +202,7 @@ def hub_border(system: System, q: Coordinates, lam: Multipliers) -> Float[Array,
 def add_clamps(
     system: System, time: Scalar, matrix: bordered.Bordered, q: Coordinates, lam: Multipliers
 ) -> bordered.Bordered:
-    """Adds the Hessian of mu . psi with respect to (root slope in metres, mu) and the base points, root by
-    root."""
+    """Adds, root by root, the Hessian of mu . psi in (root slope in metres, mu) and the base points."""
     length = system.tethers.element_length
     if system.hub is None:
         normals = system.roots.to_inertial(time, system.roots.normals)
@@ -235,7 +233,7 @@ def add_clamps(
 
 
 def to_vector(system: System, forces: Coordinates, constraints: Multipliers) -> bordered.Vector:
-    """Residual or right-hand side in the layout of the solver, slope rows per metre."""
+    """Residual or right-hand side in the layout of the solver, with slope rows divided by l."""
     border = local = None
     if system.hub is not None:
         border = jnp.concatenate([forces.hub.reshape(-1), constraints.hub])

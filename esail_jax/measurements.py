@@ -13,8 +13,7 @@ import jax.numpy as jnp
 from esail_jax.array_types import Array, Float, Scalar, Vector
 
 FADE = 1e-4
-"""Sine of the angle between wind and spin axis at which cos phi and sin phi have faded by a factor
-1/sqrt(2)."""
+"""Sine of the angle between wind and spin axis at which cos phi and sin phi fade by 1/sqrt(2)."""
 
 
 class Measurements(NamedTuple):

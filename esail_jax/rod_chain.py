@@ -50,15 +50,16 @@ class RodState(NamedTuple):
 
 class MassFactors(NamedTuple):
     """Factors of G = U D U^T over the joints that move ([MW] Eq. 26-27 without square roots). The
-    elimination runs from the tip to the root; U has ones on its diagonal and `outward` beside it.
+    elimination runs from the tip to the root; U has ones on its diagonal and `to_next` beside it.
 
-    pivot_inverse: 1/p_i [1/kg]. outward: e_i/p_{i+1}, the coupling to the next joint, 0 at the tip. inward:
-    e_{i-1}/p_i, the coupling to the joint before; for the first joint that is the anchor, or nothing.
+    pivot_inverse: 1/p_i [1/kg]. to_next: e_i/p_{i+1}, the coupling to the next joint, 0 at the tip.
+    to_previous: e_{i-1}/p_i, the coupling to the joint before; for the first joint that is the anchor, or
+    nothing.
     """
 
     pivot_inverse: Float[Array, " joint"]
-    outward: Float[Array, " joint"]
-    inward: Float[Array, " joint"]
+    to_next: Float[Array, " joint"]
+    to_previous: Float[Array, " joint"]
 
 
 class RodChain(eqx.Module):
@@ -137,19 +138,19 @@ class RodChain(eqx.Module):
             force = force + (load if self.free else load[:, 1:])
 
         def eliminate(beyond, row):
-            force, outward = row
-            here = force - outward * beyond
+            force, to_next = row
+            here = force - to_next * beyond
             return here, here
 
         def substitute(before, row):
-            reduced, pivot_inverse, inward = row
-            here = pivot_inverse * reduced - inward * before
+            reduced, pivot_inverse, to_previous = row
+            here = pivot_inverse * reduced - to_previous * before
             return here, here
 
         rest = jnp.zeros(3)
         start = rest if system.gravity is None else -system.gravity
-        _, reduced = lax.scan(eliminate, rest, (force.T, mass.outward), reverse=True, unroll=UNROLL)
-        rows = (reduced, mass.pivot_inverse, mass.inward)
+        _, reduced = lax.scan(eliminate, rest, (force.T, mass.to_next), reverse=True, unroll=UNROLL)
+        rows = (reduced, mass.pivot_inverse, mass.to_previous)
         eta = lax.scan(substitute, start, rows, unroll=UNROLL)[1].T
         acceleration = jnp.diff(eta, axis=1, prepend=start[:, None])
         if system.orbit is not None:
@@ -213,8 +214,7 @@ def joint_masses(system: System) -> tuple[Float[Array, " joint"], Float[Array, "
 
 
 def factor(diagonal: Float[Array, " joint"], beside: Float[Array, " rod"], held: bool) -> MassFactors:
-    """Factors of G from its diagonal and off-diagonal over all joints. held: whether the first joint is
-    fixed."""
+    """Factors of G from its diagonal and off-diagonal. held: whether the first joint is fixed."""
     if held:
         diagonal, before = diagonal[1:], beside
     else:
@@ -228,8 +228,8 @@ def factor(diagonal: Float[Array, " joint"], beside: Float[Array, " rod"], held:
     tip = diagonal[-1]
     _, pivots = lax.scan(eliminate, tip, (diagonal[:-1], before[1:]), reverse=True)
     pivots = jnp.append(pivots, tip)
-    inward = before / pivots
-    return MassFactors(1.0 / pivots, jnp.append(inward[1:], 0.0), inward)
+    to_previous = before / pivots
+    return MassFactors(1.0 / pivots, jnp.append(to_previous[1:], 0.0), to_previous)
 
 
 def error_scale(chain: RodChain, start: RodState) -> RodState:

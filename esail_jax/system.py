@@ -122,8 +122,7 @@ class System(eqx.Module):
 
     @property
     def inner_terms(self) -> tuple[Term, ...]:
-        """Energies and dissipations. Those that are functions of the invariants are summed into one
-        term."""
+        """Energies and dissipations; those that are functions of the invariants as one summed term."""
         terms = (*self.energies, *self.dissipations)
         summed = tuple(term for term in terms if isinstance(term, Deformation))
         others = tuple(term for term in terms if not isinstance(term, Deformation))
@@ -146,8 +145,7 @@ class System(eqx.Module):
         return Coordinates(tether, hub)
 
     def relative_to_free_fall(self, q: Coordinates, v: Coordinates, vdot: Coordinates) -> Coordinates:
-        """vdot minus the acceleration field. Weight enters the equations of motion as inertia in this
-        way."""
+        """vdot minus the acceleration field, so that weight is part of the inertia forces."""
         return vdot.axpy(-1.0, self.field(q, v)) if self.has_field else vdot
 
     def residual(
@@ -200,7 +198,7 @@ class System(eqx.Module):
     def with_commands(self, commands: tuple[Float[Array, "*state tether"] | None, ...]) -> "System":
         """The system whose loads have the given commands, as `commands` returns them."""
         loads = tuple(
-            load if command is None else load.with_command(self.tethers.repeated(command))
+            load if command is None else load.with_command(self.tethers.repeat_per_element(command))
             for load, command in zip(self.loads, commands, strict=True)
         )
         return eqx.tree_at(lambda system: system.loads, self, loads)

@@ -66,8 +66,7 @@ def normal_squared(r_x: VectorPerPoint, r_xx: VectorPerPoint) -> PerPoint:
 
 @normal_squared.defjvp
 def _normal_squared_jvp(primals, tangents):
-    """dm = 2 n . (dr_xx - a dr_x). The term with da vanishes because n . r_x = 0, which autodiff cannot
-    know."""
+    """dm = 2 n . (dr_xx - a dr_x). The term with da vanishes, as n . r_x = 0; autodiff cannot know that."""
     along, normal = split_second_derivative(*primals)
     return dot(normal, normal), 2.0 * dot(normal, tangents[1] - along * tangents[0])
 

@@ -112,12 +112,11 @@ def wait_for(others: list[subprocess.Popen], stop: Callable[[], bool], each: Cal
 
 
 def run_distributed(task: Task, folder: Path, resume: bool, quiet: bool) -> ExitCode:
-    """Computes this process's part of an ensemble, after `jax.distributed.initialize`. Returns the exit
-    code.
+    """Computes this process's part of an ensemble that many processes compute. Returns the exit code.
 
-    All processes must see the folder. If a process is killed, only the members of its current piece are
-    lost. The last process to end merges the pieces; if some are missing, a later call computes and merges
-    them.
+    `jax.distributed.initialize` comes first. All processes must see the folder. If a process is killed,
+    only the members of its current piece are lost. The last process to end merges the pieces; if some are
+    missing, a later call computes and merges them.
 
     Raises RunFileError in the first process before anything is written."""
     error, state, first = None, COMPUTE, jax.process_index() == 0
@@ -130,8 +129,8 @@ def run_distributed(task: Task, folder: Path, resume: bool, quiet: bool) -> Exit
         except (RunFileError, OSError) as found:
             error, state = found, REFUSED
     state = int(multihost_utils.broadcast_one_to_all(np.array(state)))
-    # From here on the processes are independent: the end of one, even of the first, does not end the
-    others.jax.distributed.shutdown()
+    # From here on the processes are independent: if one ends, even the first, the others go on.
+    jax.distributed.shutdown()
     if error is not None:
         raise error
     if state != COMPUTE:
@@ -154,8 +153,7 @@ def report(status: str, message: str, quiet: bool) -> ExitCode:
 
 
 def still_missing(task: Task, folder: Path, resume: bool) -> np.ndarray | None:
-    """Numbers of the members still to be computed; None if ensemble.h5 has all of them. Raises
-    RunFileError."""
+    """Numbers of the members to be computed; None if ensemble.h5 has all of them. Raises RunFileError."""
     if folder.exists() and not folder.is_dir():
         raise RunFileError(f"`-o` must be a directory, but {folder} is a file")
     whole, pieces = folder / WHOLE, pieces_in(folder)
@@ -178,8 +176,7 @@ def publish_pieces(task: Task, folder: Path, missing: np.ndarray, processes: int
 
 
 def start_worker(folder: Path) -> subprocess.Popen:
-    """Starts another process on the task of a folder. It shares this process's cache of compiled
-    programs."""
+    """Starts another process on the task of a folder. It shares this process's compilation cache."""
     cache = {
         "JAX_COMPILATION_CACHE_DIR": jax.config.jax_compilation_cache_dir,
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": jax.config.jax_persistent_cache_min_compile_time_secs,
@@ -192,8 +189,7 @@ def start_worker(folder: Path) -> subprocess.Popen:
 
 
 def work(folder: Path, stop: Callable[[], bool], each: Callable[[], None] = lambda: None) -> None:
-    """Computes pieces of a folder's task until none is left or `stop()` is true; calls `each()` after
-    every piece."""
+    """Computes pieces of a folder's task until none is left or `stop()`. `each()` follows every piece."""
     task, pieces = read_task(folder)
     run = None
     for name, members in take_pieces(folder, pieces):

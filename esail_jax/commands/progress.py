@@ -3,7 +3,6 @@
 import sys
 import time
 from collections.abc import Callable
-from typing import TextIO
 
 WIDTH = 30
 """Number of characters in the bar."""
@@ -16,18 +15,11 @@ class Progress:
     """One line with a bar, what is done, the speed, and the remaining time.
 
     total: amount of work; describe(done, speed): text beside the bar, with the speed in work per second;
-    quiet: draw nothing; stream: stderr by default. Draws only on a terminal.
+    quiet: draw nothing. The line is drawn on stderr, and only if that is a terminal.
     """
 
-    def __init__(
-        self,
-        total: float,
-        describe: Callable[[float, float], str],
-        quiet: bool = False,
-        stream: TextIO | None = None,
-    ):
-        self.total, self.describe = total, describe
-        self.stream = sys.stderr if stream is None else stream
+    def __init__(self, total: float, describe: Callable[[float, float], str], quiet: bool = False):
+        self.total, self.describe, self.stream = total, describe, sys.stderr
         self.shown = not quiet and self.stream.isatty()
         self._first: tuple[float, float] | None = None
         self._drawn = -float("inf")

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from esail_jax.design.objective import check_voltage
 from esail_jax.design.problem import Variable
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
@@ -24,9 +25,8 @@ SCALES = {
 def with_free_law(scene: Scene) -> Scene:
     """The scene with a law that has variables: a constant voltage becomes a harmonic law of zero amplitude.
 
-    Raises SceneError for a scene without voltage and for a law without variables."""
-    if scene.voltage is None:
-        raise SceneError("voltage.value", "be given for a design", "is missing")
+    Raises SceneError for a scene that is no sail with a voltage, and for a law without variables."""
+    check_voltage(scene)
     if scene.voltage.law == "constant":
         zeros = [0.0] * HARMONICS
         return scene.replace({"voltage.law": "harmonic", "voltage.cosine": zeros, "voltage.sine": zeros})

@@ -43,8 +43,7 @@ class Objective:
     ):
         for name in weights:
             objectives.function_of(name)
-        if scene.voltage is None or scene.chain is not None:
-            raise SceneError("voltage.value", "be given for a design", "is missing")
+        check_voltage(scene)
         self.scene, self.weights = scene, dict(weights)
         self.circumstances = dict(circumstances or {})
 
@@ -104,3 +103,11 @@ class Objective:
         law = {f"voltage.{x}": None for x in vars(self.scene.voltage) if x not in ("value", "law")}
         constant = self.scene.replace(law | {"voltage.law": "constant"})
         return simulate(constant, circumstance)
+
+
+def check_voltage(scene: Scene) -> None:
+    """Raises SceneError unless a scene is a sail with a voltage."""
+    if scene.chain is not None:
+        raise SceneError("chain", "be left out of a design", "is given")
+    if scene.voltage is None:
+        raise SceneError("voltage.value", "be given for a design", "is missing")

@@ -51,8 +51,7 @@ class RigidBody(eqx.Module):
         return self.density * jnp.pi * self.radius**2 * self.height
 
     def weights(self, x: Float[Array, "3 *point"]) -> Float[Array, "4 *point"]:
-        """Weights g of body-fixed points x on the base points: r(x) = sum_k g_k r_k, with sum g = 1 ([PGV]
-        Eq. 131-132)."""
+        """Weights g of body-fixed points x: r(x) = sum_k g_k r_k, with sum g = 1 ([PGV] Eq. 131-132)."""
         return self._affine(x, 1.0)
 
     def direction_weights(self, x: Float[Array, "3 *point"]) -> Float[Array, "4 *point"]:

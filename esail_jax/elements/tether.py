@@ -36,13 +36,12 @@ SAME_AXES = np.eye(3)
 
 
 class TetherBatch(eqx.Module):
-    """Tethers as chains of `elements` elements. The elements of a tether are equal; those of kind "rod" may
-    differ.
+    """Tethers as chains of elements, which are equal within a tether; those of kind "rod" may differ.
 
-    element_length: l [m]. line_density: rho A [kg/m]. tip_mass: m_u [kg] of the remote unit, a point mass
-    at the last node. Each has one number per tether; rods have one of the first two per element. base_mass:
-    [kg] of a point mass at the first node of a chain that nothing holds; None without such a mass.
-    fields_used: the fields of `PointFields` that are interpolated.
+    element_length: l [m] and line_density: rho A [kg/m], one number per tether, or per element for rods.
+    tip_mass: m_u [kg] per tether, the remote unit as a point mass at the last node. base_mass: [kg] of a
+    point mass at the first node of a chain that nothing holds; None without such a mass. elements: number
+    of elements of a tether. fields_used: the fields of `PointFields` that are interpolated.
 
     lengths [m] and masses [kg] of all elements are computed once. If they were computed where they are
     used, their repetition would be part of every loop over the points.
@@ -109,8 +108,7 @@ class TetherBatch(eqx.Module):
         return np.einsum("q,qa,qb->ab", self.weights, shapes, shapes)
 
     def scale_slopes(self, nodal: Float[Array, "coef 3 *batch tether"]) -> Array:
-        """Nodal vectors with slopes in metres: l r_x. The same factor is the transpose for conjugate
-        forces."""
+        """Nodal vectors with slopes in metres, l r_x. The map is its own transpose."""
         if self.coefs == 1:
             return nodal
         slope = nodal[1] * self.element_length
@@ -139,7 +137,7 @@ class TetherBatch(eqx.Module):
         """
         return [x * self.lengths if c % self.coefs else x for c, x in enumerate(vectors)]
 
-    def repeated(self, x: Float[Array, "*state tether"]) -> Float[Array, "*state element"]:
+    def repeat_per_element(self, x: Float[Array, "*state tether"]) -> Float[Array, "*state element"]:
         """One number per element from one per tether."""
         return jnp.tile(x, self.elements)
 
@@ -173,7 +171,7 @@ class TetherBatch(eqx.Module):
         # Stacked into memory; otherwise they are computed again for every coefficient.
         values = stacked([x[None] for x in scaled.values()])
         tables = [(self.weights[:, None] * self.table(d)).T for d in scaled]
-        parts = [integrated(table, value) for table, value in zip(tables, values, strict=True)]
+        parts = [integrate_shapes(table, value) for table, value in zip(tables, values, strict=True)]
         if acceleration is not None:
             parts.append(self.element_inertia(acceleration))
         forces = self.assemble(sum(parts[1:], parts[0]))
@@ -182,7 +180,7 @@ class TetherBatch(eqx.Module):
     def element_inertia(self, acceleration: Nodal) -> Float[Array, "coef2 3 *state element"]:
         """Inertia forces M `acceleration` of every element, before assembly."""
         vectors = self.element_vectors(acceleration) * self.masses
-        return integrated(self.mass_table, jnp.swapaxes(vectors, 0, 1))
+        return integrate_shapes(self.mass_table, jnp.swapaxes(vectors, 0, 1))
 
     def add_point_masses(self, forces: Nodal, acceleration: Nodal) -> Nodal:
         """`forces` plus the inertia forces of the point masses at the ends."""
@@ -234,7 +232,7 @@ class TetherBatch(eqx.Module):
             tables.append(np.einsum("q,qa,qb->abq", self.weights, *pair))
             values.append(jnp.moveaxis(block * scale, 2, 0))
         # Axes: a, b, direction, component, element.
-        matrices = along_first(np.concatenate(tables, axis=2), stacked(values))
+        matrices = contract_first_axis(np.concatenate(tables, axis=2), stacked(values))
         coefs, axes = matrices.shape[0], matrices.shape[2]
         rows_first = matrices.transpose(0, 3, 1, 2, 4)
         return self.of_tethers(rows_first.reshape(coefs * axes, coefs * axes, -1))
@@ -264,16 +262,15 @@ def at_points(
     return (weights * vectors[:, :, None]).sum(0)
 
 
-def integrated(
+def integrate_shapes(
     table: Float[np.ndarray, "coef2 point"], values: Float[Array, "3 point *batch"]
 ) -> Float[Array, "coef2 3 *batch"]:
-    """Integrals over the element of shape functions times values at points: the transpose of
-    `at_points`."""
+    """Integrals of shape functions times values at points: the transpose of `at_points`."""
     weights = table.reshape(table.shape[0], 1, table.shape[1], *(1,) * (values.ndim - 2))
     return (weights * values).sum(2)
 
 
-def along_first(table: np.ndarray, values: Float[Array, "first *batch"]) -> Array:
+def contract_first_axis(table: np.ndarray, values: Float[Array, "first *batch"]) -> Array:
     """Product over the last axis of the table and the first axis of the values, as one matrix product."""
     flat = per_member_table(table.reshape(-1, table.shape[-1]), values) @ values.reshape(
         values.shape[0], -1

@@ -7,7 +7,6 @@ COEFS_PER_NODE = 1
 
 
 def shape_functions(xi: np.ndarray, derivative: int = 0) -> np.ndarray:
-    """Shape functions 1 - xi and xi, or their derivative of the given order with respect to xi: (point,
-    2)."""
+    """Shape functions 1 - xi and xi, or their derivative of the given order in xi: (point, 2)."""
     columns = [np.polynomial.Polynomial([1, -1]), np.polynomial.Polynomial([0, 1])]
     return np.stack([s.deriv(derivative)(xi) if derivative else s(xi) for s in columns], axis=1)

@@ -1,7 +1,7 @@
 """The results of an ensemble."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -33,8 +33,22 @@ class Ensemble:
     def __getitem__(self, name: str) -> Float[np.ndarray, "member time *some"]:
         return self.rows[name]
 
+    def __contains__(self, name: object) -> bool:
+        return name in self.rows
+
     def __len__(self) -> int:
         return len(self.members)
+
+    def __repr__(self) -> str:
+        complete, end = int(self.complete.sum()), float(self.time[-1])
+        return (
+            f"Ensemble({len(self)} members, {complete} complete; {len(self.time)} instants to {end:g} s; "
+            f"observables {', '.join(self.rows)})"
+        )
+
+    def keys(self) -> Iterable[str]:
+        """Names of the observables."""
+        return self.rows.keys()
 
     @property
     def failed(self) -> np.ndarray:

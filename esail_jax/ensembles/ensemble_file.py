@@ -148,8 +148,7 @@ def pieces_in(folder: Path) -> list[Path]:
 
 
 def computed_members(folder: Path, task: Task) -> tuple[np.ndarray, int]:
-    """Numbers of the members that are already computed, and the number of members of ensemble.h5 (0: no
-    file).
+    """Numbers of the members that are already computed, and the number of members of ensemble.h5, or 0.
 
     Raises RunFileError if a file in the folder belongs to another ensemble."""
     done: list[np.ndarray] = []
@@ -179,7 +178,7 @@ def check_same(path: Path, file: h5py.File, task: Task) -> None:
             raise RunFileError(f"`--resume` must go on with the same {name}, but {path} is of another")
 
 
-# ---- the whole ensemble ----------------------------------------------------------------------------------
+# ---- the whole ensemble -------------------------------------------------------------------------
 
 
 def merge_pieces(folder: Path, task: Task) -> tuple[str, str]:

@@ -50,8 +50,8 @@ def mean_gradient(
 
     shares = jax.tree.map(lambda x: placed(x, PartitionSpec(MEMBER)), (filled, weights))
 
-    def of_share(parameters, share):
-        def one(member):
+    def mean_of_share(parameters, share):
+        def evaluate_member(member):
             own, weight = member
             value, gradient = jax.value_and_grad(objective)(parameters, own)
             leaves = [value, *jax.tree.leaves(gradient)]
@@ -59,17 +59,17 @@ def mean_gradient(
             found = jax.tree.map(lambda x: jnp.where(good, x, 0.0), (value, gradient))
             return *found, jnp.where(good, 1.0, 0.0)
 
-        sums = jax.tree.map(lambda x: x.sum(0), lax.map(one, share))
+        sums = jax.tree.map(lambda x: x.sum(0), lax.map(evaluate_member, share))
         value, gradient, counted = lax.psum(sums, MEMBER)
         return MeanGradient(value / counted, jax.tree.map(lambda x: x / counted, gradient), counted)
 
     specs = (PartitionSpec(), PartitionSpec(MEMBER))
     evaluate = jit(
-        jax.shard_map(of_share, mesh=mesh, in_specs=specs, out_specs=PartitionSpec(), check_vma=False)
+        jax.shard_map(mean_of_share, mesh=mesh, in_specs=specs, out_specs=PartitionSpec(), check_vma=False)
     )
 
-    def of_parameters(parameters: Any) -> MeanGradient:
-        everywhere = jax.tree.map(lambda x: placed(x, PartitionSpec()), parameters)
-        return jax.tree.map(lambda x: np.asarray(x), evaluate(everywhere, shares))
+    def evaluate_everywhere(parameters: Any) -> MeanGradient:
+        placed_parameters = jax.tree.map(lambda x: placed(x, PartitionSpec()), parameters)
+        return jax.tree.map(lambda x: np.asarray(x), evaluate(placed_parameters, shares))
 
-    return of_parameters
+    return evaluate_everywhere

@@ -1,5 +1,4 @@
-"""Synthetic gusts of the solar wind: correlated noise about mean values, for examples and robust
-designs."""
+"""Synthetic gusts of the solar wind: correlated noise, for examples and robust designs."""
 
 import csv
 import os

@@ -70,7 +70,7 @@ def create_quantity(
 ) -> h5py.Dataset:
     """Creates a dataset of numbers with the attributes `unit`, `symbol`, `equation` and `axes`.
 
-    grows: the first axis starts with the given length and can be extended. Values not written are NaN.
+    grows: the first axis can be extended. Otherwise values that are never written are NaN.
     """
     storage: dict[str, Any] = {"fillvalue": np.nan}
     if grows:

@@ -17,8 +17,7 @@ from esail_jax.numerics.small_matrices import matmul
 
 
 def radial_directions(azimuth: PerTether) -> Float[Array, "3 tether"]:
-    """Body-fixed unit vectors from the spin axis through the roots. Azimuths [rad] are counted from Y_B
-    about X_B."""
+    """Body-fixed unit vectors from the spin axis through the roots; azimuth [rad] from Y_B about X_B."""
     return jnp.stack([jnp.zeros_like(azimuth), jnp.cos(azimuth), jnp.sin(azimuth)])
 
 
@@ -55,8 +54,7 @@ class Releases(eqx.Module):
         return Releases(self.release_time, self.release_time <= time)
 
     def where_released(self, own: Array, held: Array) -> Array:
-        """`own` for released tethers and `held` for the others. Both are arrays with the tether last, or
-        numbers."""
+        """`own` for released tethers, `held` for the others: arrays with the tether last, or numbers."""
         return held if self.released is None else jnp.where(self.released, own, held)
 
 

@@ -15,10 +15,10 @@ from esail_jax.terms import ControlledLoad, PointFields
 
 
 class CoulombThrust(ControlledLoad):
-    """f = (sigma/u) u_perp, u_perp = u - (i_t . u) i_t, i_t = r_x/|r_x| ([PGV] Eq. 27-30), per undeformed
-    length. The tether's own velocity is not subtracted from the wind's.
+    """Coulomb thrust per undeformed length, f = (sigma/u) u_perp, u_perp = u - (i_t . u) i_t, i_t =
+    r_x/|r_x| ([PGV] Eq. 27-30). The wind's velocity u is not relative to the tether's own velocity.
 
-    voltage [V]: that of every element; None until the law has commanded one.
+    voltage: V [V] of every element; None until the voltage law has commanded it.
     """
 
     wind: SteadyWind | WindSeries
@@ -30,7 +30,7 @@ class CoulombThrust(ControlledLoad):
 
     @classmethod
     def of(cls, wind: SteadyWind | WindSeries, voltage_law: VoltageLaw, elements: int) -> "CoulombThrust":
-        """The load on tethers of so many elements each. A constant voltage is set here, once."""
+        """The load on tethers of `elements` elements each. A constant voltage is set here, once."""
         constant = isinstance(voltage_law, Constant)
         return cls(wind, voltage_law, per_element(voltage_law.value, elements) if constant else None)
 
@@ -47,7 +47,7 @@ class CoulombThrust(ControlledLoad):
         return self.voltage
 
     def commanded(self, measurements: Measurements) -> PerTether:
-        """V [V] of every tether, within its limits."""
+        """Voltage V [V] of every tether, within its limits."""
         origin = self.wind.origin
         return self.voltage_law.voltage(measurements._replace(wind=origin / jnp.linalg.norm(origin)))
 

@@ -30,9 +30,9 @@ Volts = Float[Array, "*any"]
 class VoltageLaw(eqx.Module):
     """The voltage V_i of every tether as a function of measurements.
 
-    A subclass gives `commanded` and `name`. maximum: V_max [V]; None for no upper limit. smooth: whether
-    the limits are approached smoothly, as laws need that may come close to a limit while their numbers are
-    optimised.
+    A subclass gives `commanded`, `name` and `maximum`. maximum: V_max [V]; None for no upper limit. smooth:
+    whether V bends smoothly towards its limits. Laws whose parameters are optimised need that, as a voltage
+    may reach a limit on the way.
     """
 
     smooth: ClassVar[bool] = False
@@ -99,8 +99,7 @@ class Harmonic(VoltageLaw):
 
 
 class TimeTable(VoltageLaw):
-    """A table of voltages over time, interpolated linearly; constant before the first and after the last
-    instant.
+    """Voltages interpolated linearly in a table; constant before the first and after the last instant.
 
     time: increasing instants [s]. table: voltages [V], (instant, tether).
     """
@@ -249,8 +248,7 @@ def modulation(
 
 
 def slew_rate_factor(fastest: PerTether, slew_rate: Scalar | PerTether) -> PerTether:
-    """Fraction of a modulation that a slew rate allows. fastest: largest rate of the full modulation
-    [V/s]."""
+    """Fraction of a modulation that a slew rate allows. fastest: its largest rate [V/s]."""
     return jnp.minimum(1.0, slew_rate / jnp.maximum(fastest, 1e-30))
 
 

@@ -10,12 +10,13 @@ from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.environment.orbit import orbital_frame
 from esail_jax.iteration_matrix import FactoredMass
 from esail_jax.joints.roots import radial_directions
+from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.numerics.angles import smallest_eigenvector
 from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import dot
 from esail_jax.steppers.consistent import consistent_motion
 from esail_jax.system import Power, System
-from esail_jax.terms import PointFields
+from esail_jax.terms import PointFields, find_term
 
 
 class Instant(eqx.Module):
@@ -27,7 +28,7 @@ class Instant(eqx.Module):
     origin: heliocentric position [m] of the origin of the inertial frame
     forces: left-hand side of the equations of motion [N] without the reactions of the root joints
     power: dissipated and external power [W]
-    load: sum of the loads at the quadrature points [N/m]; None without loads
+    load: Coulomb thrust at the quadrature points [N/m]; None without wind
     """
 
     system: System
@@ -45,6 +46,7 @@ class Instant(eqx.Module):
 
     @property
     def p(self) -> int:
+        """Number of tethers."""
         return self.q.tether.shape[-1]
 
     @property
@@ -64,14 +66,17 @@ class Instant(eqx.Module):
 
     @property
     def body_to_orbital(self) -> Rotation:
+        """Rotation C_B^O from the body frame to the orbital frame."""
         return matmul(self.orbital.T, self.rotation)
 
     @property
     def tips(self) -> Float[Array, "3 tether"]:
+        """Positions of the tips [m]."""
         return self.q.tether[0, :, -1]
 
     @property
     def roots(self) -> Float[Array, "3 tether"]:
+        """Positions of the roots [m]."""
         return self.q.tether[0, :, 0]
 
     @property
@@ -160,8 +165,8 @@ def make_instant(
 
     mass: factors of the mass matrix, as in `consistent_motion`."""
     vdot, lam, forces, power = consistent_motion(system, time, q, v, mass)
-    load = None
-    if system.loads:
+    load, thrust = None, find_term(system.with_commanded_loads(time, q).loads, CoulombThrust)
+    if thrust is not None:
         fields, rates = system.tethers.interpolate(q.tether), system.tethers.interpolate(v.tether)
-        load = sum(term.force(time, fields, rates) for term in system.with_commanded_loads(time, q).loads)
+        load = thrust.force(time, fields, rates)
     return Instant(system, time, q, v, vdot, lam, work, start_energy, origin, forces, power, load)

@@ -87,6 +87,7 @@ def voltage(i: Instant) -> Float[Array, " tether"]:
 
 
 def total_energy(i: Instant) -> Scalar:
+    """Kinetic plus elastic energy [J]."""
     return kinetic_energy(i.system, i.v) + elastic_energy(i.system, i.q)
 
 

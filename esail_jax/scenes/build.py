@@ -1,6 +1,7 @@
-"""From a scene to a system and its initial state: the only place that knows every part.
+"""Builds the system of a scene and its initial state. This is the only module that knows every part.
 
-`build` uses jax.numpy only, so every number has a derivative, the steady start included.
+`build` uses jax.numpy only, so that results have derivatives with respect to every number of the scene,
+also through the steady start.
 """
 
 from typing import NamedTuple
@@ -30,17 +31,22 @@ from esail_jax.terms import Dissipation, Energy
 
 
 class Model(NamedTuple):
-    """A built scene."""
+    """A scene's system and its initial state q, v.
+
+    unbalanced: largest force [N] of every tether that the steady start leaves unbalanced.
+    """
 
     system: System
     q: Coordinates
     v: Coordinates
-    unbalanced: PerTether  # [N] left over by the steady elongation
+    unbalanced: PerTether
 
 
 def build(structure: Structure, numbers: Numbers) -> Model:
-    """System and initial state of a scene's structure and numbers: of a sail ([PGV] Sec. 4.1), or of
-    a chain in the coordinates of its joints."""
+    """System and initial state of a scene, given by its structure and numbers.
+
+    The scene is a sail ([PGV] Sec. 4.1), or a chain, whose state is then that of its joints.
+    """
     n = numbers
     if structure.has("chain"):
         chain, state = build_chain(structure, n)
@@ -69,7 +75,7 @@ def build(structure: Structure, numbers: Numbers) -> Model:
 
 
 def material_terms(structure: Structure, n: Numbers) -> tuple[tuple, tuple]:
-    """Energies and dissipations of the tethers."""
+    """Energies and dissipations of the tethers, for the keys that are given."""
     strain = structure["tethers.strain"]
     axial = n["tethers.youngs_modulus"] * n["tethers.area"]
     energies: list[Energy] = [AxialEnergy(axial, strain)]
@@ -88,7 +94,7 @@ def material_terms(structure: Structure, n: Numbers) -> tuple[tuple, tuple]:
 
 
 def tethers_of(structure: Structure, n: Numbers, loaded: bool) -> TetherBatch:
-    """The batch of tethers, with the fields its terms need."""
+    """The batch of tethers. It interpolates the fields that its terms need: r only if it is `loaded`."""
     elements = structure["tethers.elements"]
     length = n["tethers.length"]
     fields = ("r",) * loaded + ("r_x",) + ("r_xx",) * structure["tethers.bending"]
@@ -106,8 +112,8 @@ def tethers_of(structure: Structure, n: Numbers, loaded: bool) -> TetherBatch:
 def roots_of(
     structure: Structure, n: Numbers, hub: RigidBody | None, azimuth: PerTether, start: Rotation
 ) -> joints.HubRoots | joints.FrameRoots:
-    """Spherical or clamped roots at azimuth 2 pi i/p from Y_B, in the hub's mid-plane, or at the
-    centre of a turning frame if there is no hub."""
+    """Spherical or clamped roots at the azimuths 2 pi i/p from Y_B, in the hub's mid-plane; without a hub,
+    at the centre of a turning frame."""
     clamped = structure["tethers.root"] == "clamped"
     normals = joints.clamp_normals(azimuth) if clamped else None
     outward = joints.radial_directions(azimuth)
@@ -122,8 +128,8 @@ def roots_of(
 def initial_state(
     structure: Structure, n: Numbers, system: System, azimuth: PerTether, start: Rotation
 ) -> tuple[Coordinates, Coordinates, PerTether]:
-    """Straight tethers on their cone, turning rigidly with the hub, and what the steady
-    elongation leaves unbalanced [N]."""
+    """Initial positions and velocities: straight tethers on their cone that turn rigidly with the hub. Also
+    the largest force [N] of every tether that the steady elongation leaves unbalanced."""
     coning = jnp.deg2rad(n["initial.coning_angle_deg"])
     radius = n["hub.radius"] if system.hub is not None else jnp.zeros(())
     spin = n["initial.spin_rate"]
@@ -152,9 +158,12 @@ def initial_state(
 
 
 def printed_line(n: Numbers, tethers: TetherBatch, radius: Array) -> Line:
-    """[PGV] Eq. 79-80 as printed: the elongation of a rotating cable whose tip mass is the
-    tether's own mass m_t, and stretched about the axis rather than from the root. `place_roots`
-    then puts the root itself on the hub; the errata say what the rest does."""
+    """The initial elongation of [PGV] Eq. 79-80 as printed.
+
+    It is that of a rotating cable whose tip mass is the tether's own mass m_t, stretched from the axis
+    rather than from the root. `place_roots` then puts the root on the hub; the errata describe the
+    consequences.
+    """
     modulus, spin_squared = n["tethers.youngs_modulus"], n["initial.spin_rate"] ** 2
     length, density = n["tethers.length"], n["tethers.density"]
     tether_mass = tethers.line_density * length
@@ -166,7 +175,7 @@ def printed_line(n: Numbers, tethers: TetherBatch, radius: Array) -> Line:
 
 
 def build_chain(structure: Structure, n: Numbers) -> tuple[RodChain, RodState]:
-    """Rods and initial state ([MW] Sec. 3)."""
+    """A chain of rods and its initial state ([MW] Sec. 3)."""
     column = {key: value[:, None] for key, value in n.items() if key.startswith("chain.") and value.ndim}
     length, free = column["chain.length"], structure["chain.anchor"] == "free"
     rods = structure["chain.rods"]

@@ -1,4 +1,4 @@
-"""What surrounds a sail: the attitude it starts at, the wind, and the voltages of its tethers."""
+"""Builds the Coulomb load of a scene (wind and voltage law) and the initial attitude."""
 
 import jax.numpy as jnp
 
@@ -15,13 +15,13 @@ from esail_jax.scenes.structure import Numbers, Structure
 def coulomb_thrust(
     structure: Structure, n: Numbers, origin: Float[Array, "3"], elements: int
 ) -> CoulombThrust:
-    """The load of [solar_wind] and [voltage] on tethers of so many elements each."""
+    """The load of [solar_wind] and [voltage]. origin: R_0 [m]; elements: number of elements of a tether."""
     wind = wind_of(n, origin)
     return CoulombThrust.of(wind, voltage_law(structure, n, wind), elements)
 
 
 def wind_of(n: Numbers, origin: Float[Array, "3"]) -> SteadyWind | WindSeries:
-    """The wind of [solar_wind]."""
+    """The wind of [solar_wind]. origin: R_0 [m], heliocentric position of the inertial frame's origin."""
     keys = ("solar_wind.speed", "solar_wind.number_density")
     speed, density = (n[key] for key in keys)
     cutoff = n["solar_wind.cutoff_voltage"]
@@ -33,7 +33,7 @@ def wind_of(n: Numbers, origin: Float[Array, "3"]) -> SteadyWind | WindSeries:
 
 
 def voltage_law(structure: Structure, n: Numbers, wind: SteadyWind | WindSeries) -> voltage.VoltageLaw:
-    """The law of [voltage]."""
+    """The voltage law of [voltage]."""
     law, maximum = structure["voltage.law"], n.get("voltage.maximum")
     value, slew = n.get("voltage.value"), n.get("voltage.slew_rate")
     if law == "harmonic":
@@ -62,7 +62,7 @@ def voltage_law(structure: Structure, n: Numbers, wind: SteadyWind | WindSeries)
 def planar_cone(
     n: Numbers, wind: SteadyWind | WindSeries, maximum: Array | None, slew: Array | None
 ) -> voltage.PlanarCone:
-    """The law for rigid tethers of the scene's lengths and masses at its sailing angle."""
+    """The planar-cone law for rigid tethers of the scene's lengths and masses at its sailing angle."""
     coning, sailing = (
         jnp.deg2rad(n[key]) for key in ("voltage.coning_angle_deg", "initial.sailing_angle_deg")
     )
@@ -78,12 +78,12 @@ def planar_cone(
 
 
 def per_tether(rows: Array, like: PerTether) -> Float[Array, "row tether"]:
-    """Rows of one number for all tethers, or of one for each."""
+    """Rows with one number per tether, from rows of one number for all tethers or of one for each."""
     return jnp.broadcast_to(rows if rows.ndim == 2 else rows[:, None], (rows.shape[0], *like.shape))
 
 
 def starting_attitude(n: Numbers) -> tuple[Rotation, Float[Array, "3"]]:
-    """C_B^I(0): the orbital frame turned by (alpha - 90 deg) about Y_O; and R_0 [m]."""
+    """Initial attitude C_B^I(0), the orbital frame turned by (alpha - 90 deg) about Y_O, and R_0 [m]."""
     origin = n["initial.heliocentric_position_au"] * ASTRONOMICAL_UNIT
     pitch = jnp.deg2rad(n["initial.sailing_angle_deg"] - 90.0)
     return orbital_frame(origin) @ joints.rotation_about_y(pitch), origin

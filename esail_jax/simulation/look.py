@@ -9,7 +9,7 @@ from jax import lax
 
 from esail_jax import observables
 from esail_jax.array_types import Array, Float, Int, Scalar
-from esail_jax.iteration_matrix import factor_mass
+from esail_jax.iteration_matrix import FactoredMass, factor_mass
 from esail_jax.simulation.problem import Problem
 from esail_jax.steppers.consistent import project
 from esail_jax.steppers.stepper import Point
@@ -27,13 +27,19 @@ def look(
             system, problem.hinges, point.time, point.q, point.v, point.work, problem.start_energy
         )
         return chosen(observables.chain.observe(instant), names), point, jnp.zeros(())
+    point, mass = on_constraints(problem, point)
+    state = (point.time, point.q, point.v, point.work, problem.start_energy)
+    instant = observables.make_instant(system, problem.origin, *state, mass)
+    return chosen(observables.observe(instant), names), point, violation(system, point)
+
+
+def on_constraints(problem: Problem, point: Point) -> tuple[Point, FactoredMass]:
+    """The point on the constraints of a sail, and its factored mass matrix. The end of a step stays as it is."""
+    system = problem.system
     mass = factor_mass(system, point.time, point.q, problem.inertia)
     q, v = project(system, point.time, point.q, point.v, mass)
     q, v = jax.tree.map(lambda x, y: jnp.where(point.exact, x, y), (point.q, point.v), (q, v))
-    point = point._replace(q=q, v=v)
-    state = (point.time, q, v, point.work, problem.start_energy)
-    instant = observables.make_instant(system, problem.origin, *state, mass)
-    return chosen(observables.observe(instant), names), point, violation(system, point)
+    return point._replace(q=q, v=v), mass
 
 
 def chosen(rows: dict[str, Array], names: tuple[str, ...] | None) -> dict[str, Array]:

@@ -114,10 +114,9 @@ def start(
 
 
 def restart(problem: Problem, motion: Motion, point: Point, until: Scalar) -> Motion:
-    """The motion from a point at which something was switched, for a problem that is as it is afterwards. until: the
-    next such time [s]."""
-    q, v = project(problem.system, point.time, point.q, point.v)
-    state, last = problem.stepper.init(problem.model, point._replace(q=q, v=v), until)
+    """The motion from a point, on the constraints, at which something was switched. problem: as it is afterwards;
+    until: the next such time [s]."""
+    state, last = problem.stepper.init(problem.model, point, until)
     return Motion(state, last, motion.counts)
 
 

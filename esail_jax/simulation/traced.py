@@ -11,7 +11,7 @@ from esail_jax.array_types import Array, Float, Scalar
 from esail_jax.numerics.lockstep import select
 from esail_jax.scenes.structure import Numbers, Structure
 from esail_jax.simulation.advance import Window, keep_tapes, move
-from esail_jax.simulation.look import look, with_running_observables
+from esail_jax.simulation.look import look, on_constraints, with_running_observables
 from esail_jax.simulation.problem import restart, start
 from esail_jax.simulation.schedule import Schedule
 from esail_jax.steppers.results import RESULTS
@@ -53,7 +53,7 @@ def traced_run(
         if switched:
             motion = lax.cond(
                 window.begins,
-                lambda: select(is_good(motion), restart(now, motion, before, window.until), motion),
+                lambda: select(is_good(motion), restart(now, motion, on_constraints(now, before)[0], window.until), motion),
                 lambda: motion,
             )
         motion, points, passed = move(now, motion, Window(window.times, window.count), max_steps)

@@ -1,5 +1,8 @@
-"""`jit` and the compiler options. Matrix products are right whatever their factors, although the library
-that computes them is wrong if all columns of the right factor are equal (`compiler_workaround.py`)."""
+"""`jit` and the compiler options.
+
+Matrix products are right for any factors, although the library that computes them is wrong if all columns
+of the right factor are equal (`compiler_workaround.py`).
+"""
 
 import functools
 
@@ -27,8 +30,11 @@ NUMBERS = np.random.default_rng(1).normal(size=48)
 @pytest.mark.parametrize("factor", FACTORS)
 @pytest.mark.parametrize("how", ["jit", "compile_lowered", "options"])
 def test_product_with_any_right_factor(factor, how):
-    """A B to rounding (sums of four products of numbers near one), also where all columns of B are equal:
-    by `jit`, by a program that is compiled ahead, and by `jax.jit` with the options."""
+    """A B is right to rounding, also if all columns of B are equal.
+
+    The programs are compiled by `jit`, ahead of time, or by `jax.jit` with the package's options. Entries
+    are sums of four products of numbers near one.
+    """
 
     def product(left, x):
         return left @ FACTORS[factor](x)
@@ -55,7 +61,7 @@ ENTRY %main (l: f64[4,4], x.1: {given}) -> f64[4,12] {{
   ROOT %made = f64[4,12]{{1,0}} fusion(%l, %x.1), kind={kind}, calls=%computation, backend_config={config}
 }}
 """
-"""As jaxlib 0.10.2 writes a compiled program."""
+"""The text of a compiled program, as jaxlib 0.10.2 writes it."""
 
 BROADCAST = "  %right = f64[4,12]{1,0} broadcast(%x), dimensions={0}"
 SPREAD = "  %y = f64[4,3,4]{2,1,0} broadcast(%x), dimensions={2}\n  %right = f64[4,12]{1,0} bitcast(%y)"
@@ -75,8 +81,10 @@ LOOP = {"kind": "kLoop", "config": "{}"}
     ids=["broadcast", "reshaped broadcast", "array", "outside the library"],
 )
 def test_computed_right_factor_is_found(given, lines, place, refused):
-    """A broadcast as right factor is found in the text of a compiled program, also behind a reshaping; an
-    array in memory is not taken for one, and a product outside the library does not count."""
+    """A broadcast as right factor is found in the text of a compiled program, also behind a reshaping.
+
+    Arrays in memory and products outside the library are not reported.
+    """
     assert has_computed_right_factor(IN_LIBRARY.format(given=given, lines=lines, **place)) == refused
 
 

@@ -1,7 +1,7 @@
-"""A module imports from its own layer or a lower one, and the heavy libraries stay in their rooms.
+"""A module imports only from its own layer or a lower one, and heavy libraries only in some packages.
 
-The table is the architecture: physics at a point below the sum of the terms, that below its iteration
-matrix, that below the stepper, that below everything that knows about scenes, files and figures.
+The table is the architecture. Physics at a point is lowest; above it are the sum of the terms, the
+iteration matrix, the steppers, and all modules that know about scenes, files and figures.
 """
 
 import ast
@@ -26,14 +26,14 @@ LAYERS = (
     ("__init__", "commands"),
     ("cli", "__main__"),
 )
-"""Lowest first. A name stands for a module, or for a folder with all its modules."""
+"""The layers, lowest first. A name is that of a module, or of a folder with all its modules."""
 
 ONLY_IN = {
     "matplotlib": {"plotting"},
     "mpl_toolkits": {"plotting"},
     "h5py": {"files", "ensembles", "design", "commands"},
 }
-"""Who may import what is slow to import or tied to a file format."""
+"""The folders that may import a library that is slow to import or belongs to a file format."""
 
 LAYER = {room: number for number, rooms in enumerate(LAYERS) for room in rooms}
 
@@ -41,17 +41,19 @@ FILES = {
     ".".join(path.relative_to(PACKAGE).with_suffix("").parts): path
     for path in sorted(PACKAGE.rglob("*.py"))
 }
-"""Every module by its dotted name in the package; a folder's own is `folder.__init__`."""
+"""The path of every module, by its dotted name in the package; that of a folder is `folder.__init__`."""
 
 
 def room_of(module: str) -> str:
-    """First part of a dotted name inside the package."""
+    """Returns the first part of a dotted name inside the package."""
     return module.partition(".")[0]
 
 
 def imported(path: Path) -> set[str]:
-    """Absolute dotted names a file imports, those inside functions included; `from a import b` is
-    a.b: whether b is a module is decided later."""
+    """Returns the absolute dotted names that a file imports, also inside functions.
+
+    `from a import b` gives a.b, whether b is a module or not.
+    """
     names = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
@@ -63,7 +65,7 @@ def imported(path: Path) -> set[str]:
 
 
 def modules_used(path: Path) -> set[str]:
-    """Modules of the package that a file imports."""
+    """Returns the modules of the package that a file imports."""
     found = set()
     for name in imported(path):
         if room_of(name) != "esail_jax":
@@ -104,7 +106,7 @@ def test_only_the_command_line_and_the_function_plot_draw():
 
 
 def test_a_wrong_import_is_seen(tmp_path):
-    # Of every form an import can take, one inside a function too.
+    # The text has every form of import, one of them inside a function.
     text = """
 import esail_jax.cores
 from esail_jax import terms

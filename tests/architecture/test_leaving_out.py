@@ -1,4 +1,4 @@
-"""A part that a scene leaves out is not there: fewer equations, and not among the terms."""
+"""A part that a scene leaves out is not in its programs: they have fewer equations and fewer terms."""
 
 import dataclasses
 
@@ -14,7 +14,7 @@ from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
 
 
 def count_equations(jaxpr):
-    """Number of equations of a jaxpr, nested ones included."""
+    """Returns the number of equations of a jaxpr, with those of nested jaxprs."""
     total = 0
     for equation in jaxpr.eqns:
         total += 1
@@ -26,7 +26,7 @@ def count_equations(jaxpr):
 
 
 def equations_of_a_step(problem, state):
-    """Number of equations of one factorisation and one step."""
+    """Returns the number of equations of one factorisation and one step."""
     stepper = GeneralizedAlpha(jnp.asarray(0.1), problem.spectral_radius)
 
     def step(problem, state):
@@ -49,8 +49,8 @@ def scenes():
 
 
 def test_an_absent_part_leaves_no_equations():
-    """Equations of a step, strictly fewer without bending, damping, voltage or hub; a voltage of
-    zero, in contrast, is a term like any other."""
+    """A step has fewer equations without bending, damping, voltage or hub; a voltage of zero changes
+    nothing."""
 
     def measured(scene):
         structure, numbers = split(with_method(scene))

@@ -15,7 +15,8 @@ MUTATIONS = [m for path in LISTS for m in tomllib.loads(path.read_text(encoding=
 
 
 def test_every_perturbation_finds_its_text():
-    """A text that occurs twice, or no longer, would perturb something else or nothing."""
+    """The text of every perturbation occurs exactly once. Otherwise something else or nothing would
+    change."""
     for mutation in MUTATIONS:
         text = (ROOT / "esail_jax" / mutation["file"]).read_text(encoding="utf-8")
         assert text.count(mutation["old"]) == 1, mutation["name"]
@@ -25,16 +26,20 @@ def test_every_perturbation_finds_its_text():
 
 
 def test_every_perturbation_has_been_noticed():
-    """The table lists all of them, each with a test that failed."""
+    """The table lists every perturbation with a test that failed."""
     with (ROOT / "experiments/mutations/mutations.csv").open(encoding="utf-8") as file:
         table = {row["term"]: row["tests that fail"] for row in csv.DictReader(file)}
     assert set(table) == {mutation["name"] for mutation in MUTATIONS}
     assert all(table.values())
 
 
+WITHOUT_FORMULAS = {"steppers/results.py", "steppers/stepper.py"}
+"""Files of these folders that have no formulas: result codes, and the interface of the methods."""
+
+
 @pytest.mark.parametrize("folder", ["elements", "loads", "joints", "environment", "steppers", "equilibria"])
 def test_every_room_with_physics_is_perturbed(folder):
-    """No file with formulas of its own is left out."""
+    """Every file with formulas has a perturbation."""
     perturbed = {mutation["file"] for mutation in MUTATIONS}
     files = {f"{folder}/{path.name}" for path in (ROOT / "esail_jax" / folder).glob("[a-z]*.py")}
-    assert files <= perturbed
+    assert files - WITHOUT_FORMULAS <= perturbed

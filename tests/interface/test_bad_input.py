@@ -1,7 +1,7 @@
-"""What a user mistypes is answered by one line that names the key, and by nothing else.
+"""Bad input is answered by one line that names the key.
 
-Each case: exit status 2, one line on stderr, nothing on stdout, no file made or changed, and all of it
-before anything is compiled.
+Each case has exit status 2, one line on stderr and nothing on stdout. No file is made or changed, and
+nothing is compiled.
 """
 
 import re
@@ -36,7 +36,7 @@ def contents(folder: Path):
 
 
 def complaint(arguments, capsys, folder) -> str:
-    """The one line of a refused command."""
+    """Runs a command that is refused and returns its one line."""
     before = contents(folder)
     status = cli.main([str(argument) for argument in arguments])
     out, err = capsys.readouterr()
@@ -47,7 +47,7 @@ def complaint(arguments, capsys, folder) -> str:
 
 
 def check_refused(arguments, key, capsys, folder, *words):
-    """The line reads: `key` must ..., but ... ."""
+    """Checks that the line reads: `key` must ..., but ... ."""
     line = complaint(arguments, capsys, folder)
     assert re.match(rf"`{re.escape(str(key))}` must .+, but .+", line), line
     for word in words:
@@ -134,7 +134,7 @@ SETTINGS = [
     ("setting", "words"), [(s, words) for s, *words in SETTINGS], ids=lambda x: str(x)[:50]
 )
 def test_bad_setting_is_refused_in_one_line(setting, words, scene, tmp_path, capsys):
-    """--set KEY=VALUE that the model cannot take."""
+    """`--set KEY=VALUE` with a value that the model does not allow is refused."""
     key = setting.partition("=")[0]
     check_refused(["run", scene, "-o", tmp_path / "a.h5", "--set", setting], key, capsys, tmp_path, *words)
 
@@ -243,7 +243,7 @@ def test_a_file_that_is_not_toml_is_refused_by_name(content, tmp_path, capsys):
 
 @pytest.mark.parametrize("name", ["missing.toml", "", "basline", "folder"])
 def test_a_scene_that_cannot_be_read_is_refused_by_name(name, tmp_path, capsys):
-    """A missing file, an empty name, a mistyped built-in scene, a directory."""
+    """The scene is a missing file, an empty name, a mistyped built-in scene, or a directory."""
     (tmp_path / "folder").mkdir()
     source = tmp_path / name if name in ("missing.toml", "folder") else name
     check_refused(["run", source, "-o", tmp_path / "a.h5"], source, capsys, tmp_path, "built-in scene")
@@ -299,7 +299,7 @@ def test_existing_output_is_refused_without_resume(scene, tmp_path, capsys):
 
 
 def test_resuming_what_is_no_run_is_refused(scene, tmp_path, capsys):
-    """A text file, an HDF5 file of something else, an empty file."""
+    """The file is a text, an HDF5 file of another kind, or empty."""
     (tmp_path / "text.h5").write_text("precious")
     (tmp_path / "empty.h5").touch()
     with h5py.File(tmp_path / "other.h5", "w") as file:
@@ -317,7 +317,7 @@ def test_info_about_what_is_no_run_is_refused(kind, tmp_path, capsys):
 
 
 def test_the_shell_sees_the_same(tmp_path):
-    """Status and streams of the process itself, for a bad key and for a bad command."""
+    """A process has the same exit status and output, for a bad key and for a bad command."""
     for arguments, word in (
         (
             ["run", "baseline", "-o", "a.h5", "--set", "hub.height=-1"],

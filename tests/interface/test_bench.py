@@ -1,4 +1,4 @@
-"""`esail bench`: how errors are measured, what is printed, what is written. No time is asserted."""
+"""`esail bench`: measures of error, and printed and written output. No run time is tested."""
 
 import json
 
@@ -12,7 +12,8 @@ from support import small_sail
 
 
 def test_error_is_relative_to_the_range_over_time_and_components():
-    """Component 1 ranges over 0 ... 4, component 0 over 0 ... 1: an error of 0.1 in either is 0.025."""
+    """The range of all components together is 4, so that an error of 0.1 in any component counts as
+    0.025."""
     exact = np.array([[0.0, 0.0], [1.0, 4.0], [0.5, 2.0]])
     for component in (0, 1):
         found = exact.copy()
@@ -21,7 +22,8 @@ def test_error_is_relative_to_the_range_over_time_and_components():
 
 
 def test_nearly_constant_signal_is_compared_with_its_magnitude():
-    """Range 1e-9 about 1000: an error of 1e-3 is 1e-3 of the floor, 1e-3 of 1000."""
+    """A signal of range 1e-9 about 1000 has an effective range of 1e-3 x 1000; an error of 1e-3 counts as
+    1e-3."""
     exact = 1000.0 + 1e-9 * np.arange(3)
     assert bench.errors({"x": exact + 1e-3}, {"x": exact}, ["x"])["x"] == pytest.approx(1e-3)
 
@@ -36,7 +38,7 @@ def test_angles_are_compared_modulo_a_turn():
 
 
 def test_what_failed_is_worst():
-    """A run that ended early has NaN rows, larger than any number."""
+    """A run that ended early has NaN rows, which count as an infinite error."""
     exact = {"a": np.arange(3.0), "b": np.arange(3.0)}
     found = {"a": exact["a"] + 9.0, "b": np.array([0.0, 1.0, np.nan])}
     errors = bench.errors(found, exact, exact)
@@ -45,7 +47,7 @@ def test_what_failed_is_worst():
 
 
 def test_reference_vouches_only_for_what_two_runs_agree_on():
-    """Rounding about zero has a range, but no meaning."""
+    """Signals that are only rounding errors have a range, but two runs do not agree on them."""
     time = np.linspace(0.0, 1.0, 5)
     noise = 1e-18 * np.array([1.0, -2.0, 0.5, 1.5, -1.0])
     rows = {"x": time, "zero": noise, "energy_balance_error": time}
@@ -55,7 +57,7 @@ def test_reference_vouches_only_for_what_two_runs_agree_on():
 
 
 def test_failed_run_is_a_row_with_its_message():
-    """Its JSON line has null for what is not a number."""
+    """The JSON line of a failed run has null in place of NaN."""
     run = bench.Run("m", "step", 0.1, {}, 7, 0.0, (1.0,), message="It broke.")
     entry = bench.line(run, {"a": 1.0, "b": np.nan}, role="run")
     assert json.loads(json.dumps(entry, allow_nan=False))["errors"] == {"a": 1.0, "b": None}
@@ -63,7 +65,7 @@ def test_failed_run_is_a_row_with_its_message():
 
 
 def test_runs_that_agree_on_nothing_are_no_reference(monkeypatch):
-    """And the command gives up with one line."""
+    """The command ends with one line."""
     run = bench.Run(
         "m", "tolerance", 1e-13, {"x": np.array([0.0, np.nan])}, 7, 0.0, (1.0,), message="It broke."
     )
@@ -82,8 +84,11 @@ def tiny(tmp_path_factory):
 
 @pytest.mark.slow
 def test_table_and_lines(tiny, tmp_path, capsys, monkeypatch):
-    """A row and a JSON line per setting, the reference first; and collocation is the more accurate, as
-    orders 7 and 2 make it."""
+    """Every setting has a row and a JSON line, the reference first; collocation is the more accurate
+    method.
+
+    Its order is 7, that of the other method 2.
+    """
     settings = [("generalized-alpha", "step", 0.1), ("collocation", "tolerance", 1e-10)]
     monkeypatch.setattr(bench, "SAIL", [(method, key, (value,)) for method, key, value in settings])
     file = tmp_path / "lines.jsonl"
@@ -103,7 +108,7 @@ def test_table_and_lines(tiny, tmp_path, capsys, monkeypatch):
 
 
 def test_every_setting_can_be_run_on_what_it_is_for():
-    """Whatever method, step or radius a scene names itself."""
+    """Every setting works for scenes that give a method, a step or a spectral radius themselves."""
     scene = parse(small_sail.TEXT.replace("step = 0.1", "step = 0.1\nspectral_radius = 0.5"), "tiny")
     for method, key, values in bench.SAIL:
         table = bench.with_method(scene, method, key, values[0]).integrator

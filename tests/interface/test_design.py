@@ -1,4 +1,4 @@
-"""Designs: gradients of every objective, what an optimisation reaches, and going on with one."""
+"""Designs: gradients of all objectives, results of an optimisation, and resuming."""
 
 import dataclasses
 
@@ -7,12 +7,12 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 import pytest
-from support.quick import jit
 
 import esail_jax as esail
 from esail_jax.cli import main
 from esail_jax.design import Design, Objective, Variable, objectives
 from esail_jax.design.problem import coordinate_of_start, value_of
+from support.quick import jit
 
 SMALL = {
     "tethers.count": 3,
@@ -40,12 +40,12 @@ def torque():
 
 @pytest.fixture(scope="module")
 def optimised(torque):
-    """Four iterations from no modulation and from two starts about it."""
+    """The states of four iterations from zero modulation and from two starts near it."""
     return list(torque.optimise(4, starts=3, seed=5))
 
 
 def test_a_variable_keeps_its_limits():
-    """Between its limits by construction, and where it was told to start."""
+    """A variable lies between its limits by construction, and starts where it is told to."""
     for variable in (Variable([0.2, 0.9], 0.1, 0.0, 1.0), Variable([3.0], 2.0)):
         assert np.allclose(value_of(variable, coordinate_of_start(variable)), variable.start, rtol=1e-12)
     held = Variable([[0.5, 1.0]], 0.1, [[0.0, 1.0]], [[2.0, 1.0]])
@@ -57,9 +57,11 @@ def test_a_variable_keeps_its_limits():
 
 @pytest.mark.slow
 def test_mean_torque_is_cancelled(torque, optimised):
-    """A first harmonic of half a percent does it: the objective, a mean over time, falls by ten
-    digits in four iterations, and the thrust is kept. At no modulation, where the first start is, both are
-    one by definition, and zero: nothing is missing."""
+    """A first harmonic of 0.5 % cancels the mean torque and keeps the thrust.
+
+    The objective, a mean over time, falls by ten orders of magnitude in four iterations. Without
+    modulation, at the first start, the torque term is one by definition and the thrust term zero.
+    """
     states = optimised
     assert abs(float(states[0].value[0]) - 1.0) < 1e-6
     assert float(states[-1].value[0]) < 1e-10
@@ -72,7 +74,7 @@ def test_mean_torque_is_cancelled(torque, optimised):
 
 
 def test_a_design_simulates_nothing_before_it_is_needed(monkeypatch):
-    """Nor does an objective; names are checked at once."""
+    """Neither a design nor an objective simulates when it is made; names are checked at once."""
 
     def simulate_nothing(*_):
         raise AssertionError("simulated")
@@ -83,13 +85,16 @@ def test_a_design_simulates_nothing_before_it_is_needed(monkeypatch):
     with pytest.raises(esail.SceneError, match="`objective` must be one of"):
         Objective(design.scene, {"speed": 1.0})
     with pytest.raises(esail.SceneError, match=r"`voltage.value` must be given for a design"):
+        Objective(esail.load_scene("voltage-off"), {"spin": 1.0})
+    with pytest.raises(esail.SceneError, match="`chain` must be left out of a design, but is given"):
         Objective(esail.load_scene("steel-chain"), {"spin": 1.0})
 
 
 @pytest.mark.slow
 def test_bare_objective_for_any_optimiser():
-    """A function of a dictionary by scene key. Traced before anything is simulated, it is the concrete one,
-    where no modulation counts 1; its gradient is the quotient of fourth order; optax makes it small."""
+    """The objective is a function of a dictionary by scene key. Traced and concrete values agree, its
+    value is 1 without modulation, its gradient is the fourth-order difference quotient, and optax
+    minimises it."""
     objective = Objective(esail.load_scene("baseline", SMALL), {"mean-torque": 1.0, "thrust": 1.0})
     of = jit(jax.value_and_grad(objective))
     start = {"voltage.cosine": jnp.array([0.03]), "voltage.sine": jnp.array([-0.01])}
@@ -112,7 +117,8 @@ def test_bare_objective_for_any_optimiser():
 
 @pytest.mark.slow
 def test_gradient_of_every_objective():
-    """Against central differences of concrete runs, each objective over its value without modulation."""
+    """Gradients agree with central differences of concrete runs, relative to the value without
+    modulation."""
     names = [name for name in objectives.NAMES if name != "thrust"] + [
         "spin-plane:13,20",
         "spin-plane:13,20,200",
@@ -136,12 +142,14 @@ def test_gradient_of_every_objective():
 
 @pytest.mark.parametrize("start", [10.0, -10.0, 0.0])
 def test_spin_plane_is_measured_from_its_target(start):
-    """At the start of a run the spin plane is the hub's: its distance from a normal at other sailing and
-    precession angles is the chord between two unit vectors, and none from its own. What is left are the
-    tips' rounding, 1e-12 m in 10 km."""
+    """At the start of a run the spin plane is that of the hub, which gives the objective in closed form.
+
+    The distance from another normal is the chord between two unit vectors, and zero from its own normal.
+    Rounding of the tips is 1e-12 m in 10 km.
+    """
     scene = {
         "tethers.count": 3, "tethers.elements": 2, "integrator.method": "generalized-alpha",
-        "integrator.t_end": 1.0, "output.interval": 1.0, "initial.sailing_angle_deg": start,
+        "integrator.t_end": 1.0, "initial.sailing_angle_deg": start,
     }  # fmt: skip
     run = esail.simulate("baseline", scene)
     first = dataclasses.replace(run, rows={name: x[:1] for name, x in run.rows.items()}, time=run.time[:1])
@@ -158,20 +166,23 @@ WINDS = {
     "solar_wind.speed": np.array([[3.8e5, 4.1e5, 4e5], [4.4e5, 4e5, 3.6e5]]),
     "tethers.length": np.array([[10e3, 10.05e3, 9.95e3], [9.9e3, 10e3, 10.1e3]]),
 }
-"""Two circumstances: a wind in time, and errors of lengths."""
+"""Two circumstances, each with a wind in time and with errors of the tether lengths."""
 
 
 @pytest.mark.slow
 def test_objective_is_the_mean_over_circumstances():
-    """J of both circumstances is the mean of what each alone gives, with its gradient: torque over its mean
-    without modulation, thrust over that of the same wind. Steps of runs batched by vmap are those of single
-    runs: rounding, which a quotient of small torques raises to 1e-9."""
+    """The objective of two circumstances and its gradient are the means of those of the single
+    circumstances.
+
+    The torque is divided by its mean without modulation, the thrust by that in the same wind. Runs batched
+    by vmap agree with single runs to rounding, which a quotient of small torques raises to 1e-9.
+    """
     gusty = {"solar_wind.time": [0.0, 200.0, 400.0], "solar_wind.speed": [4e5] * 3}
-    # A length for each tether, as in the circumstances: one structure, one program.
+    # Every tether has its own length, as in the circumstances, so that all runs share one program.
     scene = esail.load_scene("baseline", SMALL | gusty | {"tethers.length": [10e3] * 3})
     weights = {"mean-torque": 1.0, "thrust": 2.0}
     design = Design(scene, weights, FREE, circumstances=WINDS)
-    # Without modulation, and somewhere else.
+    # The points: zero modulation, and another one.
     state = next(design.optimise(0, starts=2, seed=0, spread=0.5))
     x, value, slope = state.x[1], state.value[1], state.gradient[1]
     each = [{key: rows[i] for key, rows in WINDS.items()} for i in range(2)]
@@ -189,15 +200,17 @@ def test_objective_is_the_mean_over_circumstances():
     assert abs(value / (0.5 * (found[0][0] + found[1][0])) - 1.0) < 1e-9
     assert np.allclose(slope, 0.5 * (found[0][1] + found[1][1]), rtol=1e-8, atol=0.0)
     assert abs(found[0][0] / found[1][0] - 1.0) > 1e-3
-    # Without modulation thrust costs nothing in any wind, and the mean torque is one.
+    # Without modulation the thrust term is zero in any wind, and the mean torque term is one.
     assert abs(state.value[0] - 1.0) < 1e-6
 
 
 @pytest.mark.slow
 def test_several_starts_are_designs_of_their_own(torque, optimised):
-    """Three starts at once reach what each reaches among copies of itself: each has its own direction and
-    step length, and sees nothing of the others. Rounding grows where the torque is nearly cancelled, to
-    parts of the first objective."""
+    """Each of three starts reaches the same design as among copies of itself.
+
+    Every start has its own search direction and step length and does not depend on the others. Rounding
+    errors grow where the torque is nearly cancelled.
+    """
     together = optimised
     assert len({float(value) for value in together[0].value}) == 3
     for i in range(3):
@@ -217,8 +230,10 @@ def test_several_starts_are_designs_of_their_own(torque, optimised):
 
 @pytest.mark.slow
 def test_a_design_from_the_shell_goes_on_as_if_uninterrupted(tmp_path, capsys):
-    """Two iterations, or one and then another: the same numbers, to the last bit; a design that is there
-    is not overwritten, and another one not gone on with."""
+    """One iteration and then another give the same bits as two iterations.
+
+    An existing design is not overwritten, and a different design is not resumed.
+    """
     settings = [x for k, v in SMALL.items() if not k.startswith("voltage") for x in ("--set", f"{k}={v}")]
     command = ["design", "baseline", *settings, "--quiet", "-o"]
     once, twice = tmp_path / "once", tmp_path / "twice"
@@ -246,7 +261,7 @@ def test_a_design_from_the_shell_goes_on_as_if_uninterrupted(tmp_path, capsys):
     ],
 )
 def test_bad_input(arguments, message, tmp_path, capsys):
-    """One line, and nothing written."""
+    """Bad input is answered by one line, and nothing is written."""
     folder = tmp_path / "design"
     assert main(["design", "baseline", "-o", str(folder), *arguments]) == 2
     assert message in capsys.readouterr().err

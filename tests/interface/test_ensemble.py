@@ -1,4 +1,4 @@
-"""Ensembles: members are single runs, files go on after whatever stopped them, processes share nothing."""
+"""Ensembles: equality with single runs, resuming after an interruption, and independent processes."""
 
 import dataclasses
 import os
@@ -17,6 +17,7 @@ import pytest
 import esail_jax as esail
 import esail_jax.cores
 from esail_jax.cli import main
+from esail_jax.commands.ensemble import publish_pieces, start_worker, task_of
 from esail_jax.ensembles import (
     OUTCOMES,
     MemberRunner,
@@ -76,14 +77,16 @@ def arguments(folder, members=12, seed=3, vary=VARY, **more):
 
 
 def same(a, b):
-    """Bit for bit, NaN for NaN."""
+    """Tells whether two ensembles are bit-identical; NaN equals NaN."""
     return all(np.array_equal(a[name], b[name], equal_nan=True) for name in a.rows)
 
 
 @pytest.mark.slow
 def test_members_are_single_runs(scene, inputs, ensemble):
-    """Another compiled program of the same arithmetic: rounding of 50 steps, 1e-12 of a signal's size
-    (angular rates of x and y are sums that cancel)."""
+    """Members agree with single runs to the rounding of 50 steps, 1e-12 of a signal's magnitude.
+
+    The program is another one with the same arithmetic. Transverse angular rates are sums that cancel.
+    """
     assert ensemble.complete.all() and not any(ensemble.messages)
     for member in (0, 7):
         run = esail.simulate(scene, {key: x[member] for key, x in inputs.items()})
@@ -95,8 +98,10 @@ def test_members_are_single_runs(scene, inputs, ensemble):
 
 
 def test_every_core_takes_a_member(scene, inputs, ensemble, monkeypatch):
-    """With two cores two members at a time: each waits for the other to begin, in vain if they went one by
-    one. Their numbers are the same."""
+    """With two cores two members run at a time, with the same results.
+
+    Each waits for the other to begin, which would fail if they ran one after the other.
+    """
     barrier, one = threading.Barrier(2, timeout=30.0), MemberRunner._run_one
 
     def together(self, member):
@@ -113,8 +118,7 @@ def test_every_core_takes_a_member(scene, inputs, ensemble, monkeypatch):
     "processes, set_already, threads", [(None, None, "1"), (4, None, "1"), (2, None, "2"), (1, "3", "3")]
 )
 def test_processes_share_the_cores(processes, set_already, threads, monkeypatch):
-    """Four cores: as many threads for each of the processes as there are cores for it; what the user has
-    set stays."""
+    """Each process uses its share of four cores as threads; settings of the user are not changed."""
     monkeypatch.setattr("esail_jax.cores.cores", lambda: 4)
     monkeypatch.setenv("NPROC", set_already or "")
     if set_already is None:
@@ -123,8 +127,9 @@ def test_processes_share_the_cores(processes, set_already, threads, monkeypatch)
     assert os.environ["NPROC"] == threads
 
 
-def test_inputs_may_be_drawn_on_the_way(scene, inputs, ensemble):
-    """Distributions and a number of members in place of inputs: the same numbers, the same rows."""
+def test_simulate_members_draws_inputs(scene, inputs, ensemble):
+    """With distributions and a number of members in place of inputs, members have the same numbers and
+    rows."""
     vary = {
         "tethers.length": Normal(10e3, 10, per_tether=True),
         "initial.spin_rate": Uniform(3.9e-3, 4.1e-3),
@@ -132,6 +137,9 @@ def test_inputs_may_be_drawn_on_the_way(scene, inputs, ensemble):
     found = simulate_members(scene, vary=vary, members=4, seed=3, observables=["coning_angle"])
     assert all(np.array_equal(x, inputs[key][:4]) for key, x in found.inputs.items())
     assert np.array_equal(found["coning_angle"], ensemble["coning_angle"][:4])
+    assert "coning_angle" in found and "spin" not in found and list(dict(found)) == ["coning_angle"]
+    text = "Ensemble(4 members, 4 complete; 11 instants to 200 s; observables coning_angle)"
+    assert repr(found) == text
 
 
 @pytest.mark.parametrize(
@@ -152,14 +160,15 @@ def test_inputs_may_be_drawn_on_the_way(scene, inputs, ensemble):
     ],
 )
 def test_members_that_are_none(scene, arguments, message):
-    """One line that names what is wrong, before anything is compiled."""
+    """Wrong arguments are refused in one line, before anything is compiled."""
     with pytest.raises(esail.SceneError, match=message):
         simulate_members(scene, **arguments)
 
 
 @pytest.mark.slow
 def test_lockstep_and_subsets(scene, inputs, ensemble):
-    """Side by side as on a GPU, in batches that do not divide their number: the same to rounding."""
+    """Members in lockstep, as on a GPU, agree to rounding, also if the batch does not divide their
+    number."""
     part = {key: x[:5] for key, x in inputs.items()}
     found = simulate_members(scene, part, SIGNALS, batch=3, lockstep=True)
     assert list(found.rows) == list(SIGNALS) and len(found) == 5
@@ -171,8 +180,11 @@ def test_lockstep_and_subsets(scene, inputs, ensemble):
 
 @pytest.mark.slow
 def test_failed_members_are_kept_apart(scene):
-    """A member without an equilibrium and one whose steps cannot be solved: NaN, with what went wrong, and
-    out of the statistics; the others stay as they are."""
+    """Failed members have NaN and a message, and are left out of the statistics; the others are not
+    changed.
+
+    One member has no equilibrium, and the steps of another cannot be solved.
+    """
     stiff = scene.replace({"integrator.method": "collocation", "integrator.step": 8.0})
     inputs = {"initial.spin_rate": np.array([4e-3, 1.0, 4e-3]), "voltage.value": np.array([2e4, 2e4, 1e9])}
     found = simulate_members(stiff, inputs, ["kinetic_energy", "coning_angle"])
@@ -185,12 +197,12 @@ def test_failed_members_are_kept_apart(scene):
 
 
 def test_sensitivities():
-    """Against what they are of numbers one knows."""
+    """Sensitivities of known numbers are right."""
     rng = np.random.default_rng(0)
     inputs = {"a": rng.normal(size=4000), "b": rng.normal(size=(4000, 3)), "c": rng.normal(size=4000)}
     y = 2.0 * inputs["a"] + inputs["b"].sum(1) + 1e-3 * rng.normal(size=4000)
     found = sensitivities(inputs, np.where(np.arange(4000) < 10, np.nan, y))
-    # shares 4/7, 3/7, 0, up to the sample's own correlations, 1/sqrt(4000)
+    # The shares are 4/7, 3/7 and 0, up to correlations within the sample, 1/sqrt(4000).
     assert abs(found.share["a"] - 4 / 7) < 0.03 and abs(found.share["b"] - 3 / 7) < 0.03
     assert found.share["c"] < 1e-3 and found.explained > 0.99999
     assert abs(found.correlation["a"] - np.sqrt(4 / 7)) < 0.05
@@ -200,7 +212,7 @@ def test_sensitivities():
 
 @pytest.mark.slow
 def test_spread(ensemble):
-    """Quantiles between extremes, the median of the members."""
+    """Quantiles lie between the extremes; the middle one is the median of the members."""
     seen = spread(ensemble, "coning_angle")
     rows = ensemble["coning_angle"]
     assert np.allclose(seen.quantiles[2], np.median(rows, axis=0), rtol=1e-12)
@@ -215,7 +227,7 @@ def test_spread(ensemble):
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
-    """A whole ensemble of one process, from the shell."""
+    """The file of a finished ensemble that one process computed, by the command."""
     folder = tmp_path_factory.mktemp("ensemble") / "run"
     assert main(arguments(folder, processes=1)) == 0
     return folder / "ensemble.h5"
@@ -223,7 +235,8 @@ def finished(tmp_path_factory):
 
 @pytest.mark.slow
 def test_file(finished, scene, inputs, ensemble):
-    """A run file with `member` as first axis, and /inputs; the same numbers as in Python."""
+    """The file is a run file with `member` as first axis and with /inputs; its numbers are those of
+    Python."""
     with h5py.File(finished) as file:
         assert file.attrs["status"] == "complete" and file.attrs["members"] == 12
         assert file.attrs["message"] == "" and file.attrs["steps"] == ensemble.steps.sum()
@@ -241,8 +254,10 @@ def test_file(finished, scene, inputs, ensemble):
 
 @pytest.mark.slow
 def test_info_and_figures(finished, tmp_path, capsys):
-    """What `esail info` says of an ensemble, and figures, that of shares where there are members enough for
-    them; commands for one run say that it is none."""
+    """`esail info` describes an ensemble, and `plot` draws it; commands for one run refuse it.
+
+    The figure of the shares of variance requires enough members.
+    """
     assert main(["info", str(finished)]) == 0
     text = capsys.readouterr().out
     assert "12, seed 3" in text and "largest coning angle" in text and "initial.spin_rate" in text
@@ -259,8 +274,11 @@ def test_info_and_figures(finished, tmp_path, capsys):
 
 @pytest.mark.slow
 def test_going_on(finished, tmp_path, capsys):
-    """Nothing to do; not asked for; another ensemble; fewer members: a line, and nothing changes. More
-    members: the old ones are kept, the new ones are those of the larger ensemble."""
+    """Resuming with more members keeps the old members and adds those of the larger ensemble.
+
+    A line is printed and nothing changes if the ensemble is complete, if resuming was not asked for, if the
+    ensemble is another one, or if it has fewer members.
+    """
     folder = tmp_path / "run"
     folder.mkdir()
     whole = folder / "ensemble.h5"
@@ -303,7 +321,7 @@ BAD = [
 
 @pytest.mark.parametrize(("more", "key"), BAD, ids=lambda x: " ".join(x) if isinstance(x, list) else x)
 def test_bad_input(more, key, tmp_path, capsys):
-    """One line, status 2, nothing written."""
+    """Bad input gives one line and status 2, and nothing is written."""
     command = ["ensemble", "baseline", "-o", str(tmp_path / "run"), "--members", "2", *more]
     assert main(command) == 2
     out, err = capsys.readouterr()
@@ -315,14 +333,14 @@ def test_bad_input(more, key, tmp_path, capsys):
 
 
 def shell(command, **options):
-    """A process with that command line, in a session of its own."""
+    """Starts a process with these arguments in a session of its own."""
     return subprocess.Popen(
         [sys.executable, "-m", "esail_jax", *command], start_new_session=True, **options
     )
 
 
 def wait_for_pieces(folder, count, *processes):
-    """Until so many pieces are in the folder."""
+    """Waits until the folder has this many pieces."""
     end = time.monotonic() + 300.0
     while len(pieces_in(folder)) < count:
         assert time.monotonic() < end and all(p.poll() is None for p in processes)
@@ -330,9 +348,18 @@ def wait_for_pieces(folder, count, *processes):
 
 
 @pytest.mark.slow
+def test_a_worker_computes_pieces(scene, tmp_path):
+    """A worker process computes the pieces of a published task and ends."""
+    task = task_of(scene, 2, VARY, 3, "random", ["coning_angle"])
+    publish_pieces(task, tmp_path, np.arange(2), 2)
+    assert start_worker(tmp_path).wait(timeout=300) == 0
+    assert len(pieces_in(tmp_path)) == 2
+
+
+@pytest.mark.slow
 def test_killed_and_resumed(finished, tmp_path):
-    """Killed with all its processes after two pieces, then resumed: bit for bit the uninterrupted
-    ensemble."""
+    """An ensemble that is killed with all its processes after two pieces and resumed is bit-identical to
+    one that was not interrupted."""
     folder = tmp_path / "run"
     process = shell(arguments(folder, processes=2))
     wait_for_pieces(folder, 2, process)
@@ -346,7 +373,7 @@ def test_killed_and_resumed(finished, tmp_path):
 
 @pytest.mark.slow
 def test_interrupted(tmp_path):
-    """SIGTERM: the piece in hand is finished, what is there is a file with the others missing."""
+    """After SIGTERM the current piece is finished, and the file lacks the other members."""
     folder = tmp_path / "run"
     process = shell(arguments(folder, members=64, processes=1), stderr=subprocess.PIPE, text=True)
     wait_for_pieces(folder, 1, process)
@@ -363,7 +390,7 @@ def test_interrupted(tmp_path):
 
 
 def cluster(folder, *more):
-    """Two processes that JAX's distributed runtime makes one ensemble of."""
+    """Starts two processes that compute one ensemble with JAX's distributed runtime."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -373,8 +400,11 @@ def cluster(folder, *more):
 
 @pytest.mark.slow
 def test_two_distributed_processes(finished, tmp_path):
-    """Member by member the ensemble of one process. The first one is killed in mid-run: the other computes
-    the rest, only the piece in hand is lost, and a second call of both fills the gap."""
+    """Two processes give the members of one process, also if one of them is killed.
+
+    The other process then computes the rest. Only the current piece is lost, and a second call of both
+    adds it.
+    """
     folder = tmp_path / "run"
     first, second = cluster(folder)
     wait_for_pieces(folder, 1, first, second)
@@ -409,7 +439,8 @@ np.save(sys.argv[2], found["coning_angle"])
 
 @pytest.mark.slow
 def test_devices_share_a_batch(scene, tmp_path):
-    """Two devices take three members, filled up to four, in lockstep: those of single runs, to rounding."""
+    """Two devices compute three members, padded to four, in lockstep; they agree with single runs to
+    rounding."""
     script, path = tmp_path / "devices.py", tmp_path / "coning.npy"
     script.write_text(DEVICES)
     subprocess.run([sys.executable, str(script), repr(SMALL), str(path)], check=True, timeout=400)
@@ -438,8 +469,12 @@ if jax.process_index() == 0:
 
 @pytest.mark.slow
 def test_gradient_of_a_mean_over_processes(tmp_path):
-    """Of (p_1 a + p_2 a)^2 over a = 0, 1, 2, 4 (3 has none and is left out): mean 9 x 21/4, both slopes
-    6 x 21/4, from one process and from two whose sums a collective reduction puts together."""
+    """The mean of (p_1 a + p_2 a)^2 over members and its gradient are the same from one and from two
+    processes.
+
+    With a = 0, 1, 2, 4 (the member a = 3 is NaN and left out) and p = (1, 2) the mean is 9 x 21/4 and both
+    slopes are 6 x 21/4. A collective reduction adds the sums of two processes.
+    """
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         address = f"127.0.0.1:{free.getsockname()[1]}"

@@ -1,4 +1,5 @@
-"""Every notebook runs from its first cell to its last. By default only their form is looked at."""
+"""Every notebook runs from its first to its last cell. The default tests check only the form of
+notebooks."""
 
 from pathlib import Path
 
@@ -19,9 +20,9 @@ def test_notebook_runs(path, tmp_path):
         notebook,
         kernel_name="python3",
         timeout=SECONDS_PER_CELL,
-        resources={"metadata": {"path": str(tmp_path)}},  # what a notebook writes stays out of the tree
+        resources={"metadata": {"path": str(tmp_path)}},  # notebooks write their files there
     )
-    client.execute()  # raises CellExecutionError with the cell and its traceback
+    client.execute()  # raises CellExecutionError, which shows the cell and its traceback
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
@@ -31,5 +32,5 @@ def test_notebook_is_stored_without_outputs(path):
 
 
 def test_there_is_a_first_notebook():
-    # An empty folder would pass all of the above.
+    # Without this test an empty folder would pass.
     assert any(path.name.startswith("01_") for path in NOTEBOOKS)

@@ -1,7 +1,7 @@
-"""The figures on small runs, of a sail synthetic ones, and the computations behind them.
+"""Figures of small runs, and the computations behind them. The runs of a sail are synthetic.
 
-The pendulum is held against closed forms of its equations, and its equations against Newton's law
-for a point mass on a rod; the spectrum against a sine.
+The rigid pendulum is compared with closed forms of its equations, its equations with Newton's law for a
+point mass on a rod, and the spectrum with a sine.
 """
 
 import dataclasses
@@ -33,7 +33,7 @@ OF_HUB = ("angular_velocity_B", "euler_hub", "hub_position_I")
 
 @dataclasses.dataclass
 class FakeRun:
-    """Stand-in for a solution."""
+    """An object that replaces a solution in figures."""
 
     scene: object
     time: np.ndarray
@@ -53,7 +53,7 @@ def scene_of(count=3, **tables):
 
 
 def make_run(scene):
-    """Smooth invented signals with the names and shapes of the observables of a sail."""
+    """Returns a run of smooth, invented signals with the names and shapes of a sail's observables."""
     count = scene.tethers.count
     turn, rng = 2.0 * np.pi * TIME / PERIOD, np.random.default_rng(0)
 
@@ -143,7 +143,7 @@ def test_every_axis_says_what_it_shows(runs, make, name):
 
 
 def check_axes(figure):
-    """Labels with units that can be typeset, and a line in every panel."""
+    """Every axis has a label with a unit that can be typeset, and every panel has a line."""
     for ax in figure.axes:
         assert ax.get_ylabel().endswith("]")
         MathTextParser("path").parse(ax.get_ylabel())
@@ -153,7 +153,7 @@ def check_axes(figure):
 
 
 def shares_a_labelled_axis(ax):
-    """Whether an axes further down in the same column has the same x axis and labels it."""
+    """Tells whether a panel further down in the same column has the same x axis and labels it."""
     left, bottom = ax.get_position().x0, ax.get_position().y0
     return any(
         other.get_xlabel().endswith("]")
@@ -315,13 +315,13 @@ SHORT = {
         {"integrator.t_end": 0.1, "chain.rods": 1, "chain.axial_damping_time": 1e-3},
     ),
 }
-"""Built-in chains; with eleven rods the first and the second are one program."""
+"""Built-in chains and overrides. With eleven rods the first two chains share a program."""
 
 CHAINS = (*SHORT, "failed", "start only")
 
 
 def rows_of(run, change):
-    """A copy with other rows."""
+    """Returns a copy with changed rows."""
     data = {name: change(np.array(run[name])) for name in run.observables}
     return FakeRun(run.scene, np.asarray(run.time)[: len(data["tension"])], data)
 
@@ -348,7 +348,7 @@ def chains():
 @pytest.mark.parametrize("make", plotting.CHAIN_FIGURES, ids=lambda make: make.__name__)
 @pytest.mark.parametrize("name", CHAINS)
 def test_every_axis_of_a_chains_figures_says_what_it_shows(chains, make, name):
-    """Only a chain on an orbit librates; everything else there is of every chain."""
+    """All chains have all figures, but only a chain in orbit has libration angles."""
     figure = make(chains[name])
     on_orbit = name in ("satellite", "failed")
     assert bool(figure.axes) == (on_orbit or make is not plotting.chain_libration)
@@ -382,7 +382,7 @@ def test_plot_all_draws_the_figures_of_a_chain(chains, tmp_path, monkeypatch, na
 
 
 def test_a_single_instant_is_a_dot(chains):
-    """A line through one point cannot be seen."""
+    """A single instant is drawn as a dot, because a line through one point is invisible."""
     for name, marker in (("start only", "."), ("hanging", "")):
         lines = [line for ax in plotting.chain_tension(chains[name]).axes for line in ax.lines]
         assert {line.get_marker() for line in lines} == {marker}
@@ -393,7 +393,7 @@ def test_nothing_is_written_of_a_chain_without_data(chains, tmp_path):
 
 
 def test_shapes_show_the_chain_and_the_path_of_its_tip(chains):
-    """In the plane it moves in, to equal scales; of a failed run what there is."""
+    """Shapes are drawn in the plane of motion with equal scales; a failed run shows its good rows."""
     run = chains["hanging"]
     ax, key = plotting.chain_shapes(run, instants=4).axes
     assert (ax.get_xlabel(), ax.get_ylabel(), ax.get_aspect()) == ("$x$ [m]", "$y$ [m]", 1.0)
@@ -408,7 +408,10 @@ def test_shapes_show_the_chain_and_the_path_of_its_tip(chains):
 
 
 def test_shapes_are_in_the_planes_with_the_most_extent(chains):
-    """Widest along z, then x; 20 km by 300 m would be a line to equal scales."""
+    """The plane has the directions of the largest extents, here z and x.
+
+    With equal scales 20 km by 300 m would be a line.
+    """
     turn = lambda values: values[..., [1, 2, 0]] * [2.0, 1.0, 1.0] if values.ndim == 3 else values  # noqa: E731
     first, second, _ = plotting.chain_shapes(rows_of(chains["satellite"], turn)).axes
     assert (first.get_xlabel(), first.get_ylabel()) == ("$x$ [km]", "$z$ [km]")
@@ -447,7 +450,7 @@ def test_tension_of_three_rods_and_of_all(chains):
 
 
 def test_energies_of_a_chain_add_up(chains):
-    """The potential from its start, so that the total starts with the others' sum and stays there."""
+    """The potential energy is drawn relative to its start, and the total energy is constant."""
     run = chains["satellite"]
     shown = panels(plotting.chain_energies(run))
     kinetic, elastic, potential, total = (line.get_ydata() for line in shown["energy [J]"].lines)
@@ -474,8 +477,11 @@ def test_work_is_shown_where_there_is_some(chains):
 
 
 def test_libration_angles_of_known_lines():
-    """From first to last joint whatever lies between: half-way up over the diagonal, forward, down
-    along the normal, backward past the vertical."""
+    """Libration angles depend on the first and last joint only.
+
+    The lines point half-way up over the diagonal, forward, down along the normal, and backward past the
+    vertical.
+    """
     lines = np.array([[1.0, 1.0, np.sqrt(2.0)], [0.0, 5.0, 0.0], [0.0, 0.0, -3.0], [-2.0, -2.0, 0.0]])
     first = np.array([7.0, -4.0, 2.0])
     joints = np.stack([0.0 * lines + first, lines[:, ::-1] ** 2, lines + first], axis=1)
@@ -485,7 +491,7 @@ def test_libration_angles_of_known_lines():
 
 
 def test_drawn_libration_is_that_of_the_run(chains):
-    """Starts at 0.01 rad in both planes; the angle does not jump in a tumbling chain."""
+    """The drawn angles start at 0.01 rad in both planes; the angle of a tumbling chain has no jumps."""
     run = chains["satellite"]
     for ax, angle in zip(
         plotting.chain_libration(run).axes, libration_angles(run["joint_position"]), strict=True
@@ -520,9 +526,11 @@ def test_units_suit_the_largest_value(values, expected):
 
 
 def test_constant_flapping_moment_has_a_closed_form():
-    """gamma = A (1 - cos W t) with W = w sqrt(1 + eps), A = m / W^2; the coupling
-    2 w A^2 W (sin W t - sin(2 W t) / 2) then drives the lagging oscillator of frequency
-    n = w sqrt(eps)."""
+    """A constant flapping moment gives gamma = A (1 - cos W t) with W = w sqrt(1 + eps), A = m / W^2.
+
+    The coupling 2 w A^2 W (sin W t - sin(2 W t) / 2) then drives the lagging oscillator of frequency
+    n = w sqrt(eps).
+    """
     rate, eps, flap = 4e-3, 0.3, 2e-7
     fast, slow = rate * np.sqrt(1.0 + eps), rate * np.sqrt(eps)
     size = flap / fast**2
@@ -536,7 +544,8 @@ def test_constant_flapping_moment_has_a_closed_form():
 
 
 def test_constant_lagging_moment_of_a_run_has_a_closed_form():
-    """beta = (M_X / I) (1 - cos n t) / n^2, n = w sqrt(eps), about the initial angle's cosine."""
+    """A constant lagging moment adds beta = (M_X / I) (1 - cos n t) / n^2, n = w sqrt(eps), to the free
+    swing."""
     scene = scene_of()
     run = make_run(scene)
     zero = np.zeros((len(TIME), 3))
@@ -554,8 +563,11 @@ def test_constant_lagging_moment_of_a_run_has_a_closed_form():
 
 @pytest.mark.parametrize(("azimuth", "side"), [(0.0, 0.0), (2.0, 0.3)])
 def test_equations_follow_from_newtons_law(azimuth, side):
-    """A point mass on a massless rod, in inertial axes, pulled by body-fixed forces: across the
-    plane, where only the coupling moves the rod within it, and with a part along the spin."""
+    """The equations agree with Newton's law for a point mass on a massless rod in inertial axes.
+
+    Body-fixed forces act on the mass: across the plane, where only the coupling moves the rod in the
+    plane, and with a component along the spin.
+    """
     rate, radius, length, mass = 4e-3, 3e3, 10e3, 1.5
     force_B = 3e-3 * np.array([1.0, -side * np.sin(azimuth), side * np.cos(azimuth)])
 
@@ -598,7 +610,7 @@ def test_equations_follow_from_newtons_law(azimuth, side):
         lambda t: [np.interp(t, TIME, column) for column in forcing.T],
         (0.0, 0.0),
     )
-    # What the equations leave out: third powers of the angles, and 2 w gamma beta'.
+    # The equations neglect third powers of the angles and 2 w gamma beta'.
     error = 3.0 * coning.max() ** 2 + 2.0 * np.abs(lagging).max()
     assert error < 0.1
     assert np.abs(lagging).max() > 1e-4
@@ -607,7 +619,7 @@ def test_equations_follow_from_newtons_law(azimuth, side):
 
 
 def test_inertia_of_the_baseline():
-    """I and eps from the moments of a rod with a point mass, by summation; R = 0 without a hub."""
+    """I and eps are those of a rod with a point mass, found by summation; R = 0 without a hub."""
     lengths = (np.arange(20000) + 0.5) / 20000 * 10e3
     unit = 7653.0 * 4.28e-9 * 10e3 / 20000
     second = 1.5 * 1e8 + unit * (lengths**2).sum()
@@ -622,7 +634,7 @@ def test_inertia_of_the_baseline():
 
 
 def test_spectrum_peaks_where_the_sine_is_and_holds_its_power():
-    """The shorter last interval must not count: 500 samples are 50 whole periods."""
+    """The spectrum of 50 whole periods, 500 samples, ignores the shorter last interval."""
     time = np.append(np.arange(500) * 2.0, 999.0)
     signal = 3.0 + 0.2 * np.sin(2.0 * np.pi * 0.05 * time)
     frequency, density = power_spectrum(time, signal)

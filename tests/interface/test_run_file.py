@@ -1,8 +1,8 @@
-"""Run files: what is in them, and that nothing which stops a run costs more than time.
+"""Run files: their contents, and resuming after an interruption.
 
-However a run was cut short (Ctrl-C, kill -9, a failed step, an earlier t_end), its file opens, and
-`--resume` ends with the very bits of a run that was never disturbed. All runs share one structure, so
-it compiles once; the processes started here find the programs in the cache.
+Whatever ended a run early (Ctrl-C, kill -9, a failed step, an earlier t_end), its file opens, and
+`--resume` gives a file that is bit-identical to that of an uninterrupted run. All runs share one structure
+and so their programs; the processes that tests start find the programs in the cache.
 """
 
 import contextlib
@@ -49,8 +49,8 @@ OBSERVABLES = {
 
 @pytest.fixture(scope="module", autouse=True)
 def compilation_cache():
-    """The processes started here choose their cache as for a user who has told JAX of none, and come to
-    that of the tests."""
+    """Points the processes that these tests start to the tests' cache, by the rule for users without
+    settings."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", os.path.dirname(jax.config.jax_compilation_cache_dir))
         for name in [name for name in os.environ if name.startswith(("JAX_COMPILATION", "JAX_PERSISTENT"))]:
@@ -67,15 +67,18 @@ def scene(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def whole(scene, tmp_path_factory):
-    """A run to 80 s (two and a half entries) that nothing disturbed; never written to by a test."""
+    """The file of an uninterrupted run to 80 s (two and a half compiled calls); no test writes to it."""
     path = tmp_path_factory.mktemp("whole") / "whole.h5"
     assert esail_run(scene, path) == 0
     return path
 
 
 def check_start_of(path, other, failed=False):
-    """A consistent file: rows of equal count, each with the bits of `other`'s. What steps may be off by is
-    told of whole entries, and so of one that failed not at all: there it is what it was before."""
+    """Checks that a file is consistent: all datasets have equally many rows, which are bit-identical to
+    `other`'s.
+
+    The error estimate covers whole compiled calls. For a call that failed it keeps its value from before.
+    """
     with h5py.File(path, "r") as a, h5py.File(other, "r") as b:
         rows = a["time"].shape[0]
         for group in ("observables", "numerics"):
@@ -137,7 +140,8 @@ def test_run_file_says_what_ran_and_where(whole):
 
 @pytest.mark.parametrize("t_end", [80.0, 30.07, 0.35, 0.07])
 def test_saved_times_are_zero_the_multiples_of_the_interval_and_the_end(t_end, scene, tmp_path):
-    """Also when neither interval nor t_end is a multiple of the step, and when t_end is below it."""
+    """This also holds if interval and t_end are no multiples of the step, and if t_end is less than the
+    step."""
     assert esail_run(scene, tmp_path / "a.h5", "--t-end", t_end) == 0
     with h5py.File(tmp_path / "a.h5", "r") as file:
         expected = [*np.arange(0.0, t_end - 1e-9, 0.35), t_end]
@@ -149,7 +153,7 @@ def test_saved_times_are_zero_the_multiples_of_the_interval_and_the_end(t_end, s
 
 
 def test_a_step_beyond_the_end_makes_one_short_step(scene, tmp_path):
-    """step > t_end is legal: the only step is the last one, and ends at t_end."""
+    """A step greater than t_end is legal: the only step ends at t_end."""
     assert esail_run(scene, tmp_path / "a.h5", "--t-end", 0.05) == 0
     with h5py.File(tmp_path / "a.h5", "r") as file:
         assert file["time"][()].tolist() == [0.0, 0.05] and file.attrs["steps"] == 1
@@ -188,8 +192,11 @@ def test_resume_of_a_complete_run_changes_no_byte(scene, whole, tmp_path, capsys
     [30.0, 35.0, 1.0, 68.0, 30.07, 0.07],
 )
 def test_a_later_end_continues_bit_for_bit(first, scene, whole, tmp_path):
-    """An end within the first entry, within the second, within a block of steps; at an entry's end that is
-    no multiple of the interval, between two steps, below one step."""
+    """A run can be continued from any t_end.
+
+    The first end lies within the first compiled call, within the second, within a block of steps, at the
+    end of a call that is no multiple of the interval, within a step, or before the end of the first step.
+    """
     path = tmp_path / "a.h5"
     assert esail_run(scene, path, "--t-end", first) == 0
     assert esail_run(scene, path, "--t-end", 80, "--resume") == 0
@@ -212,7 +219,7 @@ def test_resume_with_another_scene_is_refused(scene, whole, tmp_path, capsys):
 
 
 def test_resume_to_an_earlier_end_is_refused(scene, whole, tmp_path, capsys):
-    """Of a finished run, and of one interrupted beyond that end."""
+    """This holds for a finished run, and for a run that was interrupted after that end."""
     path = tmp_path / "a.h5"
     path.write_bytes(whole.read_bytes())
     for status in ("complete", "interrupted"):
@@ -226,7 +233,8 @@ def test_resume_to_an_earlier_end_is_refused(scene, whole, tmp_path, capsys):
 
 
 def test_resume_of_a_file_with_other_entries_is_refused(scene, whole, tmp_path, capsys):
-    """Written by a version that took other blocks of steps: its checkpoint would mean another time."""
+    """A version with blocks of another length wrote the file; its checkpoint would belong to another
+    time."""
     path = tmp_path / "a.h5"
     path.write_bytes(whole.read_bytes())
     with h5py.File(path, "r+") as file:
@@ -244,7 +252,8 @@ def test_resume_of_a_file_with_other_entries_is_refused(scene, whole, tmp_path, 
 def test_ctrl_c_anywhere_leaves_a_file_that_resumes_bit_for_bit(
     place, number, scene, whole, tmp_path, monkeypatch, capsys
 ):
-    """The signal comes while an entry is collected, written, or shown, at the `number`-th time."""
+    """The signal comes while the results of a call are collected, written or shown, for the `number`-th
+    time."""
     path, left = tmp_path / "a.h5", [number]
     owner, name = {
         "progress": (esail_jax.commands.run.Progress, "update"),
@@ -282,12 +291,13 @@ OFTEN = (
     "import sys, esail_jax.files.run_file as run_file; run_file.CHECKPOINT_SECONDS = 0.0; "
     "run_file.COPY_SHARE = 1e9; from esail_jax.cli import main; sys.exit(main(sys.argv[1:]))"
 )
-"""The command, writing after every entry: kills come while it writes."""
+"""Code that runs the command and writes after every compiled call, so that it is often killed while it
+writes."""
 
 
 @contextlib.contextmanager
 def process(scene, path, *more, code=OFTEN):
-    """The command in a process of its own, ended if it is still there."""
+    """Runs the command in a process, which is ended on exit if it still runs."""
     command = [sys.executable, "-c", code, "run", str(scene), "-o", str(path), "--quiet", *map(str, more)]
     running = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
@@ -298,7 +308,7 @@ def process(scene, path, *more, code=OFTEN):
 
 
 def wait_for_writing(running, path, before, deadline=60.0):
-    """Until the process has replaced the file (`before`: the inode it had), or is done."""
+    """Waits until the process has replaced the file (`before`: its inode) or has ended."""
     end = time.monotonic() + deadline
     while running.poll() is None and time.monotonic() < end:
         with contextlib.suppress(FileNotFoundError):
@@ -326,8 +336,10 @@ def test_a_signal_to_the_process_ends_it_with_130_and_resumable(number, scene, t
 
 
 def kill_and_resume(kills, t_end, seed, scene, tmp_path):
-    """Kill -9 at random moments, each time look at the file, go on; finish, and compare. Returns how
-    many processes were killed."""
+    """Kills runs at random moments, checks the file and resumes each time; then finishes and compares.
+
+    Returns the number of killed processes.
+    """
     path, other, chance, killed = tmp_path / "a.h5", tmp_path / "b.h5", random.Random(seed), 0
     assert esail_run(scene, other, "--t-end", t_end) == 0
     for _ in range(kills):
@@ -362,7 +374,7 @@ MIDST = (
     "        os.kill(os.getpid(), signal.SIGKILL)\n"
     "run_file.append = kill\n"
 )
-"""Kill itself in the third write, when part of the datasets have grown."""
+"""Code that kills itself in the third write, when some datasets have been extended."""
 
 
 def test_kill_9_in_the_midst_of_a_write_leaves_a_consistent_file(scene, whole, tmp_path):
@@ -378,15 +390,15 @@ def test_kill_9_in_the_midst_of_a_write_leaves_a_consistent_file(scene, whole, t
 
 
 def stopped(running):
-    """Stops a process, which is what kill -9 does first of all; False if it has already ended."""
+    """Stops a process, as kill -9 first does; returns False if the process has already ended."""
     running.send_signal(signal.SIGSTOP)
-    # WNOWAIT: its end is left for `running` to collect.
+    # With WNOWAIT `running` can still collect the exit status.
     found = os.waitid(os.P_PID, running.pid, os.WSTOPPED | os.WEXITED | os.WNOWAIT)
     return found.si_code == os.CLD_STOPPED
 
 
 def content(folder):
-    """Name and bytes of every file."""
+    """Returns the name and the bytes of every file."""
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
@@ -396,10 +408,13 @@ def content(folder):
     reason="only POSIX systems have SIGSTOP and waitid, which hold a process at the moment to be copied",
 )
 def test_fifty_moments_of_kill_9_leave_a_file_that_opens_and_resumes_bit_for_bit(scene, tmp_path):
-    """Five processes, each going on from where the one before was killed. At ten random moments one is
-    stopped and its folder copied; the tenth time it is killed, and leaves what was copied: so every copy is
-    what a kill at its moment leaves. Each opens, holds a part of a run that nothing disturbed, and resumes
-    to the whole."""
+    """Files that kill -9 leaves at fifty moments open, hold the start of an undisturbed run, and can be
+    resumed.
+
+    Five processes run, each from where the one before was killed. Each is stopped at ten random moments,
+    and its folder is copied. At the tenth moment it is killed and leaves the same files as the copy, so
+    that every copy is what a kill at its moment leaves.
+    """
     folder, other, chance = tmp_path / "run", tmp_path / "b.h5", random.Random(2)
     folder.mkdir()
     assert esail_run(scene, other, "--t-end", 3000) == 0
@@ -438,7 +453,7 @@ def test_fifty_moments_of_kill_9_leave_a_file_that_opens_and_resumes_bit_for_bit
 
 
 def break_from(monkeypatch, start):
-    """Let every step from `start` on fail, as if the equations could not be solved."""
+    """Lets every step from `start` on fail, as if its equations could not be solved."""
     original = esail_jax.simulation.march.March._call
 
     def call(self, entry, carry, *, repair):
@@ -476,8 +491,10 @@ def test_a_failed_run_keeps_what_was_good_and_says_why(scene, whole, tmp_path, m
 
 
 def test_all_halvings_of_a_repair_share_their_programs(scene, tmp_path, monkeypatch, capsys):
-    """A stretch that fails with every step down to a 64th is given up after one more compilation each of
-    the steps and of the look at them, not one for every size."""
+    """A failing part of a run is repeated with shorter steps, down to a 64th, all with the same programs.
+
+    Steps and observables are compiled once more each, not once for every step size.
+    """
     original = esail_jax.simulation.march.March._call
 
     def call(self, entry, carry, *, repair):
@@ -494,7 +511,8 @@ def test_all_halvings_of_a_repair_share_their_programs(scene, tmp_path, monkeypa
 
 @pytest.mark.slow
 def test_a_spin_that_nothing_holds_is_refused_before_anything_is_written(scene, tmp_path, capsys):
-    """Elements of engineering strain run away at a finite spin: bad input, not a failed run."""
+    """Elements with engineering strain have no equilibrium above some spin rate, which is an error of the
+    input."""
     options = ("--set", "tethers.strain=engineering", "--set", "initial.spin_rate=0.2")
     assert esail_run(scene, tmp_path / "a.h5", *options) == 2
     err = capsys.readouterr().err
@@ -504,7 +522,8 @@ def test_a_spin_that_nothing_holds_is_refused_before_anything_is_written(scene, 
 
 @pytest.mark.slow
 def test_a_spin_whose_only_equilibrium_is_folded_is_refused(scene):
-    """Beyond the spin that a tether can hold, elements folded back on themselves balance too."""
+    """Above the spin rate that a tether can hold, only folded elements are in equilibrium; they are
+    refused."""
     overrides = {"tethers.strain": "engineering", "initial.spin_rate": 0.5}
     with pytest.raises(esail.SceneError, match=r"initial\.spin_rate"):
         esail_jax.commands.run.prepare(esail.load_scene(scene, overrides))
@@ -600,6 +619,6 @@ def test_the_package_runs_as_a_module(whole):
     assert (done.returncode, done.stderr) == (0, "") and "complete" in done.stdout
 
 
-# Last: what the other tests share would be compiled again.
+# The last test of the file, because it drops the programs that the others share.
 def test_load_compiles_nothing(whole, nothing_compiles):
     assert esail.load(whole)["kinetic_energy"].shape == (230,)

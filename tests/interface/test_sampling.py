@@ -1,4 +1,4 @@
-"""Inputs of ensembles: what a member's numbers depend on, and how they are distributed."""
+"""Inputs of ensembles: the dependence and the distribution of the members' numbers."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,8 @@ SPIN, LENGTHS = "initial.spin_rate=uniform:3e-3:5e-3", "tethers.length[*]=normal
 
 @pytest.mark.parametrize("sampling", ["random", "sobol"])
 def test_a_member_keeps_its_numbers_when_others_join(scene, sampling):
-    """More members, and with independent draws other inputs too, change nothing for those there are."""
+    """A member's numbers do not depend on the number of members; with independent draws also not on other
+    inputs."""
     few = drawn(scene, SPIN, LENGTHS, members=8, sampling=sampling)
     many = drawn(scene, SPIN, LENGTHS, members=100, sampling=sampling)
     for key in few:
@@ -35,8 +36,11 @@ def test_a_member_keeps_its_numbers_when_others_join(scene, sampling):
 
 @pytest.mark.parametrize("sampling", ["random", "sobol", "latin"])
 def test_distributions(scene, sampling):
-    """Mean and deviation of 1600 draws within four standard errors of independent ones (the even samplings
-    are closer), limits kept, columns without correlation."""
+    """Mean and deviation of 1600 draws are right to four standard errors; limits hold, columns are
+    uncorrelated.
+
+    The standard errors are those of independent draws; quasi-random samples are closer.
+    """
     found = drawn(scene, SPIN, LENGTHS, members=1600, sampling=sampling)
     spin, lengths = found["initial.spin_rate"], found["tethers.length"]
     assert spin.shape == (1600,) and lengths.shape == (1600, 3)
@@ -50,8 +54,10 @@ def test_distributions(scene, sampling):
 
 
 def test_even_samplings_fill_every_layer(scene):
-    """Of 64 members one lies in every 64th of the range: a hypercube by construction, a Sobol sequence
-    because 64 is a power of two."""
+    """Of 64 members one lies in every 64th of the range.
+
+    A Latin hypercube has this property by construction, a Sobol sequence because 64 is a power of two.
+    """
     for sampling in ("latin", "sobol"):
         spin = drawn(scene, SPIN, members=64, sampling=sampling)["initial.spin_rate"]
         layers = np.floor((spin - 3e-3) / 2e-3 * 64)
@@ -59,7 +65,7 @@ def test_even_samplings_fill_every_layer(scene):
 
 
 def test_grids_are_run_through_together(scene):
-    """Every combination once, the last one fastest, then again."""
+    """Several grids give every combination once, the last grid fastest, and then repeat."""
     texts = ("voltage.value=grid:10e3:20e3:2", "initial.coning_angle_deg=grid:0:2:3")
     found = drawn(scene, *texts, members=7)
     assert found["voltage.value"].tolist() == [10e3, 10e3, 10e3, 20e3, 20e3, 20e3, 10e3]
@@ -69,7 +75,7 @@ def test_grids_are_run_through_together(scene):
 
 
 def test_constants(scene):
-    """Distributions without width."""
+    """Distributions of zero width are constants."""
     found = drawn(scene, "hub.radius=normal:2:0", "hub.height=uniform:3:3", members=4)
     assert (found["hub.radius"] == 2.0).all() and (found["hub.height"] == 3.0).all()
 
@@ -90,7 +96,7 @@ def test_constants(scene):
     ],
 )
 def test_variations_that_are_none(text):
-    """Refused in one line that says what a variation looks like."""
+    """Text that is no variation is refused in one line that shows the syntax."""
     with pytest.raises(VariationError, match=r"^`--vary.*` must .+, but is .+$"):
         parse_variation(text)
 
@@ -107,7 +113,7 @@ def test_variations_that_are_none(text):
     ],
 )
 def test_numbers_that_make_no_scene(scene, text, words):
-    """The key, and the first member that is wrong."""
+    """The message names the key and the first bad member."""
     with pytest.raises(SceneError) as error:
         drawn(scene, text)
     start = words.split(".*")[0]
@@ -115,13 +121,13 @@ def test_numbers_that_make_no_scene(scene, text, words):
 
 
 def test_a_key_is_given_once(scene):
-    """For all tethers or for each."""
+    """A key may be varied for all tethers or for each, not both."""
     with pytest.raises(VariationError, match="given 2 times"):
         drawn(scene, "tethers.length=uniform:1:2", LENGTHS)
 
 
 def test_objects_and_texts_describe_the_same(scene):
-    """A mapping of objects, a mapping of texts, a list of texts: the same numbers."""
+    """A mapping of objects, a mapping of texts and a list of texts give the same numbers."""
     objects = {
         "initial.spin_rate": Uniform(3e-3, 5e-3),
         "tethers.length": Normal(10_000, 20, per_tether=True),
@@ -137,7 +143,7 @@ def test_objects_and_texts_describe_the_same(scene):
     assert first["tethers.length"].shape == (8, 3) and first["hub.radius"].tolist()[:4] == [1, 1.5, 2, 1]
     for other in others:
         assert list(other) == list(first) and all((other[key] == first[key]).all() for key in first)
-    # As files of ensembles have it, which are resumed only with the same text.
+    # Files of ensembles hold this text; they are resumed only if it is the same.
     assert parse_variation("hub.radius=grid:1:2:3").text == "hub.radius=grid:1.0:2.0:3.0"
     assert parse_variation(listed[1]).text == "tethers.length[*]=normal:10000.0:20.0"
 
@@ -153,7 +159,7 @@ def test_objects_and_texts_describe_the_same(scene):
     ],
 )
 def test_distributions_that_are_none(make, message):
-    """Refused where they are made, in one line."""
+    """Wrong parameters are refused by the constructor, in one line."""
     with pytest.raises(SceneError) as error:
         make()
     assert str(error.value) == message

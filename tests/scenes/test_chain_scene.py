@@ -1,4 +1,4 @@
-"""Scenes of rod chains, from file to run file: keys, refusals, resuming, and what `info` says."""
+"""Scenes of rod chains, from scene file to run file: keys, refused input, resuming, and `esail info`."""
 
 import dataclasses
 import importlib
@@ -59,7 +59,7 @@ NEEDS = {
     "solar_wind.cutoff_voltage": {"voltage.value": 1e3}, "voltage.value": {},
     "initial.heliocentric_position_au": {"voltage.value": 1e3},
 }  # fmt: skip
-"""What a key cannot be without."""
+"""The keys that a key requires."""
 
 WIND = {
     "solar_wind.speed": 4e5, "solar_wind.number_density": 7e6, "solar_wind.cutoff_voltage": 1e3,
@@ -68,7 +68,7 @@ WIND = {
 
 
 def with_key(key, value):
-    """The least overrides that make a key legal."""
+    """Returns the least overrides that make a key legal."""
     needed = dict(NEEDS.get(key, {}))
     if "voltage.value" in (*needed, key):
         needed |= WIND
@@ -77,7 +77,7 @@ def with_key(key, value):
 
 @pytest.mark.parametrize("key", FIELDS)
 def test_every_key_can_be_given_and_written(key, chain):
-    """A value comes out as it went in, through TOML too."""
+    """A given value is unchanged in the scene and in the scene that its TOML gives."""
     values = {
         "chain.rods": 3, "chain.anchor": "free", "chain.strain": "green-lagrange", "chain.bending": True,
         "chain.root": "clamped", "integrator.method": "dopri5", "integrator.tolerance": 0.125,
@@ -92,7 +92,7 @@ def test_every_key_can_be_given_and_written(key, chain):
 
 @pytest.mark.parametrize("key", [key for key, rule in FIELDS.items() if not rule.structure])
 def test_every_number_may_be_traced(key, chain, monkeypatch):
-    """As far as the program of the whole run, which takes it as an argument."""
+    """A traced number reaches the program of the traced run, which takes it as an argument."""
     like = jnp.ones(3) if FIELDS[key].shape in (Shape.VECTOR, Shape.VECTORS) else jnp.asarray(0.125)
     seen = []
 
@@ -172,7 +172,7 @@ def test_tables_of_sails_do_not_mix_with_a_chain():
 
 
 def test_contracts_chains_are_built_in():
-    """[MW] Sec. 3; exactly the text's numbers."""
+    """The built-in chains have exactly the numbers of [MW] Sec. 3."""
     hanging, steel = load_scene("hanging-chain"), load_scene("steel-chain")
     assert (hanging.chain.rods, hanging.chain.mass, hanging.chain.length) == (20, 0.1, 1.0)
     assert hanging.chain.area * hanging.chain.youngs_modulus == 1e3
@@ -219,8 +219,11 @@ def test_a_run_file_holds_what_simulate_gives(whole, chain, capsys):
 
 
 def test_the_final_state_is_that_of_the_last_row(chain, tmp_path):
-    """Concrete, traced and from a file, at an end that is no multiple of the interval; from the file it is
-    where a longer run would go on, the last whole interval."""
+    """The final state of a concrete and of a traced run is that of the last row.
+
+    t_end is no multiple of the interval. A file gives the state from which a longer run continues, that of
+    the last whole interval.
+    """
     ends = {"integrator.t_end": 0.35, "output.interval": 0.1, "integrator.method": "tsit5"}
     solution = esail.simulate(chain, ends)
     np.testing.assert_allclose(
@@ -241,7 +244,8 @@ def test_tables_of_the_wrong_kind_are_refused(chain):
 
 @pytest.mark.slow
 def test_a_failed_run_keeps_its_cause_and_a_traced_one_its_nan(chain, tmp_path, capsys):
-    """Energy lost: the message, the code, the file and what `info` says of it."""
+    """A run with an energy drift keeps its message, result code and status in the file, and `info` shows
+    them."""
     hard = {"integrator.tolerance": 0.9, "integrator.method": "dopri5", "integrator.t_end": 50.0}
     failed = esail.simulate(chain, hard, throw=False)
     assert failed.result == esail.RESULTS.energy_lost and "energy balance" in failed.stats["message"]
@@ -260,7 +264,8 @@ def test_a_failed_run_keeps_its_cause_and_a_traced_one_its_nan(chain, tmp_path, 
 
 
 def test_energies_and_tension_of_a_state_by_hand(chain):
-    """Of the start: T = m/6 (u^2 + u.w + w^2) per rod, U = EA (l' - l)^2/(2 l), V by the rods' middles."""
+    """At the start T = m/6 (u^2 + u.w + w^2) and U = EA (l' - l)^2/(2 l) per rod; V follows from the rods'
+    middles."""
     scene = chain.replace({"initial.rod_vector": [[0.0, -0.51, 0.0], [0.0, -0.5, 0.0], [0.49, 0.0, 0.0]]})
     start = {name: x[0] for name, x in esail.simulate(scene).rows.items()}
     speeds, mass = np.arange(4.0), np.array([0.1, 0.2, 0.1])
@@ -276,7 +281,7 @@ def test_energies_and_tension_of_a_state_by_hand(chain):
 
 @pytest.mark.slow
 def test_a_run_cut_short_goes_on_bit_for_bit(file, whole, tmp_path, monkeypatch):
-    """At an earlier end that is a saved instant, at one that is not, and in the midst of a call."""
+    """The run ends at a saved instant, at another instant, or during a compiled call."""
     for t_end in (0.42, 0.43):
         path = tmp_path / f"{t_end}.h5"
         assert esail_run(file, path, "--t-end", t_end) == 0
@@ -311,7 +316,7 @@ def test_the_implicit_method_resumes_too(file, tmp_path):
     assert esail_run(file, again, "--resume") == 2, "another method is another scene"
 
 
-# Last: what the other tests share would be compiled again.
+# The last test of the file, because it drops the programs that the others share.
 @pytest.mark.xfail(strict=True, raises=AssertionError, reason="the choice of the method is compiled again")
 def test_load_compiles_nothing(whole):
     with no_compilation():

@@ -1,4 +1,4 @@
-"""Scenes: built-in ones, TOML there and back, overrides by key, tracers, precision."""
+"""Scenes: built-in scenes, TOML, overrides by key, tracers and precision."""
 
 import dataclasses
 
@@ -19,17 +19,17 @@ from esail_jax.terms import find_term
 from support import small_sail
 
 SAIL_KEYS = [f"{table}.{name}" for table, content in SAIL_TABLES.items() for name in names_of(content)]
-SAIL_KEYS.remove("integrator.tolerance")  # of the explicit methods, which run chains only
+SAIL_KEYS.remove("integrator.tolerance")  # a key of the explicit methods, which run only chains
 
 STRUCTURE = (
     "tethers.count", "tethers.elements", "tethers.element", "tethers.strain", "tethers.bending",
     "tethers.root", "integrator.method", "integrator.step", "integrator.t_end", "output.interval",
     "initial.elongation", "event.time", "event.release", "voltage.law",
 )  # fmt: skip
-"""Keys that decide what is compiled, when is saved, and what happens when."""
+"""Keys that determine the structure, the saved instants or the events, and so cannot be traced."""
 
 EVENT = {"event.time": (5.0,), "event.release": (1,)}
-"""Keys that need each other."""
+"""Keys that require each other."""
 
 WAVES = {"voltage.law": "harmonic", "voltage.cosine": (0.1,)}
 TABLE = {"voltage.law": "piecewise-linear", "voltage.time": (0.0, 5.0), "voltage.table": (0.5, 1.0)}
@@ -42,11 +42,11 @@ LAW_OF = {
     "table": TABLE, "on": SWITCH, "off": SWITCH, "rise_time": SWITCH, "gain": FEEDBACK,
     "target_sailing_angle_deg": FEEDBACK, "coning_angle_deg": CONE, "spin_rate": CONE,
 }  # fmt: skip
-"""What a key of [voltage] needs beside it."""
+"""The overrides that a key of [voltage] requires."""
 
 
 def beside(key: str) -> dict:
-    """Overrides that a key needs beside it."""
+    """Returns the overrides that a key requires."""
     table, name = key.split(".")
     if table == "event":
         return EVENT
@@ -92,7 +92,8 @@ def test_toml_gives_the_same_built_in_scene_again(name):
 
 
 def test_toml_keeps_every_digit_and_every_key(sail):
-    """Numbers that no short decimal represents, lists, switches, strings, tiny and huge numbers."""
+    """Values are numbers without a short decimal form, lists, booleans, strings, and tiny and huge
+    numbers."""
     rng = np.random.default_rng(3)
     for _ in range(50):
         scale = 10.0 ** rng.uniform(-300, 300)
@@ -148,8 +149,10 @@ def test_defaults_are_those_of_the_contract():
 
 
 def test_the_tolerance_follows_the_strain_of_stiff_tethers():
-    """1e-5 of (m_u + rho A L / 2) omega^2 L / EA, computed by hand, where that is less than 5e-10; a given
-    tolerance stays."""
+    """The default tolerance is 1e-5 (m_u + rho A L / 2) omega^2 L / EA, and at most 5e-10.
+
+    The expected values are computed by hand. A given tolerance is not changed.
+    """
     stiff = esail.load_scene("baseline", {"tethers.youngs_modulus": 70e12})
     t, n = stiff.tethers, stiff.initial
     mass = stiff.remote_units.mass + 0.5 * t.density * t.area * t.length
@@ -163,7 +166,7 @@ def test_the_tolerance_follows_the_strain_of_stiff_tethers():
 
 @pytest.mark.parametrize("key", SAIL_KEYS)
 def test_every_key_can_be_overridden(key, sail):
-    """A given value comes out, and nothing else has changed."""
+    """An override changes its key and nothing else."""
     table, name = key.split(".")
     values = {
         "tethers.count": 3, "tethers.elements": 4, "tethers.element": "truss", "tethers.bending": True,
@@ -207,7 +210,7 @@ def test_overriding_part_of_an_absent_table_names_what_is_missing(sail):
 
 
 def test_overrides_may_give_what_the_file_lacks(tmp_path):
-    """`--set` works for every key, a required one that the file leaves out too, and mends a bad one."""
+    """`--set` can give a required key that the file lacks, and replace a bad value."""
     path = tmp_path / "part.toml"
     path.write_text(small_sail.TEXT.replace("t_end = 80.0\n", "").replace("[voltage]\nvalue = 20e3", ""))
     scene = load_scene(path, {"integrator.t_end": 7, "voltage.value": 1e3})
@@ -217,7 +220,8 @@ def test_overrides_may_give_what_the_file_lacks(tmp_path):
 
 
 def test_an_interval_nobody_gave_stays_when_t_end_changes(tmp_path):
-    """So that --resume --t-end LONGER continues the same scene."""
+    """The default interval does not depend on t_end, so that `--resume --t-end LONGER` continues the same
+    scene."""
     path = tmp_path / "no_output.toml"
     path.write_text(small_sail.TEXT.split("[output]")[0])
     assert load_scene(path).output.interval == 0.08

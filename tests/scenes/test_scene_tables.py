@@ -11,7 +11,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-import small_sail
 
 import esail_jax as esail
 from esail_jax.scenes import consistency, method_choice, methods, value_types
@@ -23,6 +22,7 @@ from esail_jax.scenes.scene import load_scene, parse
 from esail_jax.scenes.tables import CHAIN_TABLES, LAWS, SAIL_TABLES, LawName
 from esail_jax.scenes.value_types import Kind, Shape
 from esail_jax.steppers.runge_kutta import REACH
+from support import small_sail
 
 FIELDS = {
     f"{kind.__name__}.{field.name}": field

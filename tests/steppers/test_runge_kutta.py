@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from esail_jax.steppers.runge_kutta import METHODS, RungeKutta, advance
+from support.quick import jit
 
 
 class Decay(eqx.Module):
@@ -63,8 +64,8 @@ def test_derivative_of_a_run(step):
         return forced + (y0 - k / (1 + k**2)) * jnp.exp(-k * t)
 
     at = (jnp.asarray(0.7), jnp.asarray(1.5))
-    np.testing.assert_allclose(run(*at), exact(*at), rtol=1e-7)
-    forward, reverse = (jax.jit(mode(run, (0, 1)))(*at) for mode in (jax.jacfwd, jax.jacrev))
+    np.testing.assert_allclose(jit(run)(*at), exact(*at), rtol=1e-7)
+    forward, reverse = (jit(mode(run, (0, 1)))(*at) for mode in (jax.jacfwd, jax.jacrev))
     for one, other, known in zip(forward, reverse, jax.jacfwd(exact, (0, 1))(*at), strict=True):
         np.testing.assert_allclose(one, known, rtol=1e-7)
         np.testing.assert_allclose(one, other, rtol=1e-12)

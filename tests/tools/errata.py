@@ -1,8 +1,8 @@
-"""Write errata.csv and ERRATA.md from the ledger of equations (`tests/physics/oracles/`).
+"""Writes errata.csv and ERRATA.md in `experiments/paper_errata/` from the ledger of equations
+(`physics/oracles/`).
 
-python tests/tools/errata.py              write both
-python tests/tools/errata.py --check      status 1 if they are not what would be written
-                                                    (but for the digits of errors)
+python tests/tools/errata.py              writes both python tests/tools/errata.py --check      ends with
+status 1 if a file differs, but for the digits of errors
 """
 
 import csv
@@ -17,12 +17,12 @@ ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "experiments" / "paper_errata"
 sys.path.insert(0, str(ROOT / "tests" / "physics"))
 
-import oracles  # noqa: E402  (found on the path made above)
+import oracles  # noqa: E402  (the path is set above)
 from oracles.ledger import ENTRIES, Entry, Errors  # noqa: E402
 
 COLUMNS = ("paper", "equation", "holds", "error_printed", "error_right", "consequence")
 ERROR = r"\d\.\d(e[+-]\d\d)"
-"""An error as `digits` writes it; its exponent."""
+"""Regular expression of an error as `digits` writes it; its group is the exponent."""
 
 PAPERS = {
     "PGV": "Pacheco-Ramos, Garcia-Vallejo, Vazquez: high-fidelity multibody model of an electric sail",
@@ -49,7 +49,7 @@ All entries, also those that hold, are in [errata.csv](errata.csv). This page is
 
 
 def evaluated() -> list[tuple[Entry, Errors]]:
-    """All entries in the order of the papers, with their errors."""
+    """Returns all entries with their errors, in the order of the papers."""
     for module in sorted(m.name for m in pkgutil.iter_modules(oracles.__path__)):
         importlib.import_module(f"oracles.{module}")
     found = sorted(ENTRIES, key=place)
@@ -57,19 +57,20 @@ def evaluated() -> list[tuple[Entry, Errors]]:
 
 
 def place(entry: Entry) -> tuple[int, int, int]:
-    """Sorts by paper and number of the equation (also of what stands after one), then the text."""
+    """Returns the sort key of an entry: paper, then numbered equations (and text after one), then other
+    text."""
     number = re.match(r"(after )?(\d+)(?!\.)", entry.equation)
     in_text = number is None
     return list(PAPERS).index(entry.paper), in_text, 0 if in_text else int(number[2])
 
 
 def digits(error: float) -> str:
-    """An error in two digits; what is rounding only says so, for its digits differ by machine."""
+    """Returns an error in two digits; rounding errors, whose digits differ by machine, give "<1e-10"."""
     return "<1e-10" if error <= 1e-10 else f"{error:.1e}"
 
 
 def rows(found: list[tuple[Entry, Errors]]) -> list[tuple[str, ...]]:
-    """Rows of the table."""
+    """Returns the rows of the table."""
     return [
         (
             entry.paper,
@@ -84,7 +85,7 @@ def rows(found: list[tuple[Entry, Errors]]) -> list[tuple[str, ...]]:
 
 
 def table(found: list[tuple[Entry, Errors]]) -> str:
-    """errata.csv."""
+    """Returns the text of errata.csv."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
@@ -93,7 +94,8 @@ def table(found: list[tuple[Entry, Errors]]) -> str:
 
 
 def page(found: list[tuple[Entry, Errors]]) -> str:
-    """ERRATA.md: printed and right form of what does not hold, then what holds."""
+    """Returns the text of ERRATA.md: printed and right form of every misprint, then the equations that
+    hold."""
     wrong = [(entry, errors) for entry, errors in found if not entry.holds]
     lines = [HEAD.format(count=len(found), wrong=len(wrong))]
     for paper, title in PAPERS.items():
@@ -116,14 +118,14 @@ def page(found: list[tuple[Entry, Errors]]) -> str:
 
 
 def name(entry: Entry) -> str:
-    """Eq. 24, or the place of a claim."""
+    """Returns the name of an entry, such as "Eq. 24", or the place of a claim."""
     if re.match(r"\d+\.", entry.equation):
         return f"Sec. {entry.equation}"
     return f"Eq. {entry.equation}" if entry.equation[:1].isdigit() else entry.equation
 
 
 def main(arguments: list[str]) -> int:
-    """Write, or compare."""
+    """Writes both files, or compares them; returns the exit status."""
     found = evaluated()
     written = {FOLDER / "errata.csv": table(found), FOLDER / "ERRATA.md": page(found)}
     if arguments == ["--check"]:
@@ -139,7 +141,7 @@ def main(arguments: list[str]) -> int:
 
 
 def same(old: str, new: str) -> bool:
-    """Equal but for the digits of errors, which differ from machine to machine."""
+    """Tells whether two texts are equal but for the digits of errors, which differ by machine."""
     return re.sub(ERROR, r"\1", old) == re.sub(ERROR, r"\1", new)
 
 

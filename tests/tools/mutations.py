@@ -1,10 +1,10 @@
-"""Perturb the physics one coefficient at a time, and record which tests notice.
+"""Perturbs the physics one coefficient at a time and records the tests that notice.
 
     python tests/tools/mutations.py [NAME ...]      all mutations, or those whose name contains NAME
 
-A mutation replaces one piece of text in a copy of the package; the listed tests then run against the
-copy, until three have failed; before, all of them must pass on a copy that is whole. Enters the outcome in
-mutations.csv: term, mutation, tests that fail. Ends with status 1 if a mutation goes unnoticed.
+A mutation replaces one piece of text in a copy of the package. Its tests then run against the copy until
+three have failed; before, they must pass on an unchanged copy. The result is written to
+`experiments/mutations/mutations.csv`. The exit status is 1 if no test notices a mutation.
 """
 
 import concurrent.futures
@@ -22,13 +22,13 @@ ROOT = Path(__file__).parents[2]
 LISTS = ROOT / "tests" / "architecture" / "mutations"
 TABLE = ROOT / "experiments" / "mutations" / "mutations.csv"
 
-# -P: the working directory would come before PYTHONPATH, and the package there is whole.
+# Without -P the working directory, with the unchanged package, would come before PYTHONPATH.
 PYTEST = [sys.executable, "-P", "-m", "pytest", "-q", "--tb=no", "--maxfail=3"]
 PYTEST += ["-p", "no:cacheprovider", "-m", ""]
 
 
 def mutations() -> list[dict]:
-    """All mutations: name, file, old, new, tests (what to run)."""
+    """Returns all mutations, each with name, file, old, new and tests (arguments of pytest)."""
     found = []
     for path in sorted(LISTS.glob("*.toml")):
         found += tomllib.loads(path.read_text(encoding="utf-8"))["mutation"]
@@ -36,8 +36,8 @@ def mutations() -> list[dict]:
 
 
 def mutated_copy(mutation: dict, folder: Path) -> None:
-    """A copy of the package with one text replaced, which must occur exactly once; a whole copy if no
-    file is named."""
+    """Copies the package and replaces one text, which must occur exactly once; without a file it only
+    copies."""
     shutil.copytree(ROOT / "esail_jax", folder / "esail_jax")
     if mutation["file"] is None:
         return
@@ -49,7 +49,7 @@ def mutated_copy(mutation: dict, folder: Path) -> None:
 
 
 def failing_tests(mutation: dict) -> list[str]:
-    """Names of the tests that fail on the mutated copy, three at most."""
+    """Returns the names of the tests that fail on the mutated copy, at most three."""
     with tempfile.TemporaryDirectory() as name:
         mutated_copy(mutation, Path(name))
         environment = os.environ | {"PYTHONPATH": name}
@@ -64,7 +64,7 @@ def failing_tests(mutation: dict) -> list[str]:
 
 
 def control(chosen: list[dict]) -> None:
-    """Every test that is to notice something passes on a copy that is whole."""
+    """Checks that all chosen tests pass on an unchanged copy."""
     tests = sorted({tuple(mutation["tests"]) for mutation in chosen}, key=len)
     alone = sorted({name for group in tests if "-k" not in group for name in group})
     groups = ([alone] if alone else []) + [list(group) for group in tests if "-k" in group]
@@ -74,7 +74,7 @@ def control(chosen: list[dict]) -> None:
 
 
 def recorded() -> dict[str, str]:
-    """What the table says by now."""
+    """Returns the failing tests by mutation, as the table has them."""
     if not TABLE.exists():
         return {}
     with TABLE.open(encoding="utf-8") as file:
@@ -82,7 +82,7 @@ def recorded() -> dict[str, str]:
 
 
 def main(names: list[str]) -> int:
-    """Run the mutations, one per core, and enter them in the table; 1 if one survives."""
+    """Runs the mutations, one per core, and enters them in the table; returns 1 if one is not noticed."""
     chosen = [m for m in mutations() if not names or any(name in m["name"] for name in names)]
     control(chosen)
     with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:

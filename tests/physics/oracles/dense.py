@@ -1,7 +1,7 @@
 """A bordered matrix written out in full, entry by entry, in NumPy.
 
-It knows nothing of chains, ports or rings: it is written in every block row, roots included, and the
-roots are then put on the border's points by x = E z, E^T A E z = E^T b.
+The module does not use chains, ports or rings. Every block row is written, also those of the roots; the
+roots are then expressed by the border's points, x = E z, E^T A E z = E^T b.
 """
 
 import itertools

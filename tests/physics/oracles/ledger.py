@@ -1,10 +1,10 @@
-"""The ledger of the two papers: every equation or claim, as printed, against a judge.
+"""The ledger of the two papers: every equation or claim as printed, compared with a reference.
 
-An entry transcribes one printed formula exactly as it stands (misprints included) and compares it, on
-random non-degenerate states, with automatic differentiation of the package's energies or with a
-derivation that shares no code with the package. Where the print fails, the entry carries a form that
-agrees. The errata (`experiments/paper_errata`) are written from this ledger, and `test_oracles.py`
-checks that each entry says the truth.
+An entry transcribes one printed formula exactly as it stands, misprints included. It compares the formula
+on random non-degenerate states with a "judge": automatic differentiation of the package's energies, or a
+derivation that shares no code with the package. If the printed form is wrong, the entry carries a form
+that agrees. `tests/tools/errata.py` writes the errata (`experiments/paper_errata`) from this ledger, and
+`test_oracles.py` checks every entry.
 
 Papers: PGV (Pacheco-Ramos, Garcia-Vallejo, Vazquez: multibody E-sail), MW (Ma, Wang: elastic rods).
 """
@@ -16,13 +16,16 @@ from typing import NamedTuple
 import numpy as np
 
 ROUNDING = 1e-10
-"""Relative error up to which two forms of one formula are the same in double precision: 1e-16 per
-operation, some hundred operations, condition numbers up to 1e3."""
+"""Relative error up to which two forms of a formula count as equal in double precision: 1e-16 per
+operation, some hundred operations, and condition numbers up to 1e3."""
 
 
 class Errors(NamedTuple):
-    """Relative errors against the judge. printed: of the form as printed (inf where it cannot be
-    evaluated at all); right: of the form that stands beside it (the printed one, if it holds)."""
+    """Relative errors against the judge.
+
+    printed: error of the printed form, inf if it cannot be evaluated; right: error of the right form,
+    which is the printed form if that holds.
+    """
 
     printed: float
     right: float
@@ -32,10 +35,10 @@ class Errors(NamedTuple):
 class Entry:
     """One equation or claim.
 
-    paper, equation: where; title: what it states; holds: does the printed form agree; printed, right:
-    both forms in words or TeX, for the errata page; consequence: what happens to those who use the
-    printed form; tolerance: relative error that counts as agreement (of a printed number: half a unit
-    of its last digit).
+    paper, equation: its place; title: what it states; holds: whether the printed form agrees; printed,
+    right: both forms in words or TeX, for the errata page; consequence: the effect of using the printed
+    form; tolerance: relative error that counts as agreement (for a printed number, half a unit of its last
+    digit).
     """
 
     paper: str
@@ -50,16 +53,16 @@ class Entry:
 
     @property
     def name(self) -> str:
-        """Identifier in test reports."""
+        """The identifier in test reports."""
         return f"{self.paper} {self.equation}"
 
 
 ENTRIES: list[Entry] = []
-"""In the order in which the modules of this folder are imported and written."""
+"""All entries, in the order in which the modules of this folder are imported and written."""
 
 
 def holds(paper: str, equation: str, title: str, *, tolerance: float = ROUNDING, note: str = ""):
-    """Decorator: the printed form is right. The function returns its relative error."""
+    """Decorator for an entry whose printed form is right. The function returns its relative error."""
 
     def enter(check: Callable[[], float]) -> Callable[[], float]:
         def errors() -> Errors:
@@ -82,7 +85,7 @@ def fails(
     consequence: str,
     tolerance: float = ROUNDING,
 ):
-    """Decorator: the printed form is wrong. The function returns `Errors`."""
+    """Decorator for an entry whose printed form is wrong. The function returns `Errors`."""
 
     def enter(check: Callable[[], Errors]) -> Callable[[], Errors]:
         ENTRIES.append(Entry(paper, equation, title, check, False, printed, right, consequence, tolerance))
@@ -92,7 +95,8 @@ def fails(
 
 
 def relative_error(value, truth) -> float:
-    """Largest difference over the largest entry of the truth; inf where shapes do not fit."""
+    """Returns the largest difference divided by the largest entry of the truth; inf if the shapes do not
+    fit."""
     value, truth = np.asarray(value, float), np.asarray(truth, float)
     if value.shape != truth.shape:
         return float("inf")

@@ -1,6 +1,6 @@
 """[MW] Eq. 1-12: kinetic and elastic energy of a chain of elastic rods, and their Lagrange terms.
 
-Printed forms are loops and sums as they stand, indices from 1. Judges: `mw_chains.py`.
+Printed forms are loops and sums as they stand, with indices from 1. `mw_chains.py` has the judges.
 """
 
 import numpy as np
@@ -151,7 +151,7 @@ def kinetic_energy():
 
 @holds("MW", "after 4", "The kinetic energy of rod i depends on the rates of the first i rods alone")
 def kinetic_energy_looks_inward():
-    """And on all of those: the derivative of T_i by the rates of rod j, present for j <= i only."""
+    """T_i has a derivative by the rates of every rod j <= i, and of no other."""
     absent = []
     for n in (1, 2, 3, 7):
         for found in judge(n):

@@ -1,5 +1,8 @@
-"""[MW] Eq. 13-21: loads and the equations of motion. Judges: `mw_chains.py`; for Eq. 21 also whole
-chains of the package's truss elements with its own assembly and solver."""
+"""[MW] Eq. 13-21: loads and the equations of motion.
+
+`mw_chains.py` has the judges; Eq. 21 is also compared with whole chains of the package's truss elements,
+with the package's assembly and solver.
+"""
 
 import functools
 
@@ -47,7 +50,7 @@ def point_of_the_deformed_rod():
         return placed
 
     def distance_error(chain):
-        """And it is at that distance."""
+        """Returns the error of the distance of the points."""
         start = np.cumsum(chain.x, 0) - chain.x
         away = np.linalg.norm(np.array(points(chain)) - start[:, None], axis=2)
         return relative_error(away, FRACTIONS * chain.current[:, None])
@@ -116,7 +119,8 @@ def load_on_a_rod():
     note="The first two lines leave out dl, to be read after the scalar product.",
 )
 def virtual_work():
-    """For a unit change along each axis: the sum over all rods, over the outer ones, and by Eq. 14."""
+    """Returns, for a unit change along each axis, the sum over all rods, over the outer rods, and by Eq.
+    14."""
 
     def works_of(chain):
         f, f_star = resultants(chain)
@@ -220,7 +224,7 @@ def axis_by_axis(vectors: np.ndarray) -> np.ndarray:
 
 @holds("MW", "20", "All equations of motion, with q = (x_1 ... x_n, y_1 ... y_n, z_1 ... z_n)")
 def equations_of_motion():
-    """With q of Eq. 1, rod by rod, the blocks would not fit, but for one rod."""
+    """With q of Eq. 1, rod by rod, the blocks would fit for one rod only."""
 
     def balance(chain, xddot):
         f, f_star = resultants(chain)

@@ -1,5 +1,8 @@
-"""[MW] Eq. 22-30: factors of the mass matrix and the O(n) solution. Judge of G: the truss elements' mass
-matrix in the positions of the joints; of solutions: `mw_chains.py`, dense solves."""
+"""[MW] Eq. 22-30: factors of the mass matrix and the O(n) solution.
+
+The judge of G is the truss elements' mass matrix in the positions of the joints; `mw_chains.py` has the
+judges of solutions, dense solves.
+"""
 
 import numpy as np
 
@@ -137,7 +140,7 @@ def printed_factors(m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     note="Upper times lower, from the last row up: not the L L^T of a library's Cholesky decomposition.",
 )
 def factorisation():
-    """That such a B exists: column by column, and by turning the order of rows of L L^T."""
+    """Such a B exists: it follows column by column, and from L L^T with the rows in reverse order."""
 
     def error(chain):
         g = g_matrix(chain.rods.mass)

@@ -1,5 +1,8 @@
-"""[MW] Eq. 31-32 and what the text says of the model and of both experiments. Judges: the truss elements;
-Dormand and Prince's method, which is MATLAB's ode45, on an oscillator; closed forms."""
+"""[MW] Eq. 31-32, and claims of the text about the model and both experiments.
+
+The judges are the truss elements, Dormand and Prince's method (MATLAB's ode45) on an oscillator, and
+closed forms.
+"""
 
 import jax.numpy as jnp
 import numpy as np
@@ -87,7 +90,7 @@ def first_energies() -> tuple[float, float]:
     note="133.3 J of motion at the start, 196.2 J of gravity from horizontal to hanging.",
 )
 def scales_of_energy():
-    """In powers of ten; a half is the same order."""
+    """The difference is in powers of ten; up to a half counts as the same order."""
     motion, gravity = first_energies()
     assert relative_error([motion, -gravity], [133.33, 196.2]) < 5e-5
     return abs(np.log10(motion / -gravity))
@@ -101,7 +104,7 @@ def scales_of_energy():
     "is -62.9 J if gravity points along the tether, 133.3 J if across; 6e-6 of it, 0.4 mJ or 0.8 mJ.",
 )
 def relative_energy_error():
-    """Of a change that is known: all rates larger by a thousandth."""
+    """The printed error is right for a known change: all rates larger by a thousandth."""
     motion, gravity = first_energies()
     assert relative_error(motion + gravity, -62.87) < 1e-4
     x, v = straight_down(FIRST), np.tile([1.0, 0.0, 0.0], (20, 1))

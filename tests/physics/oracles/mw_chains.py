@@ -1,8 +1,8 @@
-"""Random chains of rods, and what two judges make of them.
+"""Random chains of rods, and the results of two judges for them.
 
-`direct`: automatic differentiation of straight rods' T and V (`mw_rods.py`). `package`: truss elements
-with engineering strain, a tether of one element per rod, joined by writing their ends as sums of rod
-vectors. Both in rod vectors (rod, xyz).
+`direct` differentiates T and V of straight rods automatically (`mw_rods.py`). `package` uses truss
+elements with engineering strain, a tether of one element per rod; the ends are written as sums of rod
+vectors. Both results are in rod vectors (rod, xyz).
 """
 
 import functools
@@ -55,7 +55,11 @@ class Chain(NamedTuple):
 
 @functools.cache
 def chains(n: int) -> tuple[Chain, ...]:
-    """Unequal rods in any direction, strained by up to a half; every number of order one."""
+    """Returns what both judges find: arrays (size, state, judge, ...) of chains padded to the longest.
+
+    Outer rods without mass, stiffness and load do not change the inner rods, so that one program serves
+    all sizes.
+    """
     rng = np.random.default_rng(2019 + n)
     found = []
     for _ in range(STATES):
@@ -132,7 +136,7 @@ def package(rods: Rods, x, v, a, load) -> dict:
 
 @functools.cache
 def judged() -> dict:
-    """What both judges find: arrays (size, state, judge, ...) of chains padded to the longest.
+    """Returns the results of both judges: arrays (size, state, judge, ...) of chains padded to the longest.
 
     Outer rods without mass, stiffness and load change nothing for those inside: one program serves all.
     """
@@ -159,7 +163,7 @@ def judged() -> dict:
 
 @functools.cache
 def judge(n: int) -> list[dict]:
-    """What both judges find of each state, judge first; accelerations by a dense solve."""
+    """Returns the results of both judges for each state, judge first; accelerations by a dense solve."""
     found = []
     for k in range(STATES):
         values = {key: value[SIZES.index(n), k] for key, value in judged().items()}

@@ -1,8 +1,9 @@
-"""A chain of elastic rods from a fixed point, [MW], in the forms that are right: plain NumPy.
+"""The right forms of [MW] for a chain of elastic rods from a fixed point, in plain NumPy.
 
 Coordinates are the rod vectors x_i = O_{i-1} O_i, arrays (rod, xyz). A rod stays straight and is strained
-evenly: it stores EA (|x| - l)^2 / (2 l). `o_n_acceleration` is the paper's Eq. 27 and 30;
-`lagrange_acceleration` shares nothing with it: automatic differentiation of T and V, a dense solve.
+evenly; its energy is EA (|x| - l)^2 / (2 l). `o_n_acceleration` is the paper's Eq. 27 and 30.
+`lagrange_acceleration` shares nothing with it: it differentiates T and V automatically and solves a dense
+system.
 """
 
 import functools

@@ -203,5 +203,5 @@ def hub_matrix():
     note="The remote units come on top, as the text before Eq. 1 says.",
 )
 def assembled_mass():
-    """Against the derivative of the package's equations of motion in the acceleration."""
+    """The judge is the derivative of the package's equations of motion by the acceleration."""
     return worst(relative_error(sail.mass_matrix(), sail.derivatives(k).vdot.residual) for k in EACH)

@@ -1,6 +1,6 @@
-"""Closed forms of [PGV] that several rows need, transcribed once. Nothing of the package is used here.
+"""Closed forms of [PGV] that several entries need, transcribed once. Nothing of the package is used here.
 
-Sizes: p tethers of n nodes, m = 12 + 6 n p coordinates in the order of Eq. 4; i, j, k count from 1.
+There are p tethers of n nodes and m = 12 + 6 n p coordinates in the order of Eq. 4; i, j, k count from 1.
 """
 
 import numpy as np

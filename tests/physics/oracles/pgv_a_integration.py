@@ -82,8 +82,8 @@ def newton_correction():
 
 @holds("PGV", "13", "iteration matrix")
 def newton_matrix():
-    """With C_t and K_t of the last members of Eq. 14 and 15; the joints are eliminated by r = G(x) d,
-    which Eq. 55 annihilates."""
+    """The matrix uses C_t and K_t of the last members of Eq. 14 and 15; r = G(x) d, which satisfies Eq. 55,
+    eliminates the joints."""
     errors = [relative_error(*package_matrix(k)[::-1]) for k in EACH]
     errors += [np.abs(sail.joint_jacobian() @ sail.solved(k).held[:M]).max() for k in EACH]
     return max(errors)
@@ -159,7 +159,7 @@ def of_one_node(values) -> Coordinates:
 
 
 def at_the_node(coordinates: Coordinates) -> np.ndarray:
-    """What stands there."""
+    """Returns the values that `coordinates` has at the node."""
     return np.asarray(coordinates.tether)[0, :, 1, 0]
 
 

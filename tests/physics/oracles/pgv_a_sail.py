@@ -38,7 +38,7 @@ HUB = (1.3, 0.8, 0.9)
 """Height, radius, density."""
 
 LENGTHS, LINE_DENSITY, TIP_MASS = np.array([0.9, 0.7, 1.1]), np.array([0.8, 1.2, 0.6]), (0.3, 0.5, 0.4)
-"""Of an element, per length, and of the remote unit, tether by tether."""
+"""Element lengths, line densities and tip masses, tether by tether."""
 
 SPEED, ORIGIN, VOLTAGE, CUTOFF = 1.7, np.array([2.1, -1.6, 1.9]), np.array([3.0, 0.5, 2.4]), 1.1
 """Tether 2 is below the cut-off voltage."""
@@ -85,7 +85,8 @@ def build() -> System:
 
 
 def flat(x: Coordinates) -> jax.Array:
-    """In the order of Eq. 4: hub points, then tether by tether, node by node, position and slope."""
+    """Returns coordinates in the order of Eq. 4: hub points, then tether by tether, node by node, position
+    and slope."""
     return jnp.concatenate([x.hub.reshape(-1), x.tether.transpose(3, 2, 0, 1).reshape(-1)])
 
 
@@ -185,7 +186,7 @@ def _derivatives(*state) -> tuple[Parts, Parts]:
 
 @functools.cache
 def derivatives(index: int) -> Derivatives:
-    """By automatic differentiation of the package, at state number `index`."""
+    """Returns automatic derivatives of the package's functions at state number `index`."""
     value, by_motion = _derivatives(*(jnp.asarray(x) for x in states()[index]))
     columns = (Parts(*(np.asarray(x)[:, k * M : (k + 1) * M] for x in by_motion)) for k in range(3))
     return Derivatives(Parts(*(np.asarray(x) for x in value)), *columns)
@@ -193,7 +194,7 @@ def derivatives(index: int) -> Derivatives:
 
 SCALES = np.array([2 * np.linalg.norm(x) for x in forms.edges(forms.local_base(*HUB[:2])).T])
 SCALES = np.concatenate([SCALES, np.sqrt(SCALES[[1, 2, 2]] * SCALES[[0, 0, 1]]) / 2])
-"""What the package divides the rows of Eq. 45 by: 2 L for squares, sqrt(L_K L_L) for products."""
+"""Divisors by which the package scales the rows of Eq. 45: 2 L for squares, sqrt(L_K L_L) for products."""
 
 
 def joint_jacobian() -> np.ndarray:
@@ -230,7 +231,7 @@ STEP, RHO = 0.9, 0.25
 
 
 class Solved(NamedTuple):
-    """What the package makes of a state.
+    """The package's results for a state.
 
     matrix: its iteration matrix in its independent unknowns; held: the map from these to all of
     (q, lam_r) as the paper orders them, roots on the hub; acceleration: its consistent
@@ -261,7 +262,7 @@ def _solved(q, v, lam):
 
 @functools.cache
 def solved(index: int) -> Solved:
-    """By the package, at state number `index`."""
+    """Returns the package's results at state number `index`."""
     q, v, _, lam = (jnp.asarray(x) for x in states()[index])
     matrix, vdot, force, bend = jax.tree.map(np.asarray, _solved(q, v, lam))
     dense = Dense(matrix)

@@ -17,7 +17,7 @@ from .ledger import holds, relative_error
 N, P = sail.N, sail.P
 ELEMENTS = [(i, j) for i in range(1, P + 1) for j in range(1, N)]
 GAUSS = 0.5 + 0.5 * np.polynomial.legendre.leggauss(5)[0]
-"""Where the package looks at an element, as shares of its length."""
+"""Points at which the package evaluates an element, as fractions of its length."""
 
 
 def element_vector(q: np.ndarray, i: int, j: int) -> np.ndarray:
@@ -107,8 +107,8 @@ def momentum(v):
 
 @holds("PGV", "21", "kinetic energy of an element")
 def kinetic_energy():
-    """Against the integral of the speed squared, element by element; and the whole against v . M v of
-    the package, remote units included."""
+    """The judge is the integral of the squared speed for each element, and v . M v of the package with the
+    remote units for the whole tether."""
     v = sail.states()[0].v
     points, weights = np.polynomial.legendre.leggauss(8)
     printed, judge = [], []
@@ -127,7 +127,8 @@ def kinetic_energy():
 
 @holds("PGV", "22", "mass matrix of an element")
 def mass_matrix():
-    """Against the package's, whose slopes are in metres; l = L_0/(n - 1) against the baseline's."""
+    """The judges are the package's matrix, whose slopes are in metres, and the baseline's length for l =
+    L_0/(n - 1)."""
     kept = np.asarray(sail.sail().tethers.mass_elements())
     errors = []
     for i in range(1, P + 1):

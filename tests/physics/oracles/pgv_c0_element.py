@@ -151,7 +151,7 @@ def judge_of_points(system: System, e, v) -> dict:
 
     @jax.vmap
     def half_hessian(slope, second):
-        """Of Phi_1 in r_xx: the matrix whose quadratic form it is."""
+        """Returns the matrix of Phi_1, which is a quadratic form in r_xx."""
 
         def half(w):
             return (
@@ -190,7 +190,7 @@ def judge_of_element(system: System, e, v) -> dict:
 
 
 def judge_of_system(system: System, e, v) -> dict:
-    """What the package runs with: assembled forces, tangent, power lost, stress resultants."""
+    """The package's assembled forces, tangent, dissipated power and stress resultants."""
     tethers, time = system.tethers, jnp.zeros(())
     fields, rates = tethers.interpolate(nodal(e)), tethers.interpolate(nodal(v))
     total, _, _ = system.point_forces(time, fields, rates)

@@ -16,7 +16,7 @@ from .ledger import holds, relative_error
 N, P = sail.N, sail.P
 EACH = (0, 1)
 EPS_0, M_I = 8.854e-12, 1.67e-27
-"""As printed."""
+"""The constants as printed."""
 
 ELEMENTARY_CHARGE, CODATA_PERMITTIVITY, CODATA_PROTON = 1.602176634e-19, 8.8541878188e-12, 1.67262192595e-27
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(5)
@@ -33,7 +33,7 @@ def sigma(voltage: float) -> float:
 
 
 def factor(voltage: float) -> float:
-    """What stands before u_perp in Eq. 29 and before the integral in Eq. 35."""
+    """Returns the factor of u_perp in Eq. 29 and of the integral in Eq. 35."""
     return 0.18 * max(0, voltage - sail.CUTOFF) * np.sqrt(EPS_0 * M_I * sail.DENSITY)
 
 
@@ -139,7 +139,7 @@ def normal_wind():
 
 @holds("PGV", "31", "projector on the normal plane, entry by entry")
 def normal_projector():
-    """What leaves the tangent out and keeps two vectors normal to it."""
+    """The projector removes the tangent and keeps two vectors normal to it."""
     errors = []
     for r_x in package_points()["r_x"]:
         frame = np.linalg.qr(np.column_stack([r_x, np.eye(3)[:, :2]]))[0]

@@ -19,7 +19,8 @@ M, N, P = sail.M, sail.N, sail.P
 HEIGHT, RADIUS, DENSITY = sail.HUB
 BASE = forms.local_base(HEIGHT, RADIUS)
 FROM_A = np.array([0.5 * HEIGHT, 0.0, 0.0])
-"""From base point A, the origin of App. B's local frame, to the centre, the origin of the B frame."""
+"""Vector from base point A, the origin of App. B's local frame, to the centre, the origin of the B
+frame."""
 
 EACH = (0, 1)
 POINTS = np.random.default_rng(8).normal(size=(5, 3))
@@ -27,7 +28,8 @@ POINTS = np.random.default_rng(8).normal(size=(5, 3))
 
 
 def base_points(k: int) -> np.ndarray:
-    """Of state k; the body is bent out of shape, which no formula below but those of motion minds."""
+    """Returns the base points of state k. The body is deformed, which matters only to the formulas of
+    motion."""
     return sail.states()[k].q[:12].reshape(4, 3)
 
 
@@ -41,7 +43,7 @@ class Motion:
 
     @classmethod
     def position(cls, body: np.ndarray) -> np.ndarray:
-        """Of a point given from the centre in body axes."""
+        """Returns the position of a point given from the centre in body axes."""
         return cls.centre + cls.turn @ body
 
     @classmethod
@@ -68,7 +70,7 @@ def _observed(points, lam, locations):
 
 @functools.cache
 def observed(k: int) -> dict[str, np.ndarray]:
-    """What the package says of the hub at state k."""
+    """Returns the package's results for the hub at state k."""
     inputs = (base_points(k), sail.states()[k].lam, (POINTS - FROM_A).T)
     return {name: np.asarray(x) for name, x in _observed(*(jnp.asarray(x) for x in inputs)).items()}
 
@@ -94,7 +96,7 @@ def natural_coordinates():
 
 @holds("PGV", "41", "rotation matrix")
 def rotation_matrix():
-    """Also of a body that is out of shape; and of a rigid one, where the judge is its attitude."""
+    """The form holds for a deformed body, and for a rigid one, where the judge is its attitude."""
     errors = [relative_error(forms.edges(base_points(k)) @ sail.ABC, observed(k)["rotation"]) for k in EACH]
     rigid = np.array([Motion.position(x) for x in BASE])
     return max(*errors, relative_error(forms.edges(rigid) @ sail.ABC, Motion.turn))
@@ -201,7 +203,7 @@ def rigidity_jacobian():
     note="For C_r,d^T lam; in q it has m rows.",
 )
 def rigidity_force():
-    """Against what the package adds to its equations of motion."""
+    """The judge is the part that the package adds to its equations of motion."""
     errors = []
     for k in EACH:
         state, parts, by_vdot = (
@@ -218,7 +220,7 @@ def rigidity_force():
 
 @holds("PGV", "48", "geometric stiffness of the rigidity")
 def rigidity_stiffness():
-    """Against the package's Hessian of lam . C, beside the hub's mass."""
+    """The judge is the package's Hessian of lam . C, which it adds to the hub's mass."""
     errors = []
     for k in EACH:
         mass = np.kron(observed(k)["mass"], np.eye(3))
@@ -253,14 +255,14 @@ def rigid_rates() -> np.ndarray:
 
 @holds("PGV", "50", "velocity of a point of the body")
 def body_velocity():
-    """Against v + omega x r of a rigid motion."""
+    """The judge is v + omega x r of a rigid motion."""
     printed = [forms.hub_shape_matrix(x, sail.ABC) @ rigid_rates() for x in POINTS]
     return relative_error(printed, [Motion.velocity(x - FROM_A) for x in POINTS])
 
 
 @holds("PGV", "51", "kinetic energy of the body")
 def body_energy():
-    """Against m v^2/2 + omega . J omega/2 with the moments of inertia of a solid cylinder."""
+    """The judge is m v^2/2 + omega . J omega/2 with the moments of inertia of a solid cylinder."""
     mass = DENSITY * np.pi * RADIUS**2 * HEIGHT
     axial, across = mass * RADIUS**2 / 2, mass * (3 * RADIUS**2 + HEIGHT**2) / 12
     omega = Motion.turn.T @ Motion.omega

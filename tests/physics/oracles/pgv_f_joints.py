@@ -52,7 +52,8 @@ def joint():
     "With all tethers one azimuth further on, every lagging angle of Eq. 59 starts at 30 deg.",
 )
 def anchors():
-    """Where the package starts the roots, in the body frame, seen from A: five tethers on Table 1's hub."""
+    """Returns the package's initial root positions from A in the body frame: five tethers on Table 1's
+    hub."""
     structure, numbers = split(
         load_scene("baseline", {"tethers.count": 5, "tethers.elements": 1, "initial.elongation": "paper"})
     )

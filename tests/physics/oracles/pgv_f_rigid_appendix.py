@@ -34,7 +34,8 @@ def columns(points: np.ndarray) -> np.ndarray:
 
 @holds("PGV", "128", "position by attitude", note="x is measured from r_1 = A. z_B in the text is k_B.")
 def position_by_attitude():
-    """With the rotation matrix of Eq. 41, against the package's weights; and against a rigid motion."""
+    """The form, with the rotation matrix of Eq. 41, agrees with the package's weights and with a rigid
+    motion."""
     errors = []
     for k in EACH:
         rotation = forms.edges(base_points(k)) @ sail.ABC

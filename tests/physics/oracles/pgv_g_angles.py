@@ -1,6 +1,6 @@
 """[PGV] Sec. 3.1-3.2: coning and lagging angles, angular velocity.
 
-Judges: the package's observables of random states, and the rotation and angular velocity with which
+The judges are the package's observables of random states, and the rotation and angular velocity with which
 those states were made.
 """
 
@@ -69,7 +69,7 @@ def axes_of_a_tether():
 
 @holds("PGV", "58", "components in the axes of the tether")
 def components_in_tether_axes():
-    """With the C_B^I that the package sees."""
+    """The form uses the C_B^I that the package reports."""
 
     def error(state):
         return max(

@@ -1,6 +1,7 @@
 """[PGV] Sec. 3.3-3.4: attitude of the hub and of the sail in the orbital frame.
 
-Judges: the package's observables of random states, and the rotation with which those states were made.
+The judges are the package's observables of random states, and the rotation with which those states were
+made.
 """
 
 import numpy as np

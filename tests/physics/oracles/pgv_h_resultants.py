@@ -1,6 +1,6 @@
 """[PGV] Eq. 72-76: resultant and moment of the thrust.
 
-Judges: integrals of the thrust over Gauss points (no nodal forces), and the package's observables.
+The judges are integrals of the thrust over Gauss points (no nodal forces), and the package's observables.
 """
 
 import numpy as np
@@ -103,7 +103,7 @@ def angle_from_sun_direction(force: np.ndarray) -> float:
 
 
 def angle_errors(force: np.ndarray, seen: float) -> Errors:
-    """Of atan(axial / transverse) and of atan2(transverse, axial)."""
+    """Returns the errors of atan(axial / transverse), as printed, and of atan2(transverse, axial)."""
     axial, transverse = force[2], np.hypot(force[0], force[1])
     truth, right = angle_from_sun_direction(force), np.arctan2(transverse, axial)
     return Errors(

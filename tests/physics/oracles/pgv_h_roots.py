@@ -1,7 +1,7 @@
-"""[PGV] Eq. 77-78: what the root reactions do to the hub.
+"""[PGV] Eq. 77-78: forces and moments of the roots on the hub.
 
-Judges: Newton's and Euler's laws for the hub with the accelerations the package finds; a dense solution
-of the printed index-3 equations for the multipliers; the package's observables.
+The judges are Newton's and Euler's laws for the hub with the package's accelerations, a dense solution of
+the printed index-3 equations for the multipliers, and the package's observables.
 """
 
 import numpy as np
@@ -45,8 +45,8 @@ def multipliers(state: State) -> np.ndarray:
 
 
 def hub_force_and_torque(state: State) -> tuple[np.ndarray, np.ndarray]:
-    """What the tethers do to the hub, in I: m a and the moment about its centre from its inertia and
-    the accelerations of its base points."""
+    """Returns force and moment of the tethers on the hub in I, from its inertia and the accelerations of
+    its base points; the moment is about its centre."""
     points = state.seen["hub_acceleration"]
     force = HUB_MASS * 0.5 * (points[0] + points[1])
     edges = (BASE_POINTS[1:] - BASE_POINTS[0]).T
@@ -79,7 +79,8 @@ def force_on_the_hub():
 
 @holds("PGV", "77 orbital", "resultant of the multipliers in the orbital frame, C_I^O F_lambda")
 def reaction_in_orbital_frame():
-    """And each tether's multiplier, which the package reads off the equations of the root nodes."""
+    """The multiplier of each tether agrees, too; the package takes it from the equations of the root
+    nodes."""
 
     def error(state):
         found = multipliers(state)

@@ -1,8 +1,8 @@
 """[PGV] Sec. 4.1, Eq. 79-82: the initial state.
 
-Judges: the package's initial state; for the elongation the response of the discrete cable to a small
-spin, which cubic elements have exactly (u is a cubic of x); the balance of elastic and centrifugal
-forces in dense matrices.
+The judges are the package's initial state, the response of the discrete cable to a small spin, which cubic
+elements represent exactly (u is a cubic in x), and the balance of elastic and centrifugal forces in dense
+matrices.
 """
 
 import functools
@@ -241,8 +241,8 @@ def printed_start_of_the_package():
 
 @holds("PGV", "79 balance", "the start of a run is the equilibrium of the rotating cable with its tip mass")
 def balance_of_the_start():
-    """As the package starts, on a cone: along each tether, elastic forces and centripetal accelerations
-    balance at every free node; roots are on the hub; the coning angle is the one asked for."""
+    """The package starts on a cone. Elastic forces and centripetal accelerations balance along each tether
+    at every free node, the roots are on the hub, and the coning angle is as given."""
     state, found = start(), []
     axis = state.turn[:, 0]
     vectors = state.q[12:].reshape(-1, 3)

@@ -1,7 +1,7 @@
-"""[PGV] Eq. 83-85: a rigid tether as a pendulum on a turning hub.
+"""[PGV] Eq. 83-85: a rigid tether as a pendulum on a rotating hub.
 
-Judge: moment of momentum of a uniform rod with a tip mass, hinged at R from the axis, exact in both
-angles, and its derivatives at rest by complex steps. The package's own pendulum
+The judge is the angular momentum of a uniform rod with a tip mass, hinged at R from the axis, exact in
+both angles, and its derivatives at rest by complex steps. The package's own pendulum
 (`observables/rigid_pendulum.py`) is compared with the same.
 """
 
@@ -70,14 +70,14 @@ def accelerations(angles, rates, moment, inertia, first_moment):
 
 @functools.cache
 def linearised() -> list[Linear]:
-    """Of each tether of the small sail, at its spin; derivatives by complex steps."""
+    """Returns the linearised equations of each tether of the small sail at its spin, by complex steps."""
     step, found = 1e-30, []
     for length, mass, tip in zip(LENGTH, TETHER_MASS, TIP_MASS, strict=True):
         places = XI * length
         numbers = mass * WEIGHTS @ places**2 + tip * length**2, mass * WEIGHTS @ places + tip * length
 
         def derivative(k, rates=(0.0, 0.0), numbers=numbers):
-            """By the k-th of angles, rates and moment components."""
+            """Returns the derivative by the k-th of angles, rates and moment components."""
             x = np.zeros(7, complex)
             x[2:4] = rates
             x[k] += 1j * step
@@ -115,7 +115,7 @@ def coning_equation():
 
 @holds("PGV", "84", "centrifugal contribution epsilon")
 def centrifugal_contribution():
-    """From the exact coning stiffness, and as the package has it."""
+    """The judges are the exact coning stiffness and the package's value."""
     scene = parse(TEXT, "oracles")
     seen = np.array([rigid_pendulum.inertia(scene, k) for k in range(P)])
     exact = np.array([-linear.angles[0, 0] / SPIN**2 - 1.0 for linear in linearised()])

@@ -1,7 +1,8 @@
 """[PGV] Tables 1 and 2, and the frequencies named in Sec. 4.3.
 
-Judges of frequencies: the exact characteristic equation (axial), a Chebyshev collocation of the rotating
-string with a tip mass (transverse), and the package's axial energy and mass on five cable elements.
+The judges of frequencies are the exact characteristic equation (axial), Chebyshev collocation of the
+rotating string with a tip mass (transverse), and the package's axial energy and mass on five cable
+elements.
 """
 
 import functools
@@ -130,7 +131,7 @@ def element_frequencies() -> tuple[float, float, float]:
 
 @holds("PGV", "Table 2 spin", "6.37e-4 Hz: the spin", tolerance=0.005 / 6.37)
 def spin_frequency():
-    """Also the rigid out-of-plane mode, omega (1 + eps)^(1/2), to as many digits."""
+    """The rigid out-of-plane mode, omega (1 + eps)^(1/2), agrees to as many digits."""
     printed = 6.37e-4
     return max(
         relative_error(printed, OMEGA / (2 * np.pi)), relative_error(printed, string_frequencies()[0])

@@ -1,7 +1,7 @@
-"""[PGV] Sec. 4.3: what the text says in numbers, and the quantities of Fig. 4, 6 and 8.
+"""[PGV] Sec. 4.3: numbers in the text, and the quantities of Fig. 4, 6 and 8.
 
-Judges: the package's thrust at the start of the baseline and the rigid pendulum's answer to it; closed
-forms; integrals over random states in dense matrices.
+The judges are the package's thrust at the start of the baseline and the rigid pendulum's response to it,
+closed forms, and integrals over random states in dense matrices.
 """
 
 import numpy as np
@@ -76,7 +76,7 @@ def order_of_the_lagging_term():
     tolerance=0.5,
 )
 def order_of_the_coupling():
-    """Of gamma = a (1 - cos), the mean square of (1 - cos) sin is 5/8."""
+    """For gamma = a (1 - cos) the mean square of (1 - cos) sin is 5/8."""
     return decades(1e-8, 1e-9, OMEGA**2 * amplitude() ** 2 * np.sqrt(5 / 8))
 
 

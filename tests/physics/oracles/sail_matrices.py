@@ -1,5 +1,7 @@
-"""Dense matrices of the small sail of `sail_states.py`, in the coordinates of [PGV] Eq. 4; they share no
-code with the package."""
+"""Dense matrices of the small sail of `sail_states.py`, in the coordinates of [PGV] Eq. 4.
+
+They share no code with the package.
+"""
 
 import functools
 

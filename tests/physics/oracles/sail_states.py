@@ -1,8 +1,8 @@
-"""A small sail of order-one numbers in random states, as the package sees it and in the coordinates
-of the paper: q = (d_1 ... d_4 | e_11 ... e_1n | ... | e_p1 ... e_pn), e = (r, r_x), [PGV] Eq. 4.
+"""A small sail with numbers of order one in random states, in the package's and in the paper's coordinates.
 
-Four tethers of two cables, all different: every term of a formula counts, the mean plane of the tips is
-a fit, and interior nodes exist. Table 1's numbers go through the same compiled functions.
+The paper's coordinates are q = (d_1 ... d_4 | e_11 ... e_1n | ... | e_p1 ... e_pn), e = (r, r_x), [PGV]
+Eq. 4. The sail has four different tethers of two cables: every term of a formula counts, the mean plane of
+the tips is a fit, and interior nodes exist. Table 1's numbers use the same compiled functions.
 """
 
 import functools
@@ -132,8 +132,11 @@ def orbital_axes(position: np.ndarray) -> np.ndarray:
 
 
 class State(NamedTuple):
-    """One state. q, v: Eq. 4; turn: C_B^I and omega: omega^B, with which the hub was placed; seen:
-    what the package makes of it (observables, and what `see` adds)."""
+    """One random state.
+
+    q, v: coordinates and velocities, Eq. 4; turn, omega: C_B^I and omega^B with which the hub was placed;
+    seen: the package's observables, and what `look` adds.
+    """
 
     q: np.ndarray
     v: np.ndarray
@@ -164,7 +167,7 @@ def flat(x: Coordinates) -> np.ndarray:
 
 
 def model(overrides: dict | None = None) -> Model:
-    """The small sail built by the package, with other numbers."""
+    """Returns the small sail as the package builds it, with some numbers changed."""
     return built(*split(parse(TEXT, "oracles", overrides)))
 
 
@@ -201,7 +204,7 @@ def looking():
 
 
 def look(system: System, origin: np.ndarray, qs: list[Coordinates], vs: list[Coordinates]) -> list[dict]:
-    """What the package sees in states of one system."""
+    """Returns the package's observables in states of one system."""
     stacked = (jax.tree.map(lambda *x: jnp.stack(x), *batch) for batch in (qs, vs))
     seen = jax.device_get(looking()(system, jnp.asarray(origin), *stacked))
     return [jax.tree.map(lambda x, k=k: x[k], seen) for k in range(len(qs))]
@@ -227,7 +230,7 @@ def random_placement(rng: np.random.Generator, system: System) -> tuple:
 
 @functools.cache
 def states() -> list[State]:
-    """The random states that the oracles share."""
+    """Returns the random states that the oracles share."""
     rng, system = np.random.default_rng(2), model().system
     placed = [random_placement(rng, system) for _ in range(STATES)]
     seen = look(system, ORIGIN, [x[0] for x in placed], [x[1] for x in placed])
@@ -236,7 +239,7 @@ def states() -> list[State]:
 
 @functools.cache
 def starts() -> list[State]:
-    """Table 1's sail as the package starts it, at sailing angles 0, 10 and 25 deg."""
+    """Returns Table 1's sail as the package starts it, at sailing angles of 0, 10 and 25 deg."""
     models = [model(TABLE_1 | {"initial.sailing_angle_deg": a}) for a in (0.0, 10.0, 25.0)]
     origin = np.array([0.5**0.5, 0.5**0.5, 0.0]) * ASTRONOMICAL_UNIT
     # One look per sail, padded to the number of states so that nothing is compiled again.
@@ -249,12 +252,15 @@ def starts() -> list[State]:
 
 
 def worst(error: Callable[[State], float]) -> float:
-    """Largest error over the random states."""
+    """Returns the largest error over the random states."""
     return max(error(state) for state in states())
 
 
 def worst_of_both(errors: Callable[[State], Errors]) -> Errors:
-    """Of the right form the largest error over the random states; of the printed form the smallest:
-    every state must show the misprint."""
+    """Returns the largest error of the right form and the smallest error of the printed form over the
+    states.
+
+    Every state must show the misprint.
+    """
     found = [errors(state) for state in states()]
     return Errors(min(e.printed for e in found), max(e.right for e in found))

@@ -1,0 +1,91 @@
+"""Tests of what the commands share: progress bar, interruption, exit codes, atomic files."""
+
+import io
+import os
+import signal
+
+import h5py
+import pytest
+
+from esail_jax import cli
+from esail_jax.commands import progress
+from esail_jax.commands.exit_codes import ExitCode
+from esail_jax.commands.interrupts import Interrupts
+from esail_jax.commands.progress import Progress
+from esail_jax.files.hdf5 import atomic_file, atomic_hdf5
+
+
+class Terminal(io.StringIO):
+    """A text stream that claims to be a terminal."""
+
+    def isatty(self):
+        return True
+
+
+def test_progress_bar(monkeypatch):
+    """The clock starts at the first report. Reports that follow too fast are not drawn, except the last
+    one."""
+    now = [0.0]
+    monkeypatch.setattr(progress.time, "perf_counter", lambda: now[0])
+    stream = Terminal()
+    monkeypatch.setattr("sys.stderr", stream)
+    shown = Progress(100.0, lambda done, speed: f"{done:g} at {speed:g}")
+    assert stream.getvalue() == "compiling ..."
+    for now[0], done in ((50.0, 20.0), (50.01, 21.0), (52.0, 60.0), (52.01, 100.0)):
+        shown.update(done)
+    shown.close()
+    shown.update(100.0)
+    lines = stream.getvalue().removesuffix("\n").split("\r")
+    texts = [line.removesuffix(" \x1b[K") for line in lines]
+    assert texts[1] == "[######........................]  20 %  20 at 0  -:-- left"
+    assert texts[2] == "[##################............]  60 %  60 at 20  00:02 left"
+    assert texts[3].startswith(f"[{'#' * 30}] 100 %  100 at ") and len(texts) == 4
+
+
+@pytest.mark.parametrize(("quiet", "stream"), [(True, Terminal()), (False, io.StringIO())])
+def test_no_progress_bar(quiet, stream, monkeypatch):
+    """Nothing is drawn with `quiet`, nor into a pipe."""
+    monkeypatch.setattr("sys.stderr", stream)
+    shown = Progress(1.0, lambda done, speed: "", quiet)
+    shown.update(1.0)
+    shown.close()
+    assert stream.getvalue() == "" and not shown.due
+
+
+def test_second_interruption_does_not_wait():
+    """The first signal only sets `asked`, the second raises; the earlier handlers come back."""
+    before = signal.getsignal(signal.SIGINT)
+    with Interrupts() as interrupts:
+        signal.raise_signal(signal.SIGINT)
+        assert interrupts.asked
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGTERM)
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+@pytest.mark.parametrize("code", ExitCode)
+def test_exit_codes_are_in_the_help(code, capsys):
+    with pytest.raises(SystemExit):
+        cli.main(["--help"])
+    assert f"{code:d} " in capsys.readouterr().out
+
+
+def test_files_are_replaced_as_a_whole(tmp_path):
+    """A reader sees the old file until the block ends. If the block raises, the old file stays and the
+    temporary file goes."""
+    path = tmp_path / "a.h5"
+    with atomic_hdf5(path) as file:
+        file["x"] = 1
+    with atomic_hdf5(path, update=True) as file:
+        file["y"] = 2
+        with h5py.File(path) as old:
+            assert list(old) == ["x"]
+    with pytest.raises(KeyboardInterrupt), atomic_hdf5(path) as file:
+        file["z"] = 3
+        raise KeyboardInterrupt
+    with h5py.File(path) as file:
+        assert list(file) == ["x", "y"]
+    with atomic_file(path, unique=True) as part:
+        assert str(os.getpid()) in part.name
+        part.write_text("text")
+    assert path.read_text() == "text" and list(tmp_path.iterdir()) == [path]
