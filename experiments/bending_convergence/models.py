@@ -21,21 +21,23 @@ from esail_jax.numerics.vectors import dot
 from esail_jax.scenes.build import build
 from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.structure import split
-from esail_jax.simulation.entry import fresh_state, with_jerk
-from esail_jax.steppers.consistent import consistent_acceleration
-from esail_jax.steppers.fixed_step import KEEP, StepInfo
+from esail_jax.steppers.fixed_step import STEPS_PER_FACTORISATION as BLOCK
 from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
+from esail_jax.steppers.stepper import Point
 from esail_jax.system import Power
 from esail_jax.terms import PointFields, Term, find_term
 
 STEP = 0.1
 """Step [s] of every mesh."""
 
+SPECTRAL_RADIUS = 0.25
+"""Default of the package for generalized-alpha."""
+
 SAVED = 1178
-"""Number of saved instants after the first, one per 2 KEEP steps of `STEP`: every 4 s, 4712 s in all,
+"""Number of saved instants after the first, one per 2 BLOCK steps of `STEP`: every 4 s, 4712 s in all,
 which are three spin periods."""
 
-TIMES = np.arange(SAVED + 1) * 2 * KEEP * STEP
+TIMES = np.arange(SAVED + 1) * 2 * BLOCK * STEP
 """Saved instants [s]."""
 
 VARIANTS = ("nonlinear", "linear", "none", "truss")
@@ -102,43 +104,35 @@ def system_of(variant: str, structure, numbers: dict, lane: Lane):
     return system, model, numbers["initial.heliocentric_position_au"] * ASTRONOMICAL_UNIT
 
 
-def march(stepper: GeneralizedAlpha, system, model, refine: int, saved: int):
-    """Integrates; returns saved instants and states including the start, and the counts of iterations and
-    failed steps.
+def integrate(stepper: GeneralizedAlpha, system, model, refine: int, saved: int):
+    """Integrates; returns saved times and states including the start, iterations, and rejected steps.
 
-    The blocks before t = 0 are trial steps that determine a_0 with its jerk correction, as in the package.
-    """
+    A saved instant is the end of 2 * refine blocks of steps. A rejected step would end its block early, so
+    the last number must be zero."""
     zero = jnp.zeros(())
-    nothing = Power(zero, zero)
-    at_rest = consistent_acceleration(system, zero, model.q, model.v)
-    state = fresh_state(model.q, model.v, *at_rest, nothing, nothing)
-    blocks = 2 * refine
+    start = Point(zero, model.q, model.v, Power(zero, zero), jnp.asarray(True))
+    state, _ = stepper.init(system, start, jnp.asarray(jnp.inf))
 
-    def block(state, index):
-        trial = index < 0
-        time = jnp.maximum(index, 0) * KEEP * stepper.step_size
-        after, (states, info) = stepper.block(system, time, state, KEEP)
-        tried = with_jerk(stepper, state, jax.tree.map(lambda v: v[0], states.v))
-        failed = ~jax.vmap(StepInfo.converged)(info)
-        state = jax.tree.map(lambda x, y: jnp.where(trial, x, y), tried, after)
-        return state, jnp.where(trial, 0, jnp.stack([info.iterations.sum(), failed.sum()]))
+    def block(state, _):
+        state, steps = stepper.block(system, state)
+        log = steps.log
+        return state, (log.statistics["iterations_per_step"] @ log.taken, state.rejected)
 
-    def interval(state, index):
-        state, counts = lax.scan(block, state, index * blocks + jnp.arange(blocks))
-        return state, (state, counts.sum(0))
+    def interval(state, _):
+        state, (iterations, rejected) = lax.scan(block, state, None, length=2 * refine)
+        return state, ((state.time, state.now), iterations.sum(), rejected[-1])
 
-    # The result of the interval before t = 0 is the state at t = 0.
-    _, (states, counts) = lax.scan(interval, state, jnp.arange(-1, saved))
-    time = jnp.arange(saved + 1) * blocks * KEEP * stepper.step_size
-    return time, states, counts.sum(0)
+    _, (states, iterations, rejected) = lax.scan(interval, state, None, length=saved)
+    states = jax.tree.map(lambda x, y: jnp.concatenate([x[None], y]), (state.time, state.now), states)
+    return *states, iterations.sum(), rejected[-1]
 
 
 def history(variant: str, structure, numbers: dict, lane: Lane, refine: int, saved: int):
     """Returns observables with the shape of tether 1 in the hub's frame, iterations per step, failed
     steps."""
     system, model, origin = system_of(variant, structure, numbers, lane)
-    stepper = GeneralizedAlpha(jnp.asarray(STEP / refine), model.spectral_radius)
-    times, states, (iterations, failed) = march(stepper, system, model, refine, saved)
+    stepper = GeneralizedAlpha(jnp.asarray(STEP / refine), jnp.asarray(SPECTRAL_RADIUS))
+    times, states, iterations, failed = integrate(stepper, system, model, refine, saved)
     listed = {entry.name: entry.function for entry in observables.listed(system)}
     zero = jnp.zeros(())
 
@@ -155,7 +149,7 @@ def history(variant: str, structure, numbers: dict, lane: Lane, refine: int, sav
         shape = jnp.einsum("ib,kin->kbn", system.rotation(time, q), nodal)
         return {"shape_B": shape} | {name: listed[name](instant) for name in KEPT if name in listed}
 
-    return lax.map(look, (times, states)), iterations / (2 * KEEP * refine * saved), failed
+    return lax.map(look, (times, states)), iterations / (2 * BLOCK * refine * saved), failed
 
 
 class Run(NamedTuple):
@@ -187,7 +181,7 @@ def run(
         values = Lane(*map(jnp.asarray, map(float, lane)))
         begin = time.perf_counter()
         seen, iterations, failed = jax.block_until_ready(program(values))
-        cost = (time.perf_counter() - begin) / (2 * KEEP * refine * SAVED) * 1e6
+        cost = (time.perf_counter() - begin) / (2 * BLOCK * refine * SAVED) * 1e6
         if int(failed):
             print(f"{variant} {elements} {lane}: {int(failed)} steps did not converge", flush=True)
         seen = {name: np.asarray(value) for name, value in seen.items()}

@@ -18,8 +18,7 @@ import jax.numpy as jnp
 
 import esail_jax as esail
 from esail_jax.compiler import compile_lowered
-from esail_jax.numerics.lockstep import LOCKSTEP
-from esail_jax.simulation.prepare import prepare
+from esail_jax.simulation.host import compile_scene
 from esail_jax.steppers.collocation import first_guess
 from esail_jax.steppers.collocation_solution import reshaped, stage_residuals
 from esail_jax.steppers.collocation_stages import correction, factor, turns_to
@@ -56,11 +55,11 @@ def measure_batch(size: int) -> tuple:
     """Returns time [s], operations, traffic [B] and size of the data [B] of an iteration of `size`
     members."""
     scene = esail.load_scene("baseline", {"integrator.t_end": 100.0})
-    prepared = prepare(scene)
-    system, progress = prepared.problem.system, prepared.carry.progress
-    now, h = progress.now, jnp.asarray(STEP)
-    lam = jax.tree.map(lambda x: x[-1], progress.history.values.lam)
-    kept, guess = factor(system, now, h, lam), first_guess(system, progress)
+    compiled = compile_scene(scene)
+    system, state = compiled.problem.system, compiled.motion.state
+    now, h = state.now, jnp.asarray(STEP)
+    lam = jax.tree.map(lambda x: x[-1], state.history.values.lam)
+    kept, guess = factor(system, now, h, lam), first_guess(system, state)
 
     tether = guess.vdot.tether
     nodes = guess._replace(vdot=guess.vdot._replace(tether=tether.reshape(*tether.shape[:-2], -1)))
@@ -73,7 +72,7 @@ def measure_batch(size: int) -> tuple:
 
     if size > 1:
         now, kept, nodes = repeated((now, kept, nodes))
-        once = jax.vmap(once, axis_name=LOCKSTEP)
+        once = jax.vmap(once)
     program = compile_lowered(jax.jit(once).lower(now, kept, nodes))
     counted, memory = program.cost_analysis(), program.memory_analysis()
     works_on = memory.argument_size_in_bytes + memory.output_size_in_bytes + memory.temp_size_in_bytes
