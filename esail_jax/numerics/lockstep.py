@@ -130,7 +130,9 @@ def select(condition: Bool[Array, ""], new: Carry, old: Carry) -> Carry:
 
 def filled(size: int, values: Any, batched: Any) -> Any:
     """The values with a leading axis for the members, of length `size`, where they do not have one."""
-    return jax.tree.map(lambda x, has: x if has else jnp.broadcast_to(x, (size, *jnp.shape(x))), values, batched)
+    return jax.tree.map(
+        lambda x, has: x if has else jnp.broadcast_to(x, (size, *jnp.shape(x))), values, batched
+    )
 
 
 def per_member_table(

@@ -34,13 +34,13 @@ class Window(NamedTuple):
 
 class Advanced(NamedTuple):
     """The result of `advance`: the motion; the points at the instants, NaN where they were not passed; what `keep`
-    returned for each block; the number of instants passed and of blocks taken."""
+    returned for each block; the number of instants passed and of batches taken."""
 
     motion: Motion
     points: Point
     kept: Any
     passed: Int[Array, ""]
-    blocks: Int[Array, ""]
+    batches: Int[Array, ""]
 
 
 def advance(
@@ -48,67 +48,80 @@ def advance(
     motion: Motion,
     window: Window,
     max_steps: Scalar,
-    max_blocks: Int[Array, ""],
+    max_batches: Int[Array, ""],
     keep: Callable[[AbstractSteps], Any] | None = None,
     room: int = 0,
 ) -> Advanced:
-    """Takes blocks of steps until the window's instants are passed, `max_blocks` were taken, the run has
-    `max_steps` steps, or the stepper gives up.
+    """Takes blocks of steps until the window's instants are passed, `max_batches` batches of blocks were taken, the
+    run has `max_steps` steps, or the stepper gives up.
 
-    keep: a function of a block's steps, whose results are returned with a leading axis of length `room`, for the
-    first `room` blocks."""
+    A batch is `stepper.blocks_per_batch` blocks, or fewer where an instant is passed. keep: a function of a block's
+    steps, whose results are returned with `room` batches of blocks along a new first axis."""
     stepper, model = problem.stepper, problem.model
-    times, count = window
+    times = window.times
 
     def passed(motion, row):
         index = jnp.minimum(row, len(times) - 1)
-        return (row < count) & (times[index] <= motion.state.time)
+        return (row < window.count) & (times[index] <= motion.state.time)
 
-    def may_step(motion, blocks):
+    def may_step(motion, batches):
         going = motion.state.result == RESULTS.successful
-        return going & (blocks < max_blocks) & (motion.counts[0] < max_steps)
+        return going & (batches < max_batches) & (motion.counts[0] < max_steps)
 
     def active(carry):
-        motion, row, blocks = carry
-        return passed(motion, row) | ((row < count) & may_step(motion, blocks))
+        motion, row, batches = carry
+        return passed(motion, row) | ((row < window.count) & may_step(motion, batches))
 
     def turn(carry, buffers, is_active):
-        motion, row, blocks = carry
+        motion, row, batches = carry
         points, kept = buffers
 
         def look(row, points, is_active):
-            step = motion.last.pick(motion.last.find(times[row]))
-            point = stepper.evaluate(model, step, times[row])
+            point = stepper.evaluate(model, motion.last.pick(motion.last.find(times[row])), times[row])
             return row + 1, buffer_set(points, row, point, is_active)
 
         row, points = while_active(lambda row: is_active & passed(motion, row), look, row, points)
 
-        def waiting(carry):
-            motion, blocks = carry
-            return is_active & (row < count) & ~passed(motion, row) & may_step(motion, blocks)
+        due = times[jnp.minimum(row, len(times) - 1)]
+        wanted = is_active & (row < window.count) & may_step(motion, batches)
+        limit = max_steps - motion.earlier[0]
 
-        def block(carry, kept, is_active):
-            motion, blocks = carry
+        def waiting(carry):
+            (state, *_), count = carry
+            going = (state.time < due) & (state.taken < limit) & (state.result == RESULTS.successful)
+            return wanted & going & (count < stepper.blocks_per_batch)
+
+        def block(carry, part, is_active):
+            motion, count = carry
             state, steps = stepper.block(model, motion.state)
             if keep is not None:
-                kept = buffer_set(kept, blocks, keep(steps), is_active)
-            return (Motion(state, steps, motion.earlier), blocks + 1), kept
+                part = buffer_set(part, count, keep(steps), is_active)
+            return (Motion(state, steps, motion.earlier), count + 1), part
 
-        (motion, blocks), kept = while_active(waiting, block, (motion, blocks), kept)
-        return (motion, row, blocks), (points, kept)
+        (motion, count), part = while_active(waiting, block, (motion, none), empty)
+        if keep is not None:
+            # A turn without a block writes into a place that the next one fills, or the last one, which is dropped.
+            kept = buffer_set(kept, batches, part, is_active)
+        return (motion, row, batches + jnp.minimum(count, 1)), (points, kept)
 
-    one = jax.eval_shape(
-        lambda: stepper.evaluate(model, motion.last.pick(motion.last.find(times[0])), times[0])
-    )
-    points = nan_like(jax.tree.map(lambda x: jnp.zeros((len(times), *x.shape), x.dtype), one))
-    kept = ()
-    if keep is not None:
-        kept = jax.tree.map(
-            lambda x: jnp.zeros((room, *x.shape), x.dtype), jax.eval_shape(lambda: keep(motion.last))
-        )
     none = jnp.zeros((), int)
-    (motion, row, blocks), (points, kept) = while_active(active, turn, (motion, none, none), (points, kept))
-    return Advanced(with_limit(motion, row < count, max_steps), points, kept, row, blocks)
+    points = room_for(
+        len(times), lambda: stepper.evaluate(model, motion.last.pick(motion.last.find(times[0])), times[0])
+    )
+    empty = () if keep is None else room_for(stepper.blocks_per_batch, lambda: keep(motion.last))
+    empty = jax.tree.map(jnp.zeros_like, empty)
+    kept = jax.tree.map(lambda x: jnp.zeros((room + 1, *x.shape), x.dtype), empty)
+    (motion, row, batches), (points, kept) = while_active(
+        active, turn, (motion, none, none), (points, kept)
+    )
+    kept = jax.tree.map(lambda x: x[:-1].reshape(-1, *x.shape[2:]), kept)
+    return Advanced(with_limit(motion, row < window.count, max_steps), points, kept, row, batches)
+
+
+def room_for(count: int, one: Callable[[], Any]) -> Any:
+    """NaN for `count` results of a function, along a new first axis."""
+    shapes = jax.eval_shape(one)
+    return nan_like(jax.tree.map(lambda x: jnp.zeros((count, *x.shape), x.dtype), shapes))
 
 
 def with_limit(motion: Motion, unfinished: Bool[Array, ""], max_steps: Scalar) -> Motion:
@@ -129,7 +142,7 @@ def with_result(motion: Motion, result: RESULTS) -> Motion:
 
 
 NO_LIMIT = 2**62
-"""Number of blocks that no run reaches."""
+"""Number of batches that no run reaches."""
 
 
 @jax.custom_jvp
@@ -157,7 +170,7 @@ def _move_jvp(primals, tangents):
 
     def replayed(problem, motion, window, max_steps):
         times = jnp.where(jnp.arange(len(window.times)) < window.count, window.times, window.times[0])
-        return problem.stepper.replay(problem.model, motion, ended, tapes, found.blocks, times)
+        return problem.stepper.replay(problem.model, motion, ended, tapes, found.batches, times)
 
     _, (motion_dot, points_dot) = jvp_of_perturbed(replayed, primals, tangents)
     return (ended, found.points, found.passed), (motion_dot, points_dot, none_like(found.passed))

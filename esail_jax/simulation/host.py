@@ -16,7 +16,7 @@ from esail_jax.simulation.programs import Programs, compile_programs
 from esail_jax.simulation.results import Checkpoint, Chunk, SimulationError, join
 from esail_jax.simulation.schedule import is_multiple, save_times, segments, switch_times
 from esail_jax.simulation.statistics import COUNTS, Pending
-from esail_jax.steppers.results import RESULTS
+from esail_jax.steppers.results import RESULTS, name_of
 from esail_jax.steppers.stepper import AbstractStepper, Log, Motion, Point
 
 NO_LIMIT = np.inf
@@ -118,11 +118,11 @@ class HostRun:
                     motion,
                     Window(padded, np.asarray(len(times))),
                     self.max_steps,
-                    np.asarray(programs.blocks),
+                    np.asarray(programs.batches),
                 )
                 passed, motion = int(done.passed), done.motion
                 seen = min(passed, shown)
-                log = Log.from_table(np.asarray(done.kept)[: int(done.blocks)], programs.statistics)
+                log = Log.from_table(np.asarray(done.kept), programs.statistics)
                 pending = pending.with_steps(log, self.statistics)
                 left, memory, rows, numerics, good = pending, energy, {}, {}, seen
                 if passed:
@@ -155,8 +155,8 @@ class HostRun:
                 self.checkpoint = Checkpoint(motion, row, at, pending, energy)
                 if good:
                     yield Chunk(times[:good], rows, numerics, float(motion.state.time))
-                result = motion.state.result if good == seen else RESULTS.energy_drift
-                if result != RESULTS.successful:
+                result = name_of(motion.state.result) if good == seen else "energy_drift"
+                if result != "successful":
                     raise self._failure(
                         result, problem, motion, log, times[good] if good < len(times) else np.nan
                     )
@@ -181,14 +181,15 @@ class HostRun:
         return self.segments[number].until
 
     def _failure(
-        self, result: RESULTS, problem: Problem, motion: Motion, log: Log, row_time: float
+        self, name: str, problem: Problem, motion: Motion, log: Log, row_time: float
     ) -> SimulationError:
         """The error that describes a failed run."""
-        if result == RESULTS.energy_drift:
+        result = getattr(RESULTS, name)
+        if name == "energy_drift":
             step = getattr(problem.stepper, "step_size", None)
             hint = "Ask for a smaller tolerance." if step is None else "Ask for a shorter step."
             return SimulationError(f"{RESULTS[result]} At t = {row_time:.6g} s. {hint}", result)
-        if result == RESULTS.too_many_steps:
+        if name == "too_many_steps":
             text = f"At t = {float(motion.state.time):.6g} s after {self.steps} steps."
         else:
             text = problem.stepper.failure(problem.model, motion.state, log)

@@ -33,14 +33,14 @@ WORK_PER_CALL = 400_000
 class Programs(NamedTuple):
     """The compiled functions `start`, `advance`, `look_at_window` and, for a scene with switch times, `restart`.
 
-    instants, blocks: largest numbers in one call; statistics: names of the statistics in a block's log."""
+    instants, batches: largest numbers in one call; statistics: names of the statistics in a block's log."""
 
     start: Callable
     advance: Callable
     look: Callable
     restart: Callable | None
     instants: int
-    blocks: int
+    batches: int
     statistics: tuple[str, ...]
 
 
@@ -78,12 +78,13 @@ def _compiled(
         step = motion.last.taken.shape[0]
         size = degrees_of_freedom(problem.system)
         instants = int(np.clip(NUMBERS_PER_CALL // (4 * size), 1, MAX_INSTANTS))
-        blocks = int(np.clip(WORK_PER_CALL // (step * size), 1, MAX_ATTEMPTS // step))
+        batch = problem.stepper.blocks_per_batch * step
+        batches = int(np.clip(WORK_PER_CALL // (batch * size), 1, MAX_ATTEMPTS // batch))
         window = Window(jax.ShapeDtypeStruct((instants,), float), integer)
 
-        def advance_window(problem, motion, window, max_steps, max_blocks):
+        def advance_window(problem, motion, window, max_steps, max_batches):
             keep = lambda steps: steps.log.table()  # noqa: E731
-            return advance(problem, motion, window, max_steps, max_blocks, keep, blocks)
+            return advance(problem, motion, window, max_steps, max_batches, keep, batches)
 
         # The longest first, so that the others are traced while it compiles.
         stepping = jax.jit(advance_window).lower(problem, motion, window, number, integer)
@@ -105,7 +106,7 @@ def _compiled(
             restarts = pool.submit(restarting.compile, compiler_options=START_OPTIONS).result()
         statistics = tuple(jax.eval_shape(motion_log, motion).statistics)
         compiled = (starts.result(), advances.result(), looks.result(), restarts)
-        return Programs(*compiled, instants, blocks, statistics)
+        return Programs(*compiled, instants, batches, statistics)
 
 
 def motion_log(motion: Motion) -> Log:

@@ -209,7 +209,7 @@ def simulate_traced(
     wanted = max_steps
     if step is not None and stepper is None:
         wanted = np.ceil((saved[-1] - begin) / step) + 1
-    room = kind.blocks_per_window * kind.steps_per_block
+    room = kind.blocks_per_window * kind.blocks_per_batch * kind.steps_per_block
     least = LEAST_WINDOWS if wanted is None else max(1, int(np.ceil(wanted / room * MARGIN)))
     switches = switch_times(scene.event, scene.voltage)
     schedule = Schedule(tuple(saved.tolist()), switches, begin, kind.instants_per_window, least)

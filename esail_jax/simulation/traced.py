@@ -53,7 +53,11 @@ def traced_run(
         if switched:
             motion = lax.cond(
                 window.begins,
-                lambda: select(is_good(motion), restart(now, motion, on_constraints(now, before)[0], window.until), motion),
+                lambda: select(
+                    is_good(motion),
+                    restart(now, motion, on_constraints(now, before)[0], window.until),
+                    motion,
+                ),
                 lambda: motion,
             )
         motion, points, passed = move(now, motion, Window(window.times, window.count), max_steps)

@@ -23,7 +23,7 @@ from jax import lax
 from esail_jax.array_types import Array, Bool, Float, Int, Scalar
 from esail_jax.numerics.lockstep import any_member, select
 from esail_jax.rod_chain import RodChain, RodState
-from esail_jax.steppers.results import RESULTS
+from esail_jax.steppers.results import RESULTS, name_of
 from esail_jax.steppers.stepper import (
     AbstractState,
     AbstractStepper,
@@ -104,7 +104,8 @@ class RungeKutta(AbstractStepper):
     relative_coordinates: ClassVar[bool] = True
     energy_guard: ClassVar[bool] = True
     steps_per_block: ClassVar[int] = 1
-    blocks_per_window: ClassVar[int] = 2**14
+    blocks_per_batch: ClassVar[int] = 16
+    blocks_per_window: ClassVar[int] = 2**10
     instants_per_window: ClassVar[int] = 1
     statistics: ClassVar[Mapping[str, Statistic]] = {}
 
@@ -178,9 +179,7 @@ class RungeKutta(AbstractStepper):
         state = replace(state, now=now, h=h, control=control, taken=taken, rejected=rejected)
         return state, step
 
-    def block(
-        self, model: RodChain, state: RungeKuttaState
-    ) -> tuple[RungeKuttaState, RungeKuttaSteps]:
+    def block(self, model: RodChain, state: RungeKuttaState) -> tuple[RungeKuttaState, RungeKuttaSteps]:
         """One attempted step. A longer block would have to copy each step into its record."""
         state, step = self.attempt(model, state)
         return replace(state, result=self.outcome(state)), one_step(step)
@@ -203,7 +202,7 @@ class RungeKutta(AbstractStepper):
         text = f"At t = {float(state.time):.6g} s."
         if self.step_size is not None:
             return f"{text} {too_long(self.step_size)}"
-        if state.result == RESULTS.min_step_reached:
+        if name_of(state.result) == "min_step_reached":
             lengths = np.linalg.norm(np.asarray(model.rods(state.now.y.x)), axis=0)
             shortest = float((lengths / np.asarray(model.system.tethers.lengths)).min())
             return f"{text} The shortest rod has {shortest:.2g} of its length left."
@@ -244,7 +243,8 @@ class RungeKutta(AbstractStepper):
             going = any_member((sizes > 0.0).any())
             return lax.cond(going, some, lambda carry, _: carry, carry, sizes), None
 
-        sizes = jnp.where(jnp.arange(len(tapes)) < blocks, tapes, 0.0)
+        batch = jnp.arange(len(tapes)) // self.blocks_per_batch
+        sizes = jnp.where(batch < blocks, tapes, 0.0)
         sizes = sizes[jnp.argsort(sizes == 0.0, stable=True)]
         carry = (motion.last.pick((0,)), motion.state.now)
         (last, now), _ = lax.scan(chunk, carry, sizes.reshape(-1, STEPS_PER_CHUNK))

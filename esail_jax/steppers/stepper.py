@@ -71,16 +71,18 @@ class Log(NamedTuple):
     statistics: dict[str, Float[Array, "*attempt"]]
 
     def table(self) -> Float[Array, "*attempt column"]:
-        """The account as one array: a loop writes it faster than its parts."""
-        columns = [*self[:4], *(self.statistics[name] for name in sorted(self.statistics))]
-        return jnp.stack([x.astype(float) for x in columns], axis=-1)
+        """The account as one array, which a loop writes faster than its parts. The size has a minus sign where the
+        step was rejected, and is 0 where none was tried."""
+        size = jnp.where(self.taken, self.size, jnp.where(self.tried, -self.size, 0.0))
+        columns = [self.end, size, *(self.statistics[name] for name in sorted(self.statistics))]
+        return jnp.stack(columns, axis=-1)
 
     @classmethod
     def from_table(cls, table: Float[np.ndarray, "*attempt column"], names: Iterable[str]) -> "Log":
         """The account from its table, on the host. names: those of the statistics."""
-        tried, taken, end, size, *others = np.moveaxis(table, -1, 0)
+        end, size, *others = np.moveaxis(table, -1, 0)
         statistics = dict(zip(sorted(names), others, strict=True))
-        return cls(tried > 0.0, taken > 0.0, end, size, statistics)
+        return cls(size != 0.0, size > 0.0, end, np.abs(size), statistics)
 
 
 class AbstractSteps(eqx.Module):
@@ -151,8 +153,12 @@ class AbstractStepper(eqx.Module):
     steps_per_block: ClassVar[int] = 16
     """Largest number of attempted steps in a block."""
 
+    blocks_per_batch: ClassVar[int] = 1
+    """Number of blocks whose logs and tapes are gathered before they are stored. A loop over small arrays alone runs
+    several times as fast as one with a large buffer, which matters for blocks of a few microseconds."""
+
     blocks_per_window: ClassVar[int] = 16
-    """Largest number of blocks between two checkpoints of a derivative."""
+    """Largest number of batches of blocks between two checkpoints of a derivative."""
 
     instants_per_window: ClassVar[int] = 64
     """Largest number of saved instants between two checkpoints of a derivative."""

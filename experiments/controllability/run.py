@@ -13,7 +13,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import esail_jax as esail
-from esail_jax.compiler import COMPILER_OPTIONS
 from esail_jax.design import plane_normals
 
 HERE = Path(__file__).parent
