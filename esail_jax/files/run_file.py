@@ -56,8 +56,8 @@ def scene_of_run(scene: Scene) -> str:
 
 
 class Content(NamedTuple):
-    """What a run file holds beside its rows: the scene, the observables, units of the numerics by name, and the names of
-    the terms of the model; method: the stepper's name."""
+    """What a run file holds beside its rows: the scene, the observables, units of the numerics by name,
+    and the names of the terms of the model; method: the stepper's name."""
 
     scene: Scene
     observables: list[Observable]
@@ -110,8 +110,8 @@ def create(file: h5py.File, content: Content) -> None:
 
 
 class Progress(NamedTuple):
-    """How far a run is: the checkpoint to continue from, the last saved point, numbers of steps, seconds spent on
-    compiling and on running, and how the run ended, if it has."""
+    """How far a run is: the checkpoint to continue from, the last saved point, numbers of steps, seconds
+    spent on compiling and on running, and how the run ended, if it has."""
 
     checkpoint: Checkpoint | None
     point: Point | None

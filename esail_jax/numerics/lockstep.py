@@ -1,13 +1,12 @@
 """Loops that end early and store results in buffers, for one run or for many runs under `jax.vmap`.
 
 JAX's own rule for a `lax.while_loop` under `vmap` runs until the last member ends, and after every turn it
-selects, member by member, everything the loop carries: with result buffers in the carry this costs more than
-the run. The loops of this module have rules of their own (`jax.custom_batching.custom_vmap`). The condition is
-true while any member is active, only what a member carries is selected, and a buffer is written in place,
-where the member is active. Without `vmap` nothing is selected at all. The rules hold under any `vmap`, also
-a user's, and under nested ones. They have no reverse derivative: the loops run inside functions with a
-derivative rule of their own.
-"""
+selects, member by member, everything the loop carries: with result buffers in the carry this costs more
+than the run. The loops of this module have rules of their own (`jax.custom_batching.custom_vmap`). The
+condition is true while any member is active, only what a member carries is selected, and a buffer is
+written in place, where the member is active. Without `vmap` nothing is selected at all. The rules hold
+under any `vmap`, also a user's, and under nested ones. They have no reverse derivative: the loops run
+inside functions with a derivative rule of their own."""
 
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -53,8 +52,8 @@ def bounded_loop(
 ) -> tuple[Carry, Result]:
     """Repeats `carry, goes_on, result = step(carry)` until `goes_on` is false, `most` times at most.
 
-    Returns the last carry and the results along a new first axis of length `room` (`most` if None), filled up
-    with `nothing`. All members begin together, so that their results have one common index."""
+    Returns the last carry and the results along a new first axis of length `room` (`most` if None), filled
+    up with `nothing`. All members begin together, so that their results have one common index."""
 
     def is_active(state):
         _, count, goes_on, _ = state
@@ -138,9 +137,10 @@ def filled(size: int, values: Any, batched: Any) -> Any:
 def per_member_table(
     table: Float[Array | np.ndarray, "row col"], like: Array
 ) -> Float[Array | np.ndarray, "row col"]:
-    """The table; under `vmap`, one copy of it for each member. like: any array that each member has of its own.
+    """The table; under `vmap`, one copy of it for each member. like: any array that each member has of its
+    own.
 
-    Without the copies XLA moves the member axis behind the table's rows and transposes the arrays around the
-    product. The compiler takes the selection out again."""
+    Without the copies XLA moves the member axis behind the table's rows and transposes the arrays around
+    the product. The compiler takes the selection out again."""
     token = like.reshape(-1)[0].real
     return jnp.where(token == token, table, table)

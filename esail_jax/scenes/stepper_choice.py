@@ -17,7 +17,8 @@ from esail_jax.system import System
 
 
 class Given(NamedTuple):
-    """What a stepper is made from: the method's name, the numbers of the scene, and a chain with its start."""
+    """What a stepper is made from: the method's name, the numbers of the scene, and a chain with its
+    start."""
 
     method: str
     numbers: Numbers

@@ -1,8 +1,7 @@
 """The motion from one saved instant past the next, by any stepper; and its derivative.
 
-`advance` is called by the host with windows of instants (`host.py`), and by a scan under a trace (`traced.py`).
-Nothing is projected or observed here (`look.py`).
-"""
+`advance` is called by the host with windows of instants (`host.py`), and by a scan under a trace
+(`traced.py`). Nothing is projected or observed here (`look.py`)."""
 
 import functools
 from collections.abc import Callable
@@ -21,8 +20,8 @@ from esail_jax.steppers.results import RESULTS
 from esail_jax.steppers.stepper import AbstractSteps, Motion, Point, nan_like
 
 TAPES = "steps as taken"
-"""Checkpoint name of what the derivative keeps of the steps. Steps that were chosen again in the backward pass could
-differ by rounding, and the gradient would be that of other steps."""
+"""Checkpoint name of what the derivative keeps of the steps. Steps that were chosen again in the backward
+pass could differ by rounding, and the gradient would be that of other steps."""
 
 
 class Window(NamedTuple):
@@ -33,8 +32,8 @@ class Window(NamedTuple):
 
 
 class Advanced(NamedTuple):
-    """The result of `advance`: the motion; the points at the instants, NaN where they were not passed; what `keep`
-    returned for each block; the number of instants passed and of batches taken."""
+    """The result of `advance`: the motion; the points at the instants, NaN where they were not passed;
+    what `keep` returned for each block; the number of instants passed and of batches taken."""
 
     motion: Motion
     points: Point
@@ -52,11 +51,11 @@ def advance(
     keep: Callable[[AbstractSteps], Any] | None = None,
     room: int = 0,
 ) -> Advanced:
-    """Takes blocks of steps until the window's instants are passed, `max_batches` batches of blocks were taken, the
-    run has `max_steps` steps, or the stepper gives up.
+    """Takes blocks of steps until the window's instants are passed, `max_batches` batches of blocks were
+    taken, the run has `max_steps` steps, or the stepper gives up.
 
-    A batch is `stepper.blocks_per_batch` blocks, or fewer where an instant is passed. keep: a function of a block's
-    steps, whose results are returned with `room` batches of blocks along a new first axis."""
+    A batch is `stepper.blocks_per_batch` blocks, or fewer where an instant is passed. keep: a function of
+    a block's steps, whose results are returned with `room` batches of blocks along a new first axis."""
     stepper, model = problem.stepper, problem.model
     times = window.times
 
@@ -151,8 +150,8 @@ def move(
 ) -> tuple[Motion, Point, Int[Array, ""]]:
     """The motion past the instants of a window, the points at the instants, and how many were passed.
 
-    The derivative, in forward and in reverse mode, is that of the steps as they were taken. They are recorded, in at
-    most `stepper.blocks_per_window` blocks, and replayed in loops of fixed length."""
+    The derivative, in forward and in reverse mode, is that of the steps as they were taken. They are
+    recorded, in at most `stepper.blocks_per_window` blocks, and replayed in loops of fixed length."""
     found = advance(problem, motion, window, max_steps, jnp.asarray(NO_LIMIT))
     return found.motion, found.points, found.passed
 
@@ -182,5 +181,6 @@ def none_like(count: Array) -> Any:
 
 
 def keep_tapes(body: Callable) -> Callable:
-    """The function as a checkpoint of reverse mode that keeps the tapes and computes everything else again."""
+    """The function as a checkpoint of reverse mode that keeps the tapes and computes everything else
+    again."""
     return jax.checkpoint(body, policy=jax.checkpoint_policies.save_only_these_names(TAPES))

@@ -48,8 +48,8 @@ def compile_scene(
 ) -> CompiledScene:
     """Compiles a scene and builds its start.
 
-    stepper: a method in place of the scene's; point: an instant to start from; names: the observables to save. Raises
-    SceneError if it has no steady elongation, RuntimeError in 32-bit mode."""
+    stepper: a method in place of the scene's; point: an instant to start from; names: the observables to
+    save. Raises SceneError if it has no steady elongation, RuntimeError in 32-bit mode."""
     require_64_bit()
     resolved = scene if stepper is not None else with_method(scene)
     structure, numbers = split(resolved)
@@ -63,7 +63,8 @@ def compile_scene(
 class HostRun:
     """A run of a compiled scene, from its start or from a checkpoint.
 
-    steps, rejected: numbers of steps so far; point: the last saved instant; checkpoint: where a longer run could go on."""
+    steps, rejected: numbers of steps so far; point: the last saved instant; checkpoint: where a longer run
+    could go on."""
 
     def __init__(
         self,
@@ -93,8 +94,8 @@ class HostRun:
         return int(self.checkpoint.motion.counts[0])
 
     def chunks(self) -> Iterator[Chunk]:
-        """The run, a chunk for each call that passed a saved instant. Raises SimulationError when the stepper gives up,
-        after the last good chunk."""
+        """The run, a chunk for each call that passed a saved instant. Raises SimulationError when the
+        stepper gives up, after the last good chunk."""
         motion, row, at, pending, energy = self.checkpoint
         programs = self.compiled.programs
         for number in range(at, len(self.segments)):
@@ -164,8 +165,8 @@ class HostRun:
                     break
 
     def _window(self, row: int, stop: float) -> np.ndarray:
-        """The next saved instants, at most as many as one call has room for. The instant at the end of the run stands
-        alone where a longer run does not save it."""
+        """The next saved instants, at most as many as one call has room for. The instant at the end of the
+        run stands alone where a longer run does not save it."""
         times = self.times[row:]
         times = times[times <= stop][: self.compiled.programs.instants]
         if len(times) > 1 and not self._common(times[-1]):

@@ -1,4 +1,5 @@
-"""Observables at saved instants: the points of dense output are projected on the constraints and observed."""
+"""Observables at saved instants: the points of dense output are projected on the constraints and
+observed."""
 
 from types import ModuleType
 from typing import Any
@@ -19,8 +20,8 @@ from esail_jax.system import System
 def look(
     problem: Problem, point: Point, names: tuple[str, ...] | None = None
 ) -> tuple[dict[str, Array], Point, Scalar]:
-    """The observables of an instant, those of `names` if given, the point on the constraints, and the largest violation
-    of the constraints there [m]."""
+    """The observables of an instant, those of `names` if given, the point on the constraints, and the
+    largest violation of the constraints there [m]."""
     system = problem.system
     if observables.is_chain(system):
         instant = observables.chain.Instant(
@@ -34,7 +35,8 @@ def look(
 
 
 def on_constraints(problem: Problem, point: Point) -> tuple[Point, FactoredMass]:
-    """The point on the constraints of a sail, and its factored mass matrix. The end of a step stays as it is."""
+    """The point on the constraints of a sail, and its factored mass matrix. The end of a step stays as it
+    is."""
     system = problem.system
     mass = factor_mass(system, point.time, point.q, problem.inertia)
     q, v = project(system, point.time, point.q, point.v, mass)
@@ -58,11 +60,11 @@ def violation(system: System, point: Point) -> Scalar:
 def look_at_window(
     problem: Problem, points: Point, count: Int[Array, ""], names: tuple[str, ...] | None = None
 ) -> tuple[dict[str, Array], Point, Float[Array, " instant"]]:
-    """The observables at the first `count` of several points, the last of these points on the constraints, and the
-    constraint violations [m].
+    """The observables at the first `count` of several points, the last of these points on the constraints,
+    and the constraint violations [m].
 
-    The instants are looked at one after the other: the numbers of one fit into the first cache, which takes a third less
-    time than all at once."""
+    The instants are looked at one after the other: the numbers of one fit into the first cache, which
+    takes a third less time than all at once."""
 
     def one(row):
         return look(problem, jax.tree.map(lambda x: x[row], points), names)
@@ -86,8 +88,8 @@ def look_at_window(
 def with_running_observables(
     problem: Problem, rows: dict[str, Any], memory: tuple[Any, Any], xp: ModuleType
 ) -> tuple[dict[str, Any], tuple[Any, Any], Any]:
-    """Rows with the observables that depend on the rows before; the memory for the next rows; and whether the energy
-    balance of each row is kept (None where this is not asked). xp: numpy or jax.numpy."""
+    """Rows with the observables that depend on the rows before; the memory for the next rows; and whether
+    the energy balance of each row is kept (None where this is not asked). xp: numpy or jax.numpy."""
     if not observables.is_chain(problem.system) or "energy_error" not in rows:
         return rows, memory, None
     rows, memory = observables.chain.with_energy_error(rows, memory, xp)

@@ -28,9 +28,10 @@ UNBALANCED = 1e-6
 class Problem(NamedTuple):
     """A built scene and the stepper that integrates it.
 
-    origin: heliocentric position of the origin of the coordinates [m]; start_energy: kinetic and elastic energy at the
-    start [J]; inertia: the factored mass matrix of a sail (None for a chain); energy_floor: the energy [J] below which
-    the balance of a chain is not judged (None where the method needs no guard)."""
+    origin: heliocentric position of the origin of the coordinates [m]; start_energy: kinetic and elastic
+    energy at the start [J]; inertia: the factored mass matrix of a sail (None for a chain); energy_floor:
+    the energy [J] below which the balance of a chain is not judged (None where the method needs no
+    guard)."""
 
     model: System | RodChain
     stepper: AbstractStepper
@@ -62,8 +63,8 @@ class Problem(NamedTuple):
 
 
 class Start(NamedTuple):
-    """What a run begins with. unbalanced: force that the steady elongation leaves unbalanced [N], by tether; q: the
-    positions of a sail at the start, by which it is judged."""
+    """What a run begins with. unbalanced: force that the steady elongation leaves unbalanced [N], by
+    tether; q: the positions of a sail at the start, by which it is judged."""
 
     problem: Problem
     motion: Motion
@@ -79,7 +80,8 @@ def start(
 ) -> Start:
     """The problem and the motion at its start.
 
-    stepper: a method in place of the scene's; point: an instant to start from in place of the scene's start."""
+    stepper: a method in place of the scene's; point: an instant to start from in place of the scene's
+    start."""
     origin = numbers.get("initial.heliocentric_position_au", jnp.zeros(3)) * ASTRONOMICAL_UNIT
     zero = jnp.zeros(())
     nothing = Power(zero, zero)
@@ -114,8 +116,8 @@ def start(
 
 
 def restart(problem: Problem, motion: Motion, point: Point, until: Scalar) -> Motion:
-    """The motion from a point, on the constraints, at which something was switched. problem: as it is afterwards;
-    until: the next such time [s]."""
+    """The motion from a point, on the constraints, at which something was switched. problem: as it is
+    afterwards; until: the next such time [s]."""
     state, last = problem.stepper.init(problem.model, point, until)
     return Motion(state, last, motion.counts)
 

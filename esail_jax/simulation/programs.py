@@ -1,8 +1,7 @@
 """Compiling: the programs of a run, made side by side and kept for scenes of the same structure.
 
-Tracing holds Python's lock, compiling does not, so the programs are traced one after the other and compiled at the same
-time: three quarters of the time on two cores.
-"""
+Tracing holds Python's lock, compiling does not, so the programs are traced one after the other and
+compiled at the same time: three quarters of the time on two cores."""
 
 import functools
 from collections.abc import Callable
@@ -31,7 +30,8 @@ WORK_PER_CALL = 400_000
 
 
 class Programs(NamedTuple):
-    """The compiled functions `start`, `advance`, `look_at_window` and, for a scene with switch times, `restart`.
+    """The compiled functions `start`, `advance`, `look_at_window` and, for a scene with switch times,
+    `restart`.
 
     instants, batches: largest numbers in one call; statistics: names of the statistics in a block's log."""
 
@@ -54,8 +54,8 @@ def compile_programs(
     point: Point | None = None,
     names: tuple[str, ...] | None = None,
 ) -> Programs:
-    """The programs for any numbers of these shapes, any end time and any instants. names: the observables to save, all
-    of them if None."""
+    """The programs for any numbers of these shapes, any end time and any instants. names: the observables
+    to save, all of them if None."""
     shapes = tuple((key, value.shape) for key, value in sorted(numbers.items()))
     extra, tree = jax.tree.flatten((stepper, point))
     kinds = tuple((np.shape(x), np.result_type(x)) for x in extra)

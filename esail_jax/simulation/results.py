@@ -12,7 +12,8 @@ from esail_jax.steppers.results import RESULTS
 class Chunk(NamedTuple):
     """Some consecutive saved instants of a run.
 
-    time [s]; observables and numerics by name, first axis `time`; reached: the time [s] that the steps have reached."""
+    time [s]; observables and numerics by name, first axis `time`; reached: the time [s] that the steps
+    have reached."""
 
     time: np.ndarray
     observables: dict[str, np.ndarray]
@@ -23,9 +24,10 @@ class Chunk(NamedTuple):
 class Checkpoint(NamedTuple):
     """Enough to go on, bit for bit.
 
-    motion: the stepper's state and last block (from a file: arrays by path); rows: number of saved instants so far that
-    a longer run saves, too; segment: number of switch times passed; pending: statistics of the steps since the last of
-    these instants; energy: for a chain the energy at the start and the largest kinetic energy so far [J]."""
+    motion: the stepper's state and last block (from a file: arrays by path); rows: number of saved
+    instants so far that a longer run saves, too; segment: number of switch times passed; pending:
+    statistics of the steps since the last of these instants; energy: for a chain the energy at the start
+    and the largest kinetic energy so far [J]."""
 
     motion: Any
     rows: int

@@ -11,8 +11,8 @@ from esail_jax.scenes.rules import known
 from esail_jax.scenes.tables import Event, Voltage
 
 SNAP = 1e-9
-"""Fraction of an interval by which a time may miss a multiple of it: multiples of decimal numbers are not exact in
-binary."""
+"""Fraction of an interval by which a time may miss a multiple of it: multiples of decimal numbers are not
+exact in binary."""
 
 
 def save_times(t_end: float, interval: float) -> np.ndarray:
@@ -28,8 +28,8 @@ def is_multiple(time: float, interval: float) -> bool:
 
 
 def switch_times(event: Event | None, voltage: Voltage | None) -> tuple[float, ...]:
-    """The times [s], in order, at which a run begins afresh: events, and, with `voltage`, the times at which that begins
-    to rise or fall. Times under a trace have no value; the steps find them."""
+    """The times [s], in order, at which a run begins afresh: events, and, with `voltage`, the times at
+    which that begins to rise or fall. Times under a trace have no value; the steps find them."""
     times = set() if event is None else set(event.time)
     for switched in () if voltage is None else (voltage.on, voltage.off):
         if switched is not None and known(switched) is not None:
@@ -41,8 +41,8 @@ def switch_times(event: Event | None, voltage: Voltage | None) -> tuple[float, .
 class Segment:
     """A part of a run between two switch times, or a switch time and an end of the run.
 
-    start, stop [s]; until: the next switch time after `start`, of a longer run too (infinite if there is none); last:
-    true for the segment that ends with the run."""
+    start, stop [s]; until: the next switch time after `start`, of a longer run too (infinite if there is
+    none); last: true for the segment that ends with the run."""
 
     start: float
     stop: float
@@ -63,8 +63,9 @@ def segments(begin: float, end: float, switches: Sequence[float]) -> list[Segmen
 
 
 class Windows(NamedTuple):
-    """The windows of a run, first axis `window`: instants [s], of which `count` matter; the start of the segment each
-    lies in [s], whether it begins that segment after an event, and the next switch time [s]."""
+    """The windows of a run, first axis `window`: instants [s], of which `count` matter; the start of the
+    segment each lies in [s], whether it begins that segment after an event, and the next switch time
+    [s]."""
 
     times: Float[Array | np.ndarray, "window instant"]
     count: Int[Array | np.ndarray, " window"]
@@ -75,8 +76,8 @@ class Windows(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Schedule:
-    """The plan of a traced run, hashable: the saved times [s], the switch times, where the run begins, the largest number
-    of instants in a window, and the least number of windows.
+    """The plan of a traced run, hashable: the saved times [s], the switch times, where the run begins, the
+    largest number of instants in a window, and the least number of windows.
 
     Instants that are not saved end segments, and cut the run into enough windows for its derivative."""
 

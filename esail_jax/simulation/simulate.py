@@ -43,20 +43,22 @@ def simulate(
 ) -> Solution:
     """Runs a scene.
 
-    scene: a `Scene`, the name of a built-in scene, or a path; overrides: values by scene key, JAX arrays and tracers
-    among them. With concrete numbers the run goes window by window on the host; with a number under a trace, or inside
-    `jax.jit`, `jax.vmap` and the like, it becomes a part of the traced program.
+    scene: a `Scene`, the name of a built-in scene, or a path; overrides: values by scene key, JAX arrays
+    and tracers among them. With concrete numbers the run goes window by window on the host; with a number
+    under a trace, or inside `jax.jit`, `jax.vmap` and the like, it becomes a part of the traced program.
 
-    save: names of the observables to save, all of them if None; times: the saved instants [s] in increasing order, in
-    place of every `output.interval` up to `integrator.t_end`; start: a point to start from in place of the scene's
-    start, such as the `final_state` of another solution; progress: is called with the time reached [s]; max_steps: the
-    largest number of steps (a run with a derivative needs a bound: see below); throw: whether a failed run raises
-    SimulationError; stepper: a method of time integration in place of the scene's.
+    save: names of the observables to save, all of them if None; times: the saved instants [s] in
+    increasing order, in place of every `output.interval` up to `integrator.t_end`; start: a point to start
+    from in place of the scene's start, such as the `final_state` of another solution; progress: is called
+    with the time reached [s]; max_steps: the largest number of steps (a run with a derivative needs a
+    bound: see below); throw: whether a failed run raises SimulationError; stepper: a method of time
+    integration in place of the scene's.
 
-    Under a trace nothing can raise: `.result` is not `RESULTS.successful`, and the observables are NaN from the failure
-    on. A derivative goes through recorded steps, for which it keeps room: LEAST_WINDOWS windows at least, each with room
-    for `blocks_per_window` blocks of the stepper (in all about 6,000 steps of collocation), more with `max_steps` or with
-    more than 64 saved instants a window. A run that needs more ends with `RESULTS.too_many_steps`.
+    Under a trace nothing can raise: `.result` is not `RESULTS.successful`, and the observables are NaN
+    from the failure on. A derivative goes through recorded steps, for which it keeps room: LEAST_WINDOWS
+    windows at least, each with room for `blocks_per_window` blocks of the stepper (in all about 6,000
+    steps of collocation), more with `max_steps` or with more than 64 saved instants a window. A run that
+    needs more ends with `RESULTS.too_many_steps`.
 
     Raises SceneError for bad input, RuntimeError in 32-bit mode."""
     scene = load_scene(scene, overrides)
@@ -81,10 +83,12 @@ def run(
     max_steps: int | None = None,
     stepper: AbstractStepper | None = None,
 ) -> Iterator[Chunk]:
-    """Runs a scene piece by piece: `for chunk in esail.run(scene)` gives the observables of consecutive saved instants
-    as soon as they are known (`chunk.time`, `chunk.observables`, `chunk.numerics`, `chunk.reached`).
+    """Runs a scene piece by piece: `for chunk in esail.run(scene)` gives the observables of consecutive
+    saved instants as soon as they are known (`chunk.time`, `chunk.observables`, `chunk.numerics`,
+    `chunk.reached`).
 
-    Arguments are those of `simulate`. Raises SceneError at once, and SimulationError where the run fails."""
+    Arguments are those of `simulate`. Raises SceneError at once, and SimulationError where the run
+    fails."""
     scene = load_scene(scene, overrides)
     check_times(times, 0.0 if start is None else start.time)
     check_names(scene, save)
@@ -193,7 +197,8 @@ def simulate_traced(
     max_steps: int | None = None,
     stepper: AbstractStepper | None = None,
 ) -> Solution:
-    """The whole run as one program, for `jit`, `grad`, `jvp` and `vmap`; arguments are those of `simulate`."""
+    """The whole run as one program, for `jit`, `grad`, `jvp` and `vmap`; arguments are those of
+    `simulate`."""
     require_64_bit()
     resolved = scene if stepper is not None else with_method(scene)
     structure, numbers = split(resolved)

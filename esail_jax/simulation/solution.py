@@ -19,10 +19,11 @@ from esail_jax.steppers.stepper import AbstractStepper, Point
 class Solution(eqx.Module, Mapping):
     """A finished run, as a mapping: `solution["coning_angle"]` is an observable with time as first axis.
 
-    time: saved instants [s]; observables: all arrays by name; result: a member of `RESULTS`; final_state: the point at
-    the end, from which `simulate(scene, start=...)` goes on; stats: steps, rejected_steps, times, terms, and a message if
-    the run failed, its energy balance is wrong or its step too long; numerics: statistics of the steps by saved instant;
-    checkpoint: where a longer run could go on, bit for bit. Under a trace `scene` and the last two are None."""
+    time: saved instants [s]; observables: all arrays by name; result: a member of `RESULTS`; final_state:
+    the point at the end, from which `simulate(scene, start=...)` goes on; stats: steps, rejected_steps,
+    times, terms, and a message if the run failed, its energy balance is wrong or its step too long;
+    numerics: statistics of the steps by saved instant; checkpoint: where a longer run could go on, bit for
+    bit. Under a trace `scene` and the last two are None."""
 
     time: Float[Array, " time"] | Float[np.ndarray, " time"]
     observables: dict[str, Array | np.ndarray]
@@ -67,10 +68,11 @@ class Solution(eqx.Module, Mapping):
         return {name: described(name).unit for name in self}
 
     def at(self, time: float) -> dict[str, np.ndarray]:
-        """The observables at any time [s] of the run, from the same steps as if that instant had been saved.
+        """The observables at any time [s] of the run, from the same steps as if that instant had been
+        saved.
 
-        The run is taken again up to that time, with the programs that are compiled already. Raises ValueError for a time
-        outside the run, and for a run made under a trace."""
+        The run is taken again up to that time, with the programs that are compiled already. Raises
+        ValueError for a time outside the run, and for a run made under a trace."""
         from esail_jax.simulation.simulate import observables_at
 
         return observables_at(self, time)

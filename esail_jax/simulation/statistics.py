@@ -8,13 +8,13 @@ import numpy as np
 from esail_jax.steppers.stepper import Log, Statistic
 
 COUNTS = {"steps": "-", "rejected_steps": "-", "last_step": "s"}
-"""Names and units of what every method reports for a saved instant: the steps that ended since the instant before, those
-rejected meanwhile, and the size of the step in which the instant lies."""
+"""Names and units of what every method reports for a saved instant: the steps that ended since the instant
+before, those rejected meanwhile, and the size of the step in which the instant lies."""
 
 
 class Pending(NamedTuple):
-    """Attempted steps that belong to no saved instant yet: columns end [s], taken, rejected, size [s], and one for each
-    statistic (row, column)."""
+    """Attempted steps that belong to no saved instant yet: columns end [s], taken, rejected, size [s], and
+    one for each statistic (row, column)."""
 
     table: np.ndarray
 
@@ -41,8 +41,8 @@ class Pending(NamedTuple):
     def values(
         self, times: np.ndarray, statistics: Mapping[str, Statistic]
     ) -> tuple[dict[str, np.ndarray], "Pending"]:
-        """The statistics for saved instants [s], and the steps that are left. A step belongs to the first instant
-        after its end, a rejected one to the instant of the step taken after it."""
+        """The statistics for saved instants [s], and the steps that are left. A step belongs to the first
+        instant after its end, a rejected one to the instant of the step taken after it."""
         table = self.table
         # The ends of taken steps increase; a rejected attempt goes with the next step that was taken.
         taken = np.where(table[:, 1] > 0, table[:, 0], np.inf)

@@ -19,8 +19,8 @@ from esail_jax.steppers.stepper import INSTANTS_TOGETHER, AbstractStepper, Point
 
 
 class Traced(NamedTuple):
-    """A run under a trace: observables by name, NaN from a failure on; the last point; how the run ended; numbers of
-    steps taken and rejected; the stepper's estimates of its errors."""
+    """A run under a trace: observables by name, NaN from a failure on; the last point; how the run ended;
+    numbers of steps taken and rejected; the stepper's estimates of its errors."""
 
     rows: dict[str, Array]
     point: Point

@@ -5,10 +5,9 @@ the end of the step (`stages.py`). Order 2 s - 1 = 7 where generalized-alpha has
 their second derivative, which makes the equations of index 1 and keeps that order; position and velocity
 are put back on the constraints at the end of every step.
 
-A block of up to `STEPS_PER_FACTORISATION` steps of one length uses one factorisation. Accelerations of the last step, seen
-from the axes of the hub, vary slowly and are extrapolated for the first guess. Of every step the error is
-estimated, and the length of the next ones chosen.
-"""
+A block of up to `STEPS_PER_FACTORISATION` steps of one length uses one factorisation. Accelerations of the
+last step, seen from the axes of the hub, vary slowly and are extrapolated for the first guess. Of every
+step the error is estimated, and the length of the next ones chosen."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -81,9 +80,9 @@ END_BLOCK_GAIN = 1.5
 
 
 class Collocation(AbstractStepper):
-    """The method. step_size [s]: the length of every step, or None; then tolerance is the largest local error of a
-    position, relative to the length of the tethers (for the hub: to its size). The stages are solved to a small
-    fraction of the tolerance, or to rounding where the step size is given."""
+    """The method. step_size [s]: the length of every step, or None; then tolerance is the largest local
+    error of a position, relative to the length of the tethers (for the hub: to its size). The stages are
+    solved to a small fraction of the tolerance, or to rounding where the step size is given."""
 
     step_size: Scalar | None
     tolerance: Scalar
@@ -94,8 +93,8 @@ class Collocation(AbstractStepper):
     statistics: ClassVar[Mapping[str, Statistic]] = {"iterations_per_step": Statistic("-", "mean")}
 
     def init(self, model: System, start: Point, until: Scalar) -> tuple[CollocationState, CollocationSteps]:
-        """The start with consistent accelerations, which also serve as a constant history: those before an event
-        say nothing about those after."""
+        """The start with consistent accelerations, which also serve as a constant history: those before an
+        event say nothing about those after."""
         system, (time, q, v, work, _) = model, start
         vdot, lam, _, power = consistent_motion(system, time, q, v)
         zero = jnp.zeros(())
@@ -110,8 +109,8 @@ class Collocation(AbstractStepper):
         return state, zero_length_steps(state, STEPS_PER_FACTORISATION)
 
     def block(self, model: System, state: CollocationState) -> tuple[CollocationState, CollocationSteps]:
-        """Up to STEPS_PER_FACTORISATION steps with one factorisation, fewer where a step fails, is too short, or
-        the factors are no longer good."""
+        """Up to STEPS_PER_FACTORISATION steps with one factorisation, fewer where a step fails, is too
+        short, or the factors are no longer good."""
         system = model
         lam = jax.tree.map(lambda x: x[-1], state.history.values.lam)
         kept, h = factor(system, state.now, state.h, lam), state.h
@@ -183,7 +182,8 @@ class Collocation(AbstractStepper):
         return largest(system, beyond, self.tolerance * lengths(system))
 
     def outcome(self, state: CollocationState) -> RESULTS:
-        """Whether the method can go on: the state is finite, and the step large enough to change the time."""
+        """Whether the method can go on: the state is finite, and the step large enough to change the
+        time."""
         finite = jnp.stack([jnp.isfinite(x).all() for x in jax.tree.leaves(state.now)]).all()
         moves = state.now.time + 0.25 * state.h > state.now.time
         failed = RESULTS.where(finite, RESULTS.newton_diverged, RESULTS.nonfinite)

@@ -1,4 +1,5 @@
-"""The state that collocation hands from block to block, and its record of each step, which dense output reads."""
+"""The state that collocation hands from block to block, and its record of each step, which dense output
+reads."""
 
 from typing import NamedTuple
 
@@ -15,9 +16,9 @@ from esail_jax.system import Power
 
 
 class History(NamedTuple):
-    """The accelerations and multipliers at the start and the stages of the last step, in the axes of the hub, from
-    which the first guess of the next step is extrapolated; h [s]: the length of that step, infinite before the
-    first one."""
+    """The accelerations and multipliers at the start and the stages of the last step, in the axes of the
+    hub, from which the first guess of the next step is extrapolated; h [s]: the length of that step,
+    infinite before the first one."""
 
     values: StageUnknowns
     h: Scalar
@@ -43,8 +44,8 @@ class CollocationState(AbstractState):
 
 
 class IterationInfo(NamedTuple):
-    """How the iterations of a step went: their number; increment: the remaining error over the allowed one; error:
-    the estimated local error over the tolerance."""
+    """How the iterations of a step went: their number; increment: the remaining error over the allowed
+    one; error: the estimated local error over the tolerance."""
 
     iterations: Int[Array, "*attempt"]
     increment: Float[Array, "*attempt"]
@@ -52,8 +53,9 @@ class IterationInfo(NamedTuple):
 
 
 class CollocationSteps(AbstractSteps):
-    """A step, or several along leading axes: its start, length [s], the accelerations and multipliers at its
-    stages, and the powers there. taken: false for a rejected step, and where there was no step (h = 0)."""
+    """A step, or several along leading axes: its start, length [s], the accelerations and multipliers at
+    its stages, and the powers there. taken: false for a rejected step, and where there was no step (h =
+    0)."""
 
     start: StepEnd
     h: Float[Array, "*attempt"]
@@ -76,7 +78,8 @@ class CollocationSteps(AbstractSteps):
         return jax.tree.map(lambda x: x[index], self)
 
     def at(self, time: Scalar) -> StepEnd:
-        """The motion at a time [s] within one step, from the polynomials of the accelerations and the powers."""
+        """The motion at a time [s] within one step, from the polynomials of the accelerations and the
+        powers."""
         start, h, x = self.start, self.h, (time - self.start.time) / self.h
         powers = x ** jnp.arange(STAGES + 1)
         none, once, twice = (x**n * (powers @ TABLE.integrals(n)) for n in (0, 1, 2))

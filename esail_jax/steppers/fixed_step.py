@@ -1,13 +1,14 @@
 """Implicit methods with steps of a given size: generalized-alpha and energy-momentum.
 
-The unknowns of a step are the accelerations (of energy-momentum, their mean over the step) and the multipliers,
-found by chord iterations (`fixed_step_solution.py`). The factors of the iteration matrix serve for a block of up to
-`STEPS_PER_FACTORISATION` steps and are turned with the hub: inertia, elasticity, damping and rigidity are the same
-in every direction, so that only the change of shape makes old factors worse, not the rotation.
+The unknowns of a step are the accelerations (of energy-momentum, their mean over the step) and the
+multipliers, found by chord iterations (`fixed_step_solution.py`). The factors of the iteration matrix
+serve for a block of up to `STEPS_PER_FACTORISATION` steps and are turned with the hub: inertia,
+elasticity, damping and rigidity are the same in every direction, so that only the change of shape makes
+old factors worse, not the rotation.
 
-A block ends before a step that does not converge, and the next block begins there with fresh factors. If its first
-step fails too, the step is halved, up to `MAX_HALVINGS` times; after a whole step it is doubled again.
-"""
+A block ends before a step that does not converge, and the next block begins there with fresh factors. If
+its first step fails too, the step is halved, up to `MAX_HALVINGS` times; after a whole step it is doubled
+again."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
@@ -52,16 +53,16 @@ MAX_ITERATIONS = 12
 """Number of chord iterations after which a step has failed; good steps take one or two."""
 
 SNAP = 1e-9
-"""Fraction of a step by which an instant may miss the end of a step and still be that end: multiples of decimal
-numbers are not exact in binary."""
+"""Fraction of a step by which an instant may miss the end of a step and still be that end: multiples of
+decimal numbers are not exact in binary."""
 
 
 class StepState(NamedTuple):
     """The motion at the end of a step, and what the next step needs of those before.
 
-    a: the auxiliary acceleration of generalized-alpha; vdot_difference, vdot_second_difference: differences of vdot
-    over the last steps, for the first guess; work: external work and dissipated energy [J] since the start of the
-    run; power: their rates [W]."""
+    a: the auxiliary acceleration of generalized-alpha; vdot_difference, vdot_second_difference:
+    differences of vdot over the last steps, for the first guess; work: external work and dissipated energy
+    [J] since the start of the run; power: their rates [W]."""
 
     q: Coordinates
     v: Coordinates
@@ -77,8 +78,8 @@ class StepState(NamedTuple):
 class FixedStepState(AbstractState):
     """The state after a block.
 
-    origin: the time [s] at which `init` made the state; ticks: time since then in units of step/TICKS; halvings: how
-    often the step is halved at present; errors: the estimated errors so far."""
+    origin: the time [s] at which `init` made the state; ticks: time since then in units of step/TICKS;
+    halvings: how often the step is halved at present; errors: the estimated errors so far."""
 
     now: StepState
     origin: Scalar
@@ -135,8 +136,8 @@ class IterationInfo(NamedTuple):
 
 
 class FixedStepSteps(AbstractSteps):
-    """The steps of a block: where the first begins, and the end of each; errors: the estimates at the end of the
-    block, in parts of the signals' ranges. tried, taken: as in `Log`."""
+    """The steps of a block: where the first begins, and the end of each; errors: the estimates at the end
+    of the block, in parts of the signals' ranges. tried, taken: as in `Log`."""
 
     start: Node
     ends: Node
@@ -234,9 +235,9 @@ class FixedStep(AbstractStepper):
     }
     most_iterations: ClassVar[int] = MAX_ITERATIONS
     trusted: ClassVar[float] = 1.0
-    """Largest last increment, in tolerances, with which a step is accepted where the expected remainder is within
-    tolerance. With a value above 1 the power of a step, which is computed before its last correction, has an error
-    of that size."""
+    """Largest last increment, in tolerances, with which a step is accepted where the expected remainder is
+    within tolerance. With a value above 1 the power of a step, which is computed before its last
+    correction, has an error of that size."""
 
     # ---- a method --------------------------------------------------------------------------------
 
@@ -283,8 +284,8 @@ class FixedStep(AbstractStepper):
     def step(
         self, system: System, time: Scalar, state: StepState, kept: FrozenFactors, rate: Scalar
     ) -> tuple[StepState, IterationInfo]:
-        """One step from `time` [s]. rate: the contraction of the iterations in an earlier step with these factors,
-        infinite if there was none."""
+        """One step from `time` [s]. rate: the contraction of the iterations in an earlier step with these
+        factors, infinite if there was none."""
 
     def transposable(self, system: System) -> System:
         """The system whose derivative with respect to the state is taken in reverse mode."""
@@ -332,8 +333,8 @@ class FixedStep(AbstractStepper):
         return state, steps
 
     def block(self, model: System, state: FixedStepState) -> tuple[FixedStepState, FixedStepSteps]:
-        """Up to STEPS_PER_FACTORISATION steps with one factorisation. Where a step fails the steps before it are
-        taken again: a failure is rare, and nothing needs to be selected after a good step."""
+        """Up to STEPS_PER_FACTORISATION steps with one factorisation. Where a step fails the steps before
+        it are taken again: a failure is rare, and nothing needs to be selected after a good step."""
         one_step, wanted = self.stepping(model, state)
 
         def attempts(carry, records, _):
@@ -359,8 +360,8 @@ class FixedStep(AbstractStepper):
         return self.finished(model, state, now, ends, info, Tape(count, count < wanted), failure)
 
     def stepping(self, model: System, state: FixedStepState) -> tuple[Callable, Int[Array, ""]]:
-        """The function of one step with the factors of this block, and the number of steps to take. With a halved
-        step a block ends at the end of a whole step, where the step may be doubled."""
+        """The function of one step with the factors of this block, and the number of steps to take. With a
+        halved step a block ends at the end of a whole step, where the step may be doubled."""
         now, ticks = state.now, TICKS >> state.halvings
         fine = replace(self, step_size=self.step_size * (ticks / TICKS))
         kept = fine.factor(model, state.time, now.q, now.v, now.lam)

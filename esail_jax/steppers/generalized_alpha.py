@@ -209,9 +209,9 @@ class GeneralizedAlpha(FixedStep):
     def first_state(self, system: System, time: Scalar, state: StepState) -> StepState:
         """The start with a_0 = vdot_0 + (alpha_m - alpha_f) h jerk, the jerk taken twice from a trial step.
 
-        vdot at the end of the trial step follows from its velocity. Being implicit, the trial step damps stiff modes,
-        where a time derivative of the accelerations would magnify them. A trial step that does not converge is not
-        used."""
+        vdot at the end of the trial step follows from its velocity. Being implicit, the trial step damps
+        stiff modes, where a time derivative of the accelerations would magnify them. A trial step that
+        does not converge is not used."""
         kept = self.factor(system, time, state.q, state.v, state.lam)
         infinite = jnp.asarray(jnp.inf)
 

@@ -2,12 +2,11 @@
 
     k_j = f(t + c_j h, y + h sum_l a_jl k_l),    y_new = y + h sum_j b_j k_j,    error = h sum_j e_j k_j
 
-The coefficients and the step controller are diffrax's. The stages are written out here because diffrax's own
-loop over them, made for any y and any term, takes three times as long on a chain of twenty rods.
+The coefficients and the step controller are diffrax's. The stages are written out here because diffrax's
+own loop over them, made for any y and any term, takes three times as long on a chain of twenty rods.
 
-Dense output at an instant within a step is one more step of the method from the start of that step, shorter and
-not part of the run.
-"""
+Dense output at an instant within a step is one more step of the method from the start of that step,
+shorter and not part of the run."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -36,12 +35,12 @@ from esail_jax.steppers.stepper import (
 from esail_jax.system import Power
 
 METHODS = {"tsit5": diffrax.Tsit5(), "dopri5": diffrax.Dopri5(), "dopri8": diffrax.Dopri8()}
-"""Tsitouras 5(4), Dormand & Prince 5(4) (MATLAB's ode45), Prince & Dormand 8(7). All of them end a step with the
-first stage of the next."""
+"""Tsitouras 5(4), Dormand & Prince 5(4) (MATLAB's ode45), Prince & Dormand 8(7). All of them end a step
+with the first stage of the next."""
 
 REACH = {"tsit5": 0.95, "dopri5": 1.0, "dopri8": 3.7}
-"""Largest product h omega at which an undamped vibration grows by less than 1e-4 a step. Damped vibrations, on the
-real axis, are stable up to 3.3 and more."""
+"""Largest product h omega at which an undamped vibration grows by less than 1e-4 a step. Damped
+vibrations, on the real axis, are stable up to 3.3 and more."""
 
 STEPS_PER_CHUNK = 64
 """Number of steps between two states that a reverse derivative keeps."""
@@ -51,7 +50,8 @@ RightHandSide = Callable[[Scalar, State], State]
 
 
 class Knot(eqx.Module):
-    """An end of a step: time [s], the state y, and its derivative, which is the first stage of the next step."""
+    """An end of a step: time [s], the state y, and its derivative, which is the first stage of the next
+    step."""
 
     time: Float[Array, "*attempt"]
     y: State
@@ -59,8 +59,9 @@ class Knot(eqx.Module):
 
 
 class RungeKuttaState(AbstractState):
-    """The state after a block. now: the end of the last step; h: the step size to try next [s]; control: the memory
-    of the step-size controller; origin: the time [s] from which steps of a given size are counted."""
+    """The state after a block. now: the end of the last step; h: the step size to try next [s]; control:
+    the memory of the step-size controller; origin: the time [s] from which steps of a given size are
+    counted."""
 
     now: Knot
     h: Scalar
@@ -76,8 +77,8 @@ class RungeKuttaState(AbstractState):
 
 
 class RungeKuttaSteps(AbstractSteps):
-    """A step, or several along leading axes: its start and its length [s]. taken: false for a rejected step, and where
-    there was no step (h = 0)."""
+    """A step, or several along leading axes: its start and its length [s]. taken: false for a rejected
+    step, and where there was no step (h = 0)."""
 
     start: Knot
     h: Float[Array, "*attempt"]
@@ -93,8 +94,9 @@ class RungeKuttaSteps(AbstractSteps):
 
 
 class RungeKutta(AbstractStepper):
-    """The method of a name in METHODS. step_size [s]: the length of every step, or None; then tolerance is the largest
-    local error of any component of a step, relative to the sum of the component and its `scale`."""
+    """The method of a name in METHODS. step_size [s]: the length of every step, or None; then tolerance is
+    the largest local error of any component of a step, relative to the sum of the component and its
+    `scale`."""
 
     step_size: Scalar | None
     tolerance: Scalar | None
@@ -211,8 +213,8 @@ class RungeKutta(AbstractStepper):
     # ---- derivatives ----------------------------------------------------------------------------
 
     def tape(self, steps: RungeKuttaSteps) -> Scalar:
-        """The size of an accepted step [s], else 0. Chosen again it could differ by rounding, and a derivative would
-        be that of other steps."""
+        """The size of an accepted step [s], else 0. Chosen again it could differ by rounding, and a
+        derivative would be that of other steps."""
         return jnp.where(steps.taken, steps.h, 0.0)[0]
 
     def replay(
@@ -224,8 +226,8 @@ class RungeKutta(AbstractStepper):
         blocks: Int[Array, ""],
         times: Float[Array, " instant"],
     ) -> tuple[Motion, Point]:
-        """Steps of given sizes. Only the last step is kept, in which the one instant of the window lies. Chunks beyond
-        the last step are skipped."""
+        """Steps of given sizes. Only the last step is kept, in which the one instant of the window lies.
+        Chunks beyond the last step are skipped."""
 
         def one(carry, h):
             def go(carry):
@@ -272,7 +274,7 @@ def combined(weights: Any, stages: Any) -> Array:
 
 
 def largest_component(error: State) -> Scalar:
-    """The maximum norm over all components. It is infinite where a trial step is not finite, so that the controller
-    takes a smaller one."""
+    """The maximum norm over all components. It is infinite where a trial step is not finite, so that the
+    controller takes a smaller one."""
     largest = jnp.stack([jnp.abs(x).max() for x in jax.tree.leaves(error)]).max()
     return jnp.where(jnp.isnan(largest), jnp.inf, largest)

@@ -8,8 +8,8 @@ buckling wave of wave number 1/l does over elements of length l,
 
     e_{n+1} = e_n exp(sigma h) + (pi/2) c |third difference of s|,    sigma = sqrt(max(-N, 0)/(rho A)) / l,
 
-N the axial force, its mean over a block of steps: what vibrates faster neither buckles nor grows. Shorter waves
-grow faster, until elements fold; the wave number is measured (`experiments/stability`).
+N the axial force, its mean over a block of steps: what vibrates faster neither buckles nor grows. Shorter
+waves grow faster, until elements fold; the wave number is measured (`experiments/stability`).
 
 The signals are the tips and the elastic force at the roots in the hub's axes. Errors are given in parts of
 the range over the run so far. What the estimate does not see: an error that stays as it is (of velocities,
@@ -83,9 +83,9 @@ def after_block(
 ) -> StepErrors:
     """The estimates after a block of steps of length h [s] that begins at `time` [s].
 
-    start, ends: q at the beginning of the block and after each step (first axis), of which `count` were taken;
-    phase_error: c. Neighbouring blocks share no third difference: two differences fewer than steps remain, and their
-    sum is scaled up accordingly."""
+    start, ends: q at the beginning of the block and after each step (first axis), of which `count` were
+    taken; phase_error: c. Neighbouring blocks share no third difference: two differences fewer than steps
+    remain, and their sum is scaled up accordingly."""
     given = (errors, system, time, h, start, ends, phase_error)
     errors, system, time, h, start, ends, phase_error = lax.stop_gradient(given)
     steps = len(jax.tree.leaves(ends)[0])

@@ -1,19 +1,19 @@
 """The interface of a method of time integration.
 
 A *stepper* turns a state into a later state and the steps between, one *block* of steps at a time. A block
-depends on nothing but the state it begins from, so that a run may stop after any block and go on later, with
-the same bits. The simulation (`simulation/advance.py`) calls a stepper in this order:
+depends on nothing but the state it begins from, so that a run may stop after any block and go on later,
+with the same bits. The simulation (`simulation/advance.py`) calls a stepper in this order:
 
     state, steps = stepper.init(model, start, until)        once, and again after an event
     state, steps = stepper.block(model, state)              until the next saved instant is passed
     point = stepper.evaluate(model, steps, time)            dense output at a saved instant
 
-A saved instant never forces a step. For derivatives the simulation keeps `stepper.tape(steps)` of every block,
-and `stepper.replay` takes the same steps again as a differentiable function. Step sizes carry no derivative.
+A saved instant never forces a step. For derivatives the simulation keeps `stepper.tape(steps)` of every
+block, and `stepper.replay` takes the same steps again as a differentiable function. Step sizes carry no
+derivative.
 
-To add a method, write a subclass of `AbstractStepper` and hand it to `simulate(scene, stepper=...)`, or give it
-a name in `scenes/method_choice.py`.
-"""
+To add a method, write a subclass of `AbstractStepper` and hand it to `simulate(scene, stepper=...)`, or
+give it a name in `scenes/method_choice.py`."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping
@@ -49,8 +49,8 @@ class Point(NamedTuple):
 class AbstractState(eqx.Module):
     """Everything that a stepper needs to go on, bit for bit: a checkpoint.
 
-    time: the end of the last step [s]; taken, rejected: numbers of steps since `init`; result: why the stepper
-    cannot go on, `RESULTS.successful` while it can."""
+    time: the end of the last step [s]; taken, rejected: numbers of steps since `init`; result: why the
+    stepper cannot go on, `RESULTS.successful` while it can."""
 
     time: eqx.AbstractVar[Scalar]
     taken: eqx.AbstractVar[Scalar]
@@ -61,8 +61,8 @@ class AbstractState(eqx.Module):
 class Log(NamedTuple):
     """A short account of the attempted steps of a block, in order, first axis `attempt`.
 
-    tried: false where the block had ended before; taken: false where the step was rejected; end, size: time at the end
-    of the step and its length [s]; statistics: more numbers by name."""
+    tried: false where the block had ended before; taken: false where the step was rejected; end, size:
+    time at the end of the step and its length [s]; statistics: more numbers by name."""
 
     tried: Bool[Array, "*attempt"]
     taken: Bool[Array, "*attempt"]
@@ -71,8 +71,8 @@ class Log(NamedTuple):
     statistics: dict[str, Float[Array, "*attempt"]]
 
     def table(self) -> Float[Array, "*attempt column"]:
-        """The account as one array, which a loop writes faster than its parts. The size has a minus sign where the
-        step was rejected, and is 0 where none was tried."""
+        """The account as one array, which a loop writes faster than its parts. The size has a minus sign
+        where the step was rejected, and is 0 where none was tried."""
         size = jnp.where(self.taken, self.size, jnp.where(self.tried, -self.size, 0.0))
         columns = [self.end, size, *(self.statistics[name] for name in sorted(self.statistics))]
         return jnp.stack(columns, axis=-1)
@@ -86,8 +86,8 @@ class Log(NamedTuple):
 
 
 class AbstractSteps(eqx.Module):
-    """The steps of one block, with what dense output needs of each: first axis `attempt`, or `block, attempt`
-    where several blocks are stacked."""
+    """The steps of one block, with what dense output needs of each: first axis `attempt`, or `block,
+    attempt` where several blocks are stacked."""
 
     taken: eqx.AbstractVar[Bool[Array, "*block attempt"]]
     end: eqx.AbstractVar[Float[Array, "*block attempt"]]
@@ -108,15 +108,16 @@ class AbstractSteps(eqx.Module):
 
 
 class Statistic(NamedTuple):
-    """A number that is kept for every saved instant: its unit, and how the values of the steps since the instant
-    before are put together."""
+    """A number that is kept for every saved instant: its unit, and how the values of the steps since the
+    instant before are put together."""
 
     unit: str
     over: Literal["mean", "largest", "last"]
 
 
 class Motion(NamedTuple):
-    """A stepper's state with the block of steps that led to it: the next saved instants may lie in that block.
+    """A stepper's state with the block of steps that led to it: the next saved instants may lie in that
+    block.
 
     earlier: numbers of steps taken and rejected before the stepper last began afresh."""
 
@@ -131,11 +132,11 @@ class Motion(NamedTuple):
 
 
 class AbstractStepper(eqx.Module):
-    """A method of time integration. Its numbers (step size, tolerance) are leaves, so that other values do not
-    compile again.
+    """A method of time integration. Its numbers (step size, tolerance) are leaves, so that other values do
+    not compile again.
 
-    model: what is integrated, a `System` in nodal coordinates, or a `RodChain` where `relative_coordinates` is
-    true."""
+    model: what is integrated, a `System` in nodal coordinates, or a `RodChain` where
+    `relative_coordinates` is true."""
 
     name: eqx.AbstractClassVar[str]
     order: eqx.AbstractClassVar[int]
@@ -147,15 +148,16 @@ class AbstractStepper(eqx.Module):
     """Whether the method integrates a rod chain in the rod vectors, not the positions of its joints."""
 
     energy_guard: ClassVar[bool] = False
-    """Whether a run is given up where its energy balance is off by a tenth. An explicit method that is unstable
-    need not overflow."""
+    """Whether a run is given up where its energy balance is off by a tenth. An explicit method that is
+    unstable need not overflow."""
 
     steps_per_block: ClassVar[int] = 16
     """Largest number of attempted steps in a block."""
 
     blocks_per_batch: ClassVar[int] = 1
-    """Number of blocks whose logs and tapes are gathered before they are stored. A loop over small arrays alone runs
-    several times as fast as one with a large buffer, which matters for blocks of a few microseconds."""
+    """Number of blocks whose logs and tapes are gathered before they are stored. A loop over small arrays
+    alone runs several times as fast as one with a large buffer, which matters for blocks of a few
+    microseconds."""
 
     blocks_per_window: ClassVar[int] = 16
     """Largest number of batches of blocks between two checkpoints of a derivative."""
@@ -168,13 +170,13 @@ class AbstractStepper(eqx.Module):
         """The state in which a run begins, or goes on after an event, and steps of no length in which
         `evaluate` finds the start.
 
-        start: a `Point` on the constraints, or a `RodState` for a method in relative coordinates; until [s]: the
-        next event, which a first step does not pass."""
+        start: a `Point` on the constraints, or a `RodState` for a method in relative coordinates; until
+        [s]: the next event, which a first step does not pass."""
 
     @abstractmethod
     def block(self, model: Any, state: AbstractState) -> tuple[AbstractState, AbstractSteps]:
-        """The state after some steps, and these steps. A step that fails is tried again with a shorter length, in
-        this block or the next; when nothing helps, `state.result` says why."""
+        """The state after some steps, and these steps. A step that fails is tried again with a shorter
+        length, in this block or the next; when nothing helps, `state.result` says why."""
 
     @abstractmethod
     def evaluate(self, model: Any, step: Any, time: Scalar) -> Point:
@@ -189,21 +191,23 @@ class AbstractStepper(eqx.Module):
     ) -> tuple[Motion, Point]:
         """The blocks of a window again, as a differentiable function of `model` and `motion`.
 
-        ended: the motion at the end of the window; tapes: those of its blocks, first axis `block`, of which
-        `blocks` were taken; times: the saved instants (instant). Returns the motion at the end, and the points at
-        the instants (first axis `instant`). By default `block` is called again, which serves a method whose blocks
-        JAX can differentiate in both modes (no `while_loop`) and always takes at least one step."""
+        ended: the motion at the end of the window; tapes: those of its blocks, first axis `block`, of
+        which `blocks` were taken; times: the saved instants (instant). Returns the motion at the end, and
+        the points at the instants (first axis `instant`). By default `block` is called again, which serves
+        a method whose blocks JAX can differentiate in both modes (no `while_loop`) and always takes at
+        least one step."""
         return replay_blocks(
             self, model, motion, lambda state, tape: self.block(model, state), tapes, blocks, times
         )
 
     @abstractmethod
     def failure(self, model: Any, state: AbstractState, log: Log) -> str:
-        """A sentence about a failed run, for people: the time, the step, what to try. log: of the last call."""
+        """A sentence about a failed run, for people: the time, the step, what to try. log: of the last
+        call."""
 
     def error_estimates(self, state: AbstractState) -> dict[str, Scalar]:
-        """Estimated errors so far by name, in parts of a signal's range; empty where the method controls its
-        error."""
+        """Estimated errors so far by name, in parts of a signal's range; empty where the method controls
+        its error."""
         return {}
 
 
@@ -219,10 +223,11 @@ def replay_blocks(
     blocks: Int[Array, ""],
     times: Float[Array, " instant"],
 ) -> tuple[Motion, Point]:
-    """The motion after `blocks` calls of `state, steps = block(state, tape)`, and the points at the instants.
+    """The motion after `blocks` calls of `state, steps = block(state, tape)`, and the points at the
+    instants.
 
-    The arguments are those of `AbstractStepper.replay`. Reverse mode keeps the state at the start of every block
-    and computes the block again; blocks beyond the last are skipped."""
+    The arguments are those of `AbstractStepper.replay`. Reverse mode keeps the state at the start of every
+    block and computes the block again; blocks beyond the last are skipped."""
     again = jax.checkpoint(block)
     count = stepper.blocks_per_window
 
@@ -249,10 +254,11 @@ def points_within(
     taken: Bool[Array, "block attempt"],
     times: Float[Array, " instant"],
 ) -> Point:
-    """Dense output at instants that lie in the block `last` or in the stacked blocks `steps`, NaN beyond them.
+    """Dense output at instants that lie in the block `last` or in the stacked blocks `steps`, NaN beyond
+    them.
 
-    taken: which of the stacked steps count. All steps are picked at once: one after the other, the derivative of
-    each instant would be as large as all steps together."""
+    taken: which of the stacked steps count. All steps are picked at once: one after the other, the
+    derivative of each instant would be as large as all steps together."""
     reached = jnp.where(taken, steps.end, -jnp.inf).max(initial=-jnp.inf)
     before = jnp.where(last.taken, last.end, -jnp.inf).max(initial=-jnp.inf)
 
