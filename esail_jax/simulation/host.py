@@ -24,13 +24,15 @@ NO_LIMIT = np.inf
 
 
 class CompiledScene(NamedTuple):
-    """A scene with its compiled programs and its start. scene: as given; resolved: with its method."""
+    """A scene with its compiled programs and its start. scene: as given; resolved: with its method; begin:
+    start of the run [s]."""
 
     scene: Scene
     resolved: Scene
     programs: Programs
     problem: Problem
     motion: Motion
+    begin: float
 
     @property
     def numerics(self) -> dict[str, str]:
@@ -57,7 +59,8 @@ def compile_scene(
     begun = programs.start(numbers, stepper, point)
     if scene.chain is None:
         check_steady(scene, begun)
-    return CompiledScene(scene, resolved, programs, begun.problem, begun.motion)
+    begin = 0.0 if point is None else float(point.time)
+    return CompiledScene(scene, resolved, programs, begun.problem, begun.motion, begin)
 
 
 class HostRun:
@@ -80,18 +83,20 @@ class HostRun:
         elif isinstance(checkpoint.motion, Mapping):
             checkpoint = checkpoint._replace(motion=restored(compiled.motion, checkpoint.motion))
         self.checkpoint, self.point = checkpoint, None
+        motion = checkpoint.motion
+        since = [float(motion.state.taken), float(motion.state.rejected)]
+        self.counts = np.asarray(motion.earlier) + np.array(since)
         scene = compiled.resolved
         self.interval = scene.output.interval if times is None else None
         self.times = save_times(scene.integrator.t_end, scene.output.interval) if times is None else times
-        self.begin = float(compiled.motion.state.time)
         restarts = compiled.programs.restart is not None
         switches = switch_times(scene.event, scene.voltage) if restarts else ()
-        self.segments = segments(self.begin, float(self.times[-1]), switches)
+        self.segments = segments(compiled.begin, float(self.times[-1]), switches)
 
     @property
     def steps(self) -> int:
         """Number of steps taken so far."""
-        return int(self.checkpoint.motion.counts[0])
+        return int(self.counts[0])
 
     def chunks(self) -> Iterator[Chunk]:
         """The run, a chunk for each call that passed a saved instant. Raises SimulationError when the
@@ -121,7 +126,7 @@ class HostRun:
                     self.max_steps,
                     np.asarray(programs.batches),
                 )
-                passed, motion = int(done.passed), done.motion
+                passed, motion, self.counts = int(done.passed), done.motion, np.asarray(done.counts)
                 seen = min(passed, shown)
                 log = Log.from_table(np.asarray(done.kept), programs.statistics)
                 pending = pending.with_steps(log, self.statistics)
@@ -144,7 +149,7 @@ class HostRun:
                 if good == seen and common:
                     row, pending, energy = row + seen, left, memory
                     pending = (
-                        pending.merged(float(motion.state.time), self.statistics)
+                        pending.merged(float(done.time), self.statistics)
                         if passed < len(times)
                         else pending
                     )
@@ -155,7 +160,7 @@ class HostRun:
                     at = number + 1
                 self.checkpoint = Checkpoint(motion, row, at, pending, energy)
                 if good:
-                    yield Chunk(times[:good], rows, numerics, float(motion.state.time))
+                    yield Chunk(times[:good], rows, numerics, float(done.time))
                 result = name_of(motion.state.result) if good == seen else "energy_drift"
                 if result != "successful":
                     raise self._failure(
