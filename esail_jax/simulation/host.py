@@ -192,9 +192,8 @@ class HostRun:
         """The error that describes a failed run."""
         result = getattr(RESULTS, name)
         if name == "energy_drift":
-            step = getattr(problem.stepper, "step_size", None)
-            hint = "Ask for a smaller tolerance." if step is None else "Ask for a shorter step."
-            return SimulationError(f"{RESULTS[result]} At t = {row_time:.6g} s. {hint}", result)
+            text = f"At t = {row_time:.6g} s. {problem.stepper.energy_hint()}"
+            return SimulationError(f"{RESULTS[result]} {text}", result)
         if name == "too_many_steps":
             text = f"At t = {float(motion.state.time):.6g} s after {self.steps} steps."
         else:

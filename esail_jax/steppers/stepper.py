@@ -205,6 +205,11 @@ class AbstractStepper(eqx.Module):
         """A sentence about a failed run, for people: the time, the step, what to try. log: of the last
         call."""
 
+    def energy_hint(self) -> str:
+        """A sentence for people on what to try where the energy balance is off."""
+        fixed = getattr(self, "step_size", None) is not None
+        return "Ask for a shorter step." if fixed else "Ask for a smaller tolerance."
+
     def error_estimates(self, state: AbstractState) -> dict[str, Scalar]:
         """Estimated errors so far by name, in parts of a signal's range; empty where the method controls
         its error."""
