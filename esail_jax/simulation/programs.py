@@ -58,7 +58,7 @@ def compile_programs(
     to save, all of them if None."""
     shapes = tuple((key, value.shape) for key, value in sorted(numbers.items()))
     extra, tree = jax.tree.flatten((stepper, point))
-    kinds = tuple((np.shape(x), np.result_type(x)) for x in extra)
+    kinds = tuple((x.shape, x.dtype) for x in map(np.asarray, extra))
     return _compiled(structure, shapes, tree, kinds, names)
 
 
