@@ -110,7 +110,8 @@ class Case:
     scene; stepper: the method with a fineness, which is a step size [s] or a tolerance; fineness: three of
     them; order: the order of convergence and how far it may be missed; between: the largest error between
     steps, relative to the largest at their ends; max_steps: a bound that the coarsest run keeps and the
-    finest does not; failures: results by input, a factor of the first number or a fineness."""
+    finest does not; failures: results by input, a factor of the first number or a fineness; quotient: the
+    accuracy of a difference quotient."""
 
     scene: Scene
     stepper: Callable[[Any], AbstractStepper]
@@ -119,6 +120,7 @@ class Case:
     max_steps: int
     failures: Mapping[tuple[str, float], str]
     between: float = 3.0
+    quotient: float = 1e-6
 
     @property
     def chain(self) -> bool:
@@ -154,7 +156,8 @@ class Case:
     def run(self, fineness: Any, x: Any = (1.0,) * 4, times: Any = None, late: bool = False, **more: Any):
         """The run with this fineness and these factors, with a release unless it is to be late."""
         overrides = self.numbers(x) | (LATE if late and not self.chain else {})
-        stepper = self.stepper(jnp.asarray(fineness))
+        stepper = self.stepper(jnp.asarray(fineness, float))
+        times = None if times is None else [float(time) for time in times]
         return esail.simulate(
             self.scene, overrides, stepper=stepper, save=self.names, times=times, **more
         )
@@ -187,7 +190,7 @@ CASES = {
         SMALL_SAIL, lambda tolerance: Collocation(None, tolerance), (1e-4, 1e-6, 1e-8), (7.0, 1.5), 24, NONFINITE
     ),
     "collocation-fixed": Case(
-        SMALL_SAIL,
+        FRAME,
         lambda h: Collocation(h, jnp.asarray(1e-8)),
         (1.0, 0.5, 0.25),
         (7.0, 0.6),
@@ -218,3 +221,150 @@ def difference(one: Any, other: Any, name: str, rows: Any = slice(None)) -> floa
     """The largest difference of an observable between two runs, relative to its largest magnitude."""
     a, b = np.asarray(one[name])[rows], np.asarray(other[name])[rows]
     return float(np.abs(a - b).max() / np.abs(np.asarray(other[name])).max())
+
+
+# ---- steps --------------------------------------------------------------------------------------
+
+
+@cases(quick="own")
+def test_order_of_convergence_at_steps_and_between_them(name):
+    """Differences between three runs fall with the order of the method, by the number of steps.
+
+    Instants between two steps, where dense output is used, are as accurate as the end, within a factor.
+    The tethers are not released: after an event the steps depend on the output."""
+    case = CASES[name]
+    times = case.end * np.array([0.5, 0.5137, 0.731, 1.0])
+    coarse, middle, fine = (case.run(f, times=times, late=True) for f in case.fineness)
+    expected, missed_by = case.order
+    position = case.names[0]
+    first, second = difference(coarse, middle, position), difference(middle, fine, position)
+    order = np.log(first / second) / np.log(middle.steps / coarse.steps)
+    assert abs(order - expected) < missed_by, order
+    for one, other in ((coarse, middle), (middle, fine)):
+        ends = [difference(one, other, position, row) for row in ([0], [3])]
+        between = [difference(one, other, position, row) for row in ([1], [2])]
+        assert max(between) < case.between * max(ends)
+
+
+@cases(quick="own")
+def test_saved_instants_do_not_change_the_steps(name):
+    """Runs with many and with few saved instants take the same steps, and agree in every bit where both
+    save."""
+    case = CASES[name]
+    few = case.end * np.array([0.31, 1.0])
+    many = np.union1d(np.linspace(0.0, case.end, 23), few)
+    one, other = (case.run(case.fineness[0], times=times, late=True) for times in (few, many))
+    assert one.steps == other.steps
+    for key in case.names:
+        assert np.array_equal(one[key], other[key][np.searchsorted(many, few)]), key
+
+
+@cases(quick="own")
+def test_a_run_goes_on_after_any_batch_of_blocks(name):
+    """A run that stops after every batch of blocks, and goes on from arrays by path, has the same bits as
+    one that never stops. So has a run that is continued from the end of a shorter one."""
+    case = CASES[name]
+    stepper = case.stepper(jnp.asarray(case.fineness[1], float))
+    compiled = compile_scene(case.scene, stepper, None, None if case.chain else case.names)
+    whole = HostRun(compiled)
+    expected = rows_of(whole.chunks())
+
+    programs = compiled.programs._replace(batches=1)
+    run, chunks = HostRun(compiled._replace(programs=programs)), []
+    while run.checkpoint.rows < len(run.times):
+        chunks.append(next(run.chunks()))
+        arrays = {path: np.array(x) for path, x in paths(run.checkpoint.motion).items()}
+        run = HostRun(run.compiled, run.checkpoint._replace(motion=arrays))
+    assert len(chunks) > 1
+    check_bits(rows_of(chunks), expected)
+
+    # The shorter run ends between two saved instants of the longer one.
+    short = case.scene.replace({"integrator.t_end": 0.73 * case.end})
+    first = HostRun(compile_scene(short, stepper, None, None if case.chain else case.names))
+    begun = rows_of(first.chunks())
+    kept = first.checkpoint.rows
+    rest = rows_of(HostRun(compiled, first.checkpoint).chunks())
+    check_bits({key: np.concatenate([begun[key][:kept], rest[key]]) for key in begun}, expected)
+
+
+def rows_of(chunks: Any) -> dict[str, np.ndarray]:
+    """Time, observables and statistics of several chunks."""
+    return join([{"time": x.time, **x.observables, **x.numerics} for x in chunks])
+
+
+def check_bits(found: Mapping[str, np.ndarray], expected: Mapping[str, np.ndarray]) -> None:
+    """The arrays are the same, bit by bit."""
+    assert found.keys() == expected.keys()
+    for name, values in expected.items():
+        assert np.array_equal(found[name], values, equal_nan=True), name
+
+
+# ---- traced runs --------------------------------------------------------------------------------
+
+
+@cases(quick="own")
+def test_batch_of_traced_runs_equals_a_loop_on_the_host(name):
+    """One `vmap` holds good members, members that fail, and one that needs too many steps.
+
+    Every member ends with the same member of RESULTS and the same numbers of steps as its run on the host.
+    Its observables agree to 1e-9 of their largest value (rounding, through the release of a tether), and
+    are NaN at the same instants. The release makes a difference."""
+    case = CASES[name]
+    times = case.end * np.array([0.25, 0.5137, 1.0])
+    coarse, _, fine = case.fineness
+    inputs = [(coarse, 1.0, "successful"), (coarse, 1.01, "successful"), (fine, 1.0, "too_many_steps")]
+    for (what, value), result in case.failures.items():
+        inputs.append((value, 1.0, result) if what == "fineness" else (coarse, value, result))
+    finenesses, factors, results = zip(*inputs, strict=True)
+
+    def member(fineness, factor):
+        run = case.run(fineness, (factor, 1.0, 1.0, 1.0), times, max_steps=case.max_steps)
+        return dict(run), run.result, run.steps, run.stats["rejected_steps"]
+
+    batch = jit(jax.vmap(member))(jnp.array(finenesses), jnp.array(factors))
+    for k, (fineness, factor, result) in enumerate(inputs):
+        rows, ended, steps, rejected = jax.tree.map(lambda x, k=k: x[k], batch)
+        host = case.run(
+            fineness, (factor, 1.0, 1.0, 1.0), times, max_steps=case.max_steps, throw=False
+        )
+        assert name_of(ended) == name_of(host.result) == result
+        assert (int(steps), int(rejected)) == (host.steps, host.stats["rejected_steps"])
+        for key in case.names:
+            size = np.nanmax(np.abs(host[key]), initial=0.0)
+            np.testing.assert_allclose(rows[key], host[key], rtol=0, atol=1e-9 * size, err_msg=key)
+    if not case.chain:
+        held = case.run(coarse, times=times, late=True)
+        before, after = (difference(case.run(coarse, times=times), held, "reaction_B", [k]) for k in (1, 2))
+        assert before < 1e-9 and after > 1e-3
+
+
+@cases(quick="own")
+def test_derivative(name):
+    """Forward mode agrees with the difference quotient of host runs, and reverse with forward mode (1e-10:
+    rounding). The derivative goes through the release of a tether."""
+    case = CASES[name]
+    times = case.end * np.array([0.25, 0.5137, 1.0])
+    fineness = case.fineness[1]
+    along, one = np.array([0.3, 1.0, -0.2, 0.5]), np.ones(4)
+
+    def signals(x):
+        run = case.run(fineness, x, times)
+        return jnp.concatenate([jnp.ravel(run[key]) for key in case.names[:2]])
+
+    @jit
+    def derivatives(x, weights):
+        value, forward = jax.jvp(signals, (x,), (jnp.asarray(along),))
+        return value, forward, jax.vjp(signals, x)[1](weights)[0]
+
+    host = np.asarray(signals(one))
+    weights = np.random.default_rng(1).normal(size=host.size) / np.abs(host).max()
+    value, forward, reverse = derivatives(jnp.asarray(one), jnp.asarray(weights))
+    np.testing.assert_allclose(value, host, rtol=0, atol=1e-9 * np.abs(host).max())
+    assert abs(reverse @ along / (weights @ forward) - 1.0) < 1e-10
+
+    e = 1e-3
+    near, far = ((signals(one + k * e * along) - signals(one - k * e * along)) for k in (1, 2))
+    quotient = np.asarray(8.0 * near - far) / (12.0 * e)
+    first = [host.size - len(times)]  # the second observable has one number at an instant
+    for got, wanted in zip(np.split(forward, first), np.split(quotient, first), strict=True):
+        assert np.abs(got - wanted).max() < case.quotient * np.abs(wanted).max()
