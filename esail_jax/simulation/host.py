@@ -223,8 +223,14 @@ def restored(like: Motion, arrays: Mapping[str, np.ndarray]) -> Motion:
     return jax.tree.unflatten(jax.tree.structure(like), [arrays[name] for name in expected])
 
 
-def all_rows(chunks: list[Chunk], part: str, count: int) -> dict[str, np.ndarray]:
-    """Rows of all chunks, filled up with NaN to `count` instants: a failed run does not reach all."""
-    rows = join([getattr(chunk, part) for chunk in chunks]) if chunks else {}
+def all_rows(
+    chunks: list[Chunk], part: str, count: int, shapes: Mapping[str, tuple[int, ...]]
+) -> dict[str, np.ndarray]:
+    """Rows of all chunks, filled up with NaN to `count` instants: a failed run does not reach all. shapes:
+    those of the rows at one instant, for a run that reached none."""
+    if chunks:
+        rows = join([getattr(chunk, part) for chunk in chunks])
+    else:
+        rows = {name: np.zeros((0, *shape)) for name, shape in shapes.items()}
     missing = {name: np.full((count - len(x), *x.shape[1:]), np.nan) for name, x in rows.items()}
     return {name: np.concatenate([x, missing[name]]) for name, x in rows.items()}

@@ -146,8 +146,9 @@ def collected(run: Begun, save, throw: bool, progress=None) -> Solution:
         if throw:
             raise
         message, result = str(error), error.result
-    rows = all_rows(chunks, "observables", len(host.times))
-    numerics = all_rows(chunks, "numerics", len(host.times))
+    shapes = host.compiled.programs.shapes
+    rows = all_rows(chunks, "observables", len(host.times), shapes)
+    numerics = all_rows(chunks, "numerics", len(host.times), dict.fromkeys(host.compiled.numerics, ()))
     counts = host.counts
     stats = {
         "steps": int(counts[0]),
