@@ -63,8 +63,8 @@ def compile_scene(
 class HostRun:
     """A run of a compiled scene, from its start or from a checkpoint.
 
-    steps, rejected: numbers of steps so far; point: the last saved instant; checkpoint: where a longer run
-    could go on."""
+    counts: numbers of steps taken and rejected so far; point: the last saved instant; checkpoint: where a
+    longer run could go on. For a failed run this is the start of the call that failed."""
 
     def __init__(
         self,
@@ -80,6 +80,7 @@ class HostRun:
         elif isinstance(checkpoint.motion, Mapping):
             checkpoint = checkpoint._replace(motion=restored(compiled.motion, checkpoint.motion))
         self.checkpoint, self.point = checkpoint, None
+        self.counts = np.asarray(checkpoint.motion.counts)
         scene = compiled.resolved
         self.interval = scene.output.interval if times is None else None
         self.times = save_times(scene.integrator.t_end, scene.output.interval) if times is None else times
@@ -91,7 +92,7 @@ class HostRun:
     @property
     def steps(self) -> int:
         """Number of steps taken so far."""
-        return int(self.checkpoint.motion.counts[0])
+        return int(self.counts[0])
 
     def chunks(self) -> Iterator[Chunk]:
         """The run, a chunk for each call that passed a saved instant. Raises SimulationError when the
@@ -153,10 +154,12 @@ class HostRun:
                     after = self.compiled.problem.with_events_until(np.asarray(segment.stop))
                     motion = programs.restart(after, motion, last, np.asarray(self._until(number + 1)))
                     at = number + 1
-                self.checkpoint = Checkpoint(motion, row, at, pending, energy)
+                self.counts = np.asarray(motion.counts)
+                result = name_of(motion.state.result) if good == seen else "energy_drift"
+                if result == "successful":
+                    self.checkpoint = Checkpoint(motion, row, at, pending, energy)
                 if good:
                     yield Chunk(times[:good], rows, numerics, float(motion.state.time))
-                result = name_of(motion.state.result) if good == seen else "energy_drift"
                 if result != "successful":
                     raise self._failure(
                         result, problem, motion, log, times[good] if good < len(times) else np.nan

@@ -23,7 +23,9 @@ class Solution(eqx.Module, Mapping):
     the point at the end, from which `simulate(scene, start=...)` goes on; stats: steps, rejected_steps,
     times, terms, and a message if the run failed, its energy balance is wrong or its step too long;
     numerics: statistics of the steps by saved instant; checkpoint: where a longer run could go on, bit for
-    bit. Under a trace `scene` and the last two are None."""
+    bit (None if `times`, `save`, `start` or `stepper` was given: a longer run of the scene would be
+    another run); save, start, stepper: these arguments of `simulate`. Under a trace all of these but `save`
+    are None, and so is `scene`."""
 
     time: Float[Array, " time"] | Float[np.ndarray, " time"]
     observables: dict[str, Array | np.ndarray]
@@ -33,6 +35,8 @@ class Solution(eqx.Module, Mapping):
     numerics: dict[str, np.ndarray] | None = None
     checkpoint: Checkpoint | None = None
     scene: Scene | None = eqx.field(static=True, default=None)
+    save: tuple[str, ...] | None = eqx.field(static=True, default=None)
+    start: Point | None = None
     stepper: AbstractStepper | None = None
 
     def __getitem__(self, name: str) -> Array | np.ndarray:
@@ -72,7 +76,8 @@ class Solution(eqx.Module, Mapping):
         saved.
 
         The run is taken again up to that time, with the programs that are compiled already. Raises
-        ValueError for a time outside the run, and for a run made under a trace."""
+        ValueError for a time outside the run, for a run made under a trace, and for a run from a file
+        that does not hold all of its arguments."""
         from esail_jax.simulation.simulate import observables_at
 
         return observables_at(self, time)
