@@ -186,13 +186,12 @@ def collected(run: Begun, save, throw: bool, progress=None) -> Solution:
         run.save,
         run.start,
         run.stepper,
+        observables_at,
     )
 
 
 def observables_at(solution: Solution, time: float) -> dict[str, np.ndarray]:
     """The observables of a solution at any time [s]: `Solution.at`."""
-    if solution.scene is None:
-        raise ValueError("`solution` must come from a run on concrete numbers, but was traced")
     first, last = float(solution.time[0]), float(solution.time[-1])
     if not first <= time <= last:
         raise ValueError(f"`time` must lie within the run, {first:g} to {last:g} s, but is {time:g}")
