@@ -248,7 +248,7 @@ class RungeKutta(AbstractStepper):
         batch = jnp.arange(len(tapes)) // self.blocks_per_batch
         sizes = jnp.where(batch < blocks, tapes, 0.0)
         sizes = sizes[jnp.argsort(sizes == 0.0, stable=True)]
-        carry = (motion.last.pick((0,)), motion.state.now)
+        carry = (jax.tree.map(lambda x: x[0], motion.last), motion.state.now)
         (last, now), _ = lax.scan(chunk, carry, sizes.reshape(-1, STEPS_PER_CHUNK))
         points = jax.vmap(lambda time: self.evaluate(model, last, time))(times)
         state = replace(lax.stop_gradient(ended.state), now=replace(now, time=ended.state.now.time))
