@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.scenes.method_choice import with_method
@@ -66,8 +67,8 @@ def compile_scene(
 class HostRun:
     """A run of a compiled scene, from its start or from a checkpoint.
 
-    steps, rejected: numbers of steps so far; point: the last saved instant; checkpoint: where a longer run
-    could go on."""
+    counts: numbers of steps taken and rejected so far; point: the last saved instant; checkpoint: where a
+    longer run could go on. For a failed run this is the start of the call that failed."""
 
     def __init__(
         self,
@@ -158,10 +159,11 @@ class HostRun:
                     after = self.compiled.problem.with_events_until(np.asarray(segment.stop))
                     motion = programs.restart(after, motion, last, np.asarray(self._until(number + 1)))
                     at = number + 1
-                self.checkpoint = Checkpoint(motion, row, at, pending, energy)
+                result = name_of(motion.state.result) if good == seen else "energy_drift"
+                if result == "successful":
+                    self.checkpoint = Checkpoint(motion, row, at, pending, energy)
                 if good:
                     yield Chunk(times[:good], rows, numerics, float(done.time))
-                result = name_of(motion.state.result) if good == seen else "energy_drift"
                 if result != "successful":
                     raise self._failure(
                         result, problem, motion, log, times[good] if good < len(times) else np.nan
@@ -216,8 +218,8 @@ def restored(like: Motion, arrays: Mapping[str, np.ndarray]) -> Motion:
     for name in expected.keys() | arrays.keys():
         if name not in expected or name not in arrays:
             raise ValueError(f"{name} is {'missing' if name in expected else 'unknown'}")
-        kind = (np.shape(expected[name]), np.result_type(expected[name]))
-        found = (np.shape(arrays[name]), np.result_type(arrays[name]))
+        kind = (np.shape(expected[name]), jnp.result_type(expected[name]))
+        found = (np.shape(arrays[name]), jnp.result_type(arrays[name]))
         if kind != found:
             raise ValueError(f"{name} is {found[1]}{list(found[0])}, not {kind[1]}{list(kind[0])}")
     return jax.tree.unflatten(jax.tree.structure(like), [arrays[name] for name in expected])

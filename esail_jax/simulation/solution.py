@@ -1,6 +1,6 @@
 """The result of a run: a mapping from names of observables to arrays."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import equinox as eqx
@@ -23,7 +23,10 @@ class Solution(eqx.Module, Mapping):
     the point at the end, from which `simulate(scene, start=...)` goes on; stats: steps, rejected_steps,
     times, terms, and a message if the run failed, its energy balance is wrong or its step too long;
     numerics: statistics of the steps by saved instant; checkpoint: where a longer run could go on, bit for
-    bit. Under a trace `scene` and the last two are None."""
+    bit (None if `times`, `save`, `start` or `stepper` was given: a longer run of the scene would be
+    another run); save, start, stepper: these arguments of `simulate`; again: the function
+    behind `at`, which takes the run again. Under a trace all of these but `save` are None, and so is
+    `scene`."""
 
     time: Float[Array, " time"] | Float[np.ndarray, " time"]
     observables: dict[str, Array | np.ndarray]
@@ -33,7 +36,10 @@ class Solution(eqx.Module, Mapping):
     numerics: dict[str, np.ndarray] | None = None
     checkpoint: Checkpoint | None = None
     scene: Scene | None = eqx.field(static=True, default=None)
+    save: tuple[str, ...] | None = eqx.field(static=True, default=None)
+    start: Point | None = None
     stepper: AbstractStepper | None = None
+    again: Callable[["Solution", float], dict[str, np.ndarray]] | None = eqx.field(static=True, default=None)
 
     def __getitem__(self, name: str) -> Array | np.ndarray:
         return self.observables[name]
@@ -72,10 +78,11 @@ class Solution(eqx.Module, Mapping):
         saved.
 
         The run is taken again up to that time, with the programs that are compiled already. Raises
-        ValueError for a time outside the run, and for a run made under a trace."""
-        from esail_jax.simulation.simulate import observables_at
-
-        return observables_at(self, time)
+        ValueError for a time outside the run, for a run made under a trace, and for a run from a file
+        that does not hold all of its arguments."""
+        if self.again is None:
+            raise ValueError("`solution` must come from a run on concrete numbers, but was traced")
+        return self.again(self, time)
 
     def to_xarray(self) -> Any:
         """The run as an `xarray.Dataset` with units, symbols and named axes. Needs the extra `xarray`."""

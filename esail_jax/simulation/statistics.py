@@ -9,7 +9,11 @@ from esail_jax.steppers.stepper import Log, Statistic
 
 COUNTS = {"steps": "-", "rejected_steps": "-", "last_step": "s"}
 """Names and units of what every method reports for a saved instant: the steps that ended since the instant
-before, those rejected meanwhile, and the size of the step in which the instant lies."""
+before, those rejected meanwhile, and the size of the step in which the instant lies (the step that ends
+there where two meet, 0 at the start of the run)."""
+
+ROUNDING = 1e-15
+"""Rounding of a time relative to it, by which the start of a step may miss the end of the step before."""
 
 
 class Pending(NamedTuple):
@@ -48,12 +52,13 @@ class Pending(NamedTuple):
         taken = np.where(table[:, 1] > 0, table[:, 0], np.inf)
         ends = np.minimum.accumulate(taken[::-1])[::-1] if len(table) else taken
         cuts = np.searchsorted(ends, times, side="right")
+        # All steps that reach an instant are known when it is passed, but not always the next one.
+        first = np.searchsorted(ends, times, side="left")
         rows, before = [], 0
-        for cut in cuts:
-            part = table[before:cut]
-            following = table[cut:][table[cut:, 1] > 0, 3]
-            size = following[0] if len(following) else (table[-1, 3] if len(table) else np.nan)
-            rows.append([*self._numbers(part, statistics), size])
+        for time, cut, reaches in zip(times, cuts, first, strict=True):
+            around = table[reaches:][table[reaches:, 1] > 0]
+            inside = len(around) and time > around[0, 0] - around[0, 3] + ROUNDING * around[0, 0]
+            rows.append([*self._numbers(table[before:cut], statistics), around[0, 3] if inside else 0.0])
             before = max(before, cut)
         found = np.array(rows, float).reshape(len(times), -1)
         names = ["steps", "rejected_steps", *statistics, "last_step"]
