@@ -103,7 +103,8 @@ class Solution(eqx.Module, Mapping):
         stats = self.stats
         outcome = RESULTS[self.result] if not stats["message"] else stats["message"]
         return (
-            f"Solution: {len(self)} observables at {len(self.time)} instants from {self.time[0]:g} to {self.time[-1]:g} s\n"
+            f"Solution: {len(self)} observables at {len(self.time)} instants "
+            f"from {self.time[0]:g} to {self.time[-1]:g} s\n"
             f"  {stats.get('method', '')}: {self.steps} steps in {stats['wall_time']:.2f} s, "
             f"compiling {stats['compile_time']:.2f} s\n"
             f"  {outcome}"
