@@ -18,8 +18,10 @@ def balance_warning(rows: Mapping[str, np.ndarray]) -> str:
 
     It is violated if |dE - W + D| exceeds both BALANCE_TOLERANCE of the largest of |dE|, |W| and |D| and
     ROUNDING of E. For a chain without loads and damping: if |E - E_0| exceeds BALANCE_TOLERANCE of the
-    energy, which is then constant."""
-    if "energy_balance_error" not in rows:
+    energy, which is then constant. It is not judged if the run saved only some of these observables."""
+    if not rows.keys() >= {*TERMS}:
+        if "energy_balance_error" in rows or "energy_error" not in rows:
+            return ""
         missing = largest(rows["energy_error"])
         return f"{SENTENCE} {missing:.1e} of the energy." if missing > BALANCE_TOLERANCE else ""
     kinetic, elastic, work, dissipated, error = (rows[name] for name in TERMS)

@@ -200,7 +200,7 @@ def observables_at(solution: Solution, time: float) -> dict[str, np.ndarray]:
         raise ValueError("`solution` must hold its `start` and its stepper, but was read from a file")
     given = {"save": solution.save, "start": solution.start, "stepper": solution.stepper}
     found = simulate(solution.scene, times=[time], **given)
-    return {name: found[name][0] for name in solution}
+    return {name: np.asarray(found[name][0]) for name in solution}
 
 
 def no_rows(host: HostRun, save: tuple[str, ...] | None) -> dict[str, np.ndarray]:

@@ -9,7 +9,7 @@ from esail_jax.steppers.stepper import Log, Statistic
 
 COUNTS = {"steps": "-", "rejected_steps": "-", "last_step": "s"}
 """Names and units of what every method reports for a saved instant: the steps that ended since the instant
-before, those rejected meanwhile, and the size of the step in which the instant lies."""
+before, those rejected meanwhile, and the size of the step in which the instant lies (NaN at the start)."""
 
 
 class Pending(NamedTuple):
@@ -39,20 +39,24 @@ class Pending(NamedTuple):
         )
 
     def values(
-        self, times: np.ndarray, statistics: Mapping[str, Statistic]
+        self, times: np.ndarray, begin: float, statistics: Mapping[str, Statistic]
     ) -> tuple[dict[str, np.ndarray], "Pending"]:
         """The statistics for saved instants [s], and the steps that are left. A step belongs to the first
-        instant after its end, a rejected one to the instant of the step taken after it."""
+        instant after its end, a rejected one to the instant of the step taken after it. begin: the start of
+        the run [s].
+
+        The numbers do not depend on which later steps are known, so that they are the same however the run
+        is divided into calls."""
         table = self.table
         # The ends of taken steps increase; a rejected attempt goes with the next step that was taken.
         taken = np.where(table[:, 1] > 0, table[:, 0], np.inf)
         ends = np.minimum.accumulate(taken[::-1])[::-1] if len(table) else taken
         cuts = np.searchsorted(ends, times, side="right")
         rows, before = [], 0
-        for cut in cuts:
+        for time, cut in zip(times, cuts, strict=True):
             part = table[before:cut]
-            following = table[cut:][table[cut:, 1] > 0, 3]
-            size = following[0] if len(following) else (table[-1, 3] if len(table) else np.nan)
+            reaching = table[(table[:, 1] > 0) & (table[:, 0] >= time), 3]
+            size = reaching[0] if len(reaching) and time > begin else np.nan
             rows.append([*self._numbers(part, statistics), size])
             before = max(before, cut)
         found = np.array(rows, float).reshape(len(times), -1)
