@@ -135,7 +135,8 @@ class HostRun:
                     self.point = last if seen else self.point
                     rows = {name: np.asarray(x)[:seen] for name, x in found.items()}
                     if seen:
-                        rows, memory, kept = with_running_observables(problem, rows, energy, np)
+                        with np.errstate(over="ignore", invalid="ignore"):  # the energy may be infinite
+                            rows, memory, kept = with_running_observables(problem, rows, energy, np)
                         good = seen if kept is None or kept.all() else int(np.argmin(kept))
                     numerics, left = pending.values(times[:seen], self.begin, self.statistics)
                     if (
