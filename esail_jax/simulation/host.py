@@ -104,6 +104,8 @@ class HostRun:
         stepper gives up, after the last good chunk."""
         motion, row, at, pending, energy = self.checkpoint
         programs = self.compiled.programs
+        if row == len(self.times):
+            return  # interrupted after the last instant
         for number in range(at, len(self.segments)):
             segment = self.segments[number]
             problem = self.compiled.problem
@@ -137,9 +139,10 @@ class HostRun:
                     self.point = last if seen else self.point
                     rows = {name: np.asarray(x)[:seen] for name, x in found.items()}
                     if seen:
-                        rows, memory, kept = with_running_observables(problem, rows, energy, np)
+                        with np.errstate(over="ignore", invalid="ignore"):  # the energy may be infinite
+                            rows, memory, kept = with_running_observables(problem, rows, energy, np)
                         good = seen if kept is None or kept.all() else int(np.argmin(kept))
-                    numerics, left = pending.values(times[:seen], self.statistics)
+                    numerics, left = pending.values(times[:seen], self.begin, self.statistics)
                     if (
                         "constraint_violation" in self.compiled.numerics
                         and "constraint_violation" not in numerics

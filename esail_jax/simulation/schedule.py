@@ -8,7 +8,7 @@ import numpy as np
 
 from esail_jax.array_types import Array, Bool, Float, Int
 from esail_jax.scenes.rules import known
-from esail_jax.scenes.tables import Event, Voltage
+from esail_jax.scenes.tables import ChainVoltage, Event, Voltage
 
 SNAP = 1e-9
 """Fraction of an interval by which a time may miss a multiple of it: multiples of decimal numbers are not
@@ -27,11 +27,11 @@ def is_multiple(time: float, interval: float) -> bool:
     return bool(abs(ratio - round(ratio)) <= SNAP * max(1.0, ratio))
 
 
-def switch_times(event: Event | None, voltage: Voltage | None) -> tuple[float, ...]:
+def switch_times(event: Event | None, voltage: Voltage | ChainVoltage | None) -> tuple[float, ...]:
     """The times [s], in order, at which a run begins afresh: events, and, with `voltage`, the times at
     which that begins to rise or fall. Times under a trace have no value; the steps find them."""
     times = set() if event is None else set(event.time)
-    for switched in () if voltage is None else (voltage.on, voltage.off):
+    for switched in (voltage.on, voltage.off) if isinstance(voltage, Voltage) else ():
         if switched is not None and known(switched) is not None:
             times |= set(known(switched).ravel().tolist())
     return tuple(sorted(time for time in times if time > 0.0))

@@ -199,8 +199,10 @@ def observables_at(solution: Solution, time: float) -> dict[str, np.ndarray]:
     if solution.checkpoint is None and "schema_version" in solution.stats:
         raise ValueError("`solution` must hold its `start` and its stepper, but was read from a file")
     given = {"save": solution.save, "start": solution.start, "stepper": solution.stepper}
-    found = simulate(solution.scene, times=[time], **given)
-    return {name: found[name][0] for name in solution}
+    # The energy error of a chain refers to the instants before.
+    before = solution.time if solution.scene.chain is not None else solution.time[:0]
+    found = simulate(solution.scene, times=[*before[before < time], time], **given)
+    return {name: np.asarray(found[name][-1]) for name in solution}
 
 
 

@@ -43,10 +43,14 @@ class Pending(NamedTuple):
         )
 
     def values(
-        self, times: np.ndarray, statistics: Mapping[str, Statistic]
+        self, times: np.ndarray, begin: float, statistics: Mapping[str, Statistic]
     ) -> tuple[dict[str, np.ndarray], "Pending"]:
         """The statistics for saved instants [s], and the steps that are left. A step belongs to the first
-        instant after its end, a rejected one to the instant of the step taken after it."""
+        instant after its end, a rejected one to the instant of the step taken after it. begin: the start of
+        the run [s].
+
+        The numbers do not depend on which later steps are known, so that they are the same however the run
+        is divided into calls."""
         table = self.table
         # The ends of taken steps increase; a rejected attempt goes with the next step that was taken.
         taken = np.where(table[:, 1] > 0, table[:, 0], np.inf)
