@@ -68,8 +68,8 @@ def bounded_loop(
         results = jax.tree.map(lambda all, x: put(all, x, count, 0), results, result)
         return carry, count + 1, goes_on, results
 
-    room = most if room is None else room
-    empty = jax.tree.map(lambda x: jnp.broadcast_to(x, (room, *jnp.shape(x))), nothing)
+    length = most if room is None else room
+    empty = jax.tree.map(lambda x: jnp.broadcast_to(x, (length, *jnp.shape(x))), nothing)
     state = (carry, jnp.zeros((), int), jnp.asarray(True), empty)
     carry, _, _, results = lax.while_loop(lambda state: any_member(is_active(state)), turn, state)
     return carry, results

@@ -8,7 +8,7 @@ import numpy as np
 
 from esail_jax.array_types import Array, Bool, Float, Int
 from esail_jax.scenes.rules import known
-from esail_jax.scenes.tables import Event, Voltage
+from esail_jax.scenes.tables import ChainVoltage, Event, Voltage
 
 SNAP = 1e-9
 """Fraction of an interval by which a time may miss a multiple of it: multiples of decimal numbers are not
@@ -27,11 +27,12 @@ def is_multiple(time: float, interval: float) -> bool:
     return bool(abs(ratio - round(ratio)) <= SNAP * max(1.0, ratio))
 
 
-def switch_times(event: Event | None, voltage: Voltage | None) -> tuple[float, ...]:
-    """The times [s], in order, at which a run begins afresh: events, and, with `voltage`, the times at
-    which that begins to rise or fall. Times under a trace have no value; the steps find them."""
+def switch_times(event: Event | None, voltage: Voltage | ChainVoltage | None) -> tuple[float, ...]:
+    """Returns the times [s], in increasing order, at which a stepper is initialised again: all events, and
+    the times `on` and `off` of the voltage. A time of the voltage that is a tracer has no value and is left out;
+    the error control of the steps has to find it. The voltage of a chain is constant and has no such time."""
     times = set() if event is None else set(event.time)
-    for switched in () if voltage is None else (voltage.on, voltage.off):
+    for switched in (voltage.on, voltage.off) if isinstance(voltage, Voltage) else ():
         if switched is not None and known(switched) is not None:
             times |= set(known(switched).ravel().tolist())
     return tuple(sorted(time for time in times if time > 0.0))

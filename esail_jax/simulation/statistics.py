@@ -1,6 +1,6 @@
 """Statistics of the steps, put together for every saved instant."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -63,7 +63,7 @@ class Pending(NamedTuple):
     def _together(self, part: np.ndarray, statistics: Mapping[str, Statistic]) -> np.ndarray:
         """Several rows as one, sums in place of means."""
         over = [statistic.over for statistic in statistics.values()]
-        ways = {"mean": np.sum, "largest": np.max, "last": lambda x: x[-1]}
+        ways: dict[str, Callable] = {"mean": np.sum, "largest": np.max, "last": lambda x: x[-1]}
         parts = [ways[way](part[:, 4 + i]) for i, way in enumerate(over)]
         return np.array([part[-1, 0], part[:, 1].sum(), part[:, 2].sum(), part[-1, 3], *parts])
 
