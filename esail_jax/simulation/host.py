@@ -122,27 +122,27 @@ class HostRun:
                     np.asarray(programs.batches),
                 )
                 passed, motion = int(done.passed), done.motion
-                seen = min(passed, shown)
+                observed = min(passed, shown)
                 log = Log.from_table(np.asarray(done.kept), programs.statistics)
                 pending = pending.with_steps(log, self.statistics)
-                left, memory, rows, numerics, good = pending, energy, {}, {}, seen
+                left, memory, rows, numerics, good = pending, energy, {}, {}, observed
                 if passed:
                     found, last, gaps = programs.look(problem, done.points, np.asarray(passed))
-                    self.point = last if seen else self.point
-                    rows = {name: np.asarray(x)[:seen] for name, x in found.items()}
-                    if seen:
+                    self.point = last if observed else self.point
+                    rows = {name: np.asarray(x)[:observed] for name, x in found.items()}
+                    if observed:
                         rows, memory, kept = with_running_observables(problem, rows, energy, np)
-                        good = seen if kept is None or kept.all() else int(np.argmin(kept))
-                    numerics, left = pending.values(times[:seen], self.statistics)
+                        good = observed if kept is None or kept.all() else int(np.argmin(kept))
+                    numerics, left = pending.values(times[:observed], self.statistics)
                     if (
                         "constraint_violation" in self.compiled.numerics
                         and "constraint_violation" not in numerics
                     ):
-                        numerics["constraint_violation"] = np.asarray(gaps)[:seen]
+                        numerics["constraint_violation"] = np.asarray(gaps)[:observed]
                     rows, numerics = ({k: x[:good] for k, x in part.items()} for part in (rows, numerics))
-                common = not seen or self._common(times[seen - 1])
-                if good == seen and common:
-                    row, pending, energy = row + seen, left, memory
+                common = not observed or self._common(times[observed - 1])
+                if good == observed and common:
+                    row, pending, energy = row + observed, left, memory
                     pending = (
                         pending.merged(float(motion.state.time), self.statistics)
                         if passed < len(times)
@@ -156,7 +156,7 @@ class HostRun:
                 self.checkpoint = Checkpoint(motion, row, at, pending, energy)
                 if good:
                     yield Chunk(times[:good], rows, numerics, float(motion.state.time))
-                result = name_of(motion.state.result) if good == seen else "energy_drift"
+                result = name_of(motion.state.result) if good == observed else "energy_drift"
                 if result != "successful":
                     raise self._failure(
                         result, problem, motion, log, times[good] if good < len(times) else np.nan

@@ -71,15 +71,15 @@ def look_at_window(
 
     def put(row, kept):
         rows, gaps, _ = kept
-        seen, point, gap = one(row)
+        observed, point, gap = one(row)
         rows, gaps = jax.tree.map(
-            lambda all, x: lax.dynamic_update_index_in_dim(all, x, row, 0), (rows, gaps), (seen, gap)
+            lambda all, x: lax.dynamic_update_index_in_dim(all, x, row, 0), (rows, gaps), (observed, gap)
         )
         return rows, gaps, point
 
-    seen, point, _ = jax.eval_shape(lambda: one(0))
+    observed, point, _ = jax.eval_shape(lambda: one(0))
     size = len(points.time)
-    room = jax.tree.map(lambda x: jnp.zeros((size, *x.shape), x.dtype), seen)
+    room = jax.tree.map(lambda x: jnp.zeros((size, *x.shape), x.dtype), observed)
     first = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), point)
     rows, gaps, point = lax.fori_loop(0, count, put, (room, jnp.zeros(size), first))
     return rows, point, gaps

@@ -113,11 +113,11 @@ class Collocation(AbstractStepper):
         short, or the factors are no longer good."""
         system = model
         lam = jax.tree.map(lambda x: x[-1], state.history.values.lam)
-        kept, h = factor(system, state.now, state.h, lam), state.h
+        factors, h = factor(system, state.now, state.h, lam), state.h
 
         def step(carry):
             state, fewest, steps, spent, error_before = carry
-            state, good, record = self.attempt(system, state, kept)
+            state, good, record = self.attempt(system, state, factors)
             error, count = record.info.error, record.info.iterations
             fewest, steps, spent = jnp.minimum(fewest, count), steps + 1, spent + count
             going = good & (spent - steps * fewest < FACTORISATION_COST)
@@ -133,23 +133,23 @@ class Collocation(AbstractStepper):
         return replace(state, result=self.outcome(state)), records
 
     def attempt(
-        self, system: System, state: CollocationState, kept: FrozenFactors
+        self, system: System, state: CollocationState, factors: FrozenFactors
     ) -> tuple[CollocationState, Array, CollocationSteps]:
         """One step, taken or to be tried again with a shorter length; whether it was taken; its record."""
         now, h = state.now, state.h
         guess = first_guess(system, state)
         part = ROUNDING if self.step_size is not None else NEWTON_FRACTION * self.tolerance
         enough = jnp.maximum(part * lengths(system), rounding(now.q))
-        unknowns, iterations, left = solve_stages(system, now, h, guess, kept, enough)
+        unknowns, iterations, left = solve_stages(system, now, h, guess, factors, enough)
         solved = left <= 1.0
         times, q, _ = stage_states(now, h, unknowns.vdot)
-        values = seen_from_hub(system, state.history, times, q, unknowns)
+        values = in_hub_axes(system, state.history, times, q, unknowns)
         error = self.error(system, now, h, unknowns.vdot)
         good = solved & jnp.isfinite(error)
         if self.step_size is None:
             good &= error <= 1.0
 
-        end = end_of_step(system, now, h, unknowns, kept)
+        end = end_of_step(system, now, h, unknowns, factors)
         power = stage_powers(system, now, h, unknowns)
         work = jax.tree.map(jnp.add, now.work, work_of_step(h, now.power, power))
         taken = state.taken + 1.0
@@ -263,7 +263,7 @@ def first_guess(system: System, state: CollocationState) -> StageUnknowns:
     return StageUnknowns(jax.vmap(outward)(times, values.vdot), values.lam)
 
 
-def seen_from_hub(
+def in_hub_axes(
     system: System,
     history: History,
     times: Float[Array, " stage"],

@@ -62,7 +62,7 @@ def replay_steps(
     powers, which nothing else depends on (`replay_work`)."""
     h = records.h[0]
     lam = jax.tree.map(lambda x: x[0, 0], records.stages.lam)
-    kept = lax.stop_gradient(factor(*lax.stop_gradient((system, now, h, lam))))
+    factors = lax.stop_gradient(factor(*lax.stop_gradient((system, now, h, lam))))
 
     @jax.checkpoint
     def step(now, record):
@@ -70,8 +70,8 @@ def replay_steps(
         stages = jax.tree.map(lambda x: jnp.where(record.taken, x, 0.0), record.stages)
         # From where it was taken: nothing before a step needs to be done again for its derivative.
         now = with_tangent_of(record.start, now)
-        unknowns = known_stages(system, now, h, stages, kept, record.info.iterations)
-        q, v = end_of_step(system, now, h, unknowns, kept)
+        unknowns = known_stages(system, now, h, stages, factors, record.info.iterations)
+        q, v = end_of_step(system, now, h, unknowns, factors)
         end = now._replace(q=q, v=v, vdot=jax.tree.map(lambda x: x[-1], unknowns.vdot))
         return end, replace(record, start=now, stages=unknowns)
 

@@ -48,7 +48,7 @@ def solve_stages(
     start: StepEnd,
     h: Scalar,
     guess: StageUnknowns,
-    kept: FrozenFactors,
+    factors: FrozenFactors,
     enough: Float[Array, "2"],
 ) -> tuple[StageUnknowns, Int[Array, ""], Scalar]:
     """Simplified Newton iterations, until what is left, judged by the last two increments of the
@@ -58,7 +58,7 @@ def solve_stages(
     def iterate(carry):
         unknowns, count, before, _ = carry
         residual, axes = stage_residuals(system, start, h, jax.tree.map(reshaped, unknowns, guess))
-        change = correction(system, residual, turns_to(axes, kept), kept)
+        change = correction(system, residual, turns_to(axes, factors), factors)
         unknowns = jax.tree.map(lambda x, y: x + reshaped(y, x), unknowns, change)
         moved = jax.tree.map(lambda x: combined(TABLE.squared, x), change.vdot)
         increment = h**2 * largest(system, jax.tree.map(greatest, moved), enough)
@@ -90,7 +90,7 @@ def known_stages(
     start: StepEnd,
     h: Scalar,
     unknowns: StageUnknowns,
-    kept: FrozenFactors,
+    factors: FrozenFactors,
     iterations: Int[Array, ""],
 ) -> StageUnknowns:
     """The solution itself, with its derivative with respect to system, start and h. The factors decide how
@@ -101,11 +101,11 @@ def known_stages(
 @functools.partial(known_stages.defjvp, symbolic_zeros=True)
 def _known_stages_jvp(primals, tangents):
     """d(unknowns) = -J^-1 d(residual): implicit function theorem, J being that of all stages together."""
-    system, start, h, unknowns, kept, iterations = primals
+    system, start, h, unknowns, factors, iterations = primals
     times, q, v = stage_states(start, h, unknowns.vdot)
 
     def carried(start, h):
-        return Motion(*stage_states(start, h, unknowns.vdot)[1:])
+        return StageStates(*stage_states(start, h, unknowns.vdot)[1:])
 
     def at_rest(system, time, h):
         return residuals_at(system, time + h * TABLE.nodes, q, v, unknowns)
@@ -114,12 +114,12 @@ def _known_stages_jvp(primals, tangents):
     given = (system, start.time, h)
     _, short = jvp_of_perturbed(at_rest, given, (tangents[0], tangents[1].time, tangents[2]))
     axes = jax.vmap(lambda time, q: axes_of(system, time, q))(times, q)
-    linear = Linearised(system, times, h, Motion(q, v), unknowns)
+    linear = Linearised(system, times, h, StageStates(q, v), unknowns)
     count = iterations + MORE_ITERATIONS
-    return unknowns, linear_solution(linear, moved, short, turns_to(axes, kept), kept, count)
+    return unknowns, linear_solution(linear, moved, short, turns_to(axes, factors), factors, count)
 
 
-class Motion(NamedTuple):
+class StageStates(NamedTuple):
     """States of the stages, or what a change of the step's start does to them while the accelerations
     stay."""
 
@@ -136,7 +136,7 @@ class Linearised(NamedTuple):
     system: System
     times: Float[Array, " stage"]
     h: Scalar
-    motion: Motion
+    motion: StageStates
     unknowns: StageUnknowns
 
     def with_roots(self, x: StageUnknowns) -> StageUnknowns:
@@ -156,7 +156,7 @@ class Linearised(NamedTuple):
         rows = StageUnknowns(residual.forces, residual.constraints)
         return jax.linear_transpose(self.with_roots, rows)(rows)[0]
 
-    def rows(self, system: System, moved: Motion, x: StageUnknowns) -> StageUnknowns:
+    def rows(self, system: System, moved: StageStates, x: StageUnknowns) -> StageUnknowns:
         """Left-hand sides after changes of the motion and of the unknowns."""
         change = self.with_roots(x)
         once = jax.tree.map(lambda a: jnp.tensordot(TABLE.matrix, a, 1), change.vdot)
@@ -168,37 +168,37 @@ class Linearised(NamedTuple):
         return jax.tree.map(lambda f, x, y: f + x - y, found, x, self.without_roots(x))
 
     @property
-    def nothing(self) -> tuple[Motion, StageUnknowns]:
+    def nothing(self) -> tuple[StageStates, StageUnknowns]:
         """No change."""
         return jax.tree.map(jnp.zeros_like, (self.motion, self.unknowns))
 
-    def forwards(self) -> Callable[[Motion, StageUnknowns], StageUnknowns]:
+    def forwards(self) -> Callable[[StageStates, StageUnknowns], StageUnknowns]:
         """The derivative of `rows`."""
         return jax.linearize(lambda *x: self.rows(self.system, *x), *self.nothing)[1]
 
-    def backwards(self) -> Callable[[StageUnknowns], tuple[Motion, StageUnknowns]]:
+    def backwards(self) -> Callable[[StageUnknowns], tuple[StageStates, StageUnknowns]]:
         """Its transpose."""
         return jax.vjp(lambda *x: self.rows(Transposable.of(self.system), *x), *self.nothing)[1]
 
 
 def linear_solution(
     linear: Linearised,
-    moved: Motion,
+    moved: StageStates,
     given: Residual,
     turns: Turn,
-    kept: FrozenFactors,
+    factors: FrozenFactors,
     count: Int[Array, ""],
 ) -> StageUnknowns:
     """x with A_1 moved + A_2 x + given = 0, by `count` of the same iterations, and their transpose for
     reverse mode. A_1 moved is part of the solution, as (1, 0; A_1, A_2) (moved, x) = (moved, -given): so
     that reverse mode has the transpose of A_1 with that of A_2, not the one the compiler would be given."""
-    linear, turns, kept = lax.stop_gradient((linear, turns, kept))
+    linear, turns, factors = lax.stop_gradient((linear, turns, factors))
     nothing, zero = linear.nothing
 
     def precondition(residual):
         residual = linear.without_roots(residual)
         vdot, lam = residual
-        return linear.without_roots(correction(linear.system, Residual(vdot, lam), turns, kept))
+        return linear.without_roots(correction(linear.system, Residual(vdot, lam), turns, factors))
 
     def improved(product, precondition, rhs):
         def improve(_, x):

@@ -12,7 +12,7 @@ of all stages falls apart into one of the size of a single stage for each mu,
 
     M + (h mu)^2 K + h mu C    and the constraint gradients,
 
-complex, with half of them the conjugates of the others. Factors are kept for many steps: residuals are
+complex, with half of them the conjugates of the others. Factors are factors for many steps: residuals are
 turned back into the axes, attached to hub and nodes, in which the factors were made, solutions forth
 (`attached_axes.py`). The first iteration gains a factor of several hundred, the next 20 to 60, as long as
 tethers are taut.
@@ -46,7 +46,7 @@ stiff."""
 
 TABLE = Lobatto.of(STAGES, SPECTRAL_RADIUS)
 
-LIBRARY = 36
+LEAST_SIZE_FOR_GEMM = 36
 """Numbers of a stage beyond which a product is left to the library."""
 
 LAST_PLACES = 2e-15
@@ -91,7 +91,7 @@ def combined(
 ) -> Float[Array, "row *x"]:
     """A table times the stages. What the hub has of them is written out: calling the library for a product
     takes longer than so small a one."""
-    if stages[0].size > LIBRARY:
+    if stages[0].size > LEAST_SIZE_FOR_GEMM:
         return jnp.tensordot(per_member_table(table, stages if like is None else like), stages, 1)
     return (table.reshape(*table.shape, *(1,) * (stages.ndim - 1)) * stages).sum(1)
 
@@ -178,28 +178,28 @@ def factor(system: System, start: StepEnd, h: Scalar, lam: Multipliers) -> Froze
 # ---- linear equations ---------------------------------------------------------------------------
 
 
-def correction(system: System, residual: Residual, turns: Turn, kept: FrozenFactors) -> StageUnknowns:
+def correction(system: System, residual: Residual, turns: Turn, factors: FrozenFactors) -> StageUnknowns:
     """Change of the unknowns that a simplified Newton step asks for. turns: of every stage, from the
     axes of the factors."""
 
     def to_rhs(residual, turn):
         forces, constraints = jax.tree.map(jnp.negative, (residual.forces, residual.constraints))
-        return iteration_matrix.to_vector(system, turn.back(forces), constraints)
+        return iteration_matrix.to_vector(system, turn.to_reference(forces), constraints)
 
-    member = kept.axes.hub
+    member = factors.axes.hub
     rhs = jax.tree.map(lambda x: split(x, member), jax.vmap(to_rhs)(residual, turns))
-    solution = jax.vmap(lambda factors, rhs: bordered.solve(kept.shape, factors, rhs))(kept.stages, rhs)
+    solution = jax.vmap(lambda one, rhs: bordered.solve(factors.shape, one, rhs))(factors.stages, rhs)
     solution = jax.tree.map(lambda z: mix(z, member), solution)
 
     def from_solution(solution, turn):
         vdot, lam = iteration_matrix.from_vector(system, solution)
-        return StageUnknowns(turn.forth(vdot), lam)
+        return StageUnknowns(turn.to_current(vdot), lam)
 
     return jax.vmap(from_solution)(solution, turns)
 
 
 def split(stages: Float[Array, "stage *x"], like: Array) -> Complex[Array, "rate *x"]:
-    """T^-1 times the stages, for the kept one of every pair; in real products, which are fast."""
+    """T^-1 times the stages, for the factors one of every pair; in real products, which are fast."""
     rates = len(TABLE.split)
     parts = combined(np.concatenate([TABLE.split.real, TABLE.split.imag]), stages, like)
     return lax.complex(parts[:rates], parts[rates:])
@@ -211,23 +211,23 @@ def mix(z: Complex[Array, "rate *x"], like: Array) -> Float[Array, "stage *x"]:
     return combined(table, jnp.concatenate([z.real, z.imag]), like)
 
 
-def turns_to(axes: Axes, kept: FrozenFactors) -> Turn:
+def turns_to(axes: Axes, factors: FrozenFactors) -> Turn:
     """From the axes of the factors to those of every stage."""
-    return jax.vmap(lambda axes: turn(kept.axes, axes))(axes)
+    return jax.vmap(lambda axes: turn(factors.axes, axes))(axes)
 
 
 def on_constraints(
-    system: System, kept: FrozenFactors, time: Scalar, q: Coordinates, v: Coordinates
+    system: System, factors: FrozenFactors, time: Scalar, q: Coordinates, v: Coordinates
 ) -> tuple[Coordinates, Coordinates]:
     """The nearest state on the constraints and their rates, by one Newton correction in the mass metric
     each: the stages miss them by the local error."""
     if system.has_constraints:
-        turned = matmul(lax.stop_gradient(system.rotation(time, q)), kept.axes.hub.T)
+        turned = matmul(lax.stop_gradient(system.rotation(time, q)), factors.axes.hub.T)
         nothing = jax.tree.map(jnp.zeros_like, q)
 
         def corrected(x, defect):
             rhs = iteration_matrix.to_vector(system, nothing, jax.tree.map(jnp.negative, defect))
-            change, _ = iteration_matrix.from_vector(system, bordered.solve(kept.shape, kept.mass, rhs))
+            change, _ = iteration_matrix.from_vector(system, bordered.solve(factors.shape, factors.mass, rhs))
             return jax.tree.map(jnp.add, x, change.rotate(turned))
 
         q = corrected(q, system.constraints(time, q))
@@ -237,11 +237,11 @@ def on_constraints(
 
 
 def end_of_step(
-    system: System, now: StepEnd, h: Scalar, unknowns: StageUnknowns, kept: FrozenFactors
+    system: System, now: StepEnd, h: Scalar, unknowns: StageUnknowns, factors: FrozenFactors
 ) -> tuple[Coordinates, Coordinates]:
     """q and v at the end of a step whose stages are solved, on the constraints."""
     times, q, v = stage_states(now, h, unknowns.vdot)
-    return on_constraints(system, kept, times[-1], *(jax.tree.map(lambda x: x[-1], c) for c in (q, v)))
+    return on_constraints(system, factors, times[-1], *(jax.tree.map(lambda x: x[-1], c) for c in (q, v)))
 
 
 def work_of_step(h: Scalar, first: Power, power: Power) -> Power:

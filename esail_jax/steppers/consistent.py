@@ -19,7 +19,7 @@ from esail_jax.numerics import bordered
 from esail_jax.system import Power, System
 
 
-class Motion(NamedTuple):
+class ConsistentMotion(NamedTuple):
     """Accelerations and multipliers of a state, and what acts: forces with the reactions of the root
     joints left out (`system.Residual`), and power."""
 
@@ -35,7 +35,7 @@ def consistent_motion(
     q: Coordinates,
     v: Coordinates,
     mass: FactoredMass | None = None,
-) -> Motion:
+) -> ConsistentMotion:
     """Of the state (q, v), which must satisfy the constraints and their rates. mass: its mass matrix,
     where that is known."""
     rest = jax.tree.map(jnp.zeros_like, q)
@@ -52,7 +52,7 @@ def consistent_motion(
     vdot, lam = iteration_matrix.from_vector(system, bordered.solve(matrix, factors, rhs))
     moving = loads.axpy(1.0, Coordinates(system.tethers.inertia(vdot.tether), vdot.hub))
     residual, power = system.complete_residual(time, q, v, moving, lam, power)
-    return Motion(jax.tree.map(jnp.add, rest, vdot), lam, residual.forces, power)
+    return ConsistentMotion(jax.tree.map(jnp.add, rest, vdot), lam, residual.forces, power)
 
 
 def consistent_acceleration(

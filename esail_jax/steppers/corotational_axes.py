@@ -31,7 +31,7 @@ class Axes(NamedTuple):
 
     hub: Rotation
     along: Directions
-    loose: Float[Array | np.ndarray, "coef place"]
+    free_mask: Float[Array | np.ndarray, "coef place"]
 
 
 class Turn(NamedTuple):
@@ -40,25 +40,25 @@ class Turn(NamedTuple):
 
         R x + sum_k far_k (near_k . x).
 
-    A held root's position turns with the hub only: loose, 0 for it and 1 for all others."""
+    A held root's position turns with the hub only: free_mask, 0 for it and 1 for all others."""
 
     hub: Rotation
     near: tuple[Directions, Directions]
     far: tuple[Directions, Directions]
-    loose: Float[Array | np.ndarray, "coef place"]
+    free_mask: Float[Array | np.ndarray, "coef place"]
 
-    def forth(self, x: Coordinates) -> Coordinates:
+    def to_current(self, x: Coordinates) -> Coordinates:
         """Vectors turned."""
         flat = x.tether.reshape(*x.tether.shape[:2], -1)
         turned = (self.hub[:, :, None] * flat[:, None]).sum(2)
         for near, far in zip(self.near, self.far, strict=True):
-            turned = turned + far * (self.loose * (near * flat).sum(1))[:, None]
+            turned = turned + far * (self.free_mask * (near * flat).sum(1))[:, None]
         hub = None if x.hub is None else matmul(x.hub, self.hub.T)
         return Coordinates(turned.reshape(x.tether.shape), hub)
 
-    def back(self, x: Coordinates) -> Coordinates:
+    def to_reference(self, x: Coordinates) -> Coordinates:
         """The inverse."""
-        return self._replace(hub=self.hub.T, near=self.far, far=self.near).forth(x)
+        return self._replace(hub=self.hub.T, near=self.far, far=self.near).to_current(x)
 
 
 def axes_of(system: System, time: Scalar, q: Coordinates) -> Axes:
@@ -71,10 +71,10 @@ def axes_of(system: System, time: Scalar, q: Coordinates) -> Axes:
     along = along.reshape(3, -1)
     squared = dot(along, along)
     length = jnp.sqrt(jnp.where(squared > 0.0, squared, 1.0))
-    return Axes(system.rotation(time, q), along / length, loose(system))
+    return Axes(system.rotation(time, q), along / length, free_mask(system))
 
 
-def loose(system: System) -> Float[Array | np.ndarray, "coef place"]:
+def free_mask(system: System) -> Float[Array | np.ndarray, "coef place"]:
     """0 for the positions of held roots, 1 for all other nodal vectors."""
     tethers = system.tethers
     first = np.zeros((tethers.coefs, tethers.elements + 1, tethers.count))
@@ -98,4 +98,4 @@ def turn(before: Axes, after: Axes) -> Turn:
     turns = (1.0 + cosine > OPPOSITE) & (dot(start, start) * dot(back, back) > 0.5)
     halved = jnp.where(turns, -1.0 / (1.0 + cosine), 0.0) * (start + after.along)
     twice = jnp.where(turns, 2.0, 0.0) * after.along
-    return Turn(hub, (before.along + back, before.along), (halved, twice), after.loose)
+    return Turn(hub, (before.along + back, before.along), (halved, twice), after.free_mask)

@@ -10,7 +10,7 @@ Phi(q1) - Phi(q0), so that they do no work. Second order, and no numerical dampi
 ringing, the multipliers of the hub included. Only in the mean of two steps are they of second order.
 
 The unknowns are w and lam. The balance closes as well as the iterations converge, so these go on down to
-rounding, with factors kept and turned as in `fixed_step.py`.
+rounding, with factors factors and turned as in `fixed_step.py`.
 """
 
 import dataclasses
@@ -196,14 +196,14 @@ class EnergyMomentum(FixedStep):
         return Residual(forces, constraints), power
 
     def correct(
-        self, system: System, residual: Residual, kept: FrozenFactors, turned: Rotation
+        self, system: System, residual: Residual, factors: FrozenFactors, turned: Rotation
     ) -> tuple[Unknowns, Coordinates]:
         """Change of the unknowns that a chord step asks for, and the change of q1 that goes with it: twice
         that of q_m, for which the matrix is."""
         s = self._q_share
         forces = jax.tree.map(lambda r: -s * r, residual.forces)
         constraints = jax.tree.map(lambda r: -0.5 * r, residual.constraints)
-        dq, dlam = kept.solve(system, turned, forces, constraints)
+        dq, dlam = factors.solve(system, turned, forces, constraints)
         change = jax.tree.map(lambda x: x / s, Unknowns(dq, dlam))
         return change, jax.tree.map(lambda x: 2.0 * x, dq)
 
@@ -223,7 +223,7 @@ class EnergyMomentum(FixedStep):
         return lax.stop_gradient(ROUNDING * jnp.stack([size, size]))
 
     def step(
-        self, system: System, time: Scalar, state: StepState, kept: FrozenFactors, rate: Scalar
+        self, system: System, time: Scalar, state: StepState, factors: FrozenFactors, rate: Scalar
     ) -> tuple[StepState, IterationInfo]:
         """From t to t + h, until what chord iterations leave is rounding."""
         h = self.step_size
@@ -232,18 +232,18 @@ class EnergyMomentum(FixedStep):
             lambda *x: x[0] + x[1] + x[2], state.a, state.vdot_difference, state.vdot_second_difference
         )
         unknowns = Unknowns(guess, state.lam)
-        unknowns, power, info = solve_step(self, system, end, state.q, state.v, unknowns, kept, rate)
+        unknowns, power, info = solve_step(self, system, end, state.q, state.v, unknowns, factors, rate)
         q, v = self.end_of_step(system, end, state.q, state.v, unknowns.vdot)
         w = unknowns.vdot
-        rise = jax.tree.map(jnp.subtract, w, state.a)
+        difference = jax.tree.map(jnp.subtract, w, state.a)
         state = StepState(
             q=q,
             v=v,
-            vdot=w.axpy(0.5, rise),
+            vdot=w.axpy(0.5, difference),
             a=w,
             lam=unknowns.lam,
-            vdot_difference=rise,
-            vdot_second_difference=jax.tree.map(jnp.subtract, rise, state.vdot_difference),
+            vdot_difference=difference,
+            vdot_second_difference=jax.tree.map(jnp.subtract, difference, state.vdot_difference),
             work=jax.tree.map(lambda total, rate: total + h * rate, state.work, power),
             power=power,
         )

@@ -266,7 +266,7 @@ class FixedStep(AbstractStepper):
 
     @abstractmethod
     def correct(
-        self, system: System, residual: Any, kept: FrozenFactors, turned: Rotation
+        self, system: System, residual: Any, factors: FrozenFactors, turned: Rotation
     ) -> tuple[Unknowns, Coordinates]:
         """The change of the unknowns in a chord iteration, and the change of q that goes with it."""
 
@@ -282,7 +282,7 @@ class FixedStep(AbstractStepper):
 
     @abstractmethod
     def step(
-        self, system: System, time: Scalar, state: StepState, kept: FrozenFactors, rate: Scalar
+        self, system: System, time: Scalar, state: StepState, factors: FrozenFactors, rate: Scalar
     ) -> tuple[StepState, IterationInfo]:
         """One step from `time` [s]. rate: the contraction of the iterations in an earlier step with these
         factors, infinite if there was none."""
@@ -345,8 +345,8 @@ class FixedStep(AbstractStepper):
             )
             count = jnp.minimum(good.sum(), limit)
             at = jnp.minimum(count, STEPS_PER_FACTORISATION - 1)
-            seen = jax.tree.map(lambda x: x[at], info)
-            failure = select(count < limit, seen, failure)
+            failed_info = jax.tree.map(lambda x: x[at], info)
+            failure = select(count < limit, failed_info, failure)
             return (count, limit, failure), (now, ends, info)
 
         nothing = (Node.of(state.now), no_info(), jnp.asarray(False))
@@ -364,12 +364,12 @@ class FixedStep(AbstractStepper):
         halved step a block ends at the end of a whole step, where the step may be doubled."""
         now, ticks = state.now, TICKS >> state.halvings
         fine = replace(self, step_size=self.step_size * (ticks / TICKS))
-        kept = fine.factor(model, state.time, now.q, now.v, now.lam)
+        factors = fine.factor(model, state.time, now.q, now.v, now.lam)
 
         def one_step(carry):
             now, rate, index = carry
             time = state.origin + (state.ticks + index * ticks) * state.tick
-            now, info = fine.step(model, time, now, kept, rate)
+            now, info = fine.step(model, time, now, factors, rate)
             good = info.converged()
             return (now, lax.stop_gradient(info.rate), index + 1), good, (Node.of(now), info, good)
 
@@ -408,10 +408,10 @@ class FixedStep(AbstractStepper):
         sizes = jnp.where(tried, length, 0.0)
         steps = FixedStepSteps(Node.of(state.now), ends, end, sizes, tried, taken, info, errors.parts)
 
-        useless = tape.failed & (tape.count == 0)
-        stuck = useless & (state.halvings == MAX_HALVINGS)
-        easier = ~tape.failed & (state.halvings > 0) & (ticks % TICKS == 0)
-        halvings = state.halvings + jnp.where(useless & ~stuck, 1, 0) - jnp.where(easier, 1, 0)
+        no_progress = tape.failed & (tape.count == 0)
+        exhausted = no_progress & (state.halvings == MAX_HALVINGS)
+        recovered = ~tape.failed & (state.halvings > 0) & (ticks % TICKS == 0)
+        halvings = state.halvings + jnp.where(no_progress & ~exhausted, 1, 0) - jnp.where(recovered, 1, 0)
         ratio = 2.0 ** (state.halvings - halvings)
         now = select(halvings == state.halvings, now, self.rescaled(now, ratio))
         finite = jnp.isfinite(failure.increment).all()
@@ -424,7 +424,7 @@ class FixedStep(AbstractStepper):
             errors=errors,
             taken=state.taken + tape.count,
             rejected=state.rejected + tape.failed,
-            result=RESULTS.where(stuck, cause, state.result),
+            result=RESULTS.where(exhausted, cause, state.result),
         )
         return state, steps
 

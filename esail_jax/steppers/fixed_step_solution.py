@@ -37,17 +37,17 @@ def solve_step(
     q0: Coordinates,
     v0: Coordinates,
     guess: Unknowns,
-    kept: FrozenFactors,
+    factors: FrozenFactors,
     rate: Scalar,
 ) -> tuple[Unknowns, Power, IterationInfo]:
     """Chord iterations. Guess and factors decide how fast they converge, not where to: they carry
     no derivative. rate: as in `FixedStep.step`."""
-    turned = stepper.attitude(system, end, q0, v0, guess.vdot) @ kept.rotation.T
+    turned = stepper.attitude(system, end, q0, v0, guess.vdot) @ factors.rotation.T
 
     def iterate(carry):
         unknowns, _, info = carry
         residual, power = stepper.residual(system, end, q0, v0, unknowns)
-        change, dq = stepper.correct(system, residual, kept, turned)
+        change, dq = stepper.correct(system, residual, factors, turned)
         unknowns = jax.tree.map(jnp.add, unknowns, change)
         norms, worst = increment_norms(system, dq)
         size, before = ((x / info.tolerance).max() for x in (norms, info.increment))

@@ -146,13 +146,13 @@ class GeneralizedAlpha(FixedStep):
         return system.residual(end, q, v, unknowns.vdot, unknowns.lam)
 
     def correct(
-        self, system: System, residual: Residual, kept: FrozenFactors, turned: Rotation
+        self, system: System, residual: Residual, factors: FrozenFactors, turned: Rotation
     ) -> tuple[Unknowns, Coordinates]:
         """Change of the unknowns that a chord step asks for, and the change of q that goes with it."""
         s = self._q_share
         forces = jax.tree.map(lambda r: -s * r, residual.forces)
         constraints = jax.tree.map(jnp.negative, residual.constraints)
-        dq, dlam = kept.solve(system, turned, forces, constraints)
+        dq, dlam = factors.solve(system, turned, forces, constraints)
         return jax.tree.map(lambda x: x / s, Unknowns(dq, dlam)), dq
 
     def tangent(
@@ -176,7 +176,7 @@ class GeneralizedAlpha(FixedStep):
         return lax.stop_gradient(jnp.stack([position, jnp.asarray(HUB_TOLERANCE)]))
 
     def step(
-        self, system: System, time: Scalar, state: StepState, kept: FrozenFactors, rate: Scalar
+        self, system: System, time: Scalar, state: StepState, factors: FrozenFactors, rate: Scalar
     ) -> tuple[StepState, IterationInfo]:
         """From t to t + h, until what chord iterations leave is within tolerance."""
         h = self.step_size
@@ -186,10 +186,10 @@ class GeneralizedAlpha(FixedStep):
             lambda *x: x[0] + x[1] + x[2], state.vdot, state.vdot_difference, state.vdot_second_difference
         )
         unknowns = Unknowns(system.place_roots(end, guess, derivative=2), state.lam)
-        unknowns, power, info = solve_step(self, system, end, q0, v0, unknowns, kept, rate)
+        unknowns, power, info = solve_step(self, system, end, q0, v0, unknowns, factors, rate)
         vdot, lam = unknowns
         q, v = self.end_of_step(system, end, q0, v0, vdot)
-        rise = jax.tree.map(jnp.subtract, vdot, state.vdot)
+        difference = jax.tree.map(jnp.subtract, vdot, state.vdot)
         work = jax.tree.map(
             lambda w, before, after: w + 0.5 * h * (before + after), state.work, state.power, power
         )
@@ -199,8 +199,8 @@ class GeneralizedAlpha(FixedStep):
             vdot=vdot,
             a=a0.axpy(self._vdot_share, vdot),
             lam=lam,
-            vdot_difference=rise,
-            vdot_second_difference=jax.tree.map(jnp.subtract, rise, state.vdot_difference),
+            vdot_difference=difference,
+            vdot_second_difference=jax.tree.map(jnp.subtract, difference, state.vdot_difference),
             work=work,
             power=power,
         )
@@ -212,11 +212,11 @@ class GeneralizedAlpha(FixedStep):
         vdot at the end of the trial step follows from its velocity. Being implicit, the trial step damps
         stiff modes, where a time derivative of the accelerations would magnify them. A trial step that
         does not converge is not used."""
-        kept = self.factor(system, time, state.q, state.v, state.lam)
+        factors = self.factor(system, time, state.q, state.v, state.lam)
         infinite = jnp.asarray(jnp.inf)
 
         def improved(_, state):
-            trial, info = self.step(system, time, state, kept, infinite)
+            trial, info = self.step(system, time, state, factors, infinite)
             return select(info.converged(), self.with_jerk(state, trial.v), state)
 
         return lax.fori_loop(0, TRIALS, improved, state)

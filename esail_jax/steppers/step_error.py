@@ -35,10 +35,10 @@ Signal = Float[Array, "3 time tether"]
 TENSION_STRIDE = 5
 """Steps from one look at the axial forces to the next; a block of 20 steps has four."""
 
-MOST_GROWTH, MOST = 200.0, 1e100
+GROWTH_CAP, ERROR_CAP = 200.0, 1e100
 """Largest exponent of growth over an entry, and largest error kept: far beyond any range, but finite."""
 
-AT_LEAST = 1e-4
+LEAST_RANGE = 1e-4
 """Of its size is what a signal is said to range over: at rest only rounding would be left to compare."""
 
 
@@ -52,7 +52,7 @@ class Course(NamedTuple):
     def relative(self) -> Scalar:
         """Largest error of a tether over the largest range of any, 1 at most."""
         size = jnp.maximum(jnp.abs(self.low), jnp.abs(self.high)).max()
-        reach = jnp.maximum((self.high - self.low).max(), AT_LEAST * size)
+        reach = jnp.maximum((self.high - self.low).max(), LEAST_RANGE * size)
         ratio = self.error.max() / jnp.where(reach > 0.0, reach, 1.0)
         return jnp.minimum(ratio, 1.0)
 
@@ -91,13 +91,13 @@ def after_block(
     steps = len(jax.tree.leaves(ends)[0])
     number = jnp.arange(steps + 1)
     times = time + h * number
-    growth = jnp.minimum(h * count * growth_rates(system, ends.tether, count), MOST_GROWTH)
+    growth = jnp.minimum(h * count * growth_rates(system, ends.tether, count), GROWTH_CAP)
     share = 0.5 * np.pi * phase_error * count / jnp.maximum(count - 2, 1)
     kept, counted = number <= count, jnp.arange(3, steps + 1) <= count
 
     def followed(course, signal):
         third = jnp.where(counted[:, None], norm(jnp.diff(signal, 3, axis=1)), 0.0)
-        error = jnp.minimum(course.error * jnp.exp(growth) + share * third.sum(0), MOST)
+        error = jnp.minimum(course.error * jnp.exp(growth) + share * third.sum(0), ERROR_CAP)
         return Course(
             error,
             jnp.minimum(course.low, within(kept, signal, jnp.inf).min(1)),
