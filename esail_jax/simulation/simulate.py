@@ -45,7 +45,7 @@ def simulate(
 
         solution = esail.simulate("baseline", {"integrator.t_end": 100.0})
         more = esail.simulate("baseline", start=solution.final_state)
-        slope = jax.grad(lambda v: esail.simulate("baseline", {"voltage.value": v})["thrust_force"][-1, 0])
+        slope = jax.grad(lambda v: esail.simulate("baseline", {"voltage.value": v})["thrust_O"][-1, 0])
 
     scene: a `Scene`, the name of a built-in scene, or the path of a TOML file; overrides: values by scene
     key, which may be JAX arrays and tracers. If all numbers are concrete, the run is a sequence of calls of
