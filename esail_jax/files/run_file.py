@@ -125,7 +125,7 @@ class Progress(NamedTuple):
 
 def progress_of(run: HostRun, times: tuple[float, float], *ended: Any) -> Progress:
     """The progress of a run on the host; ended: status, message and result."""
-    counts = run.checkpoint.motion.counts
+    counts = run.counts
     return Progress(run.checkpoint, run.point, int(counts[0]), int(counts[1]), times, *ended)
 
 

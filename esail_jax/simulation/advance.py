@@ -33,13 +33,17 @@ class Window(NamedTuple):
 
 class Advanced(NamedTuple):
     """The result of `advance`: the motion; the points at the instants, NaN where they were not passed;
-    what `keep` returned for each block; the number of instants passed and of batches taken."""
+    what `keep` returned for each block; the number of instants passed and of batches taken; the time
+    reached [s], and the numbers of steps taken and rejected, which the host would otherwise have to
+    compute."""
 
     motion: Motion
     points: Point
     kept: Any
     passed: Int[Array, ""]
     batches: Int[Array, ""]
+    time: Scalar
+    counts: Float[Array, "2"]
 
 
 def advance(
@@ -99,7 +103,8 @@ def advance(
 
         (motion, count), part = while_active(waiting, block, (motion, none), empty)
         if keep is not None:
-            # A turn without a block writes into a place that the next one fills, or the last one, which is dropped.
+            # A turn without a block writes into a place that the next turn fills, or into the last place,
+            # which is dropped.
             kept = buffer_set(kept, batches, part, is_active)
         return (motion, row, batches + jnp.minimum(count, 1)), (points, kept)
 
@@ -114,7 +119,8 @@ def advance(
         active, turn, (motion, none, none), (points, kept)
     )
     kept = jax.tree.map(lambda x: x[:-1].reshape(-1, *x.shape[2:]), kept)
-    return Advanced(with_limit(motion, row < window.count, max_steps), points, kept, row, batches)
+    motion = with_limit(motion, row < window.count, max_steps)
+    return Advanced(motion, points, kept, row, batches, motion.state.time, motion.counts)
 
 
 def room_for(count: int, one: Callable[[], Any]) -> Any:

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.scenes.method_choice import with_method
@@ -24,13 +25,15 @@ NO_LIMIT = np.inf
 
 
 class CompiledScene(NamedTuple):
-    """A scene with its compiled programs and its start. scene: as given; resolved: with its method."""
+    """A scene with its compiled programs and its start. scene: as given; resolved: with its method; begin:
+    start of the run [s]."""
 
     scene: Scene
     resolved: Scene
     programs: Programs
     problem: Problem
     motion: Motion
+    begin: float
 
     @property
     def numerics(self) -> dict[str, str]:
@@ -57,7 +60,8 @@ def compile_scene(
     begun = programs.start(numbers, stepper, point)
     if scene.chain is None:
         check_steady(scene, begun)
-    return CompiledScene(scene, resolved, programs, begun.problem, begun.motion)
+    begin = 0.0 if point is None else float(point.time)
+    return CompiledScene(scene, resolved, programs, begun.problem, begun.motion, begin)
 
 
 class HostRun:
@@ -80,18 +84,20 @@ class HostRun:
         elif isinstance(checkpoint.motion, Mapping):
             checkpoint = checkpoint._replace(motion=restored(compiled.motion, checkpoint.motion))
         self.checkpoint, self.point = checkpoint, None
+        motion = checkpoint.motion
+        since = [float(motion.state.taken), float(motion.state.rejected)]
+        self.counts = np.asarray(motion.earlier) + np.array(since)
         scene = compiled.resolved
         self.interval = scene.output.interval if times is None else None
         self.times = save_times(scene.integrator.t_end, scene.output.interval) if times is None else times
-        self.begin = float(compiled.motion.state.time)
         restarts = compiled.programs.restart is not None
         switches = switch_times(scene.event, scene.voltage) if restarts else ()
-        self.segments = segments(self.begin, float(self.times[-1]), switches)
+        self.segments = segments(compiled.begin, float(self.times[-1]), switches)
 
     @property
     def steps(self) -> int:
         """Number of steps taken so far."""
-        return int(self.checkpoint.motion.counts[0])
+        return int(self.counts[0])
 
     def chunks(self) -> Iterator[Chunk]:
         """The run, a chunk for each call that passed a saved instant. Raises SimulationError when the
@@ -121,30 +127,30 @@ class HostRun:
                     self.max_steps,
                     np.asarray(programs.batches),
                 )
-                passed, motion = int(done.passed), done.motion
-                observed = min(passed, shown)
+                passed, motion, self.counts = int(done.passed), done.motion, np.asarray(done.counts)
+                seen = min(passed, shown)
                 log = Log.from_table(np.asarray(done.kept), programs.statistics)
                 pending = pending.with_steps(log, self.statistics)
-                left, memory, rows, numerics, good = pending, energy, {}, {}, observed
+                left, memory, rows, numerics, good = pending, energy, {}, {}, seen
                 if passed:
                     found, last, gaps = programs.look(problem, done.points, np.asarray(passed))
-                    self.point = last if observed else self.point
-                    rows = {name: np.asarray(x)[:observed] for name, x in found.items()}
-                    if observed:
+                    self.point = last if seen else self.point
+                    rows = {name: np.asarray(x)[:seen] for name, x in found.items()}
+                    if seen:
                         rows, memory, kept = with_running_observables(problem, rows, energy, np)
-                        good = observed if kept is None or kept.all() else int(np.argmin(kept))
-                    numerics, left = pending.values(times[:observed], self.statistics)
+                        good = seen if kept is None or kept.all() else int(np.argmin(kept))
+                    numerics, left = pending.values(times[:seen], self.statistics)
                     if (
                         "constraint_violation" in self.compiled.numerics
                         and "constraint_violation" not in numerics
                     ):
-                        numerics["constraint_violation"] = np.asarray(gaps)[:observed]
+                        numerics["constraint_violation"] = np.asarray(gaps)[:seen]
                     rows, numerics = ({k: x[:good] for k, x in part.items()} for part in (rows, numerics))
-                common = not observed or self._common(times[observed - 1])
-                if good == observed and common:
-                    row, pending, energy = row + observed, left, memory
+                common = not seen or self._common(times[seen - 1])
+                if good == seen and common:
+                    row, pending, energy = row + seen, left, memory
                     pending = (
-                        pending.merged(float(motion.state.time), self.statistics)
+                        pending.merged(float(done.time), self.statistics)
                         if passed < len(times)
                         else pending
                     )
@@ -155,8 +161,8 @@ class HostRun:
                     at = number + 1
                 self.checkpoint = Checkpoint(motion, row, at, pending, energy)
                 if good:
-                    yield Chunk(times[:good], rows, numerics, float(motion.state.time))
-                result = name_of(motion.state.result) if good == observed else "energy_drift"
+                    yield Chunk(times[:good], rows, numerics, float(done.time))
+                result = name_of(motion.state.result) if good == seen else "energy_drift"
                 if result != "successful":
                     raise self._failure(
                         result, problem, motion, log, times[good] if good < len(times) else np.nan
@@ -212,8 +218,8 @@ def restored(like: Motion, arrays: Mapping[str, np.ndarray]) -> Motion:
     for name in expected.keys() | arrays.keys():
         if name not in expected or name not in arrays:
             raise ValueError(f"{name} is {'missing' if name in expected else 'unknown'}")
-        kind = (np.shape(expected[name]), np.result_type(expected[name]))
-        found = (np.shape(arrays[name]), np.result_type(arrays[name]))
+        kind = (np.shape(expected[name]), jnp.result_type(expected[name]))
+        found = (np.shape(arrays[name]), jnp.result_type(arrays[name]))
         if kind != found:
             raise ValueError(f"{name} is {found[1]}{list(found[0])}, not {kind[1]}{list(kind[0])}")
     return jax.tree.unflatten(jax.tree.structure(like), [arrays[name] for name in expected])

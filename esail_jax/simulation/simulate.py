@@ -156,7 +156,7 @@ def collected(run: Begun, save, throw: bool, progress=None) -> Solution:
         message, result = str(error), error.result
     rows = all_rows(chunks, "observables", len(host.times))
     numerics = all_rows(chunks, "numerics", len(host.times))
-    counts = host.checkpoint.motion.counts
+    counts = host.counts
     stats = {
         "steps": int(counts[0]),
         "rejected_steps": int(counts[1]),

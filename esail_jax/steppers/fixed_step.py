@@ -400,11 +400,11 @@ class FixedStep(AbstractStepper):
             state.errors, model, state.time, length, state.now.q, ends.q, tape.count, self.phase_error
         )
         # The failed attempt is recorded after the steps that were taken.
-        tried = taken | (tape.failed & (index == tape.count))
+        failed = tape.failed & (index == tape.count)
+        tried = taken | failed
         info = jax.tree.map(
-            lambda x, y: jnp.where((index == tape.count).reshape(-1, *(1,) * (x.ndim - 1)) & tape.failed, y, x),
-            info, failure,
-        )  # fmt: skip
+            lambda x, y: jnp.where(failed.reshape(-1, *(1,) * (x.ndim - 1)), y, x), info, failure
+        )
         sizes = jnp.where(tried, length, 0.0)
         steps = FixedStepSteps(Node.of(state.now), ends, end, sizes, tried, taken, info, errors.parts)
 
@@ -456,8 +456,8 @@ class FixedStep(AbstractStepper):
         step, time = np.asarray(log.size)[tried][-1], np.asarray(log.end)[tried][-1]
         return (
             f"At t = {time:.6g} s with steps of {step:.3g} s, tether {int(last['tether'])}: last increment "
-            f"{last['last_increment']:.3g} m after {int(last['iterations_per_step'])} iterations, constraint "
-            f"violation {last['constraint_violation']:.3g} m. Smaller steps did not help."
+            f"{last['last_increment']:.3g} m after {int(last['iterations_per_step'])} iterations, "
+            f"constraint violation {last['constraint_violation']:.3g} m. Smaller steps did not help."
         )
 
     def error_estimates(self, state: FixedStepState) -> dict[str, Scalar]:

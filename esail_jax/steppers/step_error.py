@@ -159,7 +159,7 @@ def growth_rates(
     fields = tethers.interpolate(jnp.moveaxis(some, 0, 2))
     force = axial.point_forces(jnp.zeros(()), fields, fields).r_x
     tension = jnp.tensordot(tethers.weights, dot(force, fields.r_x) / norm(fields.r_x), 1)
-    # Steps that were not taken are not looked at; a block of less than TENSION_STRIDE steps counts as slack.
+    # Only steps that were taken count; a block of less than TENSION_STRIDE steps counts as slack.
     taken = TENSION_STRIDE * (1 + jnp.arange(len(some))) <= count
     mean = jnp.where(taken[:, None], tension, 0.0).sum(0) / jnp.maximum(taken.sum(), 1)
     rate = jnp.sqrt(jnp.maximum(-mean, 0.0) / (tethers.masses * tethers.lengths))
