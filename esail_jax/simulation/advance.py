@@ -1,7 +1,7 @@
 """The loop that takes steps until the saved instants of a window are passed, and its derivative.
 
-The host calls `advance` for one window after the other (`host.py`); a traced run calls `move` in a scan over
-windows (`traced.py`). The projection on the constraints and the observables follow in `look.py`."""
+The host calls `advance` for one window after the other (`host.py`); a traced run calls `move` in a scan
+over windows (`traced.py`). The projection on the constraints and the observables follow in `look.py`."""
 
 import functools
 from collections.abc import Callable
@@ -55,8 +55,8 @@ def advance(
     keep: Callable[[AbstractSteps], Any] | None = None,
     room: int = 0,
 ) -> Advanced:
-    """Takes blocks of steps until all instants of the window are passed, `max_batches` batches of blocks were
-    taken, the run has `max_steps` steps, or the stepper fails.
+    """Takes blocks of steps until all instants of the window are passed, `max_batches` batches of blocks
+    were taken, the run has `max_steps` steps, or the stepper fails.
 
     A batch is `stepper.blocks_per_batch` blocks, or fewer where an instant is passed. keep: a function of
     a block's steps, whose results are returned with `room` batches of blocks along a new first axis."""

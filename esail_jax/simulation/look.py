@@ -34,8 +34,8 @@ def look(
 
 
 def on_constraints(problem: Problem, point: Point) -> tuple[Point, FactoredMass]:
-    """Returns the point of a sail projected on the constraints, and its factored mass matrix. A point at the
-    end of a step is not changed."""
+    """Returns the point of a sail projected on the constraints, and its factored mass matrix. A point at
+    the end of a step is not changed."""
     system = problem.system
     mass = factor_mass(system, point.time, point.q, problem.inertia)
     q, v = project(system, point.time, point.q, point.v, mass)

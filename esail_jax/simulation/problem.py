@@ -1,4 +1,5 @@
-"""The problem of a run (model and stepper) and its start, built from the structure and numbers of a scene."""
+"""The problem of a run (model and stepper) and its start, built from the structure and numbers of a
+scene."""
 
 from typing import Any, NamedTuple
 
@@ -63,8 +64,8 @@ class Problem(NamedTuple):
 
 
 class Start(NamedTuple):
-    """The start of a run. unbalanced: unbalanced force of the steady elongation [N], per tether; q: positions
-    of a sail at the start. `check_steady` judges both."""
+    """The start of a run. unbalanced: unbalanced force of the steady elongation [N], per tether; q:
+    positions of a sail at the start. `check_steady` judges both."""
 
     problem: Problem
     motion: Motion

@@ -1,7 +1,7 @@
 """Compilation of the programs of a run, which are cached for scenes of the same structure.
 
-Tracing holds Python's global lock, compiling does not. The programs are therefore traced one after the other
-and compiled in parallel, which takes three quarters of the time on two cores."""
+Tracing holds Python's global lock, compiling does not. The programs are therefore traced one after the
+other and compiled in parallel, which takes three quarters of the time on two cores."""
 
 import functools
 from collections.abc import Callable

@@ -12,9 +12,9 @@ from esail_jax.steppers.results import RESULTS
 class Chunk(NamedTuple):
     """The results at consecutive saved instants, as `esail.run` yields them.
 
-    time: the instants [s]; observables: arrays by name, first axis `time`; numerics: statistics of the steps
-    by name, with the axis `time`; reached: time at the end of the last step [s], which is the last of these
-    instants or later."""
+    time: the instants [s]; observables: arrays by name, first axis `time`; numerics: statistics of the
+    steps by name, with the axis `time`; reached: time at the end of the last step [s], which is the last of
+    these instants or later."""
 
     time: np.ndarray
     observables: dict[str, np.ndarray]

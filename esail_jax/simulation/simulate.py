@@ -49,8 +49,8 @@ def simulate(
 
     scene: a `Scene`, the name of a built-in scene, or the path of a TOML file; overrides: values by scene
     key, which may be JAX arrays and tracers. If all numbers are concrete, the run is a sequence of calls of
-    compiled programs on the host. If a number is a tracer, or inside `jax.jit`, `jax.vmap` and the like, the
-    run becomes part of the traced program.
+    compiled programs on the host. If a number is a tracer, or inside `jax.jit`, `jax.vmap` and the like,
+    the run becomes part of the traced program.
 
     save: names of the observables to save, all of them if None; times: the saved instants [s] in increasing
     order, instead of every `output.interval` until `integrator.t_end`; start: the point to start from,
@@ -244,7 +244,8 @@ MARGIN = 1.25
 
 
 def check_times(times: Any, begin: Any) -> None:
-    """Raises SceneError unless the times are concrete numbers that increase and do not precede the start."""
+    """Raises SceneError unless the times are concrete numbers that increase and do not precede the
+    start."""
     if times is None:
         return
     if any(isinstance(x, jax.core.Tracer) for x in (times, begin, *np.ravel(np.asarray(times, object)))):

@@ -28,9 +28,9 @@ class Solution(eqx.Module, Mapping):
     time: saved instants [s]; observables: the mapping itself; result: a member of `RESULTS`; final_state:
     the point at the last saved instant, for `simulate(scene, start=...)` (None if a failed run has no
     instant); stats: `steps`, `rejected_steps`, `compile_time` and `wall_time` [s], `method`, `terms` and
-    `message`, which is empty unless the run failed, its energy balance has a large error, or its step is too
-    long; numerics: statistics of the steps by name, with the axis `time`; checkpoint: the state from which a
-    longer run continues; scene and stepper: those of the run.
+    `message`, which is empty unless the run failed, its energy balance has a large error, or its step is
+    too long; numerics: statistics of the steps by name, with the axis `time`; checkpoint: the state from
+    which a longer run continues; scene and stepper: those of the run.
 
     After a failure with `throw=False` the arrays are NaN from the failure on. Under a trace `numerics`,
     `checkpoint`, `scene` and `stepper` are None, and `stats` has the numbers of steps only. Two solutions
@@ -121,4 +121,5 @@ class Solution(eqx.Module, Mapping):
 
 
 OWN_AXES = ("angle", "row", "col")
-"""Axes whose entries have another meaning in every observable: in xarray their names contain the observable."""
+"""Axes whose entries have another meaning in every observable: in xarray their names contain the
+observable."""

@@ -5,9 +5,9 @@ last its end (`collocation_stages.py`). The order is 2 s - 1 = 7; that of genera
 constraints enter by their second derivative, which makes the equations of index 1 and preserves the order.
 Positions and velocities are projected on the constraints at the end of every step.
 
-A block of up to `STEPS_PER_FACTORISATION` steps of one size uses one factorisation. The accelerations of the
-last step vary slowly in the axes of the hub, and are extrapolated there for the first guess. The error of
-every step is estimated and determines the size of the next steps."""
+A block of up to `STEPS_PER_FACTORISATION` steps of one size uses one factorisation. The accelerations of
+the last step vary slowly in the axes of the hub, and are extrapolated there for the first guess. The error
+of every step is estimated and determines the size of the next steps."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -65,13 +65,13 @@ NEWTON_FRACTION = 0.01
 """The stages are solved to this fraction of the tolerance."""
 
 ERROR_FACTOR = 1.0 / 64.0
-"""The error estimate is multiplied by this: it belongs to a polynomial of one degree less and is therefore too
-large. With this factor a tolerance of 1e-8 gives every observable of the baseline to 1e-3 over three
+"""The error estimate is multiplied by this: it belongs to a polynomial of one degree less and is therefore
+too large. With this factor a tolerance of 1e-8 gives every observable of the baseline to 1e-3 over three
 periods."""
 
 ROUNDING = 5e-15
-"""With a given step size, stages are solved to this fraction of the tether length, so that only the error of
-the step itself remains."""
+"""With a given step size, stages are solved to this fraction of the tether length, so that only the error
+of the step itself remains."""
 
 SAFETY, SHRINK, GROW, DEADBAND = 0.85, 0.2, 3.0, 1.15
 """Step-size control: safety factor, smallest and largest change of the step size, and the gain below which
@@ -139,8 +139,8 @@ class Collocation(AbstractStepper):
     def attempt(
         self, system: System, state: CollocationState, factors: FrozenFactors
     ) -> tuple[CollocationState, Array, CollocationSteps]:
-        """Tries one step. Returns the state after it, with a smaller step size if it was rejected; whether it
-        was accepted; and its record."""
+        """Tries one step. Returns the state after it, with a smaller step size if it was rejected; whether
+        it was accepted; and its record."""
         now, h = state.now, state.h
         guess = first_guess(system, state)
         part = ROUNDING if self.step_size is not None else NEWTON_FRACTION * self.tolerance
@@ -233,8 +233,8 @@ def change_of_step(error: Scalar) -> Scalar:
 
 
 def next_step(state: CollocationState, records: CollocationSteps, h: Scalar) -> Scalar:
-    """Returns the step size [s] of the next block, from the largest error of a block with the step size h. A
-    rejected step has chosen a smaller one already."""
+    """Returns the step size [s] of the next block, from the largest error of a block with the step size h.
+    A rejected step has chosen a smaller one already."""
     factor = change_of_step(jnp.where(records.taken, records.info.error, 0.0).max())
     factor = jnp.where((factor > 1.0 / DEADBAND) & (factor < DEADBAND), 1.0, factor)
     return jnp.where(state.h == h, h * factor, state.h)

@@ -237,7 +237,8 @@ def linear_solution(
 
 
 def on_roots(system: System, vdot: Coordinates) -> Coordinates:
-    """Returns a change of the accelerations in which roots follow the hub. Roots of a frame do not change."""
+    """Returns a change of the accelerations in which roots follow the hub. Roots of a frame do not
+    change."""
     if system.roots is None:
         return vdot
     root = jnp.zeros_like(vdot.tether[0, :, 0])

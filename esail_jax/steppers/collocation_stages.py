@@ -1,7 +1,7 @@
 """The equations of all stages of a collocation step, and the linear equations of their iterations.
 
-In a step of length h the accelerations are a polynomial through the acceleration at its start and those of s
-stages i = 1 ... s at t + c_i h (`numerics/lobatto.py`):
+In a step of length h the accelerations are a polynomial through the acceleration at its start and those of
+s stages i = 1 ... s at t + c_i h (`numerics/lobatto.py`):
 
     q_i = q + c_i h v + h^2 [(A b)_i vdot + sum_j (A^2)_ij vdot_j]
     v_i = v + h [b_i vdot + sum_j A_ij vdot_j]
@@ -53,19 +53,21 @@ LAST_PLACES = 2e-15
 """Rounding error of a coordinate: ten units in the last place, relative to the largest coordinate."""
 
 HUB_SHARE = 0.1
-"""Allowed error of the hub's points relative to that of tether nodes. An error of the hub's attitude rotates
-the whole sail."""
+"""Allowed error of the hub's points relative to that of tether nodes. An error of the hub's attitude
+rotates the whole sail."""
 
 
 class StageUnknowns(NamedTuple):
-    """Accelerations and multipliers, one entry per stage; in a `History` one more, for the start of the step."""
+    """Accelerations and multipliers, one entry per stage; in a `History` one more, for the start of the
+    step."""
 
     vdot: Coordinates
     lam: Multipliers
 
 
 class StepEnd(NamedTuple):
-    """The motion at the start or the end of a step. time [s]; work since the start of the run [J]; power [W]."""
+    """The motion at the start or the end of a step. time [s]; work since the start of the run [J]; power
+    [W]."""
 
     time: Scalar
     q: Coordinates
@@ -76,8 +78,8 @@ class StepEnd(NamedTuple):
 
 
 class FrozenFactors(NamedTuple):
-    """The factors that serve for several steps: those of every mu (leading axis), those of the mass matrix for
-    the projection, and the axes in which they were made. shape: one of the matrices, for its layout."""
+    """The factors that serve for several steps: those of every mu (leading axis), those of the mass matrix
+    for the projection, and the axes in which they were made. shape: one of the matrices, for its layout."""
 
     stages: bordered.Factors
     mass: bordered.Factors
@@ -220,15 +222,16 @@ def turns_to(axes: Axes, factors: FrozenFactors) -> Turn:
 def on_constraints(
     system: System, factors: FrozenFactors, time: Scalar, q: Coordinates, v: Coordinates
 ) -> tuple[Coordinates, Coordinates]:
-    """Returns the nearest state that satisfies the constraints and their rates, by one Newton correction each
-    in the mass metric. The stages violate the constraints by the local error."""
+    """Returns the nearest state that satisfies the constraints and their rates, by one Newton correction
+    each in the mass metric. The stages violate the constraints by the local error."""
     if system.has_constraints:
         turned = matmul(lax.stop_gradient(system.rotation(time, q)), factors.axes.hub.T)
         nothing = jax.tree.map(jnp.zeros_like, q)
 
         def corrected(x, defect):
             rhs = iteration_matrix.to_vector(system, nothing, jax.tree.map(jnp.negative, defect))
-            change, _ = iteration_matrix.from_vector(system, bordered.solve(factors.shape, factors.mass, rhs))
+            solution = bordered.solve(factors.shape, factors.mass, rhs)
+            change, _ = iteration_matrix.from_vector(system, solution)
             return jax.tree.map(jnp.add, x, change.rotate(turned))
 
         q = corrected(q, system.constraints(time, q))

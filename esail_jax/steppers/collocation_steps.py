@@ -1,4 +1,5 @@
-"""The state of collocation between two blocks, and the record of a step, from which dense output follows."""
+"""The state of collocation between two blocks, and the record of a step, from which dense output
+follows."""
 
 from typing import NamedTuple
 
@@ -52,9 +53,9 @@ class IterationInfo(NamedTuple):
 
 
 class CollocationSteps(AbstractSteps):
-    """The record of one step, or of several along leading axes: its start, its length h [s], accelerations and
-    multipliers at its stages, and the powers there. taken: false for a rejected step and for an unused place
-    (h = 0)."""
+    """The record of one step, or of several along leading axes: its start, its length h [s], accelerations
+    and multipliers at its stages, and the powers there. taken: false for a rejected step and for an unused
+    place (h = 0)."""
 
     start: StepEnd
     h: Float[Array, "*attempt"]

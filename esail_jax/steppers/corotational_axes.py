@@ -3,8 +3,8 @@
 In these axes inertia, elasticity and rigidity change slowly, however far the structure rotates. A matrix
 that was factored at one configuration is used at another: residuals are rotated to the reference axes,
 solutions back to the current ones. The tangents matter most. A tether is stiff along its axis and soft
-across it, so that an error d of the direction couples d^2 of the axial stiffness into the transverse motion.
-"""
+across it, so that an error d of the direction couples d^2 of the axial stiffness into the transverse
+motion."""
 
 from typing import NamedTuple
 
@@ -18,8 +18,8 @@ from esail_jax.numerics.vectors import dot
 from esail_jax.system import System
 
 OPPOSITE = 0.1
-"""Bound of 1 + cos(angle of rotation). Below it a node's axes rotate with the hub only, because the shortest
-rotation to the opposite direction is not unique."""
+"""Bound of 1 + cos(angle of rotation). Below it a node's axes rotate with the hub only, because the
+shortest rotation to the opposite direction is not unique."""
 
 Directions = Float[Array, "3 place"]
 """Vectors at every node of every tether."""
@@ -37,8 +37,8 @@ class Axes(NamedTuple):
 
 
 class Turn(NamedTuple):
-    """The rotation from one set of axes (reference) to another (current). A vector of the hub rotates by R; a
-    vector of a node rotates with the hub, and then by the shortest rotation between the tangents,
+    """The rotation from one set of axes (reference) to another (current). A vector of the hub rotates by R;
+    a vector of a node rotates with the hub, and then by the shortest rotation between the tangents,
 
         R x + sum_k far_k (near_k . x).
 

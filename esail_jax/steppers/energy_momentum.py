@@ -4,11 +4,10 @@ gradient.
     q1 = q0 + h u,      u = (v0 + v1)/2,      w = (v1 - v0)/h,      Phi(t1, q1) = 0
     M w + DU(q0, q1) + Phi_q(t_m, q_m)^T lam = Q(t_m, q_m, u),      q_m = (q0 + q1)/2
 
-Without loads and damping the method conserves energy, momentum and angular momentum for every step size:
-DU . (q1 - q0) is the change of U. The constraints are quadratic in q, so that Phi_q(q_m) (q1 - q0) is
-Phi(q1) - Phi(q0), and they do no work. The order is two, and there is no numerical damping: vibrations, also
-those of the hub's multipliers, do not decay. The multipliers are of second order only as the mean of two
-steps.
+Without loads and damping the method conserves energy, momentum and angular momentum for every step size: DU
+. (q1 - q0) is the change of U. The constraints are quadratic in q, so that Phi_q(q_m) (q1 - q0) is Phi(q1)
+- Phi(q0), and they do no work. The order is two, and there is no numerical damping: vibrations, also those
+of the hub's multipliers, do not decay. The multipliers are of second order only as the mean of two steps.
 
 The unknowns are w and lam. The error of the balance is that of the iterations, which therefore continue to
 rounding. The factors of a block are rotated as in `fixed_step.py`.
@@ -37,8 +36,8 @@ ROUNDING = 1e-13
 the error at least by a factor of ten, so that rounding remains."""
 
 PATH_POINTS = 4
-"""Number of Gauss points between two states. It is exact for Green-Lagrange strain, and exact to rounding for
-any smooth energy of a tether whose r_x . r_x changes by less than a tenth within a step."""
+"""Number of Gauss points between two states. It is exact for Green-Lagrange strain, and exact to rounding
+for any smooth energy of a tether whose r_x . r_x changes by less than a tenth within a step."""
 
 
 class Secant(Term):
@@ -64,7 +63,8 @@ class Secant(Term):
         return self.term.depends_on
 
     def point_forces(self, time: Instants, fields: PointFields, rates: PointFields) -> PointFields:
-        """Returns the forces conjugate to the fields at the midpoint, which also give the fields at the end."""
+        """Returns the forces conjugate to the fields at the midpoint, which also give the fields at the
+        end."""
         tau, weights = gauss_legendre(PATH_POINTS)
         roots = np.sqrt(np.stack([1.0 - tau, tau]))
 
@@ -92,8 +92,8 @@ class Middle(NamedTuple):
 
 
 class EnergyMomentum(FixedStep):
-    """The energy-momentum method. step_size [s]. In a `StepState`, a is w of the last step, power is that at
-    its midpoint, and vdot is an estimate for its end."""
+    """The energy-momentum method. step_size [s]. In a `StepState`, a is w of the last step, power is that
+    at its midpoint, and vdot is an estimate for its end."""
 
     name: ClassVar[str] = "energy-momentum"
     most_iterations: ClassVar[int] = 30
@@ -200,8 +200,8 @@ class EnergyMomentum(FixedStep):
     def correct(
         self, system: System, residual: Residual, factors: FrozenFactors, turned: Rotation
     ) -> tuple[Unknowns, Coordinates]:
-        """Returns the change of the unknowns in an iteration, and the corresponding change of q1. It is twice
-        the change of q_m, to which the matrix belongs."""
+        """Returns the change of the unknowns in an iteration, and the corresponding change of q1. It is
+        twice the change of q_m, to which the matrix belongs."""
         s = self._q_share
         forces = jax.tree.map(lambda r: -s * r, residual.forces)
         constraints = jax.tree.map(lambda r: -0.5 * r, residual.constraints)
@@ -212,8 +212,8 @@ class EnergyMomentum(FixedStep):
     def tangent(
         self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, unknowns: Unknowns
     ) -> FrozenFactors:
-        """Returns the factors of the exact derivative of the residual: forces at the midpoint, constraints at
-        the end."""
+        """Returns the factors of the exact derivative of the residual: forces at the midpoint, constraints
+        at the end."""
         made, time, q, u, _ = self.middle(system, end, q0, v0, unknowns.vdot)
         q1, _ = self.end_of_step(system, end, q0, v0, unknowns.vdot)
         matrix = self.matrix(made, time, q, u, unknowns.lam, end, q1)

@@ -60,9 +60,9 @@ multiples of decimal fractions are rounded in binary."""
 class StepState(NamedTuple):
     """The motion at the end of a step, and the memory of earlier steps that the next step needs.
 
-    a: the auxiliary acceleration of generalized-alpha; vdot_difference, vdot_second_difference:
-    differences of vdot over the last steps, for the next first guess; work: external work and dissipated energy
-    [J] since the start of the run; power: their rates [W]."""
+    a: the auxiliary acceleration of generalized-alpha; vdot_difference, vdot_second_difference: differences
+    of vdot over the last steps, for the next first guess; work: external work and dissipated energy [J]
+    since the start of the run; power: their rates [W]."""
 
     q: Coordinates
     v: Coordinates
@@ -223,7 +223,8 @@ class Unknowns(NamedTuple):
 
 
 class FixedStep(AbstractStepper):
-    """A method with given step size [s] that finds vdot and lam of a step by simplified Newton iterations."""
+    """A method with given step size [s] that finds vdot and lam of a step by simplified Newton
+    iterations."""
 
     step_size: Scalar
 
@@ -267,7 +268,8 @@ class FixedStep(AbstractStepper):
     def residual(
         self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, unknowns: Unknowns
     ) -> tuple[Any, Power]:
-        """Returns the residual of the equations of a step (`system.Residual`) and the power of its forces."""
+        """Returns the residual of the equations of a step (`system.Residual`) and the power of its
+        forces."""
 
     @abstractmethod
     def correct(

@@ -1,8 +1,7 @@
 """The solution of the equations of a fixed step by simplified Newton iterations, and its derivative.
 
-The derivative follows from the implicit function theorem at the solution, with a new tangent matrix. It does
-not depend on the iterations, and a run without derivatives does not compute it.
-"""
+The derivative follows from the implicit function theorem at the solution, with a new tangent matrix. It
+does not depend on the iterations, and a run without derivatives does not compute it."""
 
 import functools
 from collections.abc import Callable
@@ -107,7 +106,8 @@ class Start(NamedTuple):
 
 
 class Linearised(NamedTuple):
-    """The equations of a step, linearised about their solution for changes of the start and the unknowns."""
+    """The equations of a step, linearised about their solution for changes of the start and the
+    unknowns."""
 
     stepper: FixedStep
     system: System
@@ -184,8 +184,8 @@ def linear_solution(linear: Linearised, moved: Start, given: Residual) -> Unknow
 
 
 def jvp_if_wanted(function: Callable, primals: tuple, tangents: tuple) -> Any:
-    """Returns the tangent of a function. At run time its transpose is skipped if the cotangent is zero: most
-    objectives do not depend on energies."""
+    """Returns the tangent of a function. At run time its transpose is skipped if the cotangent is zero:
+    most objectives do not depend on energies."""
     function, at, moves = perturbed(function, primals, tangents)
     at = lax.stop_gradient(at)
     along = functools.partial(jax.jvp, function, at)

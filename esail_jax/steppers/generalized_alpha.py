@@ -143,7 +143,8 @@ class GeneralizedAlpha(FixedStep):
     def residual(
         self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, unknowns: Unknowns
     ) -> tuple[Residual, Power]:
-        """Returns the residual of the equations at the end of the step, and the power of the forces there."""
+        """Returns the residual of the equations at the end of the step, and the power of the forces
+        there."""
         q, v = self.end_of_step(system, end, q0, v0, unknowns.vdot)
         return system.residual(end, q, v, unknowns.vdot, unknowns.lam)
 
@@ -209,8 +210,8 @@ class GeneralizedAlpha(FixedStep):
         return state, info
 
     def first_state(self, system: System, time: Scalar, state: StepState) -> StepState:
-        """Returns the start with a_0 = vdot_0 + (alpha_m - alpha_f) h jerk. The jerk comes from a trial step,
-        TRIALS times.
+        """Returns the start with a_0 = vdot_0 + (alpha_m - alpha_f) h jerk. The jerk comes from a trial
+        step, TRIALS times.
 
         vdot at the end of a trial step follows from the velocity there. The trial step is implicit and
         damps stiff modes; a time derivative of the accelerations would amplify them. A trial step that does
@@ -238,7 +239,8 @@ class GeneralizedAlpha(FixedStep):
         return self.with_difference(state, jax.tree.map(jnp.subtract, vdot_next, state.vdot))
 
     def with_difference(self, state: StepState, difference: Coordinates) -> StepState:
-        """Returns the state with a given first difference of vdot and a = vdot(t + (alpha_m - alpha_f) h)."""
+        """Returns the state with a given first difference of vdot and a = vdot(t + (alpha_m - alpha_f)
+        h)."""
         c = self.parameters
         a = state.vdot.axpy(c.alpha_m - c.alpha_f, difference)
         return state._replace(a=a, vdot_difference=difference)

@@ -276,7 +276,7 @@ def combined(weights: Any, stages: Any) -> Array:
 
 
 def largest_component(error: State) -> Scalar:
-    """Returns the maximum norm over all components. It is infinite if a trial step is not finite, so that the
-    controller chooses a smaller step."""
+    """Returns the maximum norm over all components. It is infinite if a trial step is not finite, so that
+    the controller chooses a smaller step."""
     largest = jnp.stack([jnp.abs(x).max() for x in jax.tree.leaves(error)]).max()
     return jnp.where(jnp.isnan(largest), jnp.inf, largest)

@@ -1,20 +1,19 @@
 """Estimate of the accumulated error of methods with fixed steps, from third differences of the run.
 
-A method of second order oscillates too slowly: each step has the error c h^3 s''' of a signal s, where c h^3
-is the phase error of an oscillation at 1 rad/s (`FixedStep.phase_error`). Without damping the magnitudes of
-these errors accumulate. For an oscillation A sin(omega t) the mean of their magnitude is 2/pi of its
-amplitude c (h omega)^3 A; the factor pi/2 below corrects for that. In a tether under compression errors also
-grow, like a buckling wave with the wave number 1/l over elements of length l,
+A method of second order oscillates too slowly: each step has the error c h^3 s''' of a signal s, where c
+h^3 is the phase error of an oscillation at 1 rad/s (`FixedStep.phase_error`). Without damping the
+magnitudes of these errors accumulate. For an oscillation A sin(omega t) the mean of their magnitude is 2/pi
+of its amplitude c (h omega)^3 A; the factor pi/2 below corrects for that. In a tether under compression
+errors also grow, like a buckling wave with the wave number 1/l over elements of length l,
 
     e_{n+1} = e_n exp(sigma h) + (pi/2) c |third difference of s|,    sigma = sqrt(max(-N, 0)/(rho A)) / l,
 
-where N is the axial force, averaged over a block of steps: faster vibrations cause no buckling. Shorter waves
-grow faster, until elements fold; the wave number was measured (`experiments/stability`).
+where N is the axial force, averaged over a block of steps: faster vibrations cause no buckling. Shorter
+waves grow faster, until elements fold; the wave number was measured (`experiments/stability`).
 
 The signals are the tips and the elastic force at the roots in the hub's axes. Errors are relative to the
-range of the signal over the run so far. The estimate does not include errors that do not accumulate (that of
-velocities is 0.17 h^2 d^2v/dt^2 at a spectral radius of 0.25), and chaos without compression.
-"""
+range of the signal over the run so far. The estimate does not include errors that do not accumulate (that
+of velocities is 0.17 h^2 d^2v/dt^2 at a spectral radius of 0.25), and chaos without compression."""
 
 from typing import NamedTuple
 
@@ -59,8 +58,8 @@ class Course(NamedTuple):
 
 
 class StepErrors(NamedTuple):
-    """Estimated errors of the tips [m] and of the elastic force at the roots [N]; parts: both relative to the
-    ranges of the signals."""
+    """Estimated errors of the tips [m] and of the elastic force at the roots [N]; parts: both relative to
+    the ranges of the signals."""
 
     tip: Course
     force: Course

@@ -12,8 +12,9 @@ A saved instant never forces a step. For derivatives the simulation stores `step
 block, and `stepper.replay` takes the same steps again as a differentiable function. Step sizes carry no
 derivative.
 
-To add a method, write a subclass of `AbstractStepper` and pass an instance to `simulate(scene, stepper=...)`,
-or give it a name in `scenes/methods.py` and `scenes/stepper_choice.py`. CONTRIBUTING.md has an example."""
+To add a method, write a subclass of `AbstractStepper` and pass an instance to `simulate(scene,
+stepper=...)`, or give it a name in `scenes/methods.py` and `scenes/stepper_choice.py`. CONTRIBUTING.md has
+an example."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping
@@ -76,7 +77,8 @@ class Log(NamedTuple):
 
     def table(self) -> Float[Array, "*attempt column"]:
         """Returns the log as one array, which a loop stores faster than many. Columns: end, size, and the
-        statistics in alphabetical order. A rejected step has a negative size, an unused place the size 0."""
+        statistics in alphabetical order. A rejected step has a negative size, an unused place the size
+        0."""
         size = jnp.where(self.taken, self.size, jnp.where(self.tried, -self.size, 0.0))
         columns = [self.end, size, *(self.statistics[name] for name in sorted(self.statistics))]
         return jnp.stack(columns, axis=-1)
@@ -145,8 +147,8 @@ class AbstractStepper(eqx.Module):
         M vdot + Phi_q^T lam = Q(t, q, v),    Phi(t, q) = 0,    dq/dt = v.
 
     A subclass gives `name`, `order`, `init`, `block`, `evaluate` and `failure`. Its numbers (step size,
-    tolerance) are fields with arrays, so that another value needs no compilation. `model` is the `System` in
-    nodal coordinates, or the `RodChain` if `relative_coordinates` is true.
+    tolerance) are fields with arrays, so that another value needs no compilation. `model` is the `System`
+    in nodal coordinates, or the `RodChain` if `relative_coordinates` is true.
 
         esail.simulate("baseline", stepper=Collocation(None, jnp.asarray(1e-8)))
 
@@ -198,8 +200,8 @@ class AbstractStepper(eqx.Module):
 
     @abstractmethod
     def evaluate(self, model: Any, step: Any, time: Scalar) -> Point:
-        """Returns the motion at `time` [s] within a step (dense output). step: a step as `AbstractSteps.pick`
-        returns it."""
+        """Returns the motion at `time` [s] within a step (dense output). step: a step as
+        `AbstractSteps.pick` returns it."""
 
     def tape(self, steps: AbstractSteps) -> Any:
         """Returns the data of a block that `replay` needs to take the same steps again, by default none."""
@@ -208,8 +210,8 @@ class AbstractStepper(eqx.Module):
     def replay(
         self, model: Any, motion: Motion, ended: Motion, tapes: Any, blocks: Int[Array, ""], times: Array
     ) -> tuple[Motion, Point]:
-        """Takes the blocks of a window again, as a function of `model` and `motion` that JAX can differentiate
-        in forward and in reverse mode. Step sizes carry no derivative.
+        """Takes the blocks of a window again, as a function of `model` and `motion` that JAX can
+        differentiate in forward and in reverse mode. Step sizes carry no derivative.
 
         ended: the motion at the end of the window; tapes: the tapes of all places for blocks (first axis
         `block`); blocks: the number of batches of blocks that were taken; times: the saved instants [s].
@@ -276,8 +278,8 @@ def points_within(
     taken: Bool[Array, "block attempt"],
     times: Float[Array, " instant"],
 ) -> Point:
-    """Returns dense output at instants [s] that lie in the block `last` or in the stacked blocks `steps`, and
-    NaN for later instants.
+    """Returns dense output at instants [s] that lie in the block `last` or in the stacked blocks `steps`,
+    and NaN for later instants.
 
     taken: true for the stacked steps that count. All steps are picked by one `vmap`. In a loop over the
     instants, the derivative of every pick would have the size of all steps together."""
