@@ -1,4 +1,4 @@
-"""A run on the host: calls of the compiled programs, one after the other, with checkpoints between them."""
+"""The driver on the host: calls of compiled programs in sequence, with a checkpoint after each."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
@@ -51,8 +51,8 @@ def compile_scene(
 ) -> CompiledScene:
     """Compiles a scene and builds its start.
 
-    stepper: a method in place of the scene's; point: an instant to start from; names: the observables to
-    save. Raises SceneError if it has no steady elongation, RuntimeError in 32-bit mode."""
+    stepper: a method instead of the scene's; point: an instant to start from; names: the observables to
+    save, all if None. Raises SceneError if it has no steady elongation, RuntimeError in 32-bit mode."""
     require_64_bit()
     resolved = scene if stepper is not None else with_method(scene)
     structure, numbers = split(resolved)
@@ -100,8 +100,8 @@ class HostRun:
         return int(self.counts[0])
 
     def chunks(self) -> Iterator[Chunk]:
-        """The run, a chunk for each call that passed a saved instant. Raises SimulationError when the
-        stepper gives up, after the last good chunk."""
+        """Integrates the run and yields a chunk for each call that passes a saved instant. Raises
+        SimulationError if the run fails, after the last good chunk."""
         motion, row, at, pending, energy = self.checkpoint
         programs = self.compiled.programs
         if row == len(self.times):
@@ -175,8 +175,8 @@ class HostRun:
                     break
 
     def _window(self, row: int, stop: float) -> np.ndarray:
-        """The next saved instants, at most as many as one call has room for. The instant at the end of the
-        run stands alone where a longer run does not save it."""
+        """Returns the next saved instants, at most as many as one call has room for. The last instant of
+        the run is alone in its window if a longer run does not save it."""
         times = self.times[row:]
         times = times[times <= stop][: self.compiled.programs.instants]
         if len(times) > 1 and not self._common(times[-1]):
@@ -184,17 +184,17 @@ class HostRun:
         return times
 
     def _common(self, time: float) -> bool:
-        """True if every longer run saves this instant, too."""
+        """Tells whether every longer run saves this instant, too."""
         return self.interval is None or is_multiple(float(time), self.interval)
 
     def _until(self, number: int) -> float:
-        """The next switch time after the start of a segment [s]."""
+        """Returns the next switch time after the start of a segment [s]."""
         return self.segments[number].until
 
     def _failure(
         self, name: str, problem: Problem, motion: Motion, log: Log, row_time: float
     ) -> SimulationError:
-        """The error that describes a failed run."""
+        """Returns the error that describes a failed run."""
         result = getattr(RESULTS, name)
         if name == "energy_drift":
             text = f"At t = {row_time:.6g} s. {problem.stepper.energy_hint()}"
@@ -207,7 +207,7 @@ class HostRun:
 
 
 def paths(tree: Any) -> dict[str, Any]:
-    """The leaves of a tree by their path."""
+    """Returns the leaves of a tree by their path."""
     leaves = jax.tree_util.tree_leaves_with_path(tree)
     return {
         "/".join(str(getattr(key, "name", getattr(key, "idx", key))) for key in path): x
@@ -216,7 +216,8 @@ def paths(tree: Any) -> dict[str, Any]:
 
 
 def restored(like: Motion, arrays: Mapping[str, np.ndarray]) -> Motion:
-    """A motion from arrays by path. Raises ValueError unless these are the arrays of such a motion."""
+    """Returns a motion from arrays by path. Raises ValueError unless they have the names, shapes and types
+    of `like`."""
     expected = paths(like)
     for name in expected.keys() | arrays.keys():
         if name not in expected or name not in arrays:

@@ -158,9 +158,7 @@ class Case:
         overrides = self.numbers(x) | (LATE if late and not self.chain else {})
         stepper = self.stepper(jnp.asarray(fineness, float))
         times = None if times is None else [float(time) for time in times]
-        return esail.simulate(
-            self.scene, overrides, stepper=stepper, save=self.names, times=times, **more
-        )
+        return esail.simulate(self.scene, overrides, stepper=stepper, save=self.names, times=times, **more)
 
 
 FRAME, SMALL_SAIL, SMALL_CHAIN = parse(SAIL, "frame"), parse(HUB + SAIL, "sail"), parse(CHAIN, "chain")
@@ -324,9 +322,7 @@ def test_batch_of_traced_runs_equals_a_loop_on_the_host(name):
     batch = jit(jax.vmap(member))(jnp.array(finenesses), jnp.array(factors))
     for k, (fineness, factor, result) in enumerate(inputs):
         rows, ended, steps, rejected = jax.tree.map(lambda x, k=k: x[k], batch)
-        host = case.run(
-            fineness, (factor, 1.0, 1.0, 1.0), times, max_steps=case.max_steps, throw=False
-        )
+        host = case.run(fineness, (factor, 1.0, 1.0, 1.0), times, max_steps=case.max_steps, throw=False)
         assert name_of(ended) == name_of(host.result) == result
         assert (int(steps), int(rejected)) == (host.steps, host.stats["rejected_steps"])
         for key in case.names:
