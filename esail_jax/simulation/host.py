@@ -1,9 +1,10 @@
-"""A run on the host: calls of the compiled programs, one after the other, with checkpoints between them."""
+"""The driver on the host: calls of compiled programs in sequence, with a checkpoint after each."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.scenes.method_choice import with_method
@@ -50,8 +51,8 @@ def compile_scene(
 ) -> CompiledScene:
     """Compiles a scene and builds its start.
 
-    stepper: a method in place of the scene's; point: an instant to start from; names: the observables to
-    save. Raises SceneError if it has no steady elongation, RuntimeError in 32-bit mode."""
+    stepper: a method instead of the scene's; point: an instant to start from; names: the observables to
+    save, all if None. Raises SceneError if it has no steady elongation, RuntimeError in 32-bit mode."""
     require_64_bit()
     resolved = scene if stepper is not None else with_method(scene)
     structure, numbers = split(resolved)
@@ -66,8 +67,8 @@ def compile_scene(
 class HostRun:
     """A run of a compiled scene, from its start or from a checkpoint.
 
-    steps, rejected: numbers of steps so far; point: the last saved instant; checkpoint: where a longer run
-    could go on."""
+    counts: numbers of steps taken and rejected so far; point: the last saved instant; checkpoint: where a
+    longer run could go on. For a failed run this is the start of the call that failed."""
 
     def __init__(
         self,
@@ -99,10 +100,12 @@ class HostRun:
         return int(self.counts[0])
 
     def chunks(self) -> Iterator[Chunk]:
-        """The run, a chunk for each call that passed a saved instant. Raises SimulationError when the
-        stepper gives up, after the last good chunk."""
+        """Integrates the run and yields a chunk for each call that passes a saved instant. Raises
+        SimulationError if the run fails, after the last good chunk."""
         motion, row, at, pending, energy = self.checkpoint
         programs = self.compiled.programs
+        if row == len(self.times):
+            return  # interrupted after the last instant
         for number in range(at, len(self.segments)):
             segment = self.segments[number]
             problem = self.compiled.problem
@@ -136,9 +139,10 @@ class HostRun:
                     self.point = last if seen else self.point
                     rows = {name: np.asarray(x)[:seen] for name, x in found.items()}
                     if seen:
-                        rows, memory, kept = with_running_observables(problem, rows, energy, np)
+                        with np.errstate(over="ignore", invalid="ignore"):  # the energy may be infinite
+                            rows, memory, kept = with_running_observables(problem, rows, energy, np)
                         good = seen if kept is None or kept.all() else int(np.argmin(kept))
-                    numerics, left = pending.values(times[:seen], self.statistics)
+                    numerics, left = pending.values(times[:seen], self.begin, self.statistics)
                     if (
                         "constraint_violation" in self.compiled.numerics
                         and "constraint_violation" not in numerics
@@ -158,10 +162,11 @@ class HostRun:
                     after = self.compiled.problem.with_events_until(np.asarray(segment.stop))
                     motion = programs.restart(after, motion, last, np.asarray(self._until(number + 1)))
                     at = number + 1
-                self.checkpoint = Checkpoint(motion, row, at, pending, energy)
+                result = name_of(motion.state.result) if good == seen else "energy_drift"
+                if result == "successful":
+                    self.checkpoint = Checkpoint(motion, row, at, pending, energy)
                 if good:
                     yield Chunk(times[:good], rows, numerics, float(done.time))
-                result = name_of(motion.state.result) if good == seen else "energy_drift"
                 if result != "successful":
                     raise self._failure(
                         result, problem, motion, log, times[good] if good < len(times) else np.nan
@@ -170,8 +175,8 @@ class HostRun:
                     break
 
     def _window(self, row: int, stop: float) -> np.ndarray:
-        """The next saved instants, at most as many as one call has room for. The instant at the end of the
-        run stands alone where a longer run does not save it."""
+        """Returns the next saved instants, at most as many as one call has room for. The last instant of
+        the run is alone in its window if a longer run does not save it."""
         times = self.times[row:]
         times = times[times <= stop][: self.compiled.programs.instants]
         if len(times) > 1 and not self._common(times[-1]):
@@ -179,17 +184,17 @@ class HostRun:
         return times
 
     def _common(self, time: float) -> bool:
-        """True if every longer run saves this instant, too."""
+        """Tells whether every longer run saves this instant, too."""
         return self.interval is None or is_multiple(float(time), self.interval)
 
     def _until(self, number: int) -> float:
-        """The next switch time after the start of a segment [s]."""
+        """Returns the next switch time after the start of a segment [s]."""
         return self.segments[number].until
 
     def _failure(
         self, name: str, problem: Problem, motion: Motion, log: Log, row_time: float
     ) -> SimulationError:
-        """The error that describes a failed run."""
+        """Returns the error that describes a failed run."""
         result = getattr(RESULTS, name)
         if name == "energy_drift":
             text = f"At t = {row_time:.6g} s. {problem.stepper.energy_hint()}"
@@ -202,7 +207,7 @@ class HostRun:
 
 
 def paths(tree: Any) -> dict[str, Any]:
-    """The leaves of a tree by their path."""
+    """Returns the leaves of a tree by their path."""
     leaves = jax.tree_util.tree_leaves_with_path(tree)
     return {
         "/".join(str(getattr(key, "name", getattr(key, "idx", key))) for key in path): x
@@ -211,19 +216,27 @@ def paths(tree: Any) -> dict[str, Any]:
 
 
 def restored(like: Motion, arrays: Mapping[str, np.ndarray]) -> Motion:
-    """A motion from arrays by path. Raises ValueError unless these are the arrays of such a motion."""
+    """Returns a motion from arrays by path. Raises ValueError unless they have the names, shapes and types
+    of `like`."""
     expected = paths(like)
     for name in expected.keys() | arrays.keys():
         if name not in expected or name not in arrays:
             raise ValueError(f"{name} is {'missing' if name in expected else 'unknown'}")
-        kind, found = ((x.shape, x.dtype) for x in map(np.asarray, (expected[name], arrays[name])))
+        kind = (np.shape(expected[name]), jnp.result_type(expected[name]))
+        found = (np.shape(arrays[name]), jnp.result_type(arrays[name]))
         if kind != found:
             raise ValueError(f"{name} is {found[1]}{list(found[0])}, not {kind[1]}{list(kind[0])}")
     return jax.tree.unflatten(jax.tree.structure(like), [arrays[name] for name in expected])
 
 
-def all_rows(chunks: list[Chunk], part: str, count: int) -> dict[str, np.ndarray]:
-    """Rows of all chunks, filled up with NaN to `count` instants: a failed run does not reach all."""
-    rows = join([getattr(chunk, part) for chunk in chunks]) if chunks else {}
+def all_rows(
+    chunks: list[Chunk], part: str, count: int, shapes: Mapping[str, tuple[int, ...]]
+) -> dict[str, np.ndarray]:
+    """Rows of all chunks, filled up with NaN to `count` instants: a failed run does not reach all. shapes:
+    those of the rows at one instant, for a run that reached none."""
+    if chunks:
+        rows = join([getattr(chunk, part) for chunk in chunks])
+    else:
+        rows = {name: np.zeros((0, *shape)) for name, shape in shapes.items()}
     missing = {name: np.full((count - len(x), *x.shape[1:]), np.nan) for name, x in rows.items()}
     return {name: np.concatenate([x, missing[name]]) for name, x in rows.items()}

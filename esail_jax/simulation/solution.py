@@ -1,6 +1,6 @@
 """The result of a run: a mapping from names of observables to arrays."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import equinox as eqx
@@ -17,13 +17,25 @@ from esail_jax.steppers.stepper import AbstractStepper, Point
 
 
 class Solution(eqx.Module, Mapping):
-    """A finished run, as a mapping: `solution["coning_angle"]` is an observable with time as first axis.
+    """The result of a run: a mapping from names of observables to arrays with time as first axis.
 
-    time: saved instants [s]; observables: all arrays by name; result: a member of `RESULTS`; final_state:
-    the point at the end, from which `simulate(scene, start=...)` goes on; stats: steps, rejected_steps,
-    times, terms, and a message if the run failed, its energy balance is wrong or its step too long;
-    numerics: statistics of the steps by saved instant; checkpoint: where a longer run could go on, bit for
-    bit. Under a trace `scene` and the last two are None."""
+        solution = esail.simulate("baseline")
+        solution["coning_angle"]             # (time, tether) [rad]
+        list(solution), len(solution)        # names, number of observables
+        solution.units()["coning_angle"]     # "rad"
+        solution.at(12.3)["coning_angle"]    # between two saved instants
+
+    time: saved instants [s]; observables: the mapping itself; result: a member of `RESULTS`; final_state:
+    the point at the last saved instant, for `simulate(scene, start=...)` (None if a failed run has no
+    instant); stats: `steps`, `rejected_steps`, `compile_time` and `wall_time` [s], `method`, `terms` and
+    `message`, which is empty unless the run failed, its energy balance has a large error, or its step is
+    too long; numerics: statistics of the steps by name, with the axis `time`; checkpoint: the state from
+    which a longer run continues (None if `times`, `save`, `start` or `stepper` was given); save, start and
+    stepper: these arguments of `simulate`; again: the function behind `at`.
+
+    After a failure with `throw=False` the arrays are NaN from the failure on. Under a trace `numerics`,
+    `checkpoint`, `again` and `scene` are None, and `stats` has the numbers of steps only. Two solutions
+    are equal only if they are the same object."""
 
     time: Float[Array, " time"] | Float[np.ndarray, " time"]
     observables: dict[str, Array | np.ndarray]
@@ -33,7 +45,12 @@ class Solution(eqx.Module, Mapping):
     numerics: dict[str, np.ndarray] | None = None
     checkpoint: Checkpoint | None = None
     scene: Scene | None = eqx.field(static=True, default=None)
+    save: tuple[str, ...] | None = eqx.field(static=True, default=None)
+    start: Point | None = None
     stepper: AbstractStepper | None = None
+    again: Callable[["Solution", float], dict[str, np.ndarray]] | None = eqx.field(
+        static=True, default=None
+    )
 
     def __getitem__(self, name: str) -> Array | np.ndarray:
         return self.observables[name]
@@ -55,30 +72,34 @@ class Solution(eqx.Module, Mapping):
 
     @property
     def steps(self) -> Any:
-        """Number of steps taken: a Python number, or an array under a trace."""
+        """Number of steps taken: a Python integer, or a tracer under a trace."""
         steps = self.stats["steps"]
         return steps if isinstance(steps, jax.core.Tracer) else int(steps)
 
     def about(self, name: str) -> Observable:
-        """The entry of an observable: its unit, symbol, axes after time, and equation."""
+        """Returns the description of an observable: `unit`, `symbol`, `axes` (after time) and `equation`.
+
+        Raises KeyError for an unknown name."""
         return described(name)
 
     def units(self) -> dict[str, str]:
-        """Units by observable."""
+        """Returns the unit of every observable by name."""
         return {name: described(name).unit for name in self}
 
     def at(self, time: float) -> dict[str, np.ndarray]:
-        """The observables at any time [s] of the run, from the same steps as if that instant had been
-        saved.
+        """Returns the observables at any time [s] of the run, by dense output, without the axis `time`.
 
-        The run is taken again up to that time, with the programs that are compiled already. Raises
-        ValueError for a time outside the run, and for a run made under a trace."""
-        from esail_jax.simulation.simulate import observables_at
-
-        return observables_at(self, time)
+        The run is repeated up to that time with the programs that are compiled already, and takes the same
+        steps. Raises ValueError for a time outside the run, for a run made under a trace, and for a run from
+        a file that does not hold all of its arguments."""
+        if self.again is None:
+            raise ValueError("`solution` must come from a run on concrete numbers, but was traced")
+        return self.again(self, time)
 
     def to_xarray(self) -> Any:
-        """The run as an `xarray.Dataset` with units, symbols and named axes. Needs the extra `xarray`."""
+        """Returns the run as an `xarray.Dataset` with units, symbols, equations and named axes.
+
+        Raises ImportError if xarray is not installed."""
         import xarray
 
         data = {}
@@ -107,4 +128,5 @@ class Solution(eqx.Module, Mapping):
 
 
 OWN_AXES = ("angle", "row", "col")
-"""Axes whose entries mean something else in every observable."""
+"""Axes whose entries have another meaning in every observable: in xarray their names contain the
+observable."""
