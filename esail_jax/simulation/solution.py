@@ -39,7 +39,9 @@ class Solution(eqx.Module, Mapping):
     save: tuple[str, ...] | None = eqx.field(static=True, default=None)
     start: Point | None = None
     stepper: AbstractStepper | None = None
-    again: Callable[["Solution", float], dict[str, np.ndarray]] | None = eqx.field(static=True, default=None)
+    again: Callable[["Solution", float], dict[str, np.ndarray]] | None = eqx.field(
+        static=True, default=None
+    )
 
     def __getitem__(self, name: str) -> Array | np.ndarray:
         return self.observables[name]
