@@ -185,6 +185,6 @@ def split_arguments(
     places = {n % len(args) if n < 0 else n for n in numbers} if args else set()
     traced = tuple(x for n, x in enumerate(args) if n not in places)
     by_name = {name: x for name, x in kwargs.items() if name not in names}
-    static = {n: x for n, x in enumerate(args) if n in places}
+    static: dict[int | str, Any] = {n: x for n, x in enumerate(args) if n in places}
     static |= {name: kwargs[name] for name in sorted(kwargs) if name in names}
     return (traced, by_name), static

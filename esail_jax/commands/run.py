@@ -149,6 +149,11 @@ def check_checkpoint(before: Scene, scene: Scene, state: h5py.Group, path: Path)
     """Raises RunFileError unless the run of `scene` passes through the checkpoint of that of `before`."""
     if "motion" not in state:
         raise of_another_version(path)
+    rows = int(state.attrs.get("rows", 0))
+    if rows and state.parent["time"][rows - 1] > scene.integrator.t_end:
+        raise RunFileError(
+            f"`--t-end` must not end before the state in {path}, but is {scene.integrator.t_end:g}"
+        )
     old, new = (with_method(s).integrator for s in (before, scene))
     if old.method != new.method:
         raise RunFileError("`--t-end` must not change the method of integration, but does")
@@ -208,7 +213,9 @@ def method_of(scene: Scene) -> str:
 def balance_text(file: h5py.File) -> str:
     """A line with the largest energy error and the energy to compare it with; empty if unknown."""
     seen = file["observables"]
-    if "energy_balance_error" not in seen:
+    if not seen.keys() >= {"energy_balance_error", "kinetic_energy", "elastic_energy"}:
+        if not seen.keys() >= {"energy_error", "kinetic_energy"}:
+            return ""
         error, kinetic = seen["energy_error"][()], seen["kinetic_energy"][()]
         good = np.isfinite(error)
         if not good.any():

@@ -52,13 +52,15 @@ class RunFileError(ValueError):
 
 
 def scene_of_run(scene: Scene) -> str:
-    """The scene's text without `t_end`. It must be the same for a run to be resumed."""
+    """Returns the scene's text with a fixed `t_end`. A run can be resumed if this text is the same."""
     return to_toml(scene.replace({"integrator.t_end": 1.0}))
 
 
 class Content(NamedTuple):
-    """What a run file holds beside its rows: the scene, the observables, units of the numerics by name,
-    and the names of the terms of the model; method: the stepper's name."""
+    """The description of a run in its file.
+
+    observables: their descriptions; numerics: units of the statistics by name; terms: names of the terms of
+    the model; method: name of the stepper."""
 
     scene: Scene
     observables: list[Observable]
@@ -68,7 +70,7 @@ class Content(NamedTuple):
 
     @classmethod
     def of_run(cls, compiled: CompiledScene) -> "Content":
-        """The content of the file of a compiled scene."""
+        """Returns the description of a compiled scene."""
         problem = compiled.problem
         return cls(
             compiled.scene, listed(problem.system), compiled.numerics, problem.terms, problem.stepper.name
@@ -76,7 +78,7 @@ class Content(NamedTuple):
 
     @classmethod
     def of_solution(cls, solution: Solution) -> "Content":
-        """The content of the file of a solution."""
+        """Returns the description of a solution."""
         stats = solution.stats
         return cls(
             solution.scene,
@@ -88,7 +90,7 @@ class Content(NamedTuple):
 
 
 def create(file: h5py.File, content: Content) -> None:
-    """Fills a new run file with everything but rows: scene, attributes, empty datasets."""
+    """Fills a new run file: scene, attributes, and datasets without rows."""
     file["scene"] = to_toml(content.scene)
     attributes = versions() | {
         "schema_version": SCHEMA_VERSION,
@@ -111,8 +113,11 @@ def create(file: h5py.File, content: Content) -> None:
 
 
 class Progress(NamedTuple):
-    """How far a run is: the checkpoint to continue from, the last saved point, numbers of steps, seconds
-    spent on compiling and on running, and how the run ended, if it has."""
+    """The progress of a run.
+
+    checkpoint: where it continues; point: the last saved instant; steps, rejected: numbers of steps; times:
+    seconds for compiling and for running; status: "running", "complete", "interrupted" or "failed"; message
+    and result: as in a solution."""
 
     checkpoint: Checkpoint | None
     point: Point | None
@@ -125,12 +130,13 @@ class Progress(NamedTuple):
 
 
 def progress_of(run: HostRun, times: tuple[float, float], *ended: Any) -> Progress:
-    """The progress of a run on the host; ended: status, message and result."""
-    return Progress(run.checkpoint, run.point, *(int(count) for count in run.counts), times, *ended)
+    """Returns the progress of a run on the host. ended: status, message and result, if it has ended."""
+    counts = run.counts
+    return Progress(run.checkpoint, run.point, int(counts[0]), int(counts[1]), times, *ended)
 
 
 class RunWriter:
-    """Writes the chunks of a run to a run file while the run goes on.
+    """Writes the chunks of a run to a run file during the run.
 
     path: the file; resume: continue an existing file from its checkpoint and drop the rows after it.
     """
@@ -150,12 +156,12 @@ class RunWriter:
                 create(file, content)
 
     def add(self, chunk: Chunk) -> bool:
-        """Keeps a chunk in memory. Returns true if it is time to write."""
+        """Stores a chunk in memory. Returns whether it is time to write."""
         self._pending.append(chunk)
         return time.perf_counter() >= self._next_write
 
     def write(self, progress: Progress) -> None:
-        """Writes the chunks kept in memory, and the progress."""
+        """Writes the chunks in memory and the progress."""
         began = time.perf_counter()
         with atomic_hdf5(self.path, update=True) as file:
             if self._dropped_to is not None:
@@ -195,7 +201,7 @@ class RunWriter:
 
 
 def rows_of(file: h5py.File) -> list[h5py.Dataset]:
-    """All datasets whose first axis is time."""
+    """Returns all datasets whose first axis is time."""
     return [file["time"], *file["observables"].values(), *file["numerics"].values()]
 
 
@@ -213,7 +219,8 @@ def save_checkpoint(file: h5py.File, checkpoint: Checkpoint) -> None:
 
 
 def load_checkpoint(file: h5py.File) -> Checkpoint:
-    """The checkpoint of a run file, with the motion as arrays by path (`simulation.host.restored`)."""
+    """Returns the checkpoint of a run file. Its motion is a mapping of arrays by path, which
+    `simulation.host.restored` reads."""
     group, motion = file["state"], {}
 
     def visit(name, data):
@@ -235,7 +242,7 @@ def save_point(file: h5py.File, point: Point) -> None:
 
 
 def load_point(file: h5py.File) -> Point | None:
-    """The last saved instant of a run file; None if it has none."""
+    """Returns the last saved instant of a run file; None if it has none."""
     if "final" not in file:
         return None
     group = file["final"]
@@ -249,13 +256,14 @@ def load_point(file: h5py.File) -> Point | None:
 
 
 def holds_ensemble(path: str | os.PathLike) -> bool:
-    """True if a file holds an ensemble, false if one run. Raises RunFileError if it is no run file."""
+    """Tells whether a file contains an ensemble rather than one run. Raises RunFileError for other
+    files."""
     with open_run(path) as file:
         return "members" in file
 
 
 def open_single(path: str | os.PathLike) -> h5py.File:
-    """Opens the file of one run for reading. Raises RunFileError, with one line."""
+    """Opens the file of one run for reading. Raises RunFileError for any other file."""
     file = open_run(path)
     if "members" in file:
         file.close()
@@ -264,7 +272,7 @@ def open_single(path: str | os.PathLike) -> h5py.File:
 
 
 def open_run(path: str | os.PathLike) -> h5py.File:
-    """Opens the file of a run or an ensemble for reading. Raises RunFileError, with one line."""
+    """Opens the file of a run or an ensemble for reading. Raises RunFileError for any other file."""
     try:
         file = h5py.File(path)
     except OSError as error:
@@ -303,9 +311,9 @@ def save(solution: Solution, path: str | os.PathLike, overwrite: bool = False) -
 
 
 def load(path: str | os.PathLike) -> Solution:
-    """Reads a run file as a solution. Its `final_state` is the last saved instant.
+    """Reads a run file as a solution. Its `final_state` is the last saved instant, its `stepper` None.
 
-    Raises RunFileError, and RuntimeError in 32-bit mode.
+    Raises RunFileError if the file is not that of one run, and RuntimeError in 32-bit mode.
     """
     require_64_bit()
     with open_single(path) as file:

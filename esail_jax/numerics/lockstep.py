@@ -1,12 +1,12 @@
 """Loops that end early and store results in buffers, for one run or for many runs under `jax.vmap`.
 
-JAX's own rule for a `lax.while_loop` under `vmap` runs until the last member ends, and after every turn it
-selects, member by member, everything the loop carries: with result buffers in the carry this costs more
-than the run. The loops of this module have rules of their own (`jax.custom_batching.custom_vmap`). The
-condition is true while any member is active, only what a member carries is selected, and a buffer is
-written in place, where the member is active. Without `vmap` nothing is selected at all. The rules hold
-under any `vmap`, also a user's, and under nested ones. They have no reverse derivative: the loops run
-inside functions with a derivative rule of their own."""
+JAX's own rule for a `lax.while_loop` under `vmap` continues until the last member ends. After every
+iteration it selects the old or the new value of everything the loop carries, for every member; with result
+buffers in the carry this costs more than the run. The loops of this module have rules of their own
+(`jax.custom_batching.custom_vmap`): the condition is true while any member is active, the selection applies
+to the carry only, and a buffer is written in place if the member is active. Without `vmap` there is no
+selection. The rules hold under any `vmap`, also a user's, and under nested ones. They have no reverse
+derivative: the loops are used inside functions with derivative rules of their own."""
 
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -68,8 +68,8 @@ def bounded_loop(
         results = jax.tree.map(lambda all, x: put(all, x, count, 0), results, result)
         return carry, count + 1, goes_on, results
 
-    room = most if room is None else room
-    empty = jax.tree.map(lambda x: jnp.broadcast_to(x, (room, *jnp.shape(x))), nothing)
+    length = most if room is None else room
+    empty = jax.tree.map(lambda x: jnp.broadcast_to(x, (length, *jnp.shape(x))), nothing)
     state = (carry, jnp.zeros((), int), jnp.asarray(True), empty)
     carry, _, _, results = lax.while_loop(lambda state: any_member(is_active(state)), turn, state)
     return carry, results
@@ -77,7 +77,7 @@ def bounded_loop(
 
 @custom_vmap
 def any_member(condition: Bool[Array, ""]) -> Bool[Array, ""]:
-    """The condition itself; under `vmap`, one truth value for all members: whether it holds for any."""
+    """Returns the condition; under `vmap`, one truth value for all members: whether it holds for any."""
     return condition
 
 
@@ -88,7 +88,7 @@ def _any_member(size, batched, condition):
 
 @custom_vmap
 def select_under_vmap(is_active: Bool[Array, ""], new: Carry, old: Carry) -> Carry:
-    """`new`; under `vmap`, `new` for the members that are active and `old` for the others."""
+    """Returns `new`; under `vmap`, `new` for the active members and `old` for the others."""
     return new
 
 
@@ -101,7 +101,8 @@ def _select_under_vmap(size, batched, is_active, new, old):
 
 @custom_vmap
 def buffer_set(buffers: Result, index: Int[Array, ""], value: Result, is_active: Bool[Array, ""]) -> Result:
-    """The buffers with `value` at `index` of their first axis; under `vmap`, for the active members only.
+    """Returns the buffers with `value` at `index` of their first axis; under `vmap`, only the active
+    members are written.
 
     Without `vmap` the caller is active, and the index is not checked against the length of the buffers."""
     # Not `at[index].set`, which checks the index.
@@ -123,12 +124,13 @@ def _buffer_set(size, batched, buffers, index, value, is_active):
 
 
 def select(condition: Bool[Array, ""], new: Carry, old: Carry) -> Carry:
-    """`new` where the condition holds, else `old`, leaf by leaf."""
+    """Returns `new` if the condition holds, otherwise `old`, leaf by leaf."""
     return jax.tree.map(lambda a, b: jnp.where(condition, a, b), new, old)
 
 
 def filled(size: int, values: Any, batched: Any) -> Any:
-    """The values with a leading axis for the members, of length `size`, where they do not have one."""
+    """Returns the values with a leading axis of length `size` for the members, which is added if
+    missing."""
     return jax.tree.map(
         lambda x, has: x if has else jnp.broadcast_to(x, (size, *jnp.shape(x))), values, batched
     )
@@ -137,10 +139,10 @@ def filled(size: int, values: Any, batched: Any) -> Any:
 def per_member_table(
     table: Float[Array | np.ndarray, "row col"], like: Array
 ) -> Float[Array | np.ndarray, "row col"]:
-    """The table; under `vmap`, one copy of it for each member. like: any array that each member has of its
-    own.
+    """Returns the table; under `vmap`, one copy of it per member. like: any array that differs between
+    members.
 
     Without the copies XLA moves the member axis behind the table's rows and transposes the arrays around
-    the product. The compiler takes the selection out again."""
+    the product. The compiler removes the selection that makes the copies."""
     token = like.reshape(-1)[0].real
     return jnp.where(token == token, table, table)

@@ -71,9 +71,9 @@ def inverse(a: Inexact[Array, "row row *batch"]) -> Inexact[Array, "row row *bat
         return jnp.stack([jnp.stack(row) for row in rows]) / det
     if n == 3:
         columns = (a[:, 0], a[:, 1], a[:, 2])
-        rows = [jnp.cross(columns[(i + 1) % 3], columns[(i + 2) % 3], axis=0) for i in range(3)]
-        det = (columns[0] * rows[0]).sum(0)
-        return jnp.stack(rows) / det
+        crosses = [jnp.cross(columns[(i + 1) % 3], columns[(i + 2) % 3], axis=0) for i in range(3)]
+        det = (columns[0] * crosses[0]).sum(0)
+        return jnp.stack(crosses) / det
 
     def eliminate(k, a):
         row, column = (lax.dynamic_index_in_dim(a, k, axis, keepdims=False) for axis in (0, 1))

@@ -34,7 +34,8 @@ def perturbed(function: Callable, primals: tuple, tangents: tuple) -> tuple[Call
             found[i] = x
         return function(*jax.tree.unflatten(structure, found))
 
-    return of_moving, *(tuple(x[i] for i in moving) for x in (leaves, moves))
+    at, along = (tuple(x[i] for i in moving) for x in (leaves, moves))
+    return of_moving, at, along
 
 
 def is_symbolic(tangent: Any) -> bool:

@@ -1,4 +1,4 @@
-"""The stepper that belongs to a method's name: the only place that asks for the name."""
+"""The stepper of a scene, chosen by the name of its method. No other module depends on the name."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -17,8 +17,8 @@ from esail_jax.system import System
 
 
 class Given(NamedTuple):
-    """What a stepper is made from: the method's name, the numbers of the scene, and a chain with its
-    start."""
+    """The data from which a stepper is made: the name of the method, the numbers of the scene, the model,
+    and the start of a chain (None for a sail)."""
 
     method: str
     numbers: Numbers
@@ -29,7 +29,7 @@ class Given(NamedTuple):
 def stepper_of(
     structure: Structure, numbers: Numbers, model: System | RodChain, rods: RodState | None
 ) -> AbstractStepper:
-    """The stepper of a scene whose [integrator] is complete. rods: the start of a chain."""
+    """Returns the stepper of a resolved scene (`method_choice.with_method`). rods: the start of a chain."""
     method = structure["integrator.method"]
     return STEPPERS[method](Given(method, numbers, model, rods))
 
@@ -65,7 +65,7 @@ STEPPERS: dict[str, Callable[[Given], AbstractStepper]] = {
 
 
 def stepper_class(method: str) -> type[AbstractStepper]:
-    """The class of the stepper of a method's name."""
+    """Returns the class of the stepper of a method."""
     return CLASSES[method]
 
 

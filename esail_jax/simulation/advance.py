@@ -1,7 +1,7 @@
-"""The motion from one saved instant past the next, by any stepper; and its derivative.
+"""The loop that takes steps until the saved instants of a window are passed, and its derivative.
 
-`advance` is called by the host with windows of instants (`host.py`), and by a scan under a trace
-(`traced.py`). Nothing is projected or observed here (`look.py`)."""
+The host calls `advance` for one window after the other (`host.py`); a traced run calls `move` in a scan
+over windows (`traced.py`). The projection on the constraints and the observables follow in `look.py`."""
 
 import functools
 from collections.abc import Callable
@@ -20,12 +20,12 @@ from esail_jax.steppers.results import RESULTS
 from esail_jax.steppers.stepper import AbstractSteps, Motion, Point, nan_like
 
 TAPES = "steps as taken"
-"""Checkpoint name of what the derivative keeps of the steps. Steps that were chosen again in the backward
-pass could differ by rounding, and the gradient would be that of other steps."""
+"""Checkpoint name of the tapes. They must be saved: step sizes that are computed again in the backward pass
+may differ by rounding, and the gradient would be that of other steps."""
 
 
 class Window(NamedTuple):
-    """Some instants [s] in increasing order, of which the first `count` matter."""
+    """Saved instants [s] in increasing order, of which the first `count` are used."""
 
     times: Float[Array, " instant"]
     count: Int[Array, ""]
@@ -33,13 +33,17 @@ class Window(NamedTuple):
 
 class Advanced(NamedTuple):
     """The result of `advance`: the motion; the points at the instants, NaN where they were not passed;
-    what `keep` returned for each block; the number of instants passed and of batches taken."""
+    what `keep` returned for each block; the number of instants passed and of batches taken; the time
+    reached [s], and the numbers of steps taken and rejected, which the host would otherwise have to
+    compute."""
 
     motion: Motion
     points: Point
     kept: Any
     passed: Int[Array, ""]
     batches: Int[Array, ""]
+    time: Scalar
+    counts: Float[Array, "2"]
 
 
 def advance(
@@ -51,8 +55,8 @@ def advance(
     keep: Callable[[AbstractSteps], Any] | None = None,
     room: int = 0,
 ) -> Advanced:
-    """Takes blocks of steps until the window's instants are passed, `max_batches` batches of blocks were
-    taken, the run has `max_steps` steps, or the stepper gives up.
+    """Takes blocks of steps until all instants of the window are passed, `max_batches` batches of blocks
+    were taken, the run has `max_steps` steps, or the stepper fails.
 
     A batch is `stepper.blocks_per_batch` blocks, or fewer where an instant is passed. keep: a function of
     a block's steps, whose results are returned with `room` batches of blocks along a new first axis."""
@@ -99,7 +103,8 @@ def advance(
 
         (motion, count), part = while_active(waiting, block, (motion, none), empty)
         if keep is not None:
-            # A turn without a block writes into a place that the next one fills, or the last one, which is dropped.
+            # A turn without a block writes into a place that the next turn fills, or into the last place,
+            # which is dropped.
             kept = buffer_set(kept, batches, part, is_active)
         return (motion, row, batches + jnp.minimum(count, 1)), (points, kept)
 
@@ -114,24 +119,25 @@ def advance(
         active, turn, (motion, none, none), (points, kept)
     )
     kept = jax.tree.map(lambda x: x[:-1].reshape(-1, *x.shape[2:]), kept)
-    return Advanced(with_limit(motion, row < window.count, max_steps), points, kept, row, batches)
+    motion = with_limit(motion, row < window.count, max_steps)
+    return Advanced(motion, points, kept, row, batches, motion.state.time, motion.counts)
 
 
 def room_for(count: int, one: Callable[[], Any]) -> Any:
-    """NaN for `count` results of a function, along a new first axis."""
+    """Returns buffers with NaN for `count` results of a function, along a new first axis."""
     shapes = jax.eval_shape(one)
     return nan_like(jax.tree.map(lambda x: jnp.zeros((count, *x.shape), x.dtype), shapes))
 
 
 def with_limit(motion: Motion, unfinished: Bool[Array, ""], max_steps: Scalar) -> Motion:
-    """The motion, whose result says so if it ended for want of steps."""
+    """Returns the motion, with the result `too_many_steps` if `max_steps` ended it."""
     state = motion.state
     ended = unfinished & (state.result == RESULTS.successful) & (motion.counts[0] >= max_steps)
     return with_result(motion, RESULTS.where(ended, RESULTS.too_many_steps, state.result))
 
 
 def with_result(motion: Motion, result: RESULTS) -> Motion:
-    """The motion with another result."""
+    """Returns the motion with another result."""
     state = motion.state
     values = {field: getattr(state, field) for field in state.__dataclass_fields__}
     return motion._replace(state=type(state)(**values | {"result": result}))
@@ -141,17 +147,18 @@ def with_result(motion: Motion, result: RESULTS) -> Motion:
 
 
 NO_LIMIT = 2**62
-"""Number of batches that no run reaches."""
+"""A number of batches that no run reaches."""
 
 
 @jax.custom_jvp
 def move(
     problem: Problem, motion: Motion, window: Window, max_steps: Scalar
 ) -> tuple[Motion, Point, Int[Array, ""]]:
-    """The motion past the instants of a window, the points at the instants, and how many were passed.
+    """Returns the motion after the instants of a window, the points at the instants, and the number of
+    instants passed.
 
-    The derivative, in forward and in reverse mode, is that of the steps as they were taken. They are
-    recorded, in at most `stepper.blocks_per_window` blocks, and replayed in loops of fixed length."""
+    The derivative, in forward and in reverse mode, is that of the steps that were taken. They are recorded,
+    in at most `stepper.blocks_per_window` batches of blocks, and replayed in loops of fixed length."""
     found = advance(problem, motion, window, max_steps, jnp.asarray(NO_LIMIT))
     return found.motion, found.points, found.passed
 
@@ -176,11 +183,11 @@ def _move_jvp(primals, tangents):
 
 
 def none_like(count: Array) -> Any:
-    """The tangent of an integer."""
+    """Returns the tangent of an integer, which JAX represents by the type float0."""
     return jnp.zeros(count.shape, jax.dtypes.float0)
 
 
 def keep_tapes(body: Callable) -> Callable:
-    """The function as a checkpoint of reverse mode that keeps the tapes and computes everything else
+    """Returns the function with a checkpoint: reverse mode saves the tapes and computes everything else
     again."""
     return jax.checkpoint(body, policy=jax.checkpoint_policies.save_only_these_names(TAPES))

@@ -1,4 +1,4 @@
-"""A run on the host: calls of the compiled programs, one after the other, with checkpoints between them."""
+"""The driver on the host: calls of compiled programs in sequence, with a checkpoint after each."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
@@ -25,13 +25,15 @@ NO_LIMIT = np.inf
 
 
 class CompiledScene(NamedTuple):
-    """A scene with its compiled programs and its start. scene: as given; resolved: with its method."""
+    """A scene with its compiled programs and its start. scene: as given; resolved: with its method; begin:
+    start of the run [s]."""
 
     scene: Scene
     resolved: Scene
     programs: Programs
     problem: Problem
     motion: Motion
+    begin: float
 
     @property
     def numerics(self) -> dict[str, str]:
@@ -49,8 +51,8 @@ def compile_scene(
 ) -> CompiledScene:
     """Compiles a scene and builds its start.
 
-    stepper: a method in place of the scene's; point: an instant to start from; names: the observables to
-    save. Raises SceneError if it has no steady elongation, RuntimeError in 32-bit mode."""
+    stepper: a method instead of the scene's; point: an instant to start from; names: the observables to
+    save, all if None. Raises SceneError if it has no steady elongation, RuntimeError in 32-bit mode."""
     require_64_bit()
     resolved = scene if stepper is not None else with_method(scene)
     structure, numbers = split(resolved)
@@ -58,7 +60,8 @@ def compile_scene(
     begun = programs.start(numbers, stepper, point)
     if scene.chain is None:
         check_steady(scene, begun)
-    return CompiledScene(scene, resolved, programs, begun.problem, begun.motion)
+    begin = 0.0 if point is None else float(point.time)
+    return CompiledScene(scene, resolved, programs, begun.problem, begun.motion, begin)
 
 
 class HostRun:
@@ -81,14 +84,15 @@ class HostRun:
         elif isinstance(checkpoint.motion, Mapping):
             checkpoint = checkpoint._replace(motion=restored(compiled.motion, checkpoint.motion))
         self.checkpoint, self.point = checkpoint, None
-        self.counts = np.asarray(checkpoint.motion.counts)
+        motion = checkpoint.motion
+        since = [float(motion.state.taken), float(motion.state.rejected)]
+        self.counts = np.asarray(motion.earlier) + np.array(since)
         scene = compiled.resolved
         self.interval = scene.output.interval if times is None else None
         self.times = save_times(scene.integrator.t_end, scene.output.interval) if times is None else times
-        self.begin = float(compiled.motion.state.time)
         restarts = compiled.programs.restart is not None
         switches = switch_times(scene.event, scene.voltage) if restarts else ()
-        self.segments = segments(self.begin, float(self.times[-1]), switches)
+        self.segments = segments(compiled.begin, float(self.times[-1]), switches)
 
     @property
     def steps(self) -> int:
@@ -96,10 +100,12 @@ class HostRun:
         return int(self.counts[0])
 
     def chunks(self) -> Iterator[Chunk]:
-        """The run, a chunk for each call that passed a saved instant. Raises SimulationError when the
-        stepper gives up, after the last good chunk."""
+        """Integrates the run and yields a chunk for each call that passes a saved instant. Raises
+        SimulationError if the run fails, after the last good chunk."""
         motion, row, at, pending, energy = self.checkpoint
         programs = self.compiled.programs
+        if row == len(self.times):
+            return  # interrupted after the last instant
         for number in range(at, len(self.segments)):
             segment = self.segments[number]
             problem = self.compiled.problem
@@ -123,7 +129,7 @@ class HostRun:
                     self.max_steps,
                     np.asarray(programs.batches),
                 )
-                passed, motion = int(done.passed), done.motion
+                passed, motion, self.counts = int(done.passed), done.motion, np.asarray(done.counts)
                 seen = min(passed, shown)
                 log = Log.from_table(np.asarray(done.kept), programs.statistics)
                 pending = pending.with_steps(log, self.statistics)
@@ -133,9 +139,10 @@ class HostRun:
                     self.point = last if seen else self.point
                     rows = {name: np.asarray(x)[:seen] for name, x in found.items()}
                     if seen:
-                        rows, memory, kept = with_running_observables(problem, rows, energy, np)
+                        with np.errstate(over="ignore", invalid="ignore"):  # the energy may be infinite
+                            rows, memory, kept = with_running_observables(problem, rows, energy, np)
                         good = seen if kept is None or kept.all() else int(np.argmin(kept))
-                    numerics, left = pending.values(times[:seen], self.statistics)
+                    numerics, left = pending.values(times[:seen], self.begin, self.statistics)
                     if (
                         "constraint_violation" in self.compiled.numerics
                         and "constraint_violation" not in numerics
@@ -146,7 +153,7 @@ class HostRun:
                 if good == seen and common:
                     row, pending, energy = row + seen, left, memory
                     pending = (
-                        pending.merged(float(motion.state.time), self.statistics)
+                        pending.merged(float(done.time), self.statistics)
                         if passed < len(times)
                         else pending
                     )
@@ -155,12 +162,11 @@ class HostRun:
                     after = self.compiled.problem.with_events_until(np.asarray(segment.stop))
                     motion = programs.restart(after, motion, last, np.asarray(self._until(number + 1)))
                     at = number + 1
-                self.counts = np.asarray(motion.counts)
                 result = name_of(motion.state.result) if good == seen else "energy_drift"
                 if result == "successful":
                     self.checkpoint = Checkpoint(motion, row, at, pending, energy)
                 if good:
-                    yield Chunk(times[:good], rows, numerics, float(motion.state.time))
+                    yield Chunk(times[:good], rows, numerics, float(done.time))
                 if result != "successful":
                     raise self._failure(
                         result, problem, motion, log, times[good] if good < len(times) else np.nan
@@ -169,8 +175,8 @@ class HostRun:
                     break
 
     def _window(self, row: int, stop: float) -> np.ndarray:
-        """The next saved instants, at most as many as one call has room for. The instant at the end of the
-        run stands alone where a longer run does not save it."""
+        """Returns the next saved instants, at most as many as one call has room for. The last instant of
+        the run is alone in its window if a longer run does not save it."""
         times = self.times[row:]
         times = times[times <= stop][: self.compiled.programs.instants]
         if len(times) > 1 and not self._common(times[-1]):
@@ -178,22 +184,21 @@ class HostRun:
         return times
 
     def _common(self, time: float) -> bool:
-        """True if every longer run saves this instant, too."""
+        """Tells whether every longer run saves this instant, too."""
         return self.interval is None or is_multiple(float(time), self.interval)
 
     def _until(self, number: int) -> float:
-        """The next switch time after the start of a segment [s]."""
+        """Returns the next switch time after the start of a segment [s]."""
         return self.segments[number].until
 
     def _failure(
         self, name: str, problem: Problem, motion: Motion, log: Log, row_time: float
     ) -> SimulationError:
-        """The error that describes a failed run."""
+        """Returns the error that describes a failed run."""
         result = getattr(RESULTS, name)
         if name == "energy_drift":
-            step = getattr(problem.stepper, "step_size", None)
-            hint = "Ask for a smaller tolerance." if step is None else "Ask for a shorter step."
-            return SimulationError(f"{RESULTS[result]} At t = {row_time:.6g} s. {hint}", result)
+            text = f"At t = {row_time:.6g} s. {problem.stepper.energy_hint()}"
+            return SimulationError(f"{RESULTS[result]} {text}", result)
         if name == "too_many_steps":
             text = f"At t = {float(motion.state.time):.6g} s after {self.steps} steps."
         else:
@@ -202,7 +207,7 @@ class HostRun:
 
 
 def paths(tree: Any) -> dict[str, Any]:
-    """The leaves of a tree by their path."""
+    """Returns the leaves of a tree by their path."""
     leaves = jax.tree_util.tree_leaves_with_path(tree)
     return {
         "/".join(str(getattr(key, "name", getattr(key, "idx", key))) for key in path): x
@@ -211,7 +216,8 @@ def paths(tree: Any) -> dict[str, Any]:
 
 
 def restored(like: Motion, arrays: Mapping[str, np.ndarray]) -> Motion:
-    """A motion from arrays by path. Raises ValueError unless these are the arrays of such a motion."""
+    """Returns a motion from arrays by path. Raises ValueError unless they have the names, shapes and types
+    of `like`."""
     expected = paths(like)
     for name in expected.keys() | arrays.keys():
         if name not in expected or name not in arrays:
@@ -223,8 +229,14 @@ def restored(like: Motion, arrays: Mapping[str, np.ndarray]) -> Motion:
     return jax.tree.unflatten(jax.tree.structure(like), [arrays[name] for name in expected])
 
 
-def all_rows(chunks: list[Chunk], part: str, count: int) -> dict[str, np.ndarray]:
-    """Rows of all chunks, filled up with NaN to `count` instants: a failed run does not reach all."""
-    rows = join([getattr(chunk, part) for chunk in chunks]) if chunks else {}
+def all_rows(
+    chunks: list[Chunk], part: str, count: int, shapes: Mapping[str, tuple[int, ...]]
+) -> dict[str, np.ndarray]:
+    """Rows of all chunks, filled up with NaN to `count` instants: a failed run does not reach all. shapes:
+    those of the rows at one instant, for a run that reached none."""
+    if chunks:
+        rows = join([getattr(chunk, part) for chunk in chunks])
+    else:
+        rows = {name: np.zeros((0, *shape)) for name, shape in shapes.items()}
     missing = {name: np.full((count - len(x), *x.shape[1:]), np.nan) for name, x in rows.items()}
     return {name: np.concatenate([x, missing[name]]) for name, x in rows.items()}

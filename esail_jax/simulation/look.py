@@ -1,5 +1,4 @@
-"""Observables at saved instants: the points of dense output are projected on the constraints and
-observed."""
+"""Observables at saved instants: points of dense output are projected on the constraints and evaluated."""
 
 from types import ModuleType
 from typing import Any
@@ -20,8 +19,8 @@ from esail_jax.system import System
 def look(
     problem: Problem, point: Point, names: tuple[str, ...] | None = None
 ) -> tuple[dict[str, Array], Point, Scalar]:
-    """The observables of an instant, those of `names` if given, the point on the constraints, and the
-    largest violation of the constraints there [m]."""
+    """Returns the observables of an instant (those of `names`, all if None), the point projected on the
+    constraints, and the largest constraint violation there [m]."""
     system = problem.system
     if observables.is_chain(system):
         instant = observables.chain.Instant(
@@ -35,8 +34,8 @@ def look(
 
 
 def on_constraints(problem: Problem, point: Point) -> tuple[Point, FactoredMass]:
-    """The point on the constraints of a sail, and its factored mass matrix. The end of a step stays as it
-    is."""
+    """Returns the point of a sail projected on the constraints, and its factored mass matrix. A point at
+    the end of a step is not changed."""
     system = problem.system
     mass = factor_mass(system, point.time, point.q, problem.inertia)
     q, v = project(system, point.time, point.q, point.v, mass)
@@ -45,12 +44,12 @@ def on_constraints(problem: Problem, point: Point) -> tuple[Point, FactoredMass]
 
 
 def chosen(rows: dict[str, Array], names: tuple[str, ...] | None) -> dict[str, Array]:
-    """The named observables, all of them without names."""
+    """Returns the named observables, or all of them if `names` is None."""
     return rows if names is None else {name: rows[name] for name in names}
 
 
 def violation(system: System, point: Point) -> Scalar:
-    """The largest constraint violation [m]."""
+    """Returns the largest constraint violation [m]."""
     if not system.has_constraints:
         return jnp.zeros(())
     found = jax.tree.leaves(system.constraints(point.time, point.q))
@@ -60,26 +59,26 @@ def violation(system: System, point: Point) -> Scalar:
 def look_at_window(
     problem: Problem, points: Point, count: Int[Array, ""], names: tuple[str, ...] | None = None
 ) -> tuple[dict[str, Array], Point, Float[Array, " instant"]]:
-    """The observables at the first `count` of several points, the last of these points on the constraints,
-    and the constraint violations [m].
+    """Returns the observables at the first `count` of several points, the last of these points projected on
+    the constraints, and the constraint violations [m].
 
-    The instants are looked at one after the other: the numbers of one fit into the first cache, which
-    takes a third less time than all at once."""
+    The instants are evaluated one after the other: the numbers of one fit into the processor's first cache,
+    which takes a third less time than a batch."""
 
     def one(row):
         return look(problem, jax.tree.map(lambda x: x[row], points), names)
 
     def put(row, kept):
         rows, gaps, _ = kept
-        seen, point, gap = one(row)
+        observed, point, gap = one(row)
         rows, gaps = jax.tree.map(
-            lambda all, x: lax.dynamic_update_index_in_dim(all, x, row, 0), (rows, gaps), (seen, gap)
+            lambda all, x: lax.dynamic_update_index_in_dim(all, x, row, 0), (rows, gaps), (observed, gap)
         )
         return rows, gaps, point
 
-    seen, point, _ = jax.eval_shape(lambda: one(0))
+    observed, point, _ = jax.eval_shape(lambda: one(0))
     size = len(points.time)
-    room = jax.tree.map(lambda x: jnp.zeros((size, *x.shape), x.dtype), seen)
+    room = jax.tree.map(lambda x: jnp.zeros((size, *x.shape), x.dtype), observed)
     first = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), point)
     rows, gaps, point = lax.fori_loop(0, count, put, (room, jnp.zeros(size), first))
     return rows, point, gaps
@@ -88,8 +87,11 @@ def look_at_window(
 def with_running_observables(
     problem: Problem, rows: dict[str, Any], memory: tuple[Any, Any], xp: ModuleType
 ) -> tuple[dict[str, Any], tuple[Any, Any], Any]:
-    """Rows with the observables that depend on the rows before; the memory for the next rows; and whether
-    the energy balance of each row is kept (None where this is not asked). xp: numpy or jax.numpy."""
+    """Adds the observables of a chain that depend on earlier rows.
+
+    memory: the energy at the start and the largest kinetic energy so far [J]; xp: numpy or jax.numpy.
+    Returns the rows, the memory for the next rows, and for each row whether its energy balance holds (None
+    if the method needs no such guard)."""
     if not observables.is_chain(problem.system) or "energy_error" not in rows:
         return rows, memory, None
     rows, memory = observables.chain.with_energy_error(rows, memory, xp)

@@ -1,4 +1,5 @@
-"""From the structure and the numbers of a scene to what a run starts with."""
+"""The problem of a run (model and stepper) and its start, built from the structure and numbers of a
+scene."""
 
 from typing import Any, NamedTuple
 
@@ -56,15 +57,15 @@ class Problem(NamedTuple):
         return self.model.terms
 
     def with_events_until(self, time: Scalar | np.ndarray) -> "Problem":
-        """The problem as it is after the events up to a time [s]."""
+        """Returns the problem after all events until a time [s]."""
         if isinstance(self.model, RodChain):
             return self
         return self._replace(model=self.model.with_events_until(time))
 
 
 class Start(NamedTuple):
-    """What a run begins with. unbalanced: force that the steady elongation leaves unbalanced [N], by
-    tether; q: the positions of a sail at the start, by which it is judged."""
+    """The start of a run. unbalanced: unbalanced force of the steady elongation [N], per tether; q:
+    positions of a sail at the start. `check_steady` judges both."""
 
     problem: Problem
     motion: Motion
@@ -78,7 +79,7 @@ def start(
     stepper: AbstractStepper | None = None,
     point: Point | None = None,
 ) -> Start:
-    """The problem and the motion at its start.
+    """Returns the problem and the motion at its start.
 
     stepper: a method in place of the scene's; point: an instant to start from in place of the scene's
     start."""
@@ -116,14 +117,14 @@ def start(
 
 
 def restart(problem: Problem, motion: Motion, point: Point, until: Scalar) -> Motion:
-    """The motion from a point, on the constraints, at which something was switched. problem: as it is
-    afterwards; until: the next such time [s]."""
+    """Returns the motion that starts from a point on the constraints at a switch time. problem: the problem
+    after the event; until: the next switch time [s]."""
     state, last = problem.stepper.init(problem.model, point, until)
     return Motion(state, last, motion.counts)
 
 
 def require_64_bit() -> None:
-    """Raise RuntimeError if JAX computes in 32 bit."""
+    """Raises RuntimeError if JAX computes in 32 bit."""
     if not jax.config.jax_enable_x64:
         raise RuntimeError(
             "esail_jax needs 64-bit numbers (positions of 1e4 m and elongations of 1e-6 m meet in "
@@ -132,7 +133,7 @@ def require_64_bit() -> None:
 
 
 def check_steady(scene: Scene, begun: Start) -> None:
-    """Refuse a spin at which the elements have no steady stretch. Raises SceneError."""
+    """Raises SceneError if the elements have no steady elongation at the initial spin rate."""
     tethers = begun.problem.system.tethers
     q, spin = begun.q.tether, float(np.abs(scene.initial.spin_rate))
     lengths = tethers.element_length * tethers.elements

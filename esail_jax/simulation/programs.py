@@ -1,7 +1,7 @@
-"""Compiling: the programs of a run, made side by side and kept for scenes of the same structure.
+"""Compilation of the programs of a run, which are cached for scenes of the same structure.
 
-Tracing holds Python's lock, compiling does not, so the programs are traced one after the other and
-compiled at the same time: three quarters of the time on two cores."""
+Tracing holds Python's global lock, compiling does not. The programs are therefore traced one after the
+other and compiled in parallel, which takes three quarters of the time on two cores."""
 
 import functools
 from collections.abc import Callable
@@ -34,7 +34,8 @@ class Programs(NamedTuple):
     """The compiled functions `start`, `advance`, `look_at_window` and, for a scene with switch times,
     `restart`.
 
-    instants, batches: largest numbers in one call; statistics: names of the statistics in a block's log."""
+    instants, batches: largest numbers in one call; statistics: names of the statistics in a block's log;
+    shapes: those of the observables at one instant, by name."""
 
     start: Callable
     advance: Callable
@@ -43,6 +44,7 @@ class Programs(NamedTuple):
     instants: int
     batches: int
     statistics: tuple[str, ...]
+    shapes: dict[str, tuple[int, ...]]
 
 
 Shapes = tuple[tuple[str, tuple[int, ...]], ...]
@@ -55,8 +57,8 @@ def compile_programs(
     point: Point | None = None,
     names: tuple[str, ...] | None = None,
 ) -> Programs:
-    """The programs for any numbers of these shapes, any end time and any instants. names: the observables
-    to save, all of them if None."""
+    """Returns the programs for any numbers of these shapes, any end time and any saved instants. names: the
+    observables to save, all of them if None."""
     shapes = tuple((key, value.shape) for key, value in sorted(numbers.items()))
     extra, tree = jax.tree.flatten((stepper, point))
     kinds = tuple((np.shape(x), jnp.result_type(x)) for x in extra)
@@ -87,7 +89,7 @@ def _compiled(
             keep = lambda steps: steps.log.table()  # noqa: E731
             return advance(problem, motion, window, max_steps, max_batches, keep, batches)
 
-        # The longest first, so that the others are traced while it compiles.
+        # The slowest one first: the others are traced while it compiles.
         stepping = jax.jit(advance_window).lower(problem, motion, window, number, integer)
         if chain:
             advances = pool.submit(stepping.compile, compiler_options=CHAIN_OPTIONS)
@@ -107,15 +109,16 @@ def _compiled(
             restarts = pool.submit(restarting.compile, compiler_options=START_OPTIONS).result()
         statistics = tuple(jax.eval_shape(motion_log, motion).statistics)
         compiled = (starts.result(), advances.result(), looks.result(), restarts)
-        return Programs(*compiled, instants, batches, statistics)
+        shapes = {name: x.shape[1:] for name, x in looking.out_info[0].items()}
+        return Programs(*compiled, instants, batches, statistics, shapes)
 
 
 def motion_log(motion: Motion) -> Log:
-    """The log of the last block."""
+    """Returns the log of the last block."""
     return motion.last.log
 
 
 def degrees_of_freedom(system: System) -> int:
-    """The number of coordinates, from shapes alone."""
+    """Returns the number of coordinates; it depends on shapes only."""
     tethers = system.tethers
     return 3 * tethers.coefs * (tethers.elements + 1) * tethers.count + 12 * (system.hub is not None)

@@ -1,4 +1,4 @@
-"""What a run hands out on its way, and how it may fail."""
+"""The intermediate results of a run on the host (chunks, checkpoints), and the error of a failed run."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -10,10 +10,11 @@ from esail_jax.steppers.results import RESULTS
 
 
 class Chunk(NamedTuple):
-    """Some consecutive saved instants of a run.
+    """The results at consecutive saved instants, as `esail.run` yields them.
 
-    time [s]; observables and numerics by name, first axis `time`; reached: the time [s] that the steps
-    have reached."""
+    time: the instants [s]; observables: arrays by name, first axis `time`; numerics: statistics of the
+    steps by name, with the axis `time`; reached: time at the end of the last step [s], which is the last of
+    these instants or later."""
 
     time: np.ndarray
     observables: dict[str, np.ndarray]
@@ -22,12 +23,13 @@ class Chunk(NamedTuple):
 
 
 class Checkpoint(NamedTuple):
-    """Enough to go on, bit for bit.
+    """All data from which a run, or a longer run of the same scene, continues with the same bits.
 
-    motion: the stepper's state and last block (from a file: arrays by path); rows: number of saved
-    instants so far that a longer run saves, too; segment: number of switch times passed; pending:
-    statistics of the steps since the last of these instants; energy: for a chain the energy at the start
-    and the largest kinetic energy so far [J]."""
+    motion: the stepper's state and its last block (`stepper.Motion`; read from a file: arrays by path);
+    rows: number of instants saved so far that every longer run saves, too (a last instant that is no
+    multiple of the interval does not count); segment: number of switch times passed; pending: the steps
+    since the last of these rows; energy: for a chain the energy at the start and the largest kinetic energy
+    so far [J]."""
 
     motion: Any
     rows: int
@@ -37,7 +39,9 @@ class Checkpoint(NamedTuple):
 
 
 class SimulationError(RuntimeError):
-    """The solver gave up. The message says when, where, and what to try; result: a member of `RESULTS`."""
+    """The error of a run that could not reach its end time.
+
+    The message gives the time, the reason and what to try. result: the reason as a member of `RESULTS`."""
 
     def __init__(self, message: str, result: RESULTS):
         super().__init__(message)
@@ -45,5 +49,5 @@ class SimulationError(RuntimeError):
 
 
 def join(parts: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    """Rows of consecutive chunks in one."""
+    """Concatenates the rows of consecutive chunks. parts: at least one mapping of arrays by name."""
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}

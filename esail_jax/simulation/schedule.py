@@ -1,4 +1,4 @@
-"""The times of a run: saved instants, events, and the windows of instants that a traced run is made of."""
+"""The times of a run: saved instants, switch times, and the windows of instants of a traced run."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -8,30 +8,33 @@ import numpy as np
 
 from esail_jax.array_types import Array, Bool, Float, Int
 from esail_jax.scenes.rules import known
-from esail_jax.scenes.tables import Event, Voltage
+from esail_jax.scenes.tables import ChainVoltage, Event, Voltage
 
 SNAP = 1e-9
-"""Fraction of an interval by which a time may miss a multiple of it: multiples of decimal numbers are not
-exact in binary."""
+"""Fraction of an interval by which a time may miss a multiple of it: multiples of decimal fractions are
+rounded in binary."""
 
 
 def save_times(t_end: float, interval: float) -> np.ndarray:
-    """0, every multiple of `interval` before `t_end`, and `t_end` [s]."""
+    """Returns the saved instants [s]: 0, every multiple of `interval` before `t_end`, and `t_end`."""
     count = int(np.ceil(t_end / interval * (1.0 - SNAP)))
     return np.append(np.arange(count) * interval, t_end)
 
 
 def is_multiple(time: float, interval: float) -> bool:
-    """True if a time is a whole number of intervals, to rounding."""
+    """Tells whether a time is a whole number of intervals, except for rounding (SNAP)."""
     ratio = time / interval
     return bool(abs(ratio - round(ratio)) <= SNAP * max(1.0, ratio))
 
 
-def switch_times(event: Event | None, voltage: Voltage | None) -> tuple[float, ...]:
-    """The times [s], in order, at which a run begins afresh: events, and, with `voltage`, the times at
-    which that begins to rise or fall. Times under a trace have no value; the steps find them."""
+def switch_times(event: Event | None, voltage: Voltage | ChainVoltage | None) -> tuple[float, ...]:
+    """Returns the switch times [s] in increasing order, at which the stepper is initialised again.
+
+    They are the times of all events and the times `on` and `off` of the voltage, if they are positive. A
+    time `on` or `off` that is a tracer has no value and is left out; the error control of the method has to
+    find it. The voltage of a chain is constant and has no such time."""
     times = set() if event is None else set(event.time)
-    for switched in () if voltage is None else (voltage.on, voltage.off):
+    for switched in (voltage.on, voltage.off) if isinstance(voltage, Voltage) else ():
         if switched is not None and known(switched) is not None:
             times |= set(known(switched).ravel().tolist())
     return tuple(sorted(time for time in times if time > 0.0))
@@ -39,10 +42,10 @@ def switch_times(event: Event | None, voltage: Voltage | None) -> tuple[float, .
 
 @dataclasses.dataclass(frozen=True)
 class Segment:
-    """A part of a run between two switch times, or a switch time and an end of the run.
+    """A part of a run that contains no switch time in its interior.
 
-    start, stop [s]; until: the next switch time after `start`, of a longer run too (infinite if there is
-    none); last: true for the segment that ends with the run."""
+    start, stop [s]; until: the next switch time after `start` [s], even if the run ends before it
+    (infinite if there is none); last: true for the segment at the end of the run."""
 
     start: float
     stop: float
@@ -51,7 +54,7 @@ class Segment:
 
 
 def segments(begin: float, end: float, switches: Sequence[float]) -> list[Segment]:
-    """The segments of a run from `begin` to `end` [s]."""
+    """Returns the segments of a run from `begin` to `end` [s], in order."""
     inner = [time for time in switches if begin < time < end]
     starts, stops = [begin, *inner], [*inner, end]
     later = [min((time for time in switches if time > start), default=np.inf) for start in starts]
@@ -63,9 +66,11 @@ def segments(begin: float, end: float, switches: Sequence[float]) -> list[Segmen
 
 
 class Windows(NamedTuple):
-    """The windows of a run, first axis `window`: instants [s], of which `count` matter; the start of the
-    segment each lies in [s], whether it begins that segment after an event, and the next switch time
-    [s]."""
+    """The windows of a traced run. The first axis is `window`.
+
+    times: instants [s]; count: how many of them are used, the others repeat the last; start: the start of
+    the segment that contains the window [s]; begins: true if the window is the first one after a switch
+    time; until: the next switch time [s]."""
 
     times: Float[Array | np.ndarray, "window instant"]
     count: Int[Array | np.ndarray, " window"]
@@ -76,10 +81,12 @@ class Windows(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Schedule:
-    """The plan of a traced run, hashable: the saved times [s], the switch times, where the run begins, the
-    largest number of instants in a window, and the least number of windows.
+    """The plan of a traced run; hashable, because it is a static argument of the compiled program.
 
-    Instants that are not saved end segments, and cut the run into enough windows for its derivative."""
+    times: the saved instants [s]; switches: the switch times [s]; begin: the start [s]; size: the largest
+    number of instants in a window; least: the least number of windows. Windows also contain instants that
+    are not saved: the ends of segments, and cuts that divide the run into enough windows for its
+    derivative."""
 
     times: tuple[float, ...]
     switches: tuple[float, ...]
@@ -88,7 +95,8 @@ class Schedule:
     least: int
 
     def windows(self) -> tuple[Windows, np.ndarray, np.ndarray]:
-        """The windows, and for every saved time its window and its place there."""
+        """Returns the windows, and for every saved time the index of its window and its place in that
+        window (both with the axis `time`)."""
         rows, where = [], {}
         end = self.times[-1]
         for segment in segments(self.begin, end, self.switches):

@@ -1,4 +1,4 @@
-"""From a scene to a solution: `simulate`, and `run`, which hands out the solution piece by piece."""
+"""The Python interface of a run: `simulate` returns a solution, `run` yields it in chunks."""
 
 import os
 import time as clock
@@ -17,7 +17,6 @@ from esail_jax.scenes.scene import Scene, load_scene
 from esail_jax.scenes.stepper_choice import stepper_class
 from esail_jax.scenes.structure import split
 from esail_jax.simulation.host import HostRun, all_rows, compile_scene
-from esail_jax.simulation.look import look
 from esail_jax.simulation.problem import require_64_bit
 from esail_jax.simulation.results import Checkpoint, Chunk, SimulationError
 from esail_jax.simulation.schedule import Schedule, save_times, switch_times
@@ -42,26 +41,31 @@ def simulate(
     throw: bool = True,
     stepper: AbstractStepper | None = None,
 ) -> Solution:
-    """Runs a scene.
+    """Integrates the equations of motion of a scene and returns the observables at the saved instants.
 
-    scene: a `Scene`, the name of a built-in scene, or a path; overrides: values by scene key, JAX arrays
-    and tracers among them. With concrete numbers the run goes window by window on the host; with a number
-    under a trace, or inside `jax.jit`, `jax.vmap` and the like, it becomes a part of the traced program.
+        solution = esail.simulate("baseline", {"integrator.t_end": 100.0})
+        more = esail.simulate("baseline", start=solution.final_state)
+        slope = jax.grad(lambda v: esail.simulate("baseline", {"voltage.value": v})["thrust_O"][-1, 0])
 
-    save: names of the observables to save, all of them if None; times: the saved instants [s] in
-    increasing order, in place of every `output.interval` up to `integrator.t_end`; start: a point to start
-    from in place of the scene's start, such as the `final_state` of another solution; progress: is called
-    with the time reached [s]; max_steps: the largest number of steps (a run with a derivative needs a
-    bound: see below); throw: whether a failed run raises SimulationError; stepper: a method of time
-    integration in place of the scene's.
+    scene: a `Scene`, the name of a built-in scene, or the path of a TOML file; overrides: values by scene
+    key, which may be JAX arrays and tracers. If all numbers are concrete, the run is a sequence of calls of
+    compiled programs on the host. If a number is a tracer, or inside `jax.jit`, `jax.vmap` and the like,
+    the run becomes part of the traced program.
 
-    Under a trace nothing can raise: `.result` is not `RESULTS.successful`, and the observables are NaN
-    from the failure on. A derivative goes through recorded steps, for which it keeps room: LEAST_WINDOWS
-    windows at least, each with room for `blocks_per_window` blocks of the stepper (in all about 6,000
-    steps of collocation), more with `max_steps` or with more than 64 saved instants a window. A run that
-    needs more ends with `RESULTS.too_many_steps`.
+    save: names of the observables to save, all of them if None; times: the saved instants [s] in increasing
+    order, instead of every `output.interval` until `integrator.t_end`; start: the point to start from,
+    instead of the scene's start, for example the `final_state` of another solution (its time is the start
+    time); progress: a function that is called on the host with the time reached [s]; max_steps: the largest
+    number of steps; throw: whether a failed run raises SimulationError; stepper: a method of time
+    integration, instead of the scene's.
 
-    Raises SceneError for bad input, RuntimeError in 32-bit mode."""
+    Under a trace nothing can raise: `result` is not `RESULTS.successful`, and the observables are NaN from
+    the failure on. A derivative records the steps in buffers of fixed size: at least LEAST_WINDOWS windows
+    with `blocks_per_window` blocks of the stepper each (about 6,000 steps of collocation); more if
+    `max_steps` is given or if there are more than 64 saved instants per window. A run that needs more steps
+    ends with `RESULTS.too_many_steps`.
+
+    Raises SceneError for bad input, SimulationError for a failed run, RuntimeError in 32-bit mode."""
     scene = load_scene(scene, overrides)
     check_times(times, 0.0 if start is None else start.time)
     check_names(scene, save)
@@ -84,12 +88,15 @@ def run(
     max_steps: int | None = None,
     stepper: AbstractStepper | None = None,
 ) -> Iterator[Chunk]:
-    """Runs a scene piece by piece: `for chunk in esail.run(scene)` gives the observables of consecutive
-    saved instants as soon as they are known (`chunk.time`, `chunk.observables`, `chunk.numerics`,
-    `chunk.reached`).
+    """Integrates a scene and yields the results of consecutive saved instants as soon as they are known.
 
-    Arguments are those of `simulate`. Raises SceneError at once, and SimulationError where the run
-    fails."""
+        for chunk in esail.run("baseline", save=["coning_angle"]):
+            print(chunk.time[-1], chunk.observables["coning_angle"][-1])
+
+    Each chunk has `time`, `observables`, `numerics` and `reached` (`results.Chunk`). Memory does not grow
+    with the length of the run. The arguments are those of `simulate`, but all numbers must be concrete.
+
+    Raises SceneError when it is called, and SimulationError after the last good chunk of a failed run."""
     scene = load_scene(scene, overrides)
     check_times(times, 0.0 if start is None else start.time)
     check_names(scene, save)
@@ -102,7 +109,7 @@ def run(
 
 
 def under_trace(scene: Scene, start: Any, stepper: Any) -> bool:
-    """True if any number is a tracer, or if this call is traced by `jax.jit` and the like."""
+    """Tells whether any number is a tracer, or whether `jax.jit` or the like traces this call."""
     leaves = [x for table in vars(scene).values() if table is not None for x in vars(table).values()]
     leaves += jax.tree.leaves((start, stepper))
     return any(isinstance(leaf, jax.core.Tracer) for leaf in leaves) or isinstance(
@@ -133,7 +140,7 @@ class Begun(NamedTuple):
 
 
 def begin(scene, save, times, start, max_steps, stepper) -> Begun:
-    """Compiles a scene and lays out its run."""
+    """Compiles a scene and returns its run at the start. Arguments are those of `simulate`."""
     began = clock.perf_counter()
     names = None if save is None or scene.chain is not None else tuple(save)
     start = None if start is None else jax.tree.map(jnp.asarray, start)
@@ -148,7 +155,7 @@ def begin(scene, save, times, start, max_steps, stepper) -> Begun:
 
 
 def collected(run: Begun, save, throw: bool, progress=None) -> Solution:
-    """The solution of a whole run, in memory."""
+    """Runs to the end, or to a failure, and returns the solution. Raises SimulationError if `throw`."""
     host, chunks, message, result = run.host, [], "", RESULTS.successful
     began = clock.perf_counter()
     try:
@@ -160,8 +167,9 @@ def collected(run: Begun, save, throw: bool, progress=None) -> Solution:
         if throw:
             raise
         message, result = str(error), error.result
-    rows = all_rows(chunks, "observables", len(host.times)) or no_rows(host, run.save)
-    numerics = all_rows(chunks, "numerics", len(host.times))
+    shapes = host.compiled.programs.shapes
+    rows = all_rows(chunks, "observables", len(host.times), shapes)
+    numerics = all_rows(chunks, "numerics", len(host.times), dict.fromkeys(host.compiled.numerics, ()))
     stats = {
         "steps": int(host.counts[0]),
         "rejected_steps": int(host.counts[1]),
@@ -191,27 +199,17 @@ def collected(run: Begun, save, throw: bool, progress=None) -> Solution:
 
 
 def observables_at(solution: Solution, time: float) -> dict[str, np.ndarray]:
-    """The observables of a solution at any time [s]: `Solution.at`."""
+    """Returns the observables of a solution at any time [s]. It is `Solution.at`, with its errors."""
     first, last = float(solution.time[0]), float(solution.time[-1])
     if not first <= time <= last:
         raise ValueError(f"`time` must lie within the run, {first:g} to {last:g} s, but is {time:g}")
     if solution.checkpoint is None and "schema_version" in solution.stats:
         raise ValueError("`solution` must hold its `start` and its stepper, but was read from a file")
     given = {"save": solution.save, "start": solution.start, "stepper": solution.stepper}
-    found = simulate(solution.scene, times=[time], **given)
-    return {name: found[name][0] for name in solution}
-
-
-def no_rows(host: HostRun, save: tuple[str, ...] | None) -> dict[str, np.ndarray]:
-    """The observables of a run that failed before its first saved instant: NaN."""
-    problem, motion = host.compiled.problem, host.compiled.motion
-
-    def observed(problem, motion, time):
-        point = problem.stepper.evaluate(problem.model, motion.last.pick(motion.last.find(time)), time)
-        return look(problem, point, save if host.compiled.scene.chain is None else None)[0]
-
-    shapes = jax.eval_shape(observed, problem, motion, motion.state.time)
-    return {name: np.full((len(host.times), *x.shape), np.nan) for name, x in shapes.items()}
+    # The energy error of a chain refers to the instants before.
+    before = solution.time if solution.scene.chain is not None else solution.time[:0]
+    found = simulate(solution.scene, times=[*before[before < time], time], **given)
+    return {name: np.asarray(found[name][-1]) for name in solution}
 
 
 # ---- under a trace ------------------------------------------------------------------------------
@@ -226,8 +224,8 @@ def simulate_traced(
     max_steps: int | None = None,
     stepper: AbstractStepper | None = None,
 ) -> Solution:
-    """The whole run as one program, for `jit`, `grad`, `jvp` and `vmap`; arguments are those of
-    `simulate`."""
+    """Returns the solution of a run that is part of a traced program, for `jit`, `grad`, `jvp` and `vmap`.
+    The arguments are those of `simulate`. Raises RuntimeError in 32-bit mode."""
     require_64_bit()
     resolved = scene if stepper is not None else with_method(scene)
     structure, numbers = split(resolved)
@@ -258,14 +256,15 @@ def simulate_traced(
 
 
 MARGIN = 1.25
-"""Factor to the number of windows in which the steps would just find room: some blocks end early."""
+"""Safety factor for the number of windows, because some blocks end early."""
 
 
 # ---- checks of the arguments ----------------------------------------------------------------------
 
 
 def check_times(times: Any, begin: Any) -> None:
-    """Raises SceneError unless the times are numbers that increase from the start on."""
+    """Raises SceneError unless the times are concrete numbers that increase and do not precede the
+    start."""
     if times is None:
         return
     if any(isinstance(x, jax.core.Tracer) for x in (times, begin, *np.ravel(np.asarray(times, object)))):
@@ -277,13 +276,13 @@ def check_times(times: Any, begin: Any) -> None:
 
 
 def check_names(scene: Scene, save: Sequence[str] | None) -> None:
-    """Raises SceneError for a name that is no observable."""
+    """Raises SceneError if a name is not that of an observable."""
     for name in save or ():
         if name not in known_names(scene.chain is not None):
             raise SceneError("save", "hold names of observables", f"has {name!r}")
 
 
 def check_max_steps(max_steps: int | None) -> None:
-    """Raises SceneError unless the bound is positive."""
+    """Raises SceneError unless the bound is None or a positive integer."""
     if max_steps is not None and not (isinstance(max_steps, int | np.integer) and max_steps > 0):
         raise SceneError("max_steps", "be a positive whole number", f"is {max_steps!r}")

@@ -17,16 +17,25 @@ from esail_jax.steppers.stepper import AbstractStepper, Point
 
 
 class Solution(eqx.Module, Mapping):
-    """A finished run, as a mapping: `solution["coning_angle"]` is an observable with time as first axis.
+    """The result of a run: a mapping from names of observables to arrays with time as first axis.
 
-    time: saved instants [s]; observables: all arrays by name; result: a member of `RESULTS`; final_state:
-    the point at the end, from which `simulate(scene, start=...)` goes on; stats: steps, rejected_steps,
-    times, terms, and a message if the run failed, its energy balance is wrong or its step too long;
-    numerics: statistics of the steps by saved instant; checkpoint: where a longer run could go on, bit for
-    bit (None if `times`, `save`, `start` or `stepper` was given: a longer run of the scene would be
-    another run); save, start, stepper: these arguments of `simulate`; again: the function
-    behind `at`, which takes the run again. Under a trace all of these but `save` are None, and so is
-    `scene`."""
+        solution = esail.simulate("baseline")
+        solution["coning_angle"]             # (time, tether) [rad]
+        list(solution), len(solution)        # names, number of observables
+        solution.units()["coning_angle"]     # "rad"
+        solution.at(12.3)["coning_angle"]    # between two saved instants
+
+    time: saved instants [s]; observables: the mapping itself; result: a member of `RESULTS`; final_state:
+    the point at the last saved instant, for `simulate(scene, start=...)` (None if a failed run has no
+    instant); stats: `steps`, `rejected_steps`, `compile_time` and `wall_time` [s], `method`, `terms` and
+    `message`, which is empty unless the run failed, its energy balance has a large error, or its step is
+    too long; numerics: statistics of the steps by name, with the axis `time`; checkpoint: the state from
+    which a longer run continues (None if `times`, `save`, `start` or `stepper` was given); save, start and
+    stepper: these arguments of `simulate`; again: the function behind `at`.
+
+    After a failure with `throw=False` the arrays are NaN from the failure on. Under a trace `numerics`,
+    `checkpoint`, `again` and `scene` are None, and `stats` has the numbers of steps only. Two solutions
+    are equal only if they are the same object."""
 
     time: Float[Array, " time"] | Float[np.ndarray, " time"]
     observables: dict[str, Array | np.ndarray]
@@ -63,31 +72,34 @@ class Solution(eqx.Module, Mapping):
 
     @property
     def steps(self) -> Any:
-        """Number of steps taken: a Python number, or an array under a trace."""
+        """Number of steps taken: a Python integer, or a tracer under a trace."""
         steps = self.stats["steps"]
         return steps if isinstance(steps, jax.core.Tracer) else int(steps)
 
     def about(self, name: str) -> Observable:
-        """The entry of an observable: its unit, symbol, axes after time, and equation."""
+        """Returns the description of an observable: `unit`, `symbol`, `axes` (after time) and `equation`.
+
+        Raises KeyError for an unknown name."""
         return described(name)
 
     def units(self) -> dict[str, str]:
-        """Units by observable."""
+        """Returns the unit of every observable by name."""
         return {name: described(name).unit for name in self}
 
     def at(self, time: float) -> dict[str, np.ndarray]:
-        """The observables at any time [s] of the run, from the same steps as if that instant had been
-        saved.
+        """Returns the observables at any time [s] of the run, by dense output, without the axis `time`.
 
-        The run is taken again up to that time, with the programs that are compiled already. Raises
-        ValueError for a time outside the run, for a run made under a trace, and for a run from a file
-        that does not hold all of its arguments."""
+        The run is repeated up to that time with the programs that are compiled already, and takes the same
+        steps. Raises ValueError for a time outside the run, for a run made under a trace, and for a run from
+        a file that does not hold all of its arguments."""
         if self.again is None:
             raise ValueError("`solution` must come from a run on concrete numbers, but was traced")
         return self.again(self, time)
 
     def to_xarray(self) -> Any:
-        """The run as an `xarray.Dataset` with units, symbols and named axes. Needs the extra `xarray`."""
+        """Returns the run as an `xarray.Dataset` with units, symbols, equations and named axes.
+
+        Raises ImportError if xarray is not installed."""
         import xarray
 
         data = {}
@@ -107,7 +119,8 @@ class Solution(eqx.Module, Mapping):
         stats = self.stats
         outcome = RESULTS[self.result] if not stats["message"] else stats["message"]
         return (
-            f"Solution: {len(self)} observables at {len(self.time)} instants from {self.time[0]:g} to {self.time[-1]:g} s\n"
+            f"Solution: {len(self)} observables at {len(self.time)} instants "
+            f"from {self.time[0]:g} to {self.time[-1]:g} s\n"
             f"  {stats.get('method', '')}: {self.steps} steps in {stats['wall_time']:.2f} s, "
             f"compiling {stats['compile_time']:.2f} s\n"
             f"  {outcome}"
@@ -115,4 +128,5 @@ class Solution(eqx.Module, Mapping):
 
 
 OWN_AXES = ("angle", "row", "col")
-"""Axes whose entries mean something else in every observable."""
+"""Axes whose entries have another meaning in every observable: in xarray their names contain the
+observable."""

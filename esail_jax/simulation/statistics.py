@@ -1,6 +1,6 @@
-"""Statistics of the steps, put together for every saved instant."""
+"""Statistics of the steps, collected for every saved instant (the `numerics` of a run)."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -17,14 +17,15 @@ ROUNDING = 1e-15
 
 
 class Pending(NamedTuple):
-    """Attempted steps that belong to no saved instant yet: columns end [s], taken, rejected, size [s], and
-    one for each statistic (row, column)."""
+    """Attempted steps that belong to no saved instant yet.
+
+    table: one row per step, with the columns end [s], taken, rejected, size [s], and one per statistic."""
 
     table: np.ndarray
 
     @classmethod
     def empty(cls, statistics: Mapping[str, Statistic]) -> "Pending":
-        """No steps."""
+        """Returns a table without steps."""
         return cls(np.zeros((0, 4 + len(statistics))))
 
     def with_steps(self, log: Log, statistics: Mapping[str, Statistic]) -> "Pending":
@@ -34,7 +35,8 @@ class Pending(NamedTuple):
         return Pending(np.concatenate([self.table, new]))
 
     def merged(self, until: float, statistics: Mapping[str, Statistic]) -> "Pending":
-        """The same with the steps that end at `until` [s] or before in one row, to keep the table short."""
+        """Returns the table with all steps that end at `until` [s] or before in one row, to keep it
+        short."""
         old = (self.table[:, 0] <= until).cumprod().astype(bool)
         if old.sum() < 2:
             return self
@@ -43,10 +45,14 @@ class Pending(NamedTuple):
         )
 
     def values(
-        self, times: np.ndarray, statistics: Mapping[str, Statistic]
+        self, times: np.ndarray, begin: float, statistics: Mapping[str, Statistic]
     ) -> tuple[dict[str, np.ndarray], "Pending"]:
         """The statistics for saved instants [s], and the steps that are left. A step belongs to the first
-        instant after its end, a rejected one to the instant of the step taken after it."""
+        instant after its end, a rejected one to the instant of the step taken after it. begin: the start of
+        the run [s].
+
+        The numbers do not depend on which later steps are known, so that they are the same however the run
+        is divided into calls."""
         table = self.table
         # The ends of taken steps increase; a rejected attempt goes with the next step that was taken.
         taken = np.where(table[:, 1] > 0, table[:, 0], np.inf)
@@ -66,14 +72,14 @@ class Pending(NamedTuple):
         return {name: columns[name] for name in (*COUNTS, *statistics)}, Pending(table[before:])
 
     def _together(self, part: np.ndarray, statistics: Mapping[str, Statistic]) -> np.ndarray:
-        """Several rows as one, sums in place of means."""
+        """Combines several rows in one, with sums instead of means."""
         over = [statistic.over for statistic in statistics.values()]
-        ways = {"mean": np.sum, "largest": np.max, "last": lambda x: x[-1]}
+        ways: dict[str, Callable] = {"mean": np.sum, "largest": np.max, "last": lambda x: x[-1]}
         parts = [ways[way](part[:, 4 + i]) for i, way in enumerate(over)]
         return np.array([part[-1, 0], part[:, 1].sum(), part[:, 2].sum(), part[-1, 3], *parts])
 
     def _numbers(self, part: np.ndarray, statistics: Mapping[str, Statistic]) -> list[float]:
-        """Steps, rejected steps and statistics of some rows."""
+        """Returns the numbers of steps and rejected steps and the statistics of some rows."""
         if not len(part):
             return [0.0, 0.0, *[0.0] * len(statistics)]
         row = self._together(part, statistics)

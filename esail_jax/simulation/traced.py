@@ -19,8 +19,10 @@ from esail_jax.steppers.stepper import INSTANTS_TOGETHER, AbstractStepper, Point
 
 
 class Traced(NamedTuple):
-    """A run under a trace: observables by name, NaN from a failure on; the last point; how the run ended;
-    numbers of steps taken and rejected; the stepper's estimates of its errors."""
+    """The result of a traced run.
+
+    rows: observables by name, NaN from a failure on; point: the last point; result: a member of `RESULTS`;
+    counts: numbers of steps taken and rejected; errors: the stepper's estimates of its errors."""
 
     rows: dict[str, Array]
     point: Point
@@ -39,7 +41,10 @@ def traced_run(
     stepper: AbstractStepper | None = None,
     point: Point | None = None,
 ) -> Traced:
-    """The whole run. Reverse mode keeps the motion between two windows, and the tapes of their steps."""
+    """Integrates the whole run. Reverse mode saves the motion between windows, and the tapes of the steps.
+
+    schedule: the windows of the run; names: observables to save, all if None; point: an instant to start
+    from, instead of the scene's start."""
     begun = start(structure, numbers, stepper, point)
     problem = begun.problem
     windows, number, place = schedule.windows()
@@ -94,10 +99,10 @@ def traced_run(
 
 
 def is_good(motion) -> Array:
-    """True while the stepper can go on."""
+    """Returns whether the stepper can go on."""
     return motion.state.result == RESULTS.successful
 
 
 def along(mask: Array, like: Array) -> Array:
-    """A mask over instants in the rank of `like`."""
+    """Returns a mask over instants with as many axes as `like`."""
     return mask.reshape(-1, *(1,) * (like.ndim - 1))

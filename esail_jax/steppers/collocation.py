@@ -1,13 +1,13 @@
 """Collocation at damped Lobatto points in acceleration form (Hairer & Wanner II, IV.5-IV.8 and VII.4).
 
-The accelerations of a step are a polynomial through points the first and last of which are the start and
-the end of the step (`stages.py`). Order 2 s - 1 = 7 where generalized-alpha has 2. The constraints enter by
-their second derivative, which makes the equations of index 1 and keeps that order; position and velocity
-are put back on the constraints at the end of every step.
+The accelerations of a step are a polynomial through s + 1 points; the first is the start of the step, the
+last its end (`collocation_stages.py`). The order is 2 s - 1 = 7; that of generalized-alpha is 2. The
+constraints enter by their second derivative, which makes the equations of index 1 and preserves the order.
+Positions and velocities are projected on the constraints at the end of every step.
 
-A block of up to `STEPS_PER_FACTORISATION` steps of one length uses one factorisation. Accelerations of the
-last step, seen from the axes of the hub, vary slowly and are extrapolated for the first guess. Of every
-step the error is estimated, and the length of the next ones chosen."""
+A block of up to `STEPS_PER_FACTORISATION` steps of one size uses one factorisation. The accelerations of
+the last step vary slowly in the axes of the hub, and are extrapolated there for the first guess. The error
+of every step is estimated and determines the size of the next steps."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -54,35 +54,39 @@ from esail_jax.steppers.stepper import AbstractStepper, Log, Motion, Point, Stat
 from esail_jax.system import System
 
 STEPS_PER_FACTORISATION = 24
-"""Steps per factorisation, at most. In axes that move with the sail the factors stay good much longer; this
-is how often a step may become longer."""
+"""Largest number of steps per factorisation. In corotational axes the factors serve much longer; the bound
+allows the step size to grow after this number of steps."""
 
 FACTORISATION_COST = 5
-"""Iterations that fresh factors cost: when a block's steps together have taken as many more than its best
-one would have, it ends."""
+"""A factorisation costs about as much as this many iterations. A block ends once its steps have needed this
+many iterations more than they would have with the number of the block's fastest step."""
 
 NEWTON_FRACTION = 0.01
-"""Part of the tolerance to which the stages are solved."""
+"""The stages are solved to this fraction of the tolerance."""
 
 ERROR_FACTOR = 1.0 / 64.0
-"""Part of an error estimate that counts: it is that of a polynomial of one degree less. With it a tolerance
-of 1e-8 keeps every observable of the baseline within 1e-3 through three periods."""
+"""The error estimate is multiplied by this: it belongs to a polynomial of one degree less and is therefore
+too large. With this factor a tolerance of 1e-8 gives every observable of the baseline to 1e-3 over three
+periods."""
 
 ROUNDING = 5e-15
-"""Part of the lengths to which they are where the step is given: its error is to be seen, not theirs."""
+"""With a given step size, stages are solved to this fraction of the tether length, so that only the error
+of the step itself remains."""
 
 SAFETY, SHRINK, GROW, DEADBAND = 0.85, 0.2, 3.0, 1.15
-"""Of the step control: part of the step that would just do, limits of a change, and the gain below which a
-longer step is not worth a change."""
+"""Step-size control: safety factor, smallest and largest change of the step size, and the gain below which
+the step size is not changed."""
 
 END_BLOCK_GAIN = 1.5
-"""Possible gain of two steps in a row that ends a block before its time."""
+"""A block ends early if the step size could grow by this factor in two successive steps."""
 
 
 class Collocation(AbstractStepper):
-    """The method. step_size [s]: the length of every step, or None; then tolerance is the largest local
-    error of a position, relative to the length of the tethers (for the hub: to its size). The stages are
-    solved to a small fraction of the tolerance, or to rounding where the step size is given."""
+    """Damped Lobatto collocation with error control, or with a given step size.
+
+    step_size: length of every step [s], or None for error control; tolerance: largest local error of a
+    position, relative to the length of the tethers (for the hub, to its size). The stages are solved to a
+    small fraction of the tolerance, or to rounding if the step size is given."""
 
     step_size: Scalar | None
     tolerance: Scalar
@@ -93,8 +97,8 @@ class Collocation(AbstractStepper):
     statistics: ClassVar[Mapping[str, Statistic]] = {"iterations_per_step": Statistic("-", "mean")}
 
     def init(self, model: System, start: Point, until: Scalar) -> tuple[CollocationState, CollocationSteps]:
-        """The start with consistent accelerations, which also serve as a constant history: those before an
-        event say nothing about those after."""
+        """Returns the start with consistent accelerations, which also serve as a constant history:
+        accelerations before an event do not predict those after it."""
         system, (time, q, v, work, _) = model, start
         vdot, lam, _, power = consistent_motion(system, time, q, v)
         zero = jnp.zeros(())
@@ -109,15 +113,15 @@ class Collocation(AbstractStepper):
         return state, zero_length_steps(state, STEPS_PER_FACTORISATION)
 
     def block(self, model: System, state: CollocationState) -> tuple[CollocationState, CollocationSteps]:
-        """Up to STEPS_PER_FACTORISATION steps with one factorisation, fewer where a step fails, is too
-        short, or the factors are no longer good."""
+        """Takes up to STEPS_PER_FACTORISATION steps with one factorisation, fewer if a step fails, could be
+        much longer, or converges slowly with these factors."""
         system = model
         lam = jax.tree.map(lambda x: x[-1], state.history.values.lam)
-        kept, h = factor(system, state.now, state.h, lam), state.h
+        factors, h = factor(system, state.now, state.h, lam), state.h
 
         def step(carry):
             state, fewest, steps, spent, error_before = carry
-            state, good, record = self.attempt(system, state, kept)
+            state, good, record = self.attempt(system, state, factors)
             error, count = record.info.error, record.info.iterations
             fewest, steps, spent = jnp.minimum(fewest, count), steps + 1, spent + count
             going = good & (spent - steps * fewest < FACTORISATION_COST)
@@ -130,37 +134,41 @@ class Collocation(AbstractStepper):
         (state, *_), records = bounded_loop(step, carry, STEPS_PER_FACTORISATION, no_step(state))
         if self.step_size is None:
             state = replace(state, h=next_step(state, records, h))
+        else:
+            # A step that failed with factors of an earlier one is tried again with fresh factors.
+            state = replace(state, h=jnp.where(records.taken[0], h, state.h))
         return replace(state, result=self.outcome(state)), records
 
     def attempt(
-        self, system: System, state: CollocationState, kept: FrozenFactors
+        self, system: System, state: CollocationState, factors: FrozenFactors
     ) -> tuple[CollocationState, Array, CollocationSteps]:
-        """One step, taken or to be tried again with a shorter length; whether it was taken; its record."""
+        """Tries one step. Returns the state after it, with a smaller step size if it was rejected; whether
+        it was accepted; and its record."""
         now, h = state.now, state.h
         guess = first_guess(system, state)
         part = ROUNDING if self.step_size is not None else NEWTON_FRACTION * self.tolerance
         enough = jnp.maximum(part * lengths(system), rounding(now.q))
-        unknowns, iterations, left = solve_stages(system, now, h, guess, kept, enough)
+        unknowns, iterations, left = solve_stages(system, now, h, guess, factors, enough)
         solved = left <= 1.0
         times, q, _ = stage_states(now, h, unknowns.vdot)
-        values = seen_from_hub(system, state.history, times, q, unknowns)
+        values = in_hub_axes(system, state.history, times, q, unknowns)
         error = self.error(system, now, h, unknowns.vdot)
         good = solved & jnp.isfinite(error)
         if self.step_size is None:
             good &= error <= 1.0
 
-        end = end_of_step(system, now, h, unknowns, kept)
+        end = end_of_step(system, now, h, unknowns, factors)
         power = stage_powers(system, now, h, unknowns)
         work = jax.tree.map(jnp.add, now.work, work_of_step(h, now.power, power))
         taken = state.taken + 1.0
-        # Not a sum of rounded steps, where they are given.
+        # A given step is multiplied: a sum would accumulate rounding errors.
         later = now.time + h if self.step_size is None else state.origin + taken * h
         last_vdot, last_power = jax.tree.map(lambda x: x[-1], (unknowns.vdot, power))
         end = StepEnd(later, *end, last_vdot, work, last_power)
         history = History(values, h)
         done = replace(state, now=end, history=history, h=h, taken=taken)
 
-        shorter = jnp.zeros(())  # there is nothing to try: the run has failed
+        shorter = jnp.zeros(())  # no other size is allowed: the run has failed
         if self.step_size is None:
             by_error = jnp.where(solved & jnp.isfinite(error), change_of_step(error), 0.5)
             shorter = h * jnp.minimum(by_error, 0.9)
@@ -170,8 +178,8 @@ class Collocation(AbstractStepper):
         return after, good, CollocationSteps(now, h, unknowns, power, info, good)
 
     def error(self, system: System, now: StepEnd, h: Scalar, vdot: Coordinates) -> Scalar:
-        """Estimate of a step's error over the tolerance: by how much positions within the step change
-        when the polynomial of the accelerations leaves out the start of the step."""
+        """Returns the estimated local error over the tolerance: the change of positions within the step if
+        the polynomial of the accelerations does not pass through the start of the step."""
         scale = ERROR_FACTOR * TABLE.between() * h**2
         first, *others = TABLE.difference()
 
@@ -182,15 +190,14 @@ class Collocation(AbstractStepper):
         return largest(system, beyond, self.tolerance * lengths(system))
 
     def outcome(self, state: CollocationState) -> RESULTS:
-        """Whether the method can go on: the state is finite, and the step large enough to change the
-        time."""
+        """Returns whether the method can go on: the state is finite, and the step changes the time."""
         finite = jnp.stack([jnp.isfinite(x).all() for x in jax.tree.leaves(state.now)]).all()
         moves = state.now.time + 0.25 * state.h > state.now.time
         failed = RESULTS.where(finite, RESULTS.newton_diverged, RESULTS.nonfinite)
         return RESULTS.where(finite & moves, RESULTS.successful, failed)
 
     def evaluate(self, model: System, step: CollocationSteps, time: Scalar) -> Point:
-        """The polynomials of the step."""
+        """Evaluates the polynomials of the step."""
         point = step.at(time)
         return Point(time, point.q, point.v, point.work, jnp.asarray(False))
 
@@ -203,7 +210,7 @@ class Collocation(AbstractStepper):
     # ---- derivatives ----------------------------------------------------------------------------
 
     def tape(self, steps: CollocationSteps) -> CollocationSteps:
-        """The whole record: no step is solved twice."""
+        """Returns the whole record, so that no step is solved twice."""
         return steps
 
     def replay(
@@ -215,7 +222,7 @@ class Collocation(AbstractStepper):
         blocks: Int[Array, ""],
         times: Float[Array, " instant"],
     ) -> tuple[Motion, Point]:
-        """The steps from their records, and the derivative of each by the implicit function theorem."""
+        """Reads the steps from their records; the implicit function theorem gives their derivative."""
         return replay_window(self, model, motion, ended, tapes, blocks, times)
 
 
@@ -223,21 +230,22 @@ class Collocation(AbstractStepper):
 
 
 def change_of_step(error: Scalar) -> Scalar:
-    """Factor to a length whose error would be the tolerance, with a margin."""
+    """Returns the factor to a step size whose error is the tolerance, with a safety factor. error: the
+    estimated error over the tolerance, of order STAGES + 2 in the step size."""
     return jnp.clip(SAFETY * jnp.maximum(error, 1e-30) ** (-1 / (STAGES + 2)), SHRINK, GROW)
 
 
 def next_step(state: CollocationState, records: CollocationSteps, h: Scalar) -> Scalar:
-    """Length of the next block's steps, from the largest error of a block of length h; a step that failed
-    has chosen already."""
+    """Returns the step size [s] of the next block, from the largest error of a block with the step size h.
+    A rejected step has chosen a smaller one already."""
     factor = change_of_step(jnp.where(records.taken, records.info.error, 0.0).max())
     factor = jnp.where((factor > 1.0 / DEADBAND) & (factor < DEADBAND), 1.0, factor)
     return jnp.where(state.h == h, h * factor, state.h)
 
 
 def first_step(system: System, vdot: Coordinates, tolerance: Scalar) -> Scalar:
-    """A guess [s]: the time to fall a tether's length at the largest acceleration, times what a step may
-    be of the time scale of the motion at that tolerance."""
+    """Returns a guess of the first step size [s]: tolerance^(1/(STAGES + 2)) times the time in which the
+    largest acceleration moves a node by the length of a tether."""
     fastest = jnp.abs(vdot.tether[0]).max()
     scale = jnp.sqrt(lengths(system)[0] / jnp.maximum(fastest, 1e-30))
     return tolerance ** (1.0 / (STAGES + 2)) * scale
@@ -247,8 +255,8 @@ def first_step(system: System, vdot: Coordinates, tolerance: Scalar) -> Scalar:
 
 
 def first_guess(system: System, state: CollocationState) -> StageUnknowns:
-    """The last step's accelerations and multipliers, extrapolated in the axes of the hub, which go on
-    turning as they do now."""
+    """Returns accelerations and multipliers extrapolated from the last step in the axes of the hub, which
+    are assumed to keep their angular velocity."""
     now, h = state.now, state.h
     x = 1.0 + TABLE.nodes * (h / state.history.h)
     weights = matmul(jnp.vander(x, STAGES + 1, increasing=True), TABLE.extrapolation())
@@ -263,14 +271,14 @@ def first_guess(system: System, state: CollocationState) -> StageUnknowns:
     return StageUnknowns(jax.vmap(outward)(times, values.vdot), values.lam)
 
 
-def seen_from_hub(
+def in_hub_axes(
     system: System,
     history: History,
     times: Float[Array, " stage"],
     q: Coordinates,
     unknowns: StageUnknowns,
 ) -> StageUnknowns:
-    """The stages in the axes of the hub, after the step's start, which is the last one's end."""
+    """Returns the stages in the axes of the hub, after the start of the step (the end of the last step)."""
     axes = jax.vmap(system.rotation)(times, q)
     body = jax.vmap(lambda a, r: a.rotate(r.T))(unknowns.vdot, axes)
     return jax.tree.map(
@@ -279,7 +287,7 @@ def seen_from_hub(
 
 
 def angular_velocity(system: System, now: StepEnd) -> Vector:
-    """omega [rad/s] of the hub or of the turning frame, in I."""
+    """Returns the angular velocity [rad/s] of the hub or of the rotating frame, in inertial axes."""
 
     def attitude(tau):
         q = now.q if now.q.hub is None else now.q.axpy(tau, now.v)

@@ -1,6 +1,6 @@
-"""The steps of a collocation run taken again from their records, as differentiable functions.
+"""Replay of the steps of collocation from their records, as differentiable functions.
 
-Nothing is solved again: the stages are known, and the implicit function theorem gives their derivative
+No equation is solved again: the stages are known, and the implicit function theorem gives their derivative
 (`collocation_solution.known_stages`)."""
 
 from dataclasses import replace
@@ -28,7 +28,7 @@ def replay_window(
     blocks: Int[Array, ""],
     times: Float[Array, " instant"],
 ) -> tuple[Motion, Point]:
-    """The blocks of a window; arguments and results are those of `AbstractStepper.replay`."""
+    """Replays the blocks of a window. Arguments and results are those of `AbstractStepper.replay`."""
     start = motion.state.now
     counted = jnp.arange(len(tapes.taken)) < blocks
     tapes = lax.stop_gradient(replace(tapes, taken=tapes.taken & counted[:, None]))
@@ -49,7 +49,7 @@ def replay_window(
     now = now._replace(time=ended.state.now.time, work=work, power=power)
     index = jnp.maximum(blocks - 1, 0)
     last = jax.tree.map(lambda x, y: jnp.where(blocks > 0, x[index], y), records, motion.last)
-    # What collocation carries beside its point decides how fast a step is solved, not the result.
+    # The other parts of the state decide how fast a step is solved, not its result.
     state = lax.stop_gradient(ended.state)
     return Motion(replace(state, now=now), last, motion.earlier), points
 
@@ -57,21 +57,21 @@ def replay_window(
 def replay_steps(
     system: System, now: StepEnd, records: CollocationSteps
 ) -> tuple[StepEnd, CollocationSteps]:
-    """The steps of a block, as functions of the system and of what the first of them starts from: the end
-    of the last, and the records, with that derivative. The steps' length carries none. Without work and
-    powers, which nothing else depends on (`replay_work`)."""
+    """Returns the end of the last step of a block and the records of the steps, as differentiable functions
+    of the system and of the start of the first step. Step sizes carry no derivative. Work and powers, on
+    which nothing else depends, are left to `replay_work`."""
     h = records.h[0]
     lam = jax.tree.map(lambda x: x[0, 0], records.stages.lam)
-    kept = lax.stop_gradient(factor(*lax.stop_gradient((system, now, h, lam))))
+    factors = lax.stop_gradient(factor(*lax.stop_gradient((system, now, h, lam))))
 
     @jax.checkpoint
     def step(now, record):
-        # What was not taken may be infinite: times zero that is no zero.
+        # A rejected step may be infinite, and infinity times zero is NaN.
         stages = jax.tree.map(lambda x: jnp.where(record.taken, x, 0.0), record.stages)
-        # From where it was taken: nothing before a step needs to be done again for its derivative.
+        # The recorded start: the derivative of a step needs no earlier step to be computed again.
         now = with_tangent_of(record.start, now)
-        unknowns = known_stages(system, now, h, stages, kept, record.info.iterations)
-        q, v = end_of_step(system, now, h, unknowns, kept)
+        unknowns = known_stages(system, now, h, stages, factors, record.info.iterations)
+        q, v = end_of_step(system, now, h, unknowns, factors)
         end = now._replace(q=q, v=v, vdot=jax.tree.map(lambda x: x[-1], unknowns.vdot))
         return end, replace(record, start=now, stages=unknowns)
 
@@ -85,7 +85,9 @@ def replay_steps(
 def replay_work(
     system: System, start: StepEnd, records: CollocationSteps
 ) -> tuple[tuple[Power, Power], CollocationSteps]:
-    """Records of `replay_steps` in a row, with the powers and the work from those of `start` on."""
+    """Adds powers and work to consecutive records of `replay_steps`, beginning with those of `start`.
+
+    Returns the work and the power at the end, and the records."""
 
     @jax.checkpoint
     def powers(record):

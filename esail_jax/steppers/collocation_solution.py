@@ -1,8 +1,8 @@
-"""The stages of a collocation step solved, and the derivative of their solution.
+"""The solution of the stages of a collocation step by simplified Newton iterations, and its derivative.
 
-Simplified Newton iterations with the factors of `stages.py`; the derivative follows from the implicit
-function theorem, by the same factors and the exact derivative of the equations. It is that of a solution
-that is known already: nothing is solved twice for it.
+The factors are those of `collocation_stages.py`. The derivative follows from the implicit function theorem,
+with the same factors and the exact derivative of the equations. It belongs to a solution that is known
+already, so that no nonlinear equation is solved for it.
 """
 
 import functools
@@ -35,12 +35,12 @@ from esail_jax.steppers.transposable import Transposable
 from esail_jax.system import Residual, System
 
 MAX_ITERATIONS = 10
-"""After which a step has failed: what converges so slowly is cheaper with half the step."""
+"""Largest number of iterations, after which a step has failed. With half the step size it is cheaper."""
 
 MORE_ITERATIONS = 2
-"""What the linear equations of a derivative take beyond the iterations of the step itself: seven digits of
-a gradient through three periods of the baseline, where one would leave six. A number fixed in advance,
-so that reverse mode is the exact transpose of forward mode."""
+"""Number of iterations for the linear equations of a derivative, beyond the number of the step itself. Two
+give seven digits of a gradient through three periods of the baseline, one gives six. The number is fixed in
+advance, so that reverse mode is the exact transpose of forward mode."""
 
 
 def solve_stages(
@@ -48,17 +48,19 @@ def solve_stages(
     start: StepEnd,
     h: Scalar,
     guess: StageUnknowns,
-    kept: FrozenFactors,
+    factors: FrozenFactors,
     enough: Float[Array, "2"],
 ) -> tuple[StageUnknowns, Int[Array, ""], Scalar]:
-    """Simplified Newton iterations, until what is left, judged by the last two increments of the
-    positions, is `enough` [m] (of tethers and hub): unknowns, iterations, and what is left over that.
-    Guess and factors decide how fast, not where to."""
+    """Solves the stages of a step until the remaining error, estimated from the last two increments of the
+    positions, is at most `enough` [m] (of tethers and of the hub).
+
+    Returns the unknowns, the number of iterations, and the remaining error over `enough`. Guess and factors
+    decide how fast the iterations converge, not the solution."""
 
     def iterate(carry):
         unknowns, count, before, _ = carry
         residual, axes = stage_residuals(system, start, h, jax.tree.map(reshaped, unknowns, guess))
-        change = correction(system, residual, turns_to(axes, kept), kept)
+        change = correction(system, residual, turns_to(axes, factors), factors)
         unknowns = jax.tree.map(lambda x, y: x + reshaped(y, x), unknowns, change)
         moved = jax.tree.map(lambda x: combined(TABLE.squared, x), change.vdot)
         increment = h**2 * largest(system, jax.tree.map(greatest, moved), enough)
@@ -71,7 +73,7 @@ def solve_stages(
         return ~(left <= 1.0) & (count < MAX_ITERATIONS) & (jnp.isfinite(left) | (count < 2))
 
     infinite = jnp.asarray(jnp.inf)
-    # All nodes of all tethers along one axis: loops over it are fast, over short axes they are not.
+    # All nodes of all tethers are on one axis: the compiler's loops over short axes are slow.
     nodes = guess.vdot.tether.reshape(*guess.vdot.tether.shape[:-2], -1)
     carried = guess._replace(vdot=guess.vdot._replace(tether=nodes))
     carry = (carried, jnp.zeros((), int), infinite, infinite)
@@ -80,7 +82,7 @@ def solve_stages(
 
 
 def reshaped(x: Array, like: Array) -> Array:
-    """With the shape of another array."""
+    """Returns the array in the shape of another array."""
     return x.reshape(like.shape)
 
 
@@ -90,22 +92,23 @@ def known_stages(
     start: StepEnd,
     h: Scalar,
     unknowns: StageUnknowns,
-    kept: FrozenFactors,
+    factors: FrozenFactors,
     iterations: Int[Array, ""],
 ) -> StageUnknowns:
-    """The solution itself, with its derivative with respect to system, start and h. The factors decide how
-    fast that is found: they carry no derivative. iterations: that solved the stages."""
+    """Returns the unknowns as they are, with the derivative of the solution with respect to system, start
+    and h. The factors are those of the linear solver and carry no derivative. iterations: their number when
+    the stages were solved."""
     return unknowns
 
 
 @functools.partial(known_stages.defjvp, symbolic_zeros=True)
 def _known_stages_jvp(primals, tangents):
     """d(unknowns) = -J^-1 d(residual): implicit function theorem, J being that of all stages together."""
-    system, start, h, unknowns, kept, iterations = primals
+    system, start, h, unknowns, factors, iterations = primals
     times, q, v = stage_states(start, h, unknowns.vdot)
 
     def carried(start, h):
-        return Motion(*stage_states(start, h, unknowns.vdot)[1:])
+        return StageStates(*stage_states(start, h, unknowns.vdot)[1:])
 
     def at_rest(system, time, h):
         return residuals_at(system, time + h * TABLE.nodes, q, v, unknowns)
@@ -114,37 +117,37 @@ def _known_stages_jvp(primals, tangents):
     given = (system, start.time, h)
     _, short = jvp_of_perturbed(at_rest, given, (tangents[0], tangents[1].time, tangents[2]))
     axes = jax.vmap(lambda time, q: axes_of(system, time, q))(times, q)
-    linear = Linearised(system, times, h, Motion(q, v), unknowns)
+    linear = Linearised(system, times, h, StageStates(q, v), unknowns)
     count = iterations + MORE_ITERATIONS
-    return unknowns, linear_solution(linear, moved, short, turns_to(axes, kept), kept, count)
+    return unknowns, linear_solution(linear, moved, short, turns_to(axes, factors), factors, count)
 
 
-class Motion(NamedTuple):
-    """States of the stages, or what a change of the step's start does to them while the accelerations
-    stay."""
+class StageStates(NamedTuple):
+    """Positions and velocities of the stages, or their change with the start of the step for constant
+    accelerations."""
 
     q: Coordinates
     v: Coordinates
 
 
 class Linearised(NamedTuple):
-    """The equations of all stages at a solution, for changes of the motion and of the unknowns.
+    """The equations of all stages, linearised about a solution for changes of the states and the unknowns.
 
-    Roots move with the hub: in the square system that is solved, their rows are added to the hub's and
-    their columns are taken out."""
+    Roots move with the hub: in the square system, their rows are added to those of the hub, and their
+    columns are left out."""
 
     system: System
     times: Float[Array, " stage"]
     h: Scalar
-    motion: Motion
+    motion: StageStates
     unknowns: StageUnknowns
 
     def with_roots(self, x: StageUnknowns) -> StageUnknowns:
-        """The roots where the hub takes them."""
+        """Returns the unknowns with the roots' accelerations from the hub."""
         return x._replace(vdot=jax.vmap(lambda a: on_roots(self.system, a))(x.vdot))
 
     def without_roots(self, x: StageUnknowns) -> StageUnknowns:
-        """Zeros for what moves with the hub."""
+        """Returns the unknowns with zeros for the roots that move with the hub."""
         roots = self.system.roots
         if roots is None:
             return x
@@ -152,12 +155,12 @@ class Linearised(NamedTuple):
         return x._replace(vdot=x.vdot._replace(tether=x.vdot.tether.at[:, 0, :, 0].set(held)))
 
     def folded(self, residual: Residual) -> StageUnknowns:
-        """The rows of the square system."""
+        """Returns the rows of the square system."""
         rows = StageUnknowns(residual.forces, residual.constraints)
         return jax.linear_transpose(self.with_roots, rows)(rows)[0]
 
-    def rows(self, system: System, moved: Motion, x: StageUnknowns) -> StageUnknowns:
-        """Left-hand sides after changes of the motion and of the unknowns."""
+    def rows(self, system: System, moved: StageStates, x: StageUnknowns) -> StageUnknowns:
+        """Returns the left-hand sides after changes of the states and of the unknowns."""
         change = self.with_roots(x)
         once = jax.tree.map(lambda a: jnp.tensordot(TABLE.matrix, a, 1), change.vdot)
         twice = jax.tree.map(lambda a: jnp.tensordot(TABLE.squared, a, 1), change.vdot)
@@ -168,37 +171,40 @@ class Linearised(NamedTuple):
         return jax.tree.map(lambda f, x, y: f + x - y, found, x, self.without_roots(x))
 
     @property
-    def nothing(self) -> tuple[Motion, StageUnknowns]:
-        """No change."""
+    def nothing(self) -> tuple[StageStates, StageUnknowns]:
+        """Zero changes of the states and of the unknowns."""
         return jax.tree.map(jnp.zeros_like, (self.motion, self.unknowns))
 
-    def forwards(self) -> Callable[[Motion, StageUnknowns], StageUnknowns]:
-        """The derivative of `rows`."""
+    def forwards(self) -> Callable[[StageStates, StageUnknowns], StageUnknowns]:
+        """Returns the derivative of `rows` as a linear function."""
         return jax.linearize(lambda *x: self.rows(self.system, *x), *self.nothing)[1]
 
-    def backwards(self) -> Callable[[StageUnknowns], tuple[Motion, StageUnknowns]]:
-        """Its transpose."""
+    def backwards(self) -> Callable[[StageUnknowns], tuple[StageStates, StageUnknowns]]:
+        """Returns the transpose of that derivative."""
         return jax.vjp(lambda *x: self.rows(Transposable.of(self.system), *x), *self.nothing)[1]
 
 
 def linear_solution(
     linear: Linearised,
-    moved: Motion,
+    moved: StageStates,
     given: Residual,
     turns: Turn,
-    kept: FrozenFactors,
+    factors: FrozenFactors,
     count: Int[Array, ""],
 ) -> StageUnknowns:
-    """x with A_1 moved + A_2 x + given = 0, by `count` of the same iterations, and their transpose for
-    reverse mode. A_1 moved is part of the solution, as (1, 0; A_1, A_2) (moved, x) = (moved, -given): so
-    that reverse mode has the transpose of A_1 with that of A_2, not the one the compiler would be given."""
-    linear, turns, kept = lax.stop_gradient((linear, turns, kept))
+    """Returns x with A_1 moved + A_2 x + given = 0, by `count` simplified Newton iterations, and knows the
+    transpose for reverse mode.
+
+    The start's change is made part of the linear system, (1, 0; A_1, A_2) (moved, x) = (moved, -given), so
+    that JAX transposes both blocks by the hand-written rule of `transposable` instead of transposing the
+    forward product."""
+    linear, turns, factors = lax.stop_gradient((linear, turns, factors))
     nothing, zero = linear.nothing
 
     def precondition(residual):
         residual = linear.without_roots(residual)
         vdot, lam = residual
-        return linear.without_roots(correction(linear.system, Residual(vdot, lam), turns, kept))
+        return linear.without_roots(correction(linear.system, Residual(vdot, lam), turns, factors))
 
     def improved(product, precondition, rhs):
         def improve(_, x):
@@ -223,14 +229,16 @@ def linear_solution(
 
     equations = linear.folded
     rhs = jax.tree.map(jnp.negative, equations(given))
-    # As one: the rule for the transpose refuses a part that nothing perturbs beside others.
+    # Bundled by a barrier: `custom_linear_solve` cannot be transposed if one of several right-hand sides
+    # has a symbolic zero tangent.
     both = lax.optimization_barrier((moved, rhs))
     _, x = lax.custom_linear_solve(unused_matvec, both, solve, solve_transposed)
     return linear.with_roots(x)
 
 
 def on_roots(system: System, vdot: Coordinates) -> Coordinates:
-    """A change of the accelerations with the roots where the hub's takes them; a frame's do not change."""
+    """Returns a change of the accelerations in which roots follow the hub. Roots of a frame do not
+    change."""
     if system.roots is None:
         return vdot
     root = jnp.zeros_like(vdot.tether[0, :, 0])

@@ -1,21 +1,21 @@
-"""The equations of all stages of a collocation step, and the linear ones that correct them.
+"""The equations of all stages of a collocation step, and the linear equations of their iterations.
 
-On a step of length h the accelerations are a polynomial through that of its start and s stages
-i = 1 ... s at t + c_i h (`numerics/lobatto.py`):
+In a step of length h the accelerations are a polynomial through the acceleration at its start and those of
+s stages i = 1 ... s at t + c_i h (`numerics/lobatto.py`):
 
     q_i = q + c_i h v + h^2 [(A b)_i vdot + sum_j (A^2)_ij vdot_j]
     v_i = v + h [b_i vdot + sum_j A_ij vdot_j]
     M vdot_i + Phi_q^T lam_i = Q(t_i, q_i, v_i),        d^2 Phi / dt^2 = 0 at every stage
 
 All stages are solved together by simplified Newton iterations. With A = T diag(mu) T^-1 the linear system
-of all stages falls apart into one of the size of a single stage for each mu,
+of all stages separates into one complex system of the size of a single stage for each mu,
 
     M + (h mu)^2 K + h mu C    and the constraint gradients,
 
-complex, with half of them the conjugates of the others. Factors are kept for many steps: residuals are
-turned back into the axes, attached to hub and nodes, in which the factors were made, solutions forth
-(`attached_axes.py`). The first iteration gains a factor of several hundred, the next 20 to 60, as long as
-tethers are taut.
+where half of these systems are the conjugates of the others. The factors are used for many steps: residuals
+are rotated to the corotational axes of the factors, and solutions back to those of the stage
+(`corotational_axes.py`). While tethers are taut, the first iteration reduces the error by several hundred,
+the next ones by 20 to 60.
 """
 
 from typing import NamedTuple
@@ -37,34 +37,37 @@ from esail_jax.steppers.corotational_axes import Axes, Turn, axes_of, turn
 from esail_jax.system import Power, Residual, System
 
 STAGES = 4
-"""Order 7. For 1e-3 of every observable of the baseline five take 0.56 of the steps, and a third more
-time."""
+"""Number of stages s; the order is 2 s - 1 = 7. Five stages need 44 % fewer steps for 1e-3 accuracy on the
+baseline, but 33 % more time."""
 
 SPECTRAL_RADIUS = 0.5
-"""Of what is infinitely stiff; 0.8 takes as many steps, and rejects twice as many of a sail 1e5 times as
-stiff."""
+"""Amplification of infinitely stiff modes. With 0.8 the number of steps is the same, but a sail 1e5 times
+stiffer has twice as many rejections."""
 
 TABLE = Lobatto.of(STAGES, SPECTRAL_RADIUS)
 
-LIBRARY = 36
-"""Numbers of a stage beyond which a product is left to the library."""
+LEAST_SIZE_FOR_GEMM = 36
+"""Least size of a stage's array for which a product uses the matrix library (GEMM)."""
 
 LAST_PLACES = 2e-15
-"""Ten units in the last place, of the largest coordinate."""
+"""Rounding error of a coordinate: ten units in the last place, relative to the largest coordinate."""
 
 HUB_SHARE = 0.1
-"""Errors of the hub's points count ten times: they turn everything."""
+"""Allowed error of the hub's points relative to that of tether nodes. An error of the hub's attitude
+rotates the whole sail."""
 
 
 class StageUnknowns(NamedTuple):
-    """What is solved for, one entry per stage (in a `History` one more, for the start of the step)."""
+    """Accelerations and multipliers, one entry per stage; in a `History` one more, for the start of the
+    step."""
 
     vdot: Coordinates
     lam: Multipliers
 
 
 class StepEnd(NamedTuple):
-    """An instant: what a step starts from and ends on. work [J] since the start of the run; power [W]."""
+    """The motion at the start or the end of a step. time [s]; work since the start of the run [J]; power
+    [W]."""
 
     time: Scalar
     q: Coordinates
@@ -75,8 +78,8 @@ class StepEnd(NamedTuple):
 
 
 class FrozenFactors(NamedTuple):
-    """Factors for every mu (leading axis), of the mass matrix for the projection, and the axes they were
-    made in. shape: a matrix of theirs, read for its layout."""
+    """The factors that serve for several steps: those of every mu (leading axis), those of the mass matrix
+    for the projection, and the axes in which they were made. shape: one of the matrices, for its layout."""
 
     stages: bordered.Factors
     mass: bordered.Factors
@@ -89,9 +92,9 @@ def combined(
     stages: Float[Array, "stage *x"],
     like: Array | None = None,
 ) -> Float[Array, "row *x"]:
-    """A table times the stages. What the hub has of them is written out: calling the library for a product
-    takes longer than so small a one."""
-    if stages[0].size > LIBRARY:
+    """Returns the product of a table and the stages. The small product of the hub is written out, because a
+    call of the matrix library would take longer."""
+    if stages[0].size > LEAST_SIZE_FOR_GEMM:
         return jnp.tensordot(per_member_table(table, stages if like is None else like), stages, 1)
     return (table.reshape(*table.shape, *(1,) * (stages.ndim - 1)) * stages).sum(1)
 
@@ -102,7 +105,7 @@ def combined(
 def stage_states(
     start: StepEnd, h: Scalar, vdot: Coordinates
 ) -> tuple[Float[Array, " stage"], Coordinates, Coordinates]:
-    """Times, q and v of the stages."""
+    """Returns times [s], positions and velocities of the stages for given accelerations."""
 
     def along(weights, x):
         return weights.reshape(-1, *(1,) * x.ndim) * x
@@ -125,8 +128,8 @@ def stage_states(
 def stage_residuals(
     system: System, start: StepEnd, h: Scalar, unknowns: StageUnknowns
 ) -> tuple[Residual, Axes]:
-    """Of every stage: what the equations of motion and the constraints' second derivatives [m/s^2] are
-    short of, and the axes."""
+    """Returns the residuals of all stages (equations of motion, and second derivatives of the constraints
+    [m/s^2]) and the corotational axes of the stages."""
     times, q, v = stage_states(start, h, unknowns.vdot)
     axes = jax.vmap(lambda time, q: axes_of(system, time, q))(times, q)
     return residuals_at(system, times, q, v, unknowns), axes
@@ -135,19 +138,19 @@ def stage_residuals(
 def residuals_at(
     system: System, times: Float[Array, " stage"], q: Coordinates, v: Coordinates, unknowns: StageUnknowns
 ) -> Residual:
-    """The same at given states of the stages."""
+    """Returns the residuals of `stage_residuals` at given states of the stages."""
     found, _ = system.residuals(times, q, v, *unknowns)
     phi_ddot = jax.vmap(system.constraint_acceleration)(times, q, v, unknowns.vdot)
     return Residual(found.forces, phi_ddot)
 
 
 def stage_powers(system: System, start: StepEnd, h: Scalar, unknowns: StageUnknowns) -> Power:
-    """Powers at every stage."""
+    """Returns the powers [W] at every stage."""
     return system.residuals(*stage_states(start, h, unknowns.vdot), *unknowns)[1]
 
 
 def factor(system: System, start: StepEnd, h: Scalar, lam: Multipliers) -> FrozenFactors:
-    """Iteration matrices of a step of length h at its start, and their factors."""
+    """Returns the factors of the iteration matrices of a step of length h, assembled at its start."""
     now = (start.time, start.q)
     inert = iteration_matrix.mass(system, *now)
 
@@ -155,7 +158,7 @@ def factor(system: System, start: StepEnd, h: Scalar, lam: Multipliers) -> Froze
         return iteration_matrix.tangent(system, *now, start.v, lam, jnp.ones(()), rate)
 
     layout = {"weights": inert.weights, "released": inert.released}
-    # One after the other: side by side, the table of shape functions would turn their axes about.
+    # A loop, not `vmap`: under vmap XLA would transpose the arrays around the table of shape functions.
     both = lax.map(tangent, jnp.array([0.0, 1.0]))
     stiff, moving = (jax.tree.map(lambda x, i=i: x[i], both) for i in (0, 1))
 
@@ -178,56 +181,57 @@ def factor(system: System, start: StepEnd, h: Scalar, lam: Multipliers) -> Froze
 # ---- linear equations ---------------------------------------------------------------------------
 
 
-def correction(system: System, residual: Residual, turns: Turn, kept: FrozenFactors) -> StageUnknowns:
-    """Change of the unknowns that a simplified Newton step asks for. turns: of every stage, from the
-    axes of the factors."""
+def correction(system: System, residual: Residual, turns: Turn, factors: FrozenFactors) -> StageUnknowns:
+    """Returns the change of the unknowns in a simplified Newton iteration. turns: for every stage, the
+    rotation from the axes of the factors."""
 
     def to_rhs(residual, turn):
         forces, constraints = jax.tree.map(jnp.negative, (residual.forces, residual.constraints))
-        return iteration_matrix.to_vector(system, turn.back(forces), constraints)
+        return iteration_matrix.to_vector(system, turn.to_reference(forces), constraints)
 
-    member = kept.axes.hub
+    member = factors.axes.hub
     rhs = jax.tree.map(lambda x: split(x, member), jax.vmap(to_rhs)(residual, turns))
-    solution = jax.vmap(lambda factors, rhs: bordered.solve(kept.shape, factors, rhs))(kept.stages, rhs)
+    solution = jax.vmap(lambda one, rhs: bordered.solve(factors.shape, one, rhs))(factors.stages, rhs)
     solution = jax.tree.map(lambda z: mix(z, member), solution)
 
     def from_solution(solution, turn):
         vdot, lam = iteration_matrix.from_vector(system, solution)
-        return StageUnknowns(turn.forth(vdot), lam)
+        return StageUnknowns(turn.to_current(vdot), lam)
 
     return jax.vmap(from_solution)(solution, turns)
 
 
 def split(stages: Float[Array, "stage *x"], like: Array) -> Complex[Array, "rate *x"]:
-    """T^-1 times the stages, for the kept one of every pair; in real products, which are fast."""
+    """Returns T^-1 times the stages, for one of each pair of conjugate rates, by fast real products."""
     rates = len(TABLE.split)
     parts = combined(np.concatenate([TABLE.split.real, TABLE.split.imag]), stages, like)
     return lax.complex(parts[:rates], parts[rates:])
 
 
 def mix(z: Complex[Array, "rate *x"], like: Array) -> Float[Array, "stage *x"]:
-    """T z, both of every pair together."""
+    """Returns T z, summed over both rates of each conjugate pair."""
     table = np.concatenate([TABLE.mix.real, -TABLE.mix.imag], axis=1)
     return combined(table, jnp.concatenate([z.real, z.imag]), like)
 
 
-def turns_to(axes: Axes, kept: FrozenFactors) -> Turn:
-    """From the axes of the factors to those of every stage."""
-    return jax.vmap(lambda axes: turn(kept.axes, axes))(axes)
+def turns_to(axes: Axes, factors: FrozenFactors) -> Turn:
+    """Returns the rotations from the axes of the factors to those of every stage."""
+    return jax.vmap(lambda axes: turn(factors.axes, axes))(axes)
 
 
 def on_constraints(
-    system: System, kept: FrozenFactors, time: Scalar, q: Coordinates, v: Coordinates
+    system: System, factors: FrozenFactors, time: Scalar, q: Coordinates, v: Coordinates
 ) -> tuple[Coordinates, Coordinates]:
-    """The nearest state on the constraints and their rates, by one Newton correction in the mass metric
-    each: the stages miss them by the local error."""
+    """Returns the nearest state that satisfies the constraints and their rates, by one Newton correction
+    each in the mass metric. The stages violate the constraints by the local error."""
     if system.has_constraints:
-        turned = matmul(lax.stop_gradient(system.rotation(time, q)), kept.axes.hub.T)
+        turned = matmul(lax.stop_gradient(system.rotation(time, q)), factors.axes.hub.T)
         nothing = jax.tree.map(jnp.zeros_like, q)
 
         def corrected(x, defect):
             rhs = iteration_matrix.to_vector(system, nothing, jax.tree.map(jnp.negative, defect))
-            change, _ = iteration_matrix.from_vector(system, bordered.solve(kept.shape, kept.mass, rhs))
+            solution = bordered.solve(factors.shape, factors.mass, rhs)
+            change, _ = iteration_matrix.from_vector(system, solution)
             return jax.tree.map(jnp.add, x, change.rotate(turned))
 
         q = corrected(q, system.constraints(time, q))
@@ -237,15 +241,15 @@ def on_constraints(
 
 
 def end_of_step(
-    system: System, now: StepEnd, h: Scalar, unknowns: StageUnknowns, kept: FrozenFactors
+    system: System, now: StepEnd, h: Scalar, unknowns: StageUnknowns, factors: FrozenFactors
 ) -> tuple[Coordinates, Coordinates]:
-    """q and v at the end of a step whose stages are solved, on the constraints."""
+    """Returns q and v at the end of a step whose stages are known, projected on the constraints."""
     times, q, v = stage_states(now, h, unknowns.vdot)
-    return on_constraints(system, kept, times[-1], *(jax.tree.map(lambda x: x[-1], c) for c in (q, v)))
+    return on_constraints(system, factors, times[-1], *(jax.tree.map(lambda x: x[-1], c) for c in (q, v)))
 
 
 def work_of_step(h: Scalar, first: Power, power: Power) -> Power:
-    """Work [J] over a step of the powers at its start and of the stages."""
+    """Returns the work [J] of a step from the powers at its start and at the stages."""
     weights = jnp.asarray(TABLE.matrix[-1])
     return jax.tree.map(lambda p0, p: h * (TABLE.start[-1] * p0 + weights @ p), first, power)
 
@@ -254,7 +258,8 @@ def work_of_step(h: Scalar, first: Power, power: Power) -> Power:
 
 
 def lengths(system: System) -> Float[Array, "2"]:
-    """What errors are measured by [m]: the shortest tether's length, and the hub's size."""
+    """Returns the scales of errors [m]: the length of the shortest tether, and HUB_SHARE times the hub's
+    radius."""
     tethers = system.tethers
     total = jnp.broadcast_to(tethers.element_length, (tethers.elements, tethers.count)).sum(0).min()
     hub = total if system.hub is None else HUB_SHARE * system.hub.radius
@@ -262,13 +267,13 @@ def lengths(system: System) -> Float[Array, "2"]:
 
 
 def rounding(q: Coordinates) -> Float[Array, "2"]:
-    """What iterations cannot improve on [m], for tethers and hub: some units in the last place."""
+    """Returns the rounding errors of coordinates [m] of tethers and hub, which limit the iterations."""
     parts = [q.tether[0], q.tether[0] if q.hub is None else q.hub]
     return lax.stop_gradient(LAST_PLACES * jnp.stack([jnp.abs(x).max() for x in parts]))
 
 
 def largest(system: System, change: Coordinates, unit: Float[Array, "2"]) -> Scalar:
-    """Largest change of a position (slopes times l) in units of tether's and hub's."""
+    """Returns the largest change of a position (slopes times l), in units for tethers and for the hub."""
     nodes = greatest(greatest(system.tethers.scale_slopes(change.tether)))
     size = nodes.max() / unit[0]
     return size if change.hub is None else jnp.maximum(size, jnp.abs(change.hub).max() / unit[1])

@@ -1,5 +1,5 @@
-"""The state that collocation hands from block to block, and its record of each step, which dense output
-reads."""
+"""The state of collocation between two blocks, and the record of a step, from which dense output
+follows."""
 
 from typing import NamedTuple
 
@@ -27,8 +27,8 @@ class History(NamedTuple):
 class CollocationState(AbstractState):
     """The state after a block.
 
-    now: the end of the last step; h: the step size to try next [s]; origin: the time [s] at which
-    the state was made by `init`, from which steps of a given size are counted."""
+    now: the end of the last step; h: the step size to try next [s]; origin: time of the call of `init` [s],
+    from which steps of a given size are counted."""
 
     now: StepEnd
     history: History
@@ -44,7 +44,7 @@ class CollocationState(AbstractState):
 
 
 class IterationInfo(NamedTuple):
-    """How the iterations of a step went: their number; increment: the remaining error over the allowed
+    """The convergence of a step. iterations: their number; increment: the remaining error over the allowed
     one; error: the estimated local error over the tolerance."""
 
     iterations: Int[Array, "*attempt"]
@@ -53,9 +53,9 @@ class IterationInfo(NamedTuple):
 
 
 class CollocationSteps(AbstractSteps):
-    """A step, or several along leading axes: its start, length [s], the accelerations and multipliers at
-    its stages, and the powers there. taken: false for a rejected step, and where there was no step (h =
-    0)."""
+    """The record of one step, or of several along leading axes: its start, its length h [s], accelerations
+    and multipliers at its stages, and the powers there. taken: false for a rejected step and for an unused
+    place (h = 0)."""
 
     start: StepEnd
     h: Float[Array, "*attempt"]
@@ -78,7 +78,7 @@ class CollocationSteps(AbstractSteps):
         return jax.tree.map(lambda x: x[index], self)
 
     def at(self, time: Scalar) -> StepEnd:
-        """The motion at a time [s] within one step, from the polynomials of the accelerations and the
+        """Returns the motion at a time [s] within one step, from the polynomials of accelerations and
         powers."""
         start, h, x = self.start, self.h, (time - self.start.time) / self.h
         powers = x ** jnp.arange(STAGES + 1)
@@ -97,7 +97,7 @@ class CollocationSteps(AbstractSteps):
 
 
 def no_step(state: CollocationState) -> CollocationSteps:
-    """The record of a step that was not taken: zeros."""
+    """Returns zeros, the record of an unused place."""
     zero, powers = jnp.zeros(()), jnp.zeros(STAGES)
     stages = jax.tree.map(lambda x: jnp.zeros_like(x[1:]), state.history.values)
     start = jax.tree.map(jnp.zeros_like, state.now)
@@ -106,7 +106,7 @@ def no_step(state: CollocationState) -> CollocationSteps:
 
 
 def zero_length_steps(state: CollocationState, count: int) -> CollocationSteps:
-    """Records in which dense output finds the start of a motion at its own time."""
+    """Returns `count` records of length zero, in which dense output finds the start of a motion."""
     step = no_step(state)
     # The polynomial is divided by the length of the step, which must not be zero.
     step = eqx.tree_at(
@@ -116,4 +116,4 @@ def zero_length_steps(state: CollocationState, count: int) -> CollocationSteps:
 
 
 TINY = 1e-30
-"""Length of a step that ends where it begins, to rounding [s]."""
+"""Length of a step whose end equals its start to rounding [s]."""

@@ -1,9 +1,10 @@
-"""Accelerations and multipliers that fit a given state.
+"""Accelerations and multipliers that are consistent with a given state.
 
     [ M      Phi_q^T ] [ vdot ]   [ Q                          ]
     [ Phi_q  0       ] [ lam  ] = [ -d^2 Phi / dt^2 at vdot = 0 ]        ([PGV] Eq. 1-3)
 
-Used for the start of a run and for every saved instant, so that output never interpolates them.
+They are computed for the start of a run and for every saved instant. Output therefore never interpolates
+them.
 """
 
 from typing import NamedTuple
@@ -19,9 +20,9 @@ from esail_jax.numerics import bordered
 from esail_jax.system import Power, System
 
 
-class Motion(NamedTuple):
-    """Accelerations and multipliers of a state, and what acts: forces with the reactions of the root
-    joints left out (`system.Residual`), and power."""
+class ConsistentMotion(NamedTuple):
+    """Accelerations and multipliers of a state, the forces without the reactions of the root joints
+    (`system.Residual`), and the powers."""
 
     vdot: Coordinates
     lam: Multipliers
@@ -35,9 +36,9 @@ def consistent_motion(
     q: Coordinates,
     v: Coordinates,
     mass: FactoredMass | None = None,
-) -> Motion:
-    """Of the state (q, v), which must satisfy the constraints and their rates. mass: its mass matrix,
-    where that is known."""
+) -> ConsistentMotion:
+    """Returns accelerations, multipliers, forces and powers of the state (q, v), which must satisfy the
+    constraints and their rates. mass: the factored mass matrix at q, if it is known."""
     rest = jax.tree.map(jnp.zeros_like, q)
     if system.hub is None:
         rest = system.place_roots(time, rest, derivative=2)
@@ -52,13 +53,13 @@ def consistent_motion(
     vdot, lam = iteration_matrix.from_vector(system, bordered.solve(matrix, factors, rhs))
     moving = loads.axpy(1.0, Coordinates(system.tethers.inertia(vdot.tether), vdot.hub))
     residual, power = system.complete_residual(time, q, v, moving, lam, power)
-    return Motion(jax.tree.map(jnp.add, rest, vdot), lam, residual.forces, power)
+    return ConsistentMotion(jax.tree.map(jnp.add, rest, vdot), lam, residual.forces, power)
 
 
 def consistent_acceleration(
     system: System, time: Scalar, q: Coordinates, v: Coordinates
 ) -> tuple[Coordinates, Multipliers]:
-    """vdot and lam of the state (q, v), which must satisfy the constraints and their rates."""
+    """Returns vdot and lam of the state (q, v), which must satisfy the constraints and their rates."""
     motion = consistent_motion(system, time, q, v)
     return motion.vdot, motion.lam
 
@@ -70,9 +71,9 @@ def project(
     v: Coordinates,
     mass: FactoredMass | None = None,
 ) -> tuple[Coordinates, Coordinates]:
-    """The nearest state (in the mass metric, one Newton correction) on the constraints and their
-    rates. Interpolation errors are of fourth order, so one correction reaches rounding. mass: as in
-    `consistent_motion`."""
+    """Returns the nearest state in the mass metric that satisfies the constraints and their rates, by one
+    Newton correction each. Interpolation errors are of fourth order, so that one correction reaches
+    rounding. mass: as in `consistent_motion`."""
     q, v = system.place_roots(time, q), system.place_roots(time, v, derivative=1)
     if not system.has_constraints:
         return q, v

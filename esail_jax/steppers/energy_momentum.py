@@ -4,13 +4,13 @@ gradient.
     q1 = q0 + h u,      u = (v0 + v1)/2,      w = (v1 - v0)/h,      Phi(t1, q1) = 0
     M w + DU(q0, q1) + Phi_q(t_m, q_m)^T lam = Q(t_m, q_m, u),      q_m = (q0 + q1)/2
 
-Without loads and damping it keeps energy and both momenta, whatever the step: DU . (q1 - q0) is the change
-of U, and the constraints, quadratic in q, have at q_m a gradient along which Phi changes by just
-Phi(q1) - Phi(q0), so that they do no work. Second order, and no numerical damping: what rings goes on
-ringing, the multipliers of the hub included. Only in the mean of two steps are they of second order.
+Without loads and damping the method conserves energy, momentum and angular momentum for every step size: DU
+. (q1 - q0) is the change of U. The constraints are quadratic in q, so that Phi_q(q_m) (q1 - q0) is Phi(q1)
+- Phi(q0), and they do no work. The order is two, and there is no numerical damping: vibrations, also those
+of the hub's multipliers, do not decay. The multipliers are of second order only as the mean of two steps.
 
-The unknowns are w and lam. The balance closes as well as the iterations converge, so these go on down to
-rounding, with factors kept and turned as in `fixed_step.py`.
+The unknowns are w and lam. The error of the balance is that of the iterations, which therefore continue to
+rounding. The factors of a block are rotated as in `fixed_step.py`.
 """
 
 import dataclasses
@@ -32,16 +32,16 @@ from esail_jax.system import Power, Residual, System
 from esail_jax.terms import Energy, PointFields, Term
 
 ROUNDING = 1e-13
-"""Largest last increment of a step that has converged, in the size of the coordinates. A chord step takes
-an error down ten-fold or more, so that what is left is rounding."""
+"""Largest last increment of a converged step, relative to the size of the coordinates. An iteration reduces
+the error at least by a factor of ten, so that rounding remains."""
 
 PATH_POINTS = 4
-"""Gauss points between two states: exact for Green-Lagrange strain, and to rounding for any smooth energy
-of a tether whose r_x . r_x changes by less than a tenth within a step."""
+"""Number of Gauss points between two states. It is exact for Green-Lagrange strain, and exact to rounding
+for any smooth energy of a tether whose r_x . r_x changes by less than a tenth within a step."""
 
 
 class Secant(Term):
-    """Discrete gradient of an energy between the fields at the start of a step and those at its end.
+    """The discrete gradient of an energy between the fields at the start and at the end of a step.
 
     W depends on scalar products c of the fields only. Its mean gradient on the straight way in c from
     start to end, G = int_0^1 dW/dc dtau, has G . (c1 - c0) = W1 - W0 without any division, and acts on the
@@ -50,7 +50,7 @@ class Secant(Term):
         X = (sqrt(1 - tau) x0, sqrt(tau) x1),
 
     two vectors stacked: the density takes them as it is, where the cable is straight too, and the two
-    parts of its gradient g, divided by the same roots, add up to twice what is wanted.
+    parts of its gradient g, divided by the same roots, add up to twice the discrete gradient.
     """
 
     term: Energy
@@ -63,7 +63,8 @@ class Secant(Term):
         return self.term.depends_on
 
     def point_forces(self, time: Instants, fields: PointFields, rates: PointFields) -> PointFields:
-        """Conjugate to the fields half way, from which those at the end follow."""
+        """Returns the forces conjugate to the fields at the midpoint, which also give the fields at the
+        end."""
         tau, weights = gauss_legendre(PATH_POINTS)
         roots = np.sqrt(np.stack([1.0 - tau, tau]))
 
@@ -81,7 +82,7 @@ class Secant(Term):
 
 
 class Middle(NamedTuple):
-    """A step's midpoint. system: with secants for energies; u = (q1 - q0)/h, w = (v1 - v0)/h."""
+    """The midpoint of a step. system: with secants as energies; u = (q1 - q0)/h, w = (v1 - v0)/h."""
 
     system: System
     time: Scalar
@@ -91,31 +92,31 @@ class Middle(NamedTuple):
 
 
 class EnergyMomentum(FixedStep):
-    """The stepper. Of a `State`, a is w of the last step, power that at its midpoint, and vdot an
-    estimate for its end."""
+    """The energy-momentum method. step_size [s]. In a `StepState`, a is w of the last step, power is that
+    at its midpoint, and vdot is an estimate for its end."""
 
     name: ClassVar[str] = "energy-momentum"
     most_iterations: ClassVar[int] = 30
 
     @property
     def phase_error(self) -> Scalar:
-        """That of the midpoint rule: 2 arctan(h omega/2) = h omega - (h omega)^3/12."""
+        """The coefficient 1/12 of the midpoint rule: 2 arctan(h omega/2) = h omega - (h omega)^3/12."""
         return jnp.asarray(1.0 / 12.0)
 
     @property
     def _q_share(self) -> Scalar:
-        """s = d q_m / d w [s^2]; the iteration matrix is M + s K + ... ."""
+        """The derivative s = d q_m / d w [s^2]; the iteration matrix is M + s K + ... ."""
         return 0.25 * self.step_size**2
 
     @property
     def _rate_factor(self) -> Scalar:
-        """d u / d q_m [1/s]."""
+        """The derivative d u / d q_m [1/s]."""
         return 2.0 / self.step_size
 
     def factor(
         self, system: System, time: Scalar, q: Coordinates, v: Coordinates, lam: Multipliers
     ) -> FrozenFactors:
-        """Iteration matrix of a step at constant velocity from a state, and its factors."""
+        """Returns the iteration matrix of a step at constant velocity from a state, with its factors."""
         h = self.step_size
         middle, end = q.axpy(0.5 * h, v), q.axpy(h, v)
         matrix = self.matrix(system, time + 0.5 * h, middle, v, lam, time + h, end)
@@ -131,7 +132,7 @@ class EnergyMomentum(FixedStep):
         end: Scalar,
         q1: Coordinates,
     ) -> bordered.Bordered:
-        """M + s (K + c C) and Phi_q^T at the midpoint, Phi_q at the end."""
+        """Returns the iteration matrix: M + s (K + c C) and Phi_q^T at the midpoint, Phi_q at the end."""
         matrix = iteration_matrix.tangent(system, time, q, u, lam, self._q_share, self._rate_factor)
         last = iteration_matrix.mass(system, end, q1)
         if system.hub is not None:
@@ -146,13 +147,13 @@ class EnergyMomentum(FixedStep):
     def attitude(
         self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, w: Coordinates
     ) -> Rotation:
-        """Where the factors are turned to: the step's start, as they were made for one."""
+        """Returns the attitude at the start of the step, for which the factors are made."""
         return system.rotation(end - self.step_size, q0)
 
     def end_of_step(
         self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, w: Coordinates
     ) -> tuple[Coordinates, Coordinates]:
-        """q and v at the end of the step, roots put where they belong."""
+        """Returns q and v at the end of the step, with the roots set from the hub or the frame."""
         h = self.step_size
         q, v = q0.axpy(h, v0.axpy(0.5 * h, w)), v0.axpy(h, w)
         return system.place_roots(end, q), system.place_roots(end, v, derivative=1)
@@ -160,7 +161,8 @@ class EnergyMomentum(FixedStep):
     def middle(
         self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, w: Coordinates
     ) -> Middle:
-        """The midpoint of a step. Roots of a turning frame have rates of their own, on a chord."""
+        """Returns the midpoint of a step. Roots of a rotating frame have the mean rates of the step, which
+        are those along a chord."""
         h = self.step_size
         w = system.place_roots(end, w, derivative=2)
         u = v0.axpy(0.5 * h, w)
@@ -176,8 +178,8 @@ class EnergyMomentum(FixedStep):
     def residual(
         self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, unknowns: Unknowns
     ) -> tuple[Residual, Power]:
-        """Equations of motion at the midpoint, constraints at the end, and the power that times h is the
-        work of the step."""
+        """Returns the equations of motion at the midpoint and the constraints at the end, and the power,
+        which is the work of the step over h."""
         made, time, q, u, w = self.middle(system, end, q0, v0, unknowns.vdot)
         (forces, constraints), power = made.residual(time, q, u, w, unknowns.lam)
         if system.has_constraints:
@@ -189,61 +191,61 @@ class EnergyMomentum(FixedStep):
             slip = 0.5 * (roots_of(v0) + roots_of(v1)) - roots_of(u)
             external = power.external + (slip * system.tethers.inertia(w.tether)[0, :, 0]).sum()
             if system.clamped:
-                # Nor is the work of a moving clamp that of its motion at the midpoint.
+                # The work of a moving clamp also differs from that of its motion at the midpoint.
                 turning = jax.jvp(made.constraints, (time, q), (jnp.ones(()), u))[1].clamp
                 external = external - (unknowns.lam.clamp * turning).sum()
             power = power._replace(external=external)
         return Residual(forces, constraints), power
 
     def correct(
-        self, system: System, residual: Residual, kept: FrozenFactors, turned: Rotation
+        self, system: System, residual: Residual, factors: FrozenFactors, turned: Rotation
     ) -> tuple[Unknowns, Coordinates]:
-        """Change of the unknowns that a chord step asks for, and the change of q1 that goes with it: twice
-        that of q_m, for which the matrix is."""
+        """Returns the change of the unknowns in an iteration, and the corresponding change of q1. It is
+        twice the change of q_m, to which the matrix belongs."""
         s = self._q_share
         forces = jax.tree.map(lambda r: -s * r, residual.forces)
         constraints = jax.tree.map(lambda r: -0.5 * r, residual.constraints)
-        dq, dlam = kept.solve(system, turned, forces, constraints)
+        dq, dlam = factors.solve(system, turned, forces, constraints)
         change = jax.tree.map(lambda x: x / s, Unknowns(dq, dlam))
         return change, jax.tree.map(lambda x: 2.0 * x, dq)
 
     def tangent(
         self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, unknowns: Unknowns
     ) -> FrozenFactors:
-        """Factors of the exact derivative of the residual: forces at the midpoint, constraints at the
-        end."""
+        """Returns the factors of the exact derivative of the residual: forces at the midpoint, constraints
+        at the end."""
         made, time, q, u, _ = self.middle(system, end, q0, v0, unknowns.vdot)
         q1, _ = self.end_of_step(system, end, q0, v0, unknowns.vdot)
         matrix = self.matrix(made, time, q, u, unknowns.lam, end, q1)
         return FrozenFactors(matrix, bordered.factor(matrix), jnp.eye(3))
 
     def tolerances(self, system: System, q: Coordinates) -> Float[jax.Array, "2"]:
-        """Largest last increments [m] of a step that has converged, of tether nodes and of the hub."""
+        """Returns the largest last increments [m] of a converged step, of tether nodes and of the hub."""
         size = jnp.maximum(jnp.abs(q.tether[0]).max(), system.tethers.element_length.max())
         return lax.stop_gradient(ROUNDING * jnp.stack([size, size]))
 
     def step(
-        self, system: System, time: Scalar, state: StepState, kept: FrozenFactors, rate: Scalar
+        self, system: System, time: Scalar, state: StepState, factors: FrozenFactors, rate: Scalar
     ) -> tuple[StepState, IterationInfo]:
-        """From t to t + h, until what chord iterations leave is rounding."""
+        """Takes a step from t to t + h, with iterations until only rounding errors remain."""
         h = self.step_size
         end = time + h
         guess = jax.tree.map(
             lambda *x: x[0] + x[1] + x[2], state.a, state.vdot_difference, state.vdot_second_difference
         )
         unknowns = Unknowns(guess, state.lam)
-        unknowns, power, info = solve_step(self, system, end, state.q, state.v, unknowns, kept, rate)
+        unknowns, power, info = solve_step(self, system, end, state.q, state.v, unknowns, factors, rate)
         q, v = self.end_of_step(system, end, state.q, state.v, unknowns.vdot)
         w = unknowns.vdot
-        rise = jax.tree.map(jnp.subtract, w, state.a)
+        difference = jax.tree.map(jnp.subtract, w, state.a)
         state = StepState(
             q=q,
             v=v,
-            vdot=w.axpy(0.5, rise),
+            vdot=w.axpy(0.5, difference),
             a=w,
             lam=unknowns.lam,
-            vdot_difference=rise,
-            vdot_second_difference=jax.tree.map(jnp.subtract, rise, state.vdot_difference),
+            vdot_difference=difference,
+            vdot_second_difference=jax.tree.map(jnp.subtract, difference, state.vdot_difference),
             work=jax.tree.map(lambda total, rate: total + h * rate, state.work, power),
             power=power,
         )
@@ -251,15 +253,15 @@ class EnergyMomentum(FixedStep):
 
 
 def framed(system: System) -> bool:
-    """Are the roots on a frame that turns as prescribed?"""
+    """Tells whether the roots are on a frame with prescribed rotation."""
     return system.hub is None and system.roots is not None
 
 
 def roots_of(x: Coordinates) -> Float[jax.Array, "3 tether"]:
-    """Values at the root nodes."""
+    """Returns the values at the root nodes."""
     return x.tether[0, :, 0]
 
 
 def with_roots(x: Coordinates, values: Float[jax.Array, "3 tether"]) -> Coordinates:
-    """x with other values at the root nodes."""
+    """Returns x with other values at the root nodes."""
     return x._replace(tether=x.tether.at[0, :, 0].set(values))

@@ -1,10 +1,10 @@
 """Implicit methods with steps of a given size: generalized-alpha and energy-momentum.
 
-The unknowns of a step are the accelerations (of energy-momentum, their mean over the step) and the
-multipliers, found by chord iterations (`fixed_step_solution.py`). The factors of the iteration matrix
-serve for a block of up to `STEPS_PER_FACTORISATION` steps and are turned with the hub: inertia,
-elasticity, damping and rigidity are the same in every direction, so that only the change of shape makes
-old factors worse, not the rotation.
+The unknowns of a step are the accelerations (for energy-momentum, their mean over the step) and the
+multipliers. Simplified Newton iterations find them (`fixed_step_solution.py`). One factorisation of the
+iteration matrix serves a block of up to `STEPS_PER_FACTORISATION` steps. The factors are rotated with the
+hub: inertia, elasticity, damping and rigidity are the same in every direction, so that only the change of
+shape makes old factors worse, not the rotation.
 
 A block ends before a step that does not converge, and the next block begins there with fresh factors. If
 its first step fails too, the step is halved, up to `MAX_HALVINGS` times; after a whole step it is doubled
@@ -44,25 +44,25 @@ STEPS_PER_FACTORISATION = 20
 """Largest number of steps in a block."""
 
 MAX_HALVINGS = 6
-"""How often the step is halved where iterations do not converge, before the run is given up."""
+"""Largest number of halvings of a step whose iterations do not converge. After it the run fails."""
 
 TICKS = 2**MAX_HALVINGS
-"""Units in which time is counted, per whole step: the end of every step is an exact multiple."""
+"""Units of time per whole step: the end of every step, halved or not, is an exact multiple of the unit."""
 
 MAX_ITERATIONS = 12
-"""Number of chord iterations after which a step has failed; good steps take one or two."""
+"""Largest number of iterations of a step, after which the step has failed. Good steps need one or two."""
 
 SNAP = 1e-9
-"""Fraction of a step by which an instant may miss the end of a step and still be that end: multiples of
-decimal numbers are not exact in binary."""
+"""An instant that differs from the end of a step by less than this fraction of the step is that end:
+multiples of decimal fractions are rounded in binary."""
 
 
 class StepState(NamedTuple):
-    """The motion at the end of a step, and what the next step needs of those before.
+    """The motion at the end of a step, and the memory of earlier steps that the next step needs.
 
-    a: the auxiliary acceleration of generalized-alpha; vdot_difference, vdot_second_difference:
-    differences of vdot over the last steps, for the first guess; work: external work and dissipated energy
-    [J] since the start of the run; power: their rates [W]."""
+    a: the auxiliary acceleration of generalized-alpha; vdot_difference, vdot_second_difference: differences
+    of vdot over the last steps, for the next first guess; work: external work and dissipated energy [J]
+    since the start of the run; power: their rates [W]."""
 
     q: Coordinates
     v: Coordinates
@@ -78,8 +78,8 @@ class StepState(NamedTuple):
 class FixedStepState(AbstractState):
     """The state after a block.
 
-    origin: the time [s] at which `init` made the state; ticks: time since then in units of step/TICKS;
-    halvings: how often the step is halved at present; errors: the estimated errors so far."""
+    origin: time of the call of `init` [s]; tick: step/TICKS [s]; ticks: time since `origin` in this unit;
+    halvings: present number of halvings of the step; errors: the estimated errors so far."""
 
     now: StepState
     origin: Scalar
@@ -97,7 +97,7 @@ class FixedStepState(AbstractState):
 
 
 class Node(NamedTuple):
-    """The end of a step, as dense output needs it."""
+    """The values and rates at an end of a step that dense output needs."""
 
     q: Coordinates
     v: Coordinates
@@ -112,13 +112,13 @@ class Node(NamedTuple):
 
 
 class IterationInfo(NamedTuple):
-    """How a step went.
+    """The convergence of a step's iterations.
 
-    iterations; increment [m]: the last one, of tether nodes and of the hub; left [m]: what it is expected
-    to leave undone, and the tolerances [m] that this is held to; rate: last increment over the one before,
-    of this step or of an earlier one with the same factors; constraint [m] and residual [N]: largest
-    constraint violation and unbalanced force of a node beyond the root, before the last correction and
-    any scaling; tether: the one with the largest increment.
+    iterations: their number; increment: the last increment of tether nodes and of the hub [m]; left: the
+    expected remaining error of both [m], which `tolerance` [m] limits; rate: the ratio of the last two
+    increments, of this step or of an earlier one with the same factors; constraint, residual: largest
+    constraint violation [m] and largest unbalanced force of a node beyond the root [N], before the last
+    correction and without scaling; tether: the number of the tether with the largest increment.
     """
 
     iterations: Int[jax.Array, ""]
@@ -131,13 +131,16 @@ class IterationInfo(NamedTuple):
     tether: Int[jax.Array, ""]
 
     def converged(self) -> jax.Array:
-        """False also for NaN."""
+        """Tells whether the remaining error is within tolerance; false for NaN."""
         return (self.left <= self.tolerance).all()
 
 
 class FixedStepSteps(AbstractSteps):
-    """The steps of a block: where the first begins, and the end of each; errors: the estimates at the end
-    of the block, in parts of the signals' ranges. tried, taken: as in `Log`."""
+    """The record of the steps of a block.
+
+    start: the start of the first step; ends, end, size: the end of each step, its time and its length [s];
+    tried, taken: as in `Log`; errors: the estimated errors at the end of the block, relative to the ranges
+    of the signals."""
 
     start: Node
     ends: Node
@@ -180,7 +183,7 @@ class FixedStepSteps(AbstractSteps):
 
 
 class Interval(NamedTuple):
-    """One step: its two ends, the time at the second, and its length [s]."""
+    """One step: its start and its end, the time at the end, and its length [s]."""
 
     before: Node
     after: Node
@@ -189,14 +192,14 @@ class Interval(NamedTuple):
 
 
 class Tape(NamedTuple):
-    """Number of steps that a block took, and whether an attempt failed after them."""
+    """Number of steps taken in a block, and whether an attempt failed after them."""
 
     count: Int[Array, ""]
     failed: Bool[Array, ""]
 
 
 class FrozenFactors(NamedTuple):
-    """Factors of an iteration matrix, and the attitude they were made at."""
+    """An iteration matrix, its factors, and the attitude at which it was assembled."""
 
     matrix: bordered.Bordered
     factors: bordered.Factors
@@ -205,7 +208,8 @@ class FrozenFactors(NamedTuple):
     def solve(
         self, system: System, turned: Rotation, forces: Coordinates, constraints: Multipliers
     ) -> tuple[Coordinates, Multipliers]:
-        """(dq, s dlam) for a right-hand side given at an attitude `turned` from the factors'."""
+        """Returns (dq, s dlam) for a right-hand side in inertial axes. turned: the rotation from the
+        attitude of the factors to the present one."""
         rhs = iteration_matrix.to_vector(system, forces.rotate(turned.T), constraints)
         dq, dlam = iteration_matrix.from_vector(system, bordered.solve(self.matrix, self.factors, rhs))
         return dq.rotate(turned), dlam
@@ -219,7 +223,8 @@ class Unknowns(NamedTuple):
 
 
 class FixedStep(AbstractStepper):
-    """A method that finds vdot and lam of a step by chord iterations."""
+    """A method with given step size [s] that finds vdot and lam of a step by simplified Newton
+    iterations."""
 
     step_size: Scalar
 
@@ -235,68 +240,70 @@ class FixedStep(AbstractStepper):
     }
     most_iterations: ClassVar[int] = MAX_ITERATIONS
     trusted: ClassVar[float] = 1.0
-    """Largest last increment, in tolerances, with which a step is accepted where the expected remainder is
-    within tolerance. With a value above 1 the power of a step, which is computed before its last
-    correction, has an error of that size."""
+    """Largest last increment, relative to the tolerance, of an accepted step. The expected remaining error
+    must be within tolerance in addition. With a value above 1 the power of a step, which is computed before
+    the last correction, has an error of this size."""
 
     # ---- a method --------------------------------------------------------------------------------
 
     @property
     @abstractmethod
     def phase_error(self) -> Scalar:
-        """c: the phase that an oscillation at omega loses in a step is c (h omega)^3."""
+        """The coefficient c of the phase error: an oscillation at omega loses the phase c (h omega)^3 per
+        step."""
 
     @abstractmethod
     def factor(
         self, system: System, time: Scalar, q: Coordinates, v: Coordinates, lam: Multipliers
     ) -> FrozenFactors:
-        """The factors of the iteration matrix at a state."""
+        """Returns the factors of the iteration matrix at a state."""
 
     @abstractmethod
     def attitude(
         self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, vdot: Coordinates
     ) -> Rotation:
-        """The attitude to which the factors are turned for a step."""
+        """Returns the attitude to which the factors are rotated for a step."""
 
     @abstractmethod
     def residual(
         self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, unknowns: Unknowns
     ) -> tuple[Any, Power]:
-        """The residual of the equations of a step (`system.Residual`), and the power of its forces."""
+        """Returns the residual of the equations of a step (`system.Residual`) and the power of its
+        forces."""
 
     @abstractmethod
     def correct(
-        self, system: System, residual: Any, kept: FrozenFactors, turned: Rotation
+        self, system: System, residual: Any, factors: FrozenFactors, turned: Rotation
     ) -> tuple[Unknowns, Coordinates]:
-        """The change of the unknowns in a chord iteration, and the change of q that goes with it."""
+        """Returns the change of the unknowns in an iteration, and the corresponding change of q."""
 
     @abstractmethod
     def tangent(
         self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, unknowns: Unknowns
     ) -> FrozenFactors:
-        """The factors of the exact derivative of the residual."""
+        """Returns the factors of the exact derivative of the residual, for derivatives of the run."""
 
     @abstractmethod
     def tolerances(self, system: System, q: Coordinates) -> Float[Array, "2"]:
-        """Largest last increments [m] of a converged step, of tether nodes and of the hub."""
+        """Returns the largest remaining errors [m] of a converged step, of tether nodes and of the hub."""
 
     @abstractmethod
     def step(
-        self, system: System, time: Scalar, state: StepState, kept: FrozenFactors, rate: Scalar
+        self, system: System, time: Scalar, state: StepState, factors: FrozenFactors, rate: Scalar
     ) -> tuple[StepState, IterationInfo]:
-        """One step from `time` [s]. rate: the contraction of the iterations in an earlier step with these
-        factors, infinite if there was none."""
+        """Takes one step from `time` [s]. rate: the convergence rate of the iterations in an earlier step
+        with these factors, infinite if there is none."""
 
     def transposable(self, system: System) -> System:
-        """The system whose derivative with respect to the state is taken in reverse mode."""
+        """Returns the system that reverse mode differentiates with respect to the state."""
         return system
 
     def first_state(self, system: System, time: Scalar, state: StepState) -> StepState:
-        """The start with better first guesses, for a method that has them."""
+        """Returns the start with better first guesses, for a method that has them."""
         return state
 
     def rescaled(self, state: StepState, ratio: Scalar) -> StepState:
-        """The state for steps `ratio` times as long."""
+        """Returns the state for steps that are `ratio` times as long."""
         first = jax.tree.map(lambda x: ratio * x, state.vdot_difference)
         second = jax.tree.map(lambda x: ratio**2 * x, state.vdot_second_difference)
         return state._replace(vdot_difference=first, vdot_second_difference=second)
@@ -304,7 +311,7 @@ class FixedStep(AbstractStepper):
     # ---- the interface of a stepper ----------------------------------------------------------------
 
     def init(self, model: System, start: Point, until: Scalar) -> tuple[FixedStepState, FixedStepSteps]:
-        """The start with consistent accelerations. `until` is not used: steps are given."""
+        """Returns the start with consistent accelerations. `until` is not used: the step size is given."""
         time, q, v, work, _ = start
         vdot, lam, _, power = consistent_motion(model, time, q, v)
         nothing = jax.tree.map(jnp.zeros_like, vdot)
@@ -333,8 +340,8 @@ class FixedStep(AbstractStepper):
         return state, steps
 
     def block(self, model: System, state: FixedStepState) -> tuple[FixedStepState, FixedStepSteps]:
-        """Up to STEPS_PER_FACTORISATION steps with one factorisation. Where a step fails the steps before
-        it are taken again: a failure is rare, and nothing needs to be selected after a good step."""
+        """Takes up to STEPS_PER_FACTORISATION steps with one factorisation. After a failed step the steps
+        before it are repeated: failures are rare, and the loop then needs no selection after good steps."""
         one_step, wanted = self.stepping(model, state)
 
         def attempts(carry, records, _):
@@ -345,8 +352,8 @@ class FixedStep(AbstractStepper):
             )
             count = jnp.minimum(good.sum(), limit)
             at = jnp.minimum(count, STEPS_PER_FACTORISATION - 1)
-            seen = jax.tree.map(lambda x: x[at], info)
-            failure = select(count < limit, seen, failure)
+            failed_info = jax.tree.map(lambda x: x[at], info)
+            failure = select(count < limit, failed_info, failure)
             return (count, limit, failure), (now, ends, info)
 
         nothing = (Node.of(state.now), no_info(), jnp.asarray(False))
@@ -360,16 +367,16 @@ class FixedStep(AbstractStepper):
         return self.finished(model, state, now, ends, info, Tape(count, count < wanted), failure)
 
     def stepping(self, model: System, state: FixedStepState) -> tuple[Callable, Int[Array, ""]]:
-        """The function of one step with the factors of this block, and the number of steps to take. With a
-        halved step a block ends at the end of a whole step, where the step may be doubled."""
+        """Returns the function of one step with the factors of this block, and the number of steps to take.
+        With a halved step a block ends at the end of a whole step, where the step may be doubled."""
         now, ticks = state.now, TICKS >> state.halvings
         fine = replace(self, step_size=self.step_size * (ticks / TICKS))
-        kept = fine.factor(model, state.time, now.q, now.v, now.lam)
+        factors = fine.factor(model, state.time, now.q, now.v, now.lam)
 
         def one_step(carry):
             now, rate, index = carry
             time = state.origin + (state.ticks + index * ticks) * state.tick
-            now, info = fine.step(model, time, now, kept, rate)
+            now, info = fine.step(model, time, now, factors, rate)
             good = info.converged()
             return (now, lax.stop_gradient(info.rate), index + 1), good, (Node.of(now), info, good)
 
@@ -389,7 +396,7 @@ class FixedStep(AbstractStepper):
         tape: Tape,
         failure: IterationInfo,
     ) -> tuple[FixedStepState, FixedStepSteps]:
-        """The state and the record after a block, from the steps taken, and the choice of the next step."""
+        """Returns the state and the record after a block, and chooses the size of the next steps."""
         size = TICKS >> state.halvings
         index = jnp.arange(STEPS_PER_FACTORISATION)
         taken = index < tape.count
@@ -400,18 +407,18 @@ class FixedStep(AbstractStepper):
             state.errors, model, state.time, length, state.now.q, ends.q, tape.count, self.phase_error
         )
         # The failed attempt is recorded after the steps that were taken.
-        tried = taken | (tape.failed & (index == tape.count))
+        failed = tape.failed & (index == tape.count)
+        tried = taken | failed
         info = jax.tree.map(
-            lambda x, y: jnp.where((index == tape.count).reshape(-1, *(1,) * (x.ndim - 1)) & tape.failed, y, x),
-            info, failure,
-        )  # fmt: skip
+            lambda x, y: jnp.where(failed.reshape(-1, *(1,) * (x.ndim - 1)), y, x), info, failure
+        )
         sizes = jnp.where(tried, length, 0.0)
         steps = FixedStepSteps(Node.of(state.now), ends, end, sizes, tried, taken, info, errors.parts)
 
-        useless = tape.failed & (tape.count == 0)
-        stuck = useless & (state.halvings == MAX_HALVINGS)
-        easier = ~tape.failed & (state.halvings > 0) & (ticks % TICKS == 0)
-        halvings = state.halvings + jnp.where(useless & ~stuck, 1, 0) - jnp.where(easier, 1, 0)
+        no_progress = tape.failed & (tape.count == 0)
+        exhausted = no_progress & (state.halvings == MAX_HALVINGS)
+        recovered = ~tape.failed & (state.halvings > 0) & (ticks % TICKS == 0)
+        halvings = state.halvings + jnp.where(no_progress & ~exhausted, 1, 0) - jnp.where(recovered, 1, 0)
         ratio = 2.0 ** (state.halvings - halvings)
         now = select(halvings == state.halvings, now, self.rescaled(now, ratio))
         finite = jnp.isfinite(failure.increment).all()
@@ -424,12 +431,12 @@ class FixedStep(AbstractStepper):
             errors=errors,
             taken=state.taken + tape.count,
             rejected=state.rejected + tape.failed,
-            result=RESULTS.where(stuck, cause, state.result),
+            result=RESULTS.where(exhausted, cause, state.result),
         )
         return state, steps
 
     def evaluate(self, model: System, step: Interval, time: Scalar) -> Point:
-        """The cubics through the values and rates of q, v and the work at both ends of the step.
+        """Evaluates cubic Hermite polynomials of q, v and the work, through values and rates at both ends.
 
         v is not the derivative of the cubic of q: the method's v and dq/dt differ by a constant times
         h^2 d^2v/dt^2 (0.17 at spectral radius 0.25), which would appear at saved instants only."""
@@ -456,8 +463,8 @@ class FixedStep(AbstractStepper):
         step, time = np.asarray(log.size)[tried][-1], np.asarray(log.end)[tried][-1]
         return (
             f"At t = {time:.6g} s with steps of {step:.3g} s, tether {int(last['tether'])}: last increment "
-            f"{last['last_increment']:.3g} m after {int(last['iterations_per_step'])} iterations, constraint "
-            f"violation {last['constraint_violation']:.3g} m. Smaller steps did not help."
+            f"{last['last_increment']:.3g} m after {int(last['iterations_per_step'])} iterations, "
+            f"constraint violation {last['constraint_violation']:.3g} m. Smaller steps did not help."
         )
 
     def error_estimates(self, state: FixedStepState) -> dict[str, Scalar]:
@@ -467,7 +474,7 @@ class FixedStep(AbstractStepper):
     # ---- derivatives -------------------------------------------------------------------------------
 
     def tape(self, steps: FixedStepSteps) -> Tape:
-        """The number of steps: they are taken again."""
+        """Returns the number of steps, which `replay` computes again."""
         return Tape(steps.taken.sum(), (steps.tried & ~steps.taken).any())
 
     def replay(
@@ -479,7 +486,7 @@ class FixedStep(AbstractStepper):
         blocks: Int[Array, ""],
         times: Float[Array, " instant"],
     ) -> tuple[Motion, Point]:
-        """The blocks again, each in a loop of fixed length."""
+        """Takes the blocks again, each in a loop of fixed length."""
 
         def block(state, tape):
             one_step, _ = self.stepping(model, state)
@@ -502,6 +509,6 @@ class FixedStep(AbstractStepper):
 
 
 def no_info() -> IterationInfo:
-    """The account of a step that was not tried."""
+    """Returns the record of a step that was not tried."""
     zero, none, two = jnp.zeros(()), jnp.zeros((), int), jnp.zeros(2)
     return IterationInfo(none, two, two, zero, two, zero, zero, none)

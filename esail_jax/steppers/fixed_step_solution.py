@@ -1,8 +1,7 @@
-"""The unknowns of a fixed step by chord iterations, and the derivative of their solution.
+"""The solution of the equations of a fixed step by simplified Newton iterations, and its derivative.
 
-The derivative is that of the equations at their solution (implicit function theorem) with a fresh tangent,
-whatever the iterations did; a forward run does not pay for it.
-"""
+The derivative follows from the implicit function theorem at the solution, with a new tangent matrix. It
+does not depend on the iterations, and a run without derivatives does not compute it."""
 
 import functools
 from collections.abc import Callable
@@ -26,7 +25,7 @@ from esail_jax.steppers.fixed_step import FixedStep, FrozenFactors, IterationInf
 from esail_jax.system import Power, Residual, System
 
 MARGIN = 10.0
-"""By which iterations are taken to converge worse than they last did with the same factors."""
+"""Safety factor: iterations may converge this much more slowly than before with the same factors."""
 
 
 @jax.custom_jvp
@@ -37,17 +36,19 @@ def solve_step(
     q0: Coordinates,
     v0: Coordinates,
     guess: Unknowns,
-    kept: FrozenFactors,
+    factors: FrozenFactors,
     rate: Scalar,
 ) -> tuple[Unknowns, Power, IterationInfo]:
-    """Chord iterations. Guess and factors decide how fast they converge, not where to: they carry
-    no derivative. rate: as in `FixedStep.step`."""
-    turned = stepper.attitude(system, end, q0, v0, guess.vdot) @ kept.rotation.T
+    """Solves the equations of a step. Returns the unknowns, the power, and the convergence.
+
+    Guess and factors decide how fast the iterations converge, not the solution; they carry no derivative.
+    rate: as in `FixedStep.step`."""
+    turned = stepper.attitude(system, end, q0, v0, guess.vdot) @ factors.rotation.T
 
     def iterate(carry):
         unknowns, _, info = carry
         residual, power = stepper.residual(system, end, q0, v0, unknowns)
-        change, dq = stepper.correct(system, residual, kept, turned)
+        change, dq = stepper.correct(system, residual, factors, turned)
         unknowns = jax.tree.map(jnp.add, unknowns, change)
         norms, worst = increment_norms(system, dq)
         size, before = ((x / info.tolerance).max() for x in (norms, info.increment))
@@ -98,14 +99,15 @@ def _solve_step_jvp(primals, tangents):
 
 
 class Start(NamedTuple):
-    """q0 and v0 of a step, or a change of them."""
+    """The data q0 and v0 of a step, or a change of them."""
 
     q: Coordinates
     v: Coordinates
 
 
 class Linearised(NamedTuple):
-    """The equations of a step at their solution, for changes of the start and of the unknowns."""
+    """The equations of a step, linearised about their solution for changes of the start and the
+    unknowns."""
 
     stepper: FixedStep
     system: System
@@ -114,27 +116,27 @@ class Linearised(NamedTuple):
     unknowns: Unknowns
 
     def rows(self, system: System, moved: Start, change: Unknowns) -> Unknowns:
-        """Left-hand sides after both."""
+        """Returns the left-hand sides after changes of the start and of the unknowns."""
         q0, v0 = jax.tree.map(jnp.add, self.start, moved)
         unknowns = jax.tree.map(jnp.add, self.unknowns, change)
         return Unknowns(*self.stepper.residual(system, self.end, q0, v0, unknowns)[0])
 
     @property
     def nothing(self) -> tuple[Start, Unknowns]:
-        """No change."""
+        """Zero changes of the start and of the unknowns."""
         return jax.tree.map(jnp.zeros_like, (self.start, self.unknowns))
 
     def forwards(self) -> Callable[[Start, Unknowns], Unknowns]:
-        """The derivative of `rows`."""
+        """Returns the derivative of `rows` as a linear function."""
         return jax.linearize(lambda *x: self.rows(self.system, *x), *self.nothing)[1]
 
     def backwards(self) -> Callable[[Unknowns], tuple[Start, Unknowns]]:
-        """Its transpose."""
+        """Returns the transpose of that derivative."""
         system = self.stepper.transposable(self.system)
         return jax.vjp(lambda *x: self.rows(system, *x), *self.nothing)[1]
 
     def inverse(self) -> Callable[[Unknowns], Unknowns]:
-        """Of the derivative by the unknowns: factors of a fresh tangent."""
+        """Returns the inverse of the derivative with respect to the unknowns, from a new tangent matrix."""
         fresh = self.stepper.tangent(self.system, self.end, *self.start, self.unknowns)
 
         def solved(rows):
@@ -145,16 +147,18 @@ class Linearised(NamedTuple):
 
 
 def linear_solution(linear: Linearised, moved: Start, given: Residual) -> Unknowns:
-    """x with A_1 moved + A_2 x + given = 0, and the transpose for reverse mode. A_1 moved is part of the
-    solution, (1, 0; A_1, A_2) (moved, x) = (moved, -given): so that reverse mode has the transpose of A_1
-    that `transposable` knows, not the one the compiler would be given."""
+    """Returns x with A_1 moved + A_2 x + given = 0, and knows the transpose for reverse mode.
+
+    The start's change is made part of the linear system, (1, 0; A_1, A_2) (moved, x) = (moved, -given), so
+    that JAX transposes both blocks by the hand-written rule of `transposable` instead of transposing the
+    forward product."""
     linear = lax.stop_gradient(linear)
     nothing, zero = linear.nothing
 
     def improved(product, inverse, rows):
         x = inverse(rows)
         if linear.system.controlled:
-            # The tangent does not know how voltages depend on the attitude: a part in a million.
+            # The tangent matrix lacks the voltages' dependence on the attitude, about 1e-6 of it.
             left = jax.tree.map(jnp.subtract, rows, product(x))
             x = jax.tree.map(jnp.add, x, inverse(left))
         return x
@@ -173,14 +177,15 @@ def linear_solution(linear: Linearised, moved: Start, given: Residual) -> Unknow
         return jax.tree.map(jnp.subtract, moved, back(x)[0]), x
 
     rows = jax.tree.map(jnp.negative, Unknowns(*given))
-    # As one: the rule for the transpose refuses a part that nothing perturbs beside others.
+    # Bundled by a barrier: `custom_linear_solve` cannot be transposed if one of several right-hand sides
+    # has a symbolic zero tangent.
     both = lax.optimization_barrier((moved, rows))
     return lax.custom_linear_solve(unused_matvec, both, solve, solve_transposed)[1]
 
 
 def jvp_if_wanted(function: Callable, primals: tuple, tangents: tuple) -> Any:
-    """The tangent of a function, whose transpose is left out in a run where nothing depends on it: most
-    objectives do not ask for energies."""
+    """Returns the tangent of a function. At run time its transpose is skipped if the cotangent is zero:
+    most objectives do not depend on energies."""
     function, at, moves = perturbed(function, primals, tangents)
     at = lax.stop_gradient(at)
     along = functools.partial(jax.jvp, function, at)
@@ -201,19 +206,19 @@ def jvp_if_wanted(function: Callable, primals: tuple, tangents: tuple) -> Any:
 
 
 def nothing_of(like: Any) -> Any:
-    """Zeros."""
+    """Returns zeros of the same shapes and types."""
     return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), like)
 
 
 def increment_norms(system: System, dq: Coordinates) -> tuple[Float[jax.Array, "2"], Int[jax.Array, ""]]:
-    """Largest change [m] of a tether's nodal coordinates (slopes times l) and of the hub's, and
-    which tether's it is."""
+    """Returns the largest change [m] of nodal coordinates of the tethers (slopes times l) and of the hub's
+    points, and the number of the tether with the largest change."""
     tether = jnp.abs(system.tethers.scale_slopes(dq.tether)).max((0, 1, 2))
     hub = jnp.abs(dq.hub).max() if dq.hub is not None else jnp.zeros(())
     return jnp.stack([tether.max(), hub]), jnp.argmax(tether)
 
 
 def largest(constraints: Multipliers) -> Scalar:
-    """Largest constraint violation [m]."""
+    """Returns the largest constraint violation [m]."""
     leaves = jax.tree.leaves(constraints)
     return jnp.stack([jnp.abs(x).max() for x in leaves]).max() if leaves else jnp.zeros(())

@@ -5,8 +5,8 @@
     q_{n+1} = q_n + h v_n + h^2 ((1/2 - beta) a_n + beta a_{n+1})
     v_{n+1} = v_n + h ((1 - gamma) a_n + gamma a_{n+1})
 
-The unknowns are vdot_{n+1} and lam_{n+1}, found by the chord iterations of `fixed_step.py`. With vdot
-extrapolated quadratically for the first guess, one iteration per step is enough on a smooth motion.
+The unknowns are vdot_{n+1} and lam_{n+1}, which the iterations of `fixed_step_solution.py` find. The first
+guess is a quadratic extrapolation of vdot; one iteration per step is then enough for a smooth motion.
 """
 
 from typing import ClassVar, NamedTuple
@@ -26,19 +26,19 @@ from esail_jax.steppers.transposable import Transposable
 from esail_jax.system import Power, Residual, System
 
 POSITION_TOLERANCE = 1e-8
-"""[m] largest last increment of a nodal position (or of l r_x)."""
+"""Largest remaining error of a nodal position, or of l r_x [m]."""
 
 HUB_TOLERANCE = 1e-10
-"""[m] the same for the hub's base points: 1e-8 m would be an attitude error of 1e-8 rad."""
+"""Largest remaining error of the hub's base points [m]: 1e-8 m would be an attitude error of 1e-8 rad."""
 
 ROD_TOLERANCE, ROUNDING = 1e-11, 1e-14
-"""For rods, which may be short: part of the shortest one's length, but not below this part of the
-chain's, which positions are rounded to. 1e-8 m of a steel rod of 0.1 m would be a twentieth of its
-stretch under its own weight."""
+"""Largest remaining error for rods, which may be short: ROD_TOLERANCE times the length of the shortest rod,
+but at least ROUNDING times the length of the chain, the rounding error of positions. For a steel rod of
+0.1 m, 1e-8 m would be a twentieth of its stretch under its own weight."""
 
 
 class Parameters(NamedTuple):
-    """Coefficients of the method for one spectral radius rho_inf at infinite frequency."""
+    """The coefficients of the method, from its spectral radius rho_inf at infinite frequency."""
 
     alpha_m: Scalar
     alpha_f: Scalar
@@ -47,7 +47,7 @@ class Parameters(NamedTuple):
 
     @classmethod
     def from_spectral_radius(cls, rho: Scalar) -> "Parameters":
-        """[PGV] after Eq. 15 (there mu is gamma and nu is beta)."""
+        """Returns the coefficients of [PGV] after Eq. 15 (where gamma is called mu, and beta nu)."""
         alpha_m = (2.0 * rho - 1.0) / (rho + 1.0)
         alpha_f = rho / (rho + 1.0)
         gamma = 0.5 + alpha_f - alpha_m
@@ -55,14 +55,14 @@ class Parameters(NamedTuple):
 
 
 class GeneralizedAlpha(FixedStep):
-    """The stepper."""
+    """The generalized-alpha method. step_size [s]; spectral_radius: rho_inf in [0, 1)."""
 
     spectral_radius: Scalar
 
     name: ClassVar[str] = "generalized-alpha"
     trusted: ClassVar[float] = 1000.0
-    """At 40 elements a tether, where guesses are off by so much, work then changes by 1e-10 of itself and
-    the dissipated energy by 4e-7; half the iterations are saved."""
+    """With 40 elements per tether, increments reach this limit. The relative change of the work is then
+    1e-10, that of the dissipated energy 4e-7, and the number of iterations is half as large."""
 
     @property
     def parameters(self) -> Parameters:
@@ -70,35 +70,37 @@ class GeneralizedAlpha(FixedStep):
 
     @property
     def phase_error(self) -> Scalar:
-        """c = 1/12 + d (alpha_m - 1/2)/2 - 3 d^2/8 with d = alpha_m - alpha_f: of the modified equation
-        q'' = vdot + 2 c h^2 d^2 vdot/dt^2 that the expansion of the formulas above in h gives. 1/12 without
-        dissipation (trapezoidal rule), 11/24 at a spectral radius of 0 (Houbolt's)."""
+        """The coefficient c = 1/12 + d (alpha_m - 1/2)/2 - 3 d^2/8 with d = alpha_m - alpha_f.
+
+        It belongs to the modified equation q'' = vdot + 2 c h^2 d^2 vdot/dt^2, which follows from the
+        expansion of the formulas above in h. c is 1/12 without dissipation (trapezoidal rule), and 11/24 at
+        a spectral radius of 0 (Houbolt's method)."""
         c = self.parameters
         d = c.alpha_m - c.alpha_f
         return 1.0 / 12.0 + 0.5 * d * (c.alpha_m - 0.5) - 0.375 * d**2
 
     @property
     def _vdot_share(self) -> Scalar:
-        """d a_{n+1} / d vdot_{n+1}."""
+        """The derivative d a_{n+1} / d vdot_{n+1}."""
         c = self.parameters
         return (1.0 - c.alpha_f) / (1.0 - c.alpha_m)
 
     @property
     def _q_share(self) -> Scalar:
-        """s = d q_{n+1} / d vdot_{n+1} [s^2]; the iteration matrix is M + s K + ... ."""
+        """The derivative s = d q_{n+1} / d vdot_{n+1} [s^2]; the iteration matrix is M + s K + ... ."""
         return self.step_size**2 * self.parameters.beta * self._vdot_share
 
     def factor(
         self, system: System, time: Scalar, q: Coordinates, v: Coordinates, lam: Multipliers
     ) -> FrozenFactors:
-        """Iteration matrix ([PGV] Eq. 13, scaled by s) at a state, and its factors."""
+        """Returns the iteration matrix at a state ([PGV] Eq. 13, scaled by s) with its factors."""
         c = self.parameters
         rate_factor = c.gamma / (self.step_size * c.beta)
         matrix = iteration_matrix.tangent(system, time, q, v, lam, self._q_share, rate_factor)
         return FrozenFactors(matrix, bordered.factor(matrix), system.rotation(time, q))
 
     def predict(self, state: StepState) -> tuple[Coordinates, Coordinates, Coordinates]:
-        """q, v and a at the end of the step without the share of vdot_{n+1}."""
+        """Returns q, v and a at the end of the step without the contribution of vdot_{n+1}."""
         c, h = self.parameters, self.step_size
         known = jax.tree.map(
             lambda vdot, a: (c.alpha_f * vdot - c.alpha_m * a) / (1.0 - c.alpha_m),
@@ -122,10 +124,10 @@ class GeneralizedAlpha(FixedStep):
         v0: Coordinates,
         vdot: Coordinates,
     ) -> tuple[Coordinates, Coordinates]:
-        """q and v at the end of the step for a given vdot there.
+        """Returns q and v at the end of the step for a given vdot there.
 
-        Roots are put where they belong: no equation compares them with the hub, and what rounding
-        parts would drift away with the fourth power of time.
+        The roots are set from the hub or the frame. No equation compares their positions with the hub's,
+        and a difference from rounding would grow with the fourth power of time.
         """
         v_share = self.step_size * self.parameters.gamma * self._vdot_share
         q, v = q0.axpy(self._q_share, vdot), v0.axpy(v_share, vdot)
@@ -134,40 +136,41 @@ class GeneralizedAlpha(FixedStep):
     def attitude(
         self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, vdot: Coordinates
     ) -> Rotation:
-        """Where the factors are turned to, near the step's end."""
+        """Returns the attitude at the predicted end of the step."""
         q, _ = self.end_of_step(system, end, q0, v0, vdot)
         return system.rotation(end, q)
 
     def residual(
         self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, unknowns: Unknowns
     ) -> tuple[Residual, Power]:
-        """Residual of the equations at the end of the step, and the power of its forces."""
+        """Returns the residual of the equations at the end of the step, and the power of the forces
+        there."""
         q, v = self.end_of_step(system, end, q0, v0, unknowns.vdot)
         return system.residual(end, q, v, unknowns.vdot, unknowns.lam)
 
     def correct(
-        self, system: System, residual: Residual, kept: FrozenFactors, turned: Rotation
+        self, system: System, residual: Residual, factors: FrozenFactors, turned: Rotation
     ) -> tuple[Unknowns, Coordinates]:
-        """Change of the unknowns that a chord step asks for, and the change of q that goes with it."""
+        """Returns the change of the unknowns in an iteration, and the corresponding change of q."""
         s = self._q_share
         forces = jax.tree.map(lambda r: -s * r, residual.forces)
         constraints = jax.tree.map(jnp.negative, residual.constraints)
-        dq, dlam = kept.solve(system, turned, forces, constraints)
+        dq, dlam = factors.solve(system, turned, forces, constraints)
         return jax.tree.map(lambda x: x / s, Unknowns(dq, dlam)), dq
 
     def tangent(
         self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, unknowns: Unknowns
     ) -> FrozenFactors:
-        """Factors of the exact derivative of the residual."""
+        """Returns the factors of the exact derivative of the residual."""
         q, v = self.end_of_step(system, end, q0, v0, unknowns.vdot)
         return self.factor(system, end, q, v, unknowns.lam)
 
     def transposable(self, system: System) -> System:
-        """Forces with a transpose of their own."""
+        """Returns the system whose forces have a hand-written transpose."""
         return Transposable.of(system)
 
     def tolerances(self, system: System, q: Coordinates) -> Float[jax.Array, "2"]:
-        """Largest last increments [m] of a step that has converged, of tether nodes and of the hub."""
+        """Returns the largest remaining errors [m] of a converged step, of tether nodes and of the hub."""
         position = jnp.asarray(POSITION_TOLERANCE)
         if system.tethers.kind == "rod":
             lengths = system.tethers.element_length
@@ -176,9 +179,9 @@ class GeneralizedAlpha(FixedStep):
         return lax.stop_gradient(jnp.stack([position, jnp.asarray(HUB_TOLERANCE)]))
 
     def step(
-        self, system: System, time: Scalar, state: StepState, kept: FrozenFactors, rate: Scalar
+        self, system: System, time: Scalar, state: StepState, factors: FrozenFactors, rate: Scalar
     ) -> tuple[StepState, IterationInfo]:
-        """From t to t + h, until what chord iterations leave is within tolerance."""
+        """Takes a step from t to t + h, with iterations until the remaining error is within tolerance."""
         h = self.step_size
         end = time + h
         q0, v0, a0 = self.predict(state)
@@ -186,10 +189,10 @@ class GeneralizedAlpha(FixedStep):
             lambda *x: x[0] + x[1] + x[2], state.vdot, state.vdot_difference, state.vdot_second_difference
         )
         unknowns = Unknowns(system.place_roots(end, guess, derivative=2), state.lam)
-        unknowns, power, info = solve_step(self, system, end, q0, v0, unknowns, kept, rate)
+        unknowns, power, info = solve_step(self, system, end, q0, v0, unknowns, factors, rate)
         vdot, lam = unknowns
         q, v = self.end_of_step(system, end, q0, v0, vdot)
-        rise = jax.tree.map(jnp.subtract, vdot, state.vdot)
+        difference = jax.tree.map(jnp.subtract, vdot, state.vdot)
         work = jax.tree.map(
             lambda w, before, after: w + 0.5 * h * (before + after), state.work, state.power, power
         )
@@ -199,30 +202,31 @@ class GeneralizedAlpha(FixedStep):
             vdot=vdot,
             a=a0.axpy(self._vdot_share, vdot),
             lam=lam,
-            vdot_difference=rise,
-            vdot_second_difference=jax.tree.map(jnp.subtract, rise, state.vdot_difference),
+            vdot_difference=difference,
+            vdot_second_difference=jax.tree.map(jnp.subtract, difference, state.vdot_difference),
             work=work,
             power=power,
         )
         return state, info
 
     def first_state(self, system: System, time: Scalar, state: StepState) -> StepState:
-        """The start with a_0 = vdot_0 + (alpha_m - alpha_f) h jerk, the jerk taken twice from a trial step.
+        """Returns the start with a_0 = vdot_0 + (alpha_m - alpha_f) h jerk. The jerk comes from a trial
+        step, TRIALS times.
 
-        vdot at the end of the trial step follows from its velocity. Being implicit, the trial step damps
-        stiff modes, where a time derivative of the accelerations would magnify them. A trial step that
-        does not converge is not used."""
-        kept = self.factor(system, time, state.q, state.v, state.lam)
+        vdot at the end of a trial step follows from the velocity there. The trial step is implicit and
+        damps stiff modes; a time derivative of the accelerations would amplify them. A trial step that does
+        not converge is not used."""
+        factors = self.factor(system, time, state.q, state.v, state.lam)
         infinite = jnp.asarray(jnp.inf)
 
         def improved(_, state):
-            trial, info = self.step(system, time, state, kept, infinite)
+            trial, info = self.step(system, time, state, factors, infinite)
             return select(info.converged(), self.with_jerk(state, trial.v), state)
 
         return lax.fori_loop(0, TRIALS, improved, state)
 
     def with_jerk(self, state: StepState, v_next: Coordinates) -> StepState:
-        """The start with the jerk that leads to the velocity `v_next` after a step."""
+        """Returns the start with the jerk that gives the velocity `v_next` after a step."""
         c, h = self.parameters, self.step_size
         a_next = jax.tree.map(
             lambda v1, v0, a: ((v1 - v0) / h - (1.0 - c.gamma) * a) / c.gamma, v_next, state.v, state.a
@@ -235,13 +239,15 @@ class GeneralizedAlpha(FixedStep):
         return self.with_difference(state, jax.tree.map(jnp.subtract, vdot_next, state.vdot))
 
     def with_difference(self, state: StepState, difference: Coordinates) -> StepState:
-        """The state with another first difference of vdot, and with a = vdot(t + (alpha_m - alpha_f) h)."""
+        """Returns the state with a given first difference of vdot and a = vdot(t + (alpha_m - alpha_f)
+        h)."""
         c = self.parameters
         a = state.vdot.axpy(c.alpha_m - c.alpha_f, difference)
         return state._replace(a=a, vdot_difference=difference)
 
     def rescaled(self, state: StepState, ratio: Scalar) -> StepState:
-        """The auxiliary acceleration a belongs to an instant that moves with the length of the step."""
+        """Returns the state for steps of another length. The instant to which the auxiliary acceleration a
+        belongs depends on the length of the step."""
         state = super().rescaled(state, ratio)
         return self.with_difference(state, state.vdot_difference)
 

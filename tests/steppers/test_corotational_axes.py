@@ -39,7 +39,7 @@ def test_directions_are_taken_along():
     This holds for every node coordinate but the position of the root, which rotates with the hub.
     """
     before, after = nodal(BEFORE.along), nodal(AFTER.along)
-    turned = turn(BEFORE, AFTER).forth(Coordinates(jnp.stack([before, before]), jnp.eye(4, 3)))
+    turned = turn(BEFORE, AFTER).to_current(Coordinates(jnp.stack([before, before]), jnp.eye(4, 3)))
     assert np.allclose(turned.tether[:, :, 1:], np.stack([after] * 2)[:, :, 1:], rtol=0, atol=1e-14)
     assert np.allclose(turned.tether[1, :, 0], after[:, 0], rtol=0, atol=1e-14)
     assert np.allclose(turned.tether[0, :, 0], HUB @ before[:, 0], rtol=0, atol=1e-14)
@@ -49,14 +49,14 @@ def test_directions_are_taken_along():
 def test_back_is_the_inverse_and_the_transpose_of_forth():
     """The rotation is orthogonal: x . forth(y) = back(x) . y and back(forth(y)) = y."""
     there, x, y = turn(BEFORE, AFTER), random_coordinates(2), random_coordinates(3)
-    again = there.back(there.forth(y))
+    again = there.to_reference(there.to_current(y))
     assert np.allclose(again.tether, y.tether, rtol=0, atol=1e-13)
     assert np.allclose(again.hub, y.hub, rtol=0, atol=1e-13)
 
     def product(a, b):
         return (a.tether * b.tether).sum() + (a.hub * b.hub).sum()
 
-    assert abs(product(x, there.forth(y)) - product(there.back(x), y)) < 1e-13
+    assert abs(product(x, there.to_current(y)) - product(there.to_reference(x), y)) < 1e-13
 
 
 def test_no_shortest_turn_leaves_the_hub():
@@ -64,5 +64,5 @@ def test_no_shortest_turn_leaves_the_hub():
     the hub."""
     for other in (-jnp.tensordot(HUB, BEFORE.along, 1), jnp.zeros_like(BEFORE.along)):
         y = random_coordinates(4)
-        turned = turn(BEFORE, Axes(HUB, other, LOOSE)).forth(y)
+        turned = turn(BEFORE, Axes(HUB, other, LOOSE)).to_current(y)
         assert np.allclose(turned.tether, y.rotate(HUB).tether, rtol=0, atol=1e-14)
