@@ -12,9 +12,6 @@ COUNTS = {"steps": "-", "rejected_steps": "-", "last_step": "s"}
 before, those rejected meanwhile, and the size of the step in which the instant lies (the step that ends
 there where two meet, 0 at the start of the run)."""
 
-ROUNDING = 1e-15
-"""Rounding of a time relative to it, by which the start of a step may miss the end of the step before."""
-
 
 class Pending(NamedTuple):
     """Attempted steps that belong to no saved instant yet.
@@ -63,8 +60,8 @@ class Pending(NamedTuple):
         rows, before = [], 0
         for time, cut, reaches in zip(times, cuts, first, strict=True):
             around = table[reaches:][table[reaches:, 1] > 0]
-            inside = len(around) and time > around[0, 0] - around[0, 3] + ROUNDING * around[0, 0]
-            rows.append([*self._numbers(table[before:cut], statistics), around[0, 3] if inside else 0.0])
+            size = around[0, 3] if time > begin else 0.0
+            rows.append([*self._numbers(table[before:cut], statistics), size])
             before = max(before, cut)
         found = np.array(rows, float).reshape(len(times), -1)
         names = ["steps", "rejected_steps", *statistics, "last_step"]

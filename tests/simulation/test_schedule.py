@@ -248,7 +248,7 @@ def cut_into_calls(log, times, instants, blocks):
         pending = pending.with_steps(part_of(log, begin, done), KINDS)
         passed = due[due <= reached]
         if len(passed):
-            values, pending = pending.values(passed, KINDS)
+            values, pending = pending.values(passed, 0.0, KINDS)
             found.append(values)
         if len(passed) < len(due):
             pending = pending.merged(reached, KINDS)
@@ -278,7 +278,7 @@ def test_every_step_is_counted_once():
     """The counts of all instants add up to all steps that ended by the last of them."""
     log = random_log(200)
     times = np.linspace(0.0, log.end[log.taken][-1], 33)
-    values, left = Pending.empty(KINDS).with_steps(log, KINDS).values(times, KINDS)
+    values, left = Pending.empty(KINDS).with_steps(log, KINDS).values(times, 0.0, KINDS)
     assert values["steps"].sum() == log.taken.sum()
     assert values["rejected_steps"].sum() == (log.tried & ~log.taken).sum()
     assert len(left.table) == 0
