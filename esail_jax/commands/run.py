@@ -27,8 +27,8 @@ from esail_jax.files.run_file import (
 )
 from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.scene import Scene, parse
-from esail_jax.simulation.host import HostRun, compile_scene
-from esail_jax.simulation.results import Checkpoint, SimulationError
+from esail_jax.simulation.host import CompiledScene, HostRun, compile_scene
+from esail_jax.simulation.results import SimulationError
 from esail_jax.steppers.results import RESULTS
 
 
@@ -45,7 +45,7 @@ def run_scene(scene: Scene, path: Path, resume: bool, quiet: bool) -> ExitCode:
     try:
         compiled = compile_scene(scene)
         ready = time.perf_counter()
-        run = HostRun(compiled, checkpoint_of(path) if going_on == "resume" else None)
+        run = HostRun(compiled) if going_on == "new" else resumed(compiled, path)
         writer = RunWriter(path, Content.of_run(compiled), resume=going_on == "resume")
         with Interrupts() as interrupts:
             message, code = write_run(
@@ -60,10 +60,22 @@ def run_scene(scene: Scene, path: Path, resume: bool, quiet: bool) -> ExitCode:
     return code
 
 
-def checkpoint_of(path: Path) -> Checkpoint:
-    """The checkpoint of a run file."""
-    with open_run(path) as file:
-        return load_checkpoint(file)
+def resumed(compiled: CompiledScene, path: Path) -> HostRun:
+    """The run that goes on from the checkpoint of a run file. Raises RunFileError unless that holds the
+    arrays that this version of the package writes."""
+    try:
+        with open_run(path) as file:
+            checkpoint = load_checkpoint(file)
+        return HostRun(compiled, checkpoint)
+    except (KeyError, ValueError) as error:
+        raise of_another_version(path) from error
+
+
+def of_another_version(path: Path) -> RunFileError:
+    """The error that refuses a run file whose checkpoint this version cannot read."""
+    return RunFileError(
+        f"`--resume` must continue a run of this version of esail_jax, but {path} is of another"
+    )
 
 
 def write_run(
@@ -126,6 +138,8 @@ def check_output(scene: Scene, path: Path, resume: bool) -> str:
                 f"but is {scene.integrator.t_end:g}"
             )
         if "state" not in file:
+            if file["time"].shape[0]:
+                raise RunFileError(f"`--resume` must continue a run with a checkpoint, but {path} has none")
             return "new"
         check_checkpoint(before, scene, file["state"], path)
         return "resume"
@@ -134,8 +148,11 @@ def check_output(scene: Scene, path: Path, resume: bool) -> str:
 def check_checkpoint(before: Scene, scene: Scene, state: h5py.Group, path: Path) -> None:
     """Raises RunFileError unless the run of `scene` passes through the checkpoint of that of `before`."""
     if "motion" not in state:
+        raise of_another_version(path)
+    rows = int(state.attrs.get("rows", 0))
+    if rows and state.parent["time"][rows - 1] > scene.integrator.t_end:
         raise RunFileError(
-            f"`--resume` must continue a run of this version of esail_jax, but {path} is of another"
+            f"`--t-end` must not end before the state in {path}, but is {scene.integrator.t_end:g}"
         )
     old, new = (with_method(s).integrator for s in (before, scene))
     if old.method != new.method:
@@ -196,7 +213,9 @@ def method_of(scene: Scene) -> str:
 def balance_text(file: h5py.File) -> str:
     """A line with the largest energy error and the energy to compare it with; empty if unknown."""
     seen = file["observables"]
-    if "energy_balance_error" not in seen:
+    if not seen.keys() >= {"energy_balance_error", "kinetic_energy", "elastic_energy"}:
+        if not seen.keys() >= {"energy_error", "kinetic_energy"}:
+            return ""
         error, kinetic = seen["energy_error"][()], seen["kinetic_energy"][()]
         good = np.isfinite(error)
         if not good.any():

@@ -31,6 +31,7 @@ from esail_jax.scenes.scene import Scene, parse, to_toml
 from esail_jax.simulation.host import CompiledScene, HostRun, paths
 from esail_jax.simulation.problem import require_64_bit
 from esail_jax.simulation.results import Checkpoint, Chunk, join
+from esail_jax.simulation.simulate import observables_at
 from esail_jax.simulation.solution import Solution
 from esail_jax.simulation.statistics import Pending
 from esail_jax.steppers.results import RESULTS, name_of
@@ -325,4 +326,4 @@ def load(path: str | os.PathLike) -> Solution:
         checkpoint = load_checkpoint(file) if "state" in file else None
         point, times = load_point(file), file["time"][()]
     result = getattr(RESULTS, stats["result"])
-    return Solution(times, rows, result, point, stats, numerics, checkpoint, scene)
+    return Solution(times, rows, result, point, stats, numerics, checkpoint, scene, again=observables_at)

@@ -18,10 +18,10 @@ def balance_warning(rows: Mapping[str, np.ndarray]) -> str:
 
     It is violated if |dE - W + D| exceeds both BALANCE_TOLERANCE of the largest of |dE|, |W| and |D| and
     ROUNDING of E. For a chain without loads and damping: if |E - E_0| exceeds BALANCE_TOLERANCE of the
-    energy, which is then constant."""
+    energy, which is then constant. A run that did not save these observables is not judged."""
     needed = TERMS if "energy_balance_error" in rows else ("energy_error",)
-    if any(name not in rows for name in needed):
-        return ""  # the run saved other observables only
+    if not all(name in rows for name in needed):
+        return ""
     if "energy_balance_error" not in rows:
         missing = largest(rows["energy_error"])
         return f"{SENTENCE} {missing:.1e} of the energy." if missing > BALANCE_TOLERANCE else ""

@@ -67,8 +67,8 @@ def compile_scene(
 class HostRun:
     """A run of a compiled scene, from its start or from a checkpoint.
 
-    steps, rejected: numbers of steps so far; point: the last saved instant; checkpoint: where a longer run
-    could go on."""
+    counts: numbers of steps taken and rejected so far; point: the last saved instant; checkpoint: where a
+    longer run could go on. For a failed run this is the start of the call that failed."""
 
     def __init__(
         self,
@@ -104,6 +104,8 @@ class HostRun:
         SimulationError if the run fails, after the last good chunk."""
         motion, row, at, pending, energy = self.checkpoint
         programs = self.compiled.programs
+        if row == len(self.times):
+            return  # interrupted after the last instant
         for number in range(at, len(self.segments)):
             segment = self.segments[number]
             problem = self.compiled.problem
@@ -137,9 +139,10 @@ class HostRun:
                     self.point = last if seen else self.point
                     rows = {name: np.asarray(x)[:seen] for name, x in found.items()}
                     if seen:
-                        rows, memory, kept = with_running_observables(problem, rows, energy, np)
+                        with np.errstate(over="ignore", invalid="ignore"):  # the energy may be infinite
+                            rows, memory, kept = with_running_observables(problem, rows, energy, np)
                         good = seen if kept is None or kept.all() else int(np.argmin(kept))
-                    numerics, left = pending.values(times[:seen], self.statistics)
+                    numerics, left = pending.values(times[:seen], self.begin, self.statistics)
                     if (
                         "constraint_violation" in self.compiled.numerics
                         and "constraint_violation" not in numerics
@@ -159,10 +162,11 @@ class HostRun:
                     after = self.compiled.problem.with_events_until(np.asarray(segment.stop))
                     motion = programs.restart(after, motion, last, np.asarray(self._until(number + 1)))
                     at = number + 1
-                self.checkpoint = Checkpoint(motion, row, at, pending, energy)
+                result = name_of(motion.state.result) if good == seen else "energy_drift"
+                if result == "successful":
+                    self.checkpoint = Checkpoint(motion, row, at, pending, energy)
                 if good:
                     yield Chunk(times[:good], rows, numerics, float(done.time))
-                result = name_of(motion.state.result) if good == seen else "energy_drift"
                 if result != "successful":
                     raise self._failure(
                         result, problem, motion, log, times[good] if good < len(times) else np.nan
@@ -193,9 +197,8 @@ class HostRun:
         """Returns the error that describes a failed run."""
         result = getattr(RESULTS, name)
         if name == "energy_drift":
-            step = getattr(problem.stepper, "step_size", None)
-            hint = "Ask for a smaller tolerance." if step is None else "Ask for a shorter step."
-            return SimulationError(f"{RESULTS[result]} At t = {row_time:.6g} s. {hint}", result)
+            text = f"At t = {row_time:.6g} s. {problem.stepper.energy_hint()}"
+            return SimulationError(f"{RESULTS[result]} {text}", result)
         if name == "too_many_steps":
             text = f"At t = {float(motion.state.time):.6g} s after {self.steps} steps."
         else:
@@ -226,8 +229,14 @@ def restored(like: Motion, arrays: Mapping[str, np.ndarray]) -> Motion:
     return jax.tree.unflatten(jax.tree.structure(like), [arrays[name] for name in expected])
 
 
-def all_rows(chunks: list[Chunk], part: str, count: int) -> dict[str, np.ndarray]:
-    """Concatenates the rows of all chunks, with NaN up to `count` instants after a failure."""
-    rows = join([getattr(chunk, part) for chunk in chunks]) if chunks else {}
+def all_rows(
+    chunks: list[Chunk], part: str, count: int, shapes: Mapping[str, tuple[int, ...]]
+) -> dict[str, np.ndarray]:
+    """Rows of all chunks, filled up with NaN to `count` instants: a failed run does not reach all. shapes:
+    those of the rows at one instant, for a run that reached none."""
+    if chunks:
+        rows = join([getattr(chunk, part) for chunk in chunks])
+    else:
+        rows = {name: np.zeros((0, *shape)) for name, shape in shapes.items()}
     missing = {name: np.full((count - len(x), *x.shape[1:]), np.nan) for name, x in rows.items()}
     return {name: np.concatenate([x, missing[name]]) for name, x in rows.items()}

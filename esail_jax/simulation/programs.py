@@ -34,7 +34,8 @@ class Programs(NamedTuple):
     """The compiled functions `start`, `advance`, `look_at_window` and, for a scene with switch times,
     `restart`.
 
-    instants, batches: largest numbers in one call; statistics: names of the statistics in a block's log."""
+    instants, batches: largest numbers in one call; statistics: names of the statistics in a block's log;
+    shapes: those of the observables at one instant, by name."""
 
     start: Callable
     advance: Callable
@@ -43,6 +44,7 @@ class Programs(NamedTuple):
     instants: int
     batches: int
     statistics: tuple[str, ...]
+    shapes: dict[str, tuple[int, ...]]
 
 
 Shapes = tuple[tuple[str, tuple[int, ...]], ...]
@@ -107,7 +109,8 @@ def _compiled(
             restarts = pool.submit(restarting.compile, compiler_options=START_OPTIONS).result()
         statistics = tuple(jax.eval_shape(motion_log, motion).statistics)
         compiled = (starts.result(), advances.result(), looks.result(), restarts)
-        return Programs(*compiled, instants, batches, statistics)
+        shapes = {name: x.shape[1:] for name, x in looking.out_info[0].items()}
+        return Programs(*compiled, instants, batches, statistics, shapes)
 
 
 def motion_log(motion: Motion) -> Log:

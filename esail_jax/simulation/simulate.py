@@ -3,7 +3,7 @@
 import os
 import time as clock
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -18,7 +18,7 @@ from esail_jax.scenes.stepper_choice import stepper_class
 from esail_jax.scenes.structure import split
 from esail_jax.simulation.host import HostRun, all_rows, compile_scene
 from esail_jax.simulation.problem import require_64_bit
-from esail_jax.simulation.results import Chunk, SimulationError
+from esail_jax.simulation.results import Checkpoint, Chunk, SimulationError
 from esail_jax.simulation.schedule import Schedule, save_times, switch_times
 from esail_jax.simulation.solution import Solution
 from esail_jax.simulation.traced import traced_run
@@ -120,11 +120,23 @@ def under_trace(scene: Scene, start: Any, stepper: Any) -> bool:
 # ---- on the host --------------------------------------------------------------------------------
 
 
-class Begun:
-    """A compiled run at its start. compile_time: time for compiling and building the start [s]."""
+class Begun(NamedTuple):
+    """A run that is compiled and ready. compile_time: seconds that this took; save, times, start, stepper:
+    arguments of `simulate`."""
 
-    def __init__(self, scene, host: HostRun, compile_time: float):
-        self.scene, self.host, self.compile_time = scene, host, compile_time
+    scene: Scene
+    host: HostRun
+    compile_time: float
+    save: tuple[str, ...] | None
+    times: np.ndarray | None
+    start: Point | None
+    stepper: AbstractStepper | None
+
+    @property
+    def longer(self) -> Checkpoint | None:
+        """Where a longer run of the scene could go on. None for a run that is not the scene's own."""
+        given = (self.save, self.times, self.start, self.stepper)
+        return self.host.checkpoint if all(x is None for x in given) else None
 
 
 def begin(scene, save, times, start, max_steps, stepper) -> Begun:
@@ -133,12 +145,13 @@ def begin(scene, save, times, start, max_steps, stepper) -> Begun:
     names = None if save is None or scene.chain is not None else tuple(save)
     start = None if start is None else jax.tree.map(jnp.asarray, start)
     compiled = compile_scene(scene, stepper, start, names)
+    given = tuple(save) if save is not None else None, times, start, stepper
     times = None if times is None else np.asarray(times, float)
     if times is None and start is not None:
         times = save_times(scene.integrator.t_end, scene.output.interval)
         times = times[times >= float(start.time)]
     limit = np.inf if max_steps is None else float(max_steps)
-    return Begun(scene, HostRun(compiled, None, times, limit), clock.perf_counter() - began)
+    return Begun(scene, HostRun(compiled, None, times, limit), clock.perf_counter() - began, *given)
 
 
 def collected(run: Begun, save, throw: bool, progress=None) -> Solution:
@@ -154,12 +167,12 @@ def collected(run: Begun, save, throw: bool, progress=None) -> Solution:
         if throw:
             raise
         message, result = str(error), error.result
-    rows = all_rows(chunks, "observables", len(host.times))
-    numerics = all_rows(chunks, "numerics", len(host.times))
-    counts = host.counts
+    shapes = host.compiled.programs.shapes
+    rows = all_rows(chunks, "observables", len(host.times), shapes)
+    numerics = all_rows(chunks, "numerics", len(host.times), dict.fromkeys(host.compiled.numerics, ()))
     stats = {
-        "steps": int(counts[0]),
-        "rejected_steps": int(counts[1]),
+        "steps": int(host.counts[0]),
+        "rejected_steps": int(host.counts[1]),
         "compile_time": run.compile_time,
         "wall_time": clock.perf_counter() - began,
         "terms": host.compiled.problem.terms,
@@ -176,21 +189,27 @@ def collected(run: Begun, save, throw: bool, progress=None) -> Solution:
         host.point,
         stats,
         numerics,
-        host.checkpoint,
+        run.longer,
         run.scene,
-        host.compiled.problem.stepper,
+        run.save,
+        run.start,
+        run.stepper,
+        observables_at,
     )
 
 
 def observables_at(solution: Solution, time: float) -> dict[str, np.ndarray]:
     """Returns the observables of a solution at any time [s]. It is `Solution.at`, with its errors."""
-    if solution.scene is None:
-        raise ValueError("`solution` must come from a run on concrete numbers, but was traced")
     first, last = float(solution.time[0]), float(solution.time[-1])
     if not first <= time <= last:
         raise ValueError(f"`time` must lie within the run, {first:g} to {last:g} s, but is {time:g}")
-    found = simulate(solution.scene, times=[time], save=list(solution))
-    return {name: found[name][0] for name in found}
+    if solution.checkpoint is None and "schema_version" in solution.stats:
+        raise ValueError("`solution` must hold its `start` and its stepper, but was read from a file")
+    given = {"save": solution.save, "start": solution.start, "stepper": solution.stepper}
+    # The energy error of a chain refers to the instants before.
+    before = solution.time if solution.scene.chain is not None else solution.time[:0]
+    found = simulate(solution.scene, times=[*before[before < time], time], **given)
+    return {name: np.asarray(found[name][-1]) for name in solution}
 
 
 # ---- under a trace ------------------------------------------------------------------------------

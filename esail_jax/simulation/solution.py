@@ -1,6 +1,6 @@
 """The result of a run: a mapping from names of observables to arrays."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import equinox as eqx
@@ -30,10 +30,11 @@ class Solution(eqx.Module, Mapping):
     instant); stats: `steps`, `rejected_steps`, `compile_time` and `wall_time` [s], `method`, `terms` and
     `message`, which is empty unless the run failed, its energy balance has a large error, or its step is
     too long; numerics: statistics of the steps by name, with the axis `time`; checkpoint: the state from
-    which a longer run continues; scene and stepper: those of the run.
+    which a longer run continues (None if `times`, `save`, `start` or `stepper` was given); save, start and
+    stepper: these arguments of `simulate`; again: the function behind `at`.
 
     After a failure with `throw=False` the arrays are NaN from the failure on. Under a trace `numerics`,
-    `checkpoint`, `scene` and `stepper` are None, and `stats` has the numbers of steps only. Two solutions
+    `checkpoint`, `again` and `scene` are None, and `stats` has the numbers of steps only. Two solutions
     are equal only if they are the same object."""
 
     time: Float[Array, " time"] | Float[np.ndarray, " time"]
@@ -44,7 +45,12 @@ class Solution(eqx.Module, Mapping):
     numerics: dict[str, np.ndarray] | None = None
     checkpoint: Checkpoint | None = None
     scene: Scene | None = eqx.field(static=True, default=None)
+    save: tuple[str, ...] | None = eqx.field(static=True, default=None)
+    start: Point | None = None
     stepper: AbstractStepper | None = None
+    again: Callable[["Solution", float], dict[str, np.ndarray]] | None = eqx.field(
+        static=True, default=None
+    )
 
     def __getitem__(self, name: str) -> Array | np.ndarray:
         return self.observables[name]
@@ -84,10 +90,11 @@ class Solution(eqx.Module, Mapping):
         """Returns the observables at any time [s] of the run, by dense output, without the axis `time`.
 
         The run is repeated up to that time with the programs that are compiled already, and takes the same
-        steps. Raises ValueError for a time outside the run, and for a run made under a trace."""
-        from esail_jax.simulation.simulate import observables_at
-
-        return observables_at(self, time)
+        steps. Raises ValueError for a time outside the run, for a run made under a trace, and for a run from
+        a file that does not hold all of its arguments."""
+        if self.again is None:
+            raise ValueError("`solution` must come from a run on concrete numbers, but was traced")
+        return self.again(self, time)
 
     def to_xarray(self) -> Any:
         """Returns the run as an `xarray.Dataset` with units, symbols, equations and named axes.

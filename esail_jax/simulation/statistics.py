@@ -8,9 +8,12 @@ import numpy as np
 from esail_jax.steppers.stepper import Log, Statistic
 
 COUNTS = {"steps": "-", "rejected_steps": "-", "last_step": "s"}
-"""Names and units of the statistics of every method at a saved instant: number of steps that ended since
-the previous instant, number of steps rejected since then, and size of the step that contains the
-instant."""
+"""Names and units of what every method reports for a saved instant: the steps that ended since the instant
+before, those rejected meanwhile, and the size of the step in which the instant lies (the step that ends
+there where two meet, 0 at the start of the run)."""
+
+ROUNDING = 1e-15
+"""Rounding of a time relative to it, by which the start of a step may miss the end of the step before."""
 
 
 class Pending(NamedTuple):
@@ -42,21 +45,26 @@ class Pending(NamedTuple):
         )
 
     def values(
-        self, times: np.ndarray, statistics: Mapping[str, Statistic]
+        self, times: np.ndarray, begin: float, statistics: Mapping[str, Statistic]
     ) -> tuple[dict[str, np.ndarray], "Pending"]:
         """The statistics for saved instants [s], and the steps that are left. A step belongs to the first
-        instant after its end, a rejected one to the instant of the step taken after it."""
+        instant after its end, a rejected one to the instant of the step taken after it. begin: the start of
+        the run [s].
+
+        The numbers do not depend on which later steps are known, so that they are the same however the run
+        is divided into calls."""
         table = self.table
         # The ends of taken steps increase; a rejected attempt goes with the next step that was taken.
         taken = np.where(table[:, 1] > 0, table[:, 0], np.inf)
         ends = np.minimum.accumulate(taken[::-1])[::-1] if len(table) else taken
         cuts = np.searchsorted(ends, times, side="right")
+        # All steps that reach an instant are known when it is passed, but not always the next one.
+        first = np.searchsorted(ends, times, side="left")
         rows, before = [], 0
-        for cut in cuts:
-            part = table[before:cut]
-            following = table[cut:][table[cut:, 1] > 0, 3]
-            size = following[0] if len(following) else (table[-1, 3] if len(table) else np.nan)
-            rows.append([*self._numbers(part, statistics), size])
+        for time, cut, reaches in zip(times, cuts, first, strict=True):
+            around = table[reaches:][table[reaches:, 1] > 0]
+            inside = len(around) and time > around[0, 0] - around[0, 3] + ROUNDING * around[0, 0]
+            rows.append([*self._numbers(table[before:cut], statistics), around[0, 3] if inside else 0.0])
             before = max(before, cut)
         found = np.array(rows, float).reshape(len(times), -1)
         names = ["steps", "rejected_steps", *statistics, "last_step"]

@@ -134,6 +134,9 @@ class Collocation(AbstractStepper):
         (state, *_), records = bounded_loop(step, carry, STEPS_PER_FACTORISATION, no_step(state))
         if self.step_size is None:
             state = replace(state, h=next_step(state, records, h))
+        else:
+            # A step that failed with factors of an earlier one is tried again with fresh factors.
+            state = replace(state, h=jnp.where(records.taken[0], h, state.h))
         return replace(state, result=self.outcome(state)), records
 
     def attempt(

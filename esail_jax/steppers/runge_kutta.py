@@ -212,6 +212,9 @@ class RungeKutta(AbstractStepper):
             return f"{text} The shortest rod has {shortest:.2g} of its length left."
         return text
 
+    def energy_hint(self) -> str:
+        return super().energy_hint() if self.step_size is None else too_long(self.step_size)
+
     # ---- derivatives ----------------------------------------------------------------------------
 
     def tape(self, steps: RungeKuttaSteps) -> Scalar:
@@ -250,7 +253,7 @@ class RungeKutta(AbstractStepper):
         batch = jnp.arange(len(tapes)) // self.blocks_per_batch
         sizes = jnp.where(batch < blocks, tapes, 0.0)
         sizes = sizes[jnp.argsort(sizes == 0.0, stable=True)]
-        carry = (motion.last.pick((0,)), motion.state.now)
+        carry = (motion.last.pick((jnp.zeros((), int),)), motion.state.now)
         (last, now), _ = lax.scan(chunk, carry, sizes.reshape(-1, STEPS_PER_CHUNK))
         points = jax.vmap(lambda time: self.evaluate(model, last, time))(times)
         state = replace(lax.stop_gradient(ended.state), now=replace(now, time=ended.state.now.time))

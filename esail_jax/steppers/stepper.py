@@ -229,6 +229,11 @@ class AbstractStepper(eqx.Module):
 
         state: the last state; log: the log of the last call, as NumPy arrays."""
 
+    def energy_hint(self) -> str:
+        """A sentence for people on what to try where the energy balance is off."""
+        fixed = getattr(self, "step_size", None) is not None
+        return "Ask for a shorter step." if fixed else "Ask for a smaller tolerance."
+
     def error_estimates(self, state: AbstractState) -> dict[str, Scalar]:
         """Returns the estimated accumulated errors by name, relative to the range of the signal. The result
         is empty for a method that controls its error."""

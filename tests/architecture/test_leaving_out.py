@@ -6,11 +6,11 @@ import jax
 import jax.numpy as jnp
 
 import esail_jax as esail
-from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.structure import split
-from esail_jax.simulation.entry import problem_of
+from esail_jax.simulation.problem import start
 from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
+from support.quick import jit
 
 
 def count_equations(jaxpr):
@@ -25,15 +25,14 @@ def count_equations(jaxpr):
     return total
 
 
-def equations_of_a_step(problem, state):
+def equations_of_a_step(stepper, system, state):
     """Returns the number of equations of one factorisation and one step."""
-    stepper = GeneralizedAlpha(jnp.asarray(0.1), problem.spectral_radius)
 
-    def step(problem, state):
-        factors = stepper.factor(problem.system, jnp.zeros(()), state.q, state.v, state.lam)
-        return stepper.step(problem.system, jnp.zeros(()), state, factors, jnp.asarray(jnp.inf))
+    def step(stepper, system, state):
+        factors = stepper.factor(system, jnp.zeros(()), state.q, state.v, state.lam)
+        return stepper.step(system, jnp.zeros(()), state, factors, jnp.asarray(jnp.inf))
 
-    return count_equations(jax.make_jaxpr(step)(problem, state).jaxpr)
+    return count_equations(jax.make_jaxpr(step)(stepper, system, state).jaxpr)
 
 
 def scenes():
@@ -53,9 +52,10 @@ def test_an_absent_part_leaves_no_equations():
     nothing."""
 
     def measured(scene):
-        structure, numbers = split(with_method(scene))
-        problem, carry = problem_of(numbers, build_jitted(structure, numbers))
-        return equations_of_a_step(problem, carry.state), problem.system.terms
+        begun = jit(start, static_argnums=0)(*split(with_method(scene)))
+        problem, state = begun.problem, begun.motion.state.now
+        assert isinstance(problem.stepper, GeneralizedAlpha)
+        return equations_of_a_step(problem.stepper, problem.system, state), problem.terms
 
     full, lacking = scenes()
     equations, terms = measured(full)

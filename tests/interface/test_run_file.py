@@ -1,8 +1,9 @@
 """Run files: their contents, and resuming after an interruption.
 
 Whatever ended a run early (Ctrl-C, kill -9, a failed step, an earlier t_end), its file opens, and
-`--resume` gives a file that is bit-identical to that of an uninterrupted run. All runs share one structure
-and so their programs; the processes that tests start find the programs in the cache.
+`--resume` gives a file that is bit-identical to that of an uninterrupted run. This holds for methods of
+fixed steps, for collocation and for explicit methods. The processes that tests start find the programs in
+the cache.
 """
 
 import contextlib
@@ -14,6 +15,8 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import h5py
 import jax
@@ -23,12 +26,19 @@ import pytest
 
 import esail_jax as esail
 import esail_jax.commands.run
-import esail_jax.simulation.march
+import esail_jax.simulation.host
+import esail_jax.simulation.programs
 from esail_jax import cli
 from esail_jax.files import run_file
-from esail_jax.observables.run_warning import STEP_ERRORS
+from esail_jax.numerics.lockstep import select
 from esail_jax.scenes.builtin_scenes import builtin_names
 from esail_jax.scenes.scene import parse
+from esail_jax.simulation.results import join
+from esail_jax.simulation.statistics import Pending
+from esail_jax.steppers.collocation import Collocation
+from esail_jax.steppers.fixed_step import STEPS_PER_FACTORISATION
+from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
+from esail_jax.steppers.runge_kutta import RungeKutta
 from support import small_sail
 from support.bits import check_same, esail_run, status_of
 from support.quick import quickly
@@ -47,6 +57,60 @@ OBSERVABLES = {
 """Observables of a sail with a hub, and their axes after time."""
 
 
+CHAIN = """\
+[chain]
+rods = 3
+mass = 0.1
+length = 0.5
+area = 1e-6
+youngs_modulus = 1e9
+[gravity]
+acceleration = [0.0, -9.81, 0.0]
+[initial]
+rod_vector = [[0.0, -0.5, 0.0], [0.0, -0.5, 0.0], [0.5, 0.0, 0.0]]
+rod_rate = [1.0, 0.0, 0.0]
+[integrator]
+method = "dopri8"
+t_end = 1.6
+[output]
+interval = 0.007
+"""
+
+AUTOMATIC = small_sail.TEXT.replace("t_end = 80.0\nstep = 0.1", "t_end = 4000.0").replace("0.35", "17.5")
+"""The small sail with the default method, whose steps are about a hundred times as long."""
+
+
+class Kind(NamedTuple):
+    """A method: a scene with 230 saved instants, its stepper, and the factor to all times of the tests."""
+
+    text: str
+    stepper: Any
+    scale: float
+
+
+KINDS = {
+    "generalized-alpha": Kind(small_sail.TEXT, GeneralizedAlpha, 1.0),
+    "collocation": Kind(AUTOMATIC, Collocation, 50.0),
+    "dopri8": Kind(CHAIN, RungeKutta, 0.02),
+}
+
+SHORT_CALLS = {"MAX_ATTEMPTS": 320, "MAX_INSTANTS": 100}
+"""Limits of a compiled call in these tests, so that runs of 230 instants consist of several calls. A call
+of generalized-alpha ends between two saved instants."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def short_calls():
+    """Lets the runs of these tests consist of several calls."""
+    programs = esail_jax.simulation.programs
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in SHORT_CALLS.items():
+            patch.setattr(programs, name, value)
+        programs._compiled.cache_clear()
+        yield
+    programs._compiled.cache_clear()
+
+
 @pytest.fixture(scope="module", autouse=True)
 def compilation_cache():
     """Points the processes that these tests start to the tests' cache, by the rule for users without
@@ -59,34 +123,48 @@ def compilation_cache():
 
 
 @pytest.fixture(scope="module")
-def scene(tmp_path_factory):
-    path = tmp_path_factory.mktemp("scene") / "small.toml"
-    path.write_text(small_sail.TEXT)
-    return path
+def scenes(tmp_path_factory):
+    """The scene file of every kind."""
+    folder = tmp_path_factory.mktemp("scenes")
+    paths = {name: folder / f"{name}.toml" for name in KINDS}
+    for name, path in paths.items():
+        path.write_text(KINDS[name].text)
+    return paths
 
 
 @pytest.fixture(scope="module")
-def whole(scene, tmp_path_factory):
-    """The file of an uninterrupted run to 80 s (two and a half compiled calls); no test writes to it."""
-    path = tmp_path_factory.mktemp("whole") / "whole.h5"
-    assert esail_run(scene, path) == 0
-    return path
+def wholes(scenes, tmp_path_factory):
+    """A function: the file of an uninterrupted run of a kind, which no test writes to."""
+    folder = tmp_path_factory.mktemp("wholes")
+
+    def of(kind):
+        path = folder / f"{kind}.h5"
+        if not path.exists():
+            assert esail_run(scenes[kind], path) == 0
+        return path
+
+    return of
 
 
-def check_start_of(path, other, failed=False):
+@pytest.fixture(scope="module")
+def scene(scenes):
+    return scenes["generalized-alpha"]
+
+
+@pytest.fixture(scope="module")
+def whole(wholes):
+    """The file of a run with fixed steps to 80 s (two and a half compiled calls)."""
+    return wholes("generalized-alpha")
+
+
+def check_start_of(path, other):
     """Checks that a file is consistent: all datasets have equally many rows, which are bit-identical to
-    `other`'s.
-
-    The error estimate covers whole compiled calls. For a call that failed it keeps its value from before.
-    """
+    `other`'s."""
     with h5py.File(path, "r") as a, h5py.File(other, "r") as b:
         rows = a["time"].shape[0]
         for group in ("observables", "numerics"):
             for name, data in a[group].items():
                 assert data.shape[0] == rows
-                if failed and name in STEP_ERRORS:
-                    assert (data[()] <= b[group][name][:rows]).all()
-                    continue
                 assert data[()].tobytes() == b[group][name][:rows].tobytes(), f"{name} differs"
         assert a["time"][()].tobytes() == b["time"][:rows].tobytes()
         return rows
@@ -135,29 +213,25 @@ def test_run_file_says_what_ran_and_where(whole):
             assert re.match(r"\d+\.\d+", attributes[f"version_{package}"])
         assert parse(file["scene"][()].decode(), "file") == parse(small_sail.TEXT, "text")
         assert file["time"].attrs["unit"] == "s"
-        assert len(file["state"]) and "position" in file["state"].attrs
+        assert attributes["result"] == "successful" and attributes["method"] == "generalized-alpha"
+        assert attributes["rejected_steps"] == 0
+        assert len(file["state/motion"]) and file["state"].attrs["rows"] == 229, "80 s is no whole interval"
+        assert file["final/time"][()] == 80.0
 
 
 @pytest.mark.parametrize("t_end", [80.0, 30.07, 0.35, 0.07])
 def test_saved_times_are_zero_the_multiples_of_the_interval_and_the_end(t_end, scene, tmp_path):
     """This also holds if interval and t_end are no multiples of the step, and if t_end is less than the
-    step."""
+    step. The end makes no step shorter: the blocks of steps are those of a longer run."""
     assert esail_run(scene, tmp_path / "a.h5", "--t-end", t_end) == 0
     with h5py.File(tmp_path / "a.h5", "r") as file:
         expected = [*np.arange(0.0, t_end - 1e-9, 0.35), t_end]
         assert file["time"][()].tolist() == expected
         assert file["observables/kinetic_energy"].shape == (len(expected),)
-        assert file.attrs["steps"] == int(np.ceil(t_end / 0.1 - 1e-9))
+        blocks = np.ceil((t_end / 0.1 - 1e-9) / STEPS_PER_FACTORISATION)
+        assert file.attrs["steps"] == blocks * STEPS_PER_FACTORISATION
         error = np.abs(file["observables/energy_balance_error"][()]).max()
         assert error < 1e-6 * file["observables/kinetic_energy"][0]
-
-
-def test_a_step_beyond_the_end_makes_one_short_step(scene, tmp_path):
-    """A step greater than t_end is legal: the only step ends at t_end."""
-    assert esail_run(scene, tmp_path / "a.h5", "--t-end", 0.05) == 0
-    with h5py.File(tmp_path / "a.h5", "r") as file:
-        assert file["time"][()].tolist() == [0.0, 0.05] and file.attrs["steps"] == 1
-        assert file.attrs["status"] == "complete"
 
 
 def test_quiet_says_nothing_and_a_pipe_gets_no_progress(scene, tmp_path, capsys):
@@ -171,9 +245,10 @@ def test_quiet_says_nothing_and_a_pipe_gets_no_progress(scene, tmp_path, capsys)
 # Resuming
 
 
-def test_resume_without_a_file_starts(scene, whole, tmp_path):
-    assert esail_run(scene, tmp_path / "a.h5", "--resume") == 0
-    check_same(tmp_path / "a.h5", whole)
+@pytest.mark.parametrize("kind", KINDS)
+def test_resume_without_a_file_starts(kind, scenes, wholes, tmp_path):
+    assert esail_run(scenes[kind], tmp_path / "a.h5", "--resume") == 0
+    check_same(tmp_path / "a.h5", wholes(kind))
 
 
 def test_resume_of_a_complete_run_changes_no_byte(scene, whole, tmp_path, capsys):
@@ -187,20 +262,33 @@ def test_resume_of_a_complete_run_changes_no_byte(scene, whole, tmp_path, capsys
     assert capsys.readouterr().err == ""
 
 
-@pytest.mark.parametrize(
-    "first",
-    [30.0, 35.0, 1.0, 68.0, 30.07, 0.07],
-)
-def test_a_later_end_continues_bit_for_bit(first, scene, whole, tmp_path):
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("first", [30.0, 35.0, 1.0, 68.0, 30.07, 0.07])
+def test_a_later_end_continues_bit_for_bit(first, kind, scenes, wholes, tmp_path):
     """A run can be continued from any t_end.
 
-    The first end lies within the first compiled call, within the second, within a block of steps, at the
-    end of a call that is no multiple of the interval, within a step, or before the end of the first step.
+    With fixed steps the first end lies within the first compiled call, within the second, within a block of
+    steps, at the end of a call that is no multiple of the interval, within a step, or before the end of the
+    first step. With collocation the first runs fit into one call.
     """
-    path = tmp_path / "a.h5"
-    assert esail_run(scene, path, "--t-end", first) == 0
-    assert esail_run(scene, path, "--t-end", 80, "--resume") == 0
-    check_same(path, whole)
+    path, scale = tmp_path / "a.h5", KINDS[kind].scale
+    assert esail_run(scenes[kind], path, "--t-end", first * scale) == 0
+    assert esail_run(scenes[kind], path, "--t-end", 80.0 * scale, "--resume") == 0
+    check_same(path, wholes(kind))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_call_of_any_length_gives_the_same_bits(kind, scenes, wholes, tmp_path, monkeypatch):
+    """The whole run and its first part fit into one compiled call each, which the other tests' runs do
+    not."""
+    monkeypatch.undo()
+    programs, path, scale = esail_jax.simulation.programs, tmp_path / "a.h5", KINDS[kind].scale
+    monkeypatch.setattr(programs, "MAX_ATTEMPTS", 4096)
+    monkeypatch.setattr(programs, "MAX_INSTANTS", 256)
+    monkeypatch.setattr(programs, "_compiled", programs._compiled.__wrapped__)
+    assert esail_run(scenes[kind], path, "--t-end", 35.0 * scale) == 0
+    assert esail_run(scenes[kind], path, "--resume") == 0
+    check_same(path, wholes(kind))
 
 
 def test_resume_with_another_scene_is_refused(scene, whole, tmp_path, capsys):
@@ -232,32 +320,64 @@ def test_resume_to_an_earlier_end_is_refused(scene, whole, tmp_path, capsys):
         assert path.read_bytes() == before
 
 
-def test_resume_of_a_file_with_other_entries_is_refused(scene, whole, tmp_path, capsys):
-    """A version with blocks of another length wrote the file; its checkpoint would belong to another
-    time."""
+def missing(state):
+    del state["motion/state/now"]
+
+
+def unknown(state):
+    state["motion/state/more"] = 1.0
+
+
+def of_another_shape(state):
+    del state["motion/earlier"]
+    state["motion/earlier"] = np.zeros(3)
+
+
+def without_statistics(state):
+    del state["pending"]
+
+
+def of_the_first_version(state):
+    del state["motion"]
+
+
+@pytest.mark.parametrize(
+    "change", [missing, unknown, of_another_shape, without_statistics, of_the_first_version]
+)
+def test_resume_of_a_checkpoint_of_another_version_is_refused(change, scene, whole, tmp_path, capsys):
     path = tmp_path / "a.h5"
     path.write_bytes(whole.read_bytes())
     with h5py.File(path, "r+") as file:
         file.attrs["status"] = "interrupted"
-        file["state"].attrs["steps_per_entry"] = 7
+        change(file["state"])
+    before = path.read_bytes()
     assert esail_run(scene, path, "--resume", "--t-end", 90) == 2
-    assert "version" in capsys.readouterr().err
+    out, err = capsys.readouterr()
+    assert (out, path.read_bytes()) == ("", before)
+    expected = f"`--resume` must continue a run of this version of esail_jax, but {path} is of another"
+    assert err == f"{expected}\n"
+    with pytest.raises(esail.RunFileError, match="of another"):
+        esail_jax.commands.run.run_scene(
+            esail.load_scene(scene, {"integrator.t_end": 90.0}), path, resume=True, quiet=True
+        )
 
 
 # Interruption
 
 
 @pytest.mark.parametrize("place", ["progress", "collect", "write"])
-@pytest.mark.parametrize("number", [1, 2, 4])
+@pytest.mark.parametrize("number", [1, 2, 3])
+@pytest.mark.parametrize("kind", KINDS)
 def test_ctrl_c_anywhere_leaves_a_file_that_resumes_bit_for_bit(
-    place, number, scene, whole, tmp_path, monkeypatch, capsys
+    kind, place, number, scenes, wholes, tmp_path, monkeypatch, capsys
 ):
     """The signal comes while the results of a call are collected, written or shown, for the `number`-th
     time."""
+    scene, whole = scenes[kind], wholes(kind)
     path, left = tmp_path / "a.h5", [number]
     owner, name = {
         "progress": (esail_jax.commands.run.Progress, "update"),
-        "collect": (esail_jax.simulation.march.March, "_collect"),
+        "collect": (Pending, "values"),
         "write": (run_file.RunWriter, "_append"),
     }[place]
     monkeypatch.setattr(run_file, "CHECKPOINT_SECONDS", 0.0)
@@ -274,7 +394,7 @@ def test_ctrl_c_anywhere_leaves_a_file_that_resumes_bit_for_bit(
     monkeypatch.setattr(owner, name, interrupted)
     assert esail_run(scene, path) == 130
     assert capsys.readouterr().err.count("\n") == 1
-    assert status_of(path) == "interrupted"
+    assert status_of(path) == "interrupted" and left[0] <= 0
     check_start_of(path, whole)
     monkeypatch.undo()
     assert esail_run(scene, path, "--resume") == 0
@@ -288,6 +408,7 @@ def test_signal_handlers_are_put_back(scene, tmp_path):
 
 
 OFTEN = (
+    f"import esail_jax.simulation.programs as programs; vars(programs).update({SHORT_CALLS}); "
     "import sys, esail_jax.files.run_file as run_file; run_file.CHECKPOINT_SECONDS = 0.0; "
     "run_file.COPY_SHARE = 1e9; from esail_jax.cli import main; sys.exit(main(sys.argv[1:]))"
 )
@@ -452,61 +573,78 @@ def test_fifty_moments_of_kill_9_leave_a_file_that_opens_and_resumes_bit_for_bit
 # Failure
 
 
-def break_from(monkeypatch, start):
-    """Lets every step from `start` on fail, as if its equations could not be solved."""
-    original = esail_jax.simulation.march.March._call
-
-    def call(self, entry, carry, *, repair):
-        carry, (seen, info) = original(self, entry, carry, repair=False)
-        if entry.kind == "march" and entry.end > start:
-            late = entry.start + entry.step * jnp.arange(1, self.plan.steps_per_entry + 1) > start + 1e-9
-            bad = jnp.where(late[:, None], jnp.inf, info.increment)
-            carry, info = carry._replace(failed=jnp.ones((), int)), info._replace(increment=bad, left=bad)
-            count = sum(row[0] <= start + 1e-9 for row in entry.rows)
-            seen = {name: x.at[count:].set(jnp.nan) for name, x in seen.items()}
-        return carry, (seen, info)
-
-    monkeypatch.setattr(esail_jax.simulation.march, "MAX_HALVINGS", 0)
-    monkeypatch.setattr(esail_jax.simulation.march.March, "_call", call)
+def compile_again(monkeypatch):
+    """Lets every run compile its programs: they contain what a test has replaced."""
+    programs = esail_jax.simulation.programs
+    monkeypatch.setattr(programs, "_compiled", programs._compiled.__wrapped__)
 
 
-def test_a_failed_run_keeps_what_was_good_and_says_why(scene, whole, tmp_path, monkeypatch, capsys):
+def break_from(monkeypatch, stepper, start):
+    """Lets every block that begins at `start` or later fail without a step."""
+    original = stepper.block
+
+    def block(self, model, state):
+        found, steps = original(self, model, state)
+        failed = replace(state, result=esail.RESULTS.nonfinite)
+        late = state.time >= start - 1e-9
+        return select(late, (failed, replace(steps, taken=steps.taken & False)), (found, steps))
+
+    compile_again(monkeypatch)
+    monkeypatch.setattr(stepper, "block", block)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_failed_run_keeps_what_was_good_and_says_why(kind, scenes, wholes, tmp_path, monkeypatch, capsys):
+    scene, whole, (_, stepper, scale) = scenes[kind], wholes(kind), KINDS[kind]
     path = tmp_path / "a.h5"
-    break_from(monkeypatch, 40.0)
-    assert esail_run(scene, path) == 3
-    out, err = capsys.readouterr()
-    assert out == "" and err.count("\n") == 1 and "t = 40.1 s" in err
-    with h5py.File(whole, "r") as file:
-        good = int((file["time"][()] <= 40.0 + 1e-9).sum())
-    assert check_start_of(path, whole, failed=True) == good, "every saved instant before the failure"
-    with h5py.File(path, "r") as file:
-        assert file.attrs["status"] == "failed" and file.attrs["message"] == err.strip()
-    assert cli.main(["info", str(path)]) == 0
-    assert err.strip() in capsys.readouterr().out
-    assert esail.load(path).result != esail.RESULTS.successful
-    assert esail_run(scene, path, "--resume") == 3, "it fails again"
-    monkeypatch.undo()
+    with monkeypatch.context() as patch:
+        break_from(patch, stepper, 40.0 * scale)
+        assert esail_run(scene, path) == 3
+        out, err = capsys.readouterr()
+        assert out == "" and err.count("\n") == 1 and "infinite" in err and "t = " in err
+        rows = check_start_of(path, whole)
+        with h5py.File(path, "r") as file:
+            assert file.attrs["status"] == "failed" and file.attrs["message"] == err.strip()
+            assert file.attrs["result"] == "nonfinite" and file.attrs["steps"] > 0
+        with h5py.File(whole, "r") as file:
+            times = file["time"][()]
+        # Blocks of fixed steps end at 40 s; other blocks end somewhat later.
+        assert rows >= (times <= 40.0 * scale + 1e-9).sum(), "every saved instant before the failure"
+        assert times[rows - 1] <= (40.0 if kind == "generalized-alpha" else 70.0) * scale
+        assert cli.main(["info", str(path)]) == 0
+        assert err.strip() in capsys.readouterr().out
+        loaded = esail.load(path)
+        assert loaded.result == esail.RESULTS.nonfinite and loaded.stats["message"] == err.strip()
+        assert loaded.final_state.time == times[rows - 1]
+        assert err.strip() in repr(loaded)
+        assert esail_run(scene, path, "--resume") == 3, "it fails again"
+        check_start_of(path, whole)
     assert esail_run(scene, path, "--resume") == 0
     check_same(path, whole)
 
 
-def test_all_halvings_of_a_repair_share_their_programs(scene, tmp_path, monkeypatch, capsys):
-    """A failing part of a run is repeated with shorter steps, down to a 64th, all with the same programs.
+def test_a_step_that_fails_is_halved_six_times(scene, whole, tmp_path, monkeypatch, capsys):
+    """A step that cannot be solved is tried with shorter steps, down to a 64th, in the same program."""
+    original = GeneralizedAlpha.step
 
-    Steps and observables are compiled once more each, not once for every step size.
-    """
-    original = esail_jax.simulation.march.March._call
+    def step(self, system, time, state, kept, rate):
+        new, info = original(self, system, time, state, kept, rate)
+        return new, info._replace(left=jnp.where(time >= 40.0 - 1e-9, jnp.inf, info.left))
 
-    def call(self, entry, carry, *, repair):
-        carry, found = original(self, entry, carry, repair=repair)
-        return (carry._replace(failed=jnp.ones((), int)) if entry.kind == "march" else carry), found
-
-    monkeypatch.setattr(esail_jax.simulation.march.March, "_call", call)
-    programs = esail_jax.simulation.march.step_entry_jitted, esail_jax.simulation.march.look_at_entry_jitted
-    before = [program._cache_size() for program in programs]
-    assert esail_run(scene, tmp_path / "a.h5") == 3
-    assert "with steps of 0.00156 s" in capsys.readouterr().err
-    assert [program._cache_size() for program in programs] == [1 + size for size in before]
+    path = tmp_path / "a.h5"
+    with monkeypatch.context() as patch:
+        compile_again(patch)
+        patch.setattr(GeneralizedAlpha, "step", step)
+        assert esail_run(scene, path) == 3
+    err = capsys.readouterr().err
+    assert "At t = 40.0016 s with steps of 0.00156 s" in err
+    with h5py.File(path, "r") as file:
+        assert (file.attrs["result"], file.attrs["steps"]) == ("newton_diverged", 400)
+        assert file.attrs["rejected_steps"] == 7
+        assert file["time"][-1] == 114 * 0.35
+    check_start_of(path, whole)
+    assert esail_run(scene, path, "--resume") == 0
+    check_same(path, whole)
 
 
 @pytest.mark.slow
@@ -526,7 +664,7 @@ def test_a_spin_whose_only_equilibrium_is_folded_is_refused(scene):
     refused."""
     overrides = {"tethers.strain": "engineering", "initial.spin_rate": 0.5}
     with pytest.raises(esail.SceneError, match=r"initial\.spin_rate"):
-        esail_jax.commands.run.prepare(esail.load_scene(scene, overrides))
+        esail_jax.commands.run.compile_scene(esail.load_scene(scene, overrides))
 
 
 # Python
@@ -535,6 +673,211 @@ def test_a_spin_whose_only_equilibrium_is_folded_is_refused(scene):
 @pytest.fixture(scope="module")
 def solution(scene):
     return esail.simulate(str(scene))
+
+
+@pytest.fixture(scope="module")
+def solutions(scenes, solution):
+    """A function: the solution of a kind."""
+    made = {"generalized-alpha": solution}
+
+    def of(kind):
+        if kind not in made:
+            made[kind] = esail.simulate(str(scenes[kind]))
+        return made[kind]
+
+    return of
+
+
+def same_bits(a, b):
+    """Whether two trees of arrays have the same structure and bits."""
+    leaves = ([np.asarray(x) for x in jax.tree.leaves(tree)] for tree in (a, b))
+    pairs = zip(*leaves, strict=True)
+    return jax.tree.structure(a) == jax.tree.structure(b) and all(
+        (x.dtype, x.shape, x.tobytes()) == (y.dtype, y.shape, y.tobytes()) for x, y in pairs
+    )
+
+
+def test_a_solution_is_a_mapping(solution):
+    assert "voltage" in solution and "kinetic_energy" in solution and "nonsense" not in solution
+    assert 0 not in solution and None not in solution
+    names = list(solution)
+    assert list(solution.keys()) == names == list(dict(solution)) and len(solution) == len(names)
+    assert set(OBSERVABLES) <= set(names)
+    assert all(dict(solution)[name] is solution[name] for name in names)
+    assert [name for name, _ in solution.items()] == names
+    assert solution.get("nonsense") is None
+    with pytest.raises(KeyError):
+        solution["nonsense"]
+    assert solution.units()["kinetic_energy"] == "J"
+
+
+def test_a_solution_says_what_it_is(solution, scene):
+    lines = repr(solution).splitlines()
+    count = len(solution)
+    assert lines[0] == f"Solution: {count} observables at 230 instants from 0 to 80 s"
+    assert re.fullmatch(r"  generalized-alpha: 800 steps in \d+\.\d\d s, compiling \d+\.\d\d s", lines[1])
+    assert lines[2] == "  The run reached its end time." and len(lines) == 3
+    shapes = jax.eval_shape(lambda x: esail.simulate(str(scene), {"voltage.value": x}), 20e3)
+    assert repr(shapes) == f"Solution({count} observables at 230 instants, under a trace)"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_run_goes_on_from_a_final_state(kind, solutions, tmp_path):
+    """The final state of a file is that of the solution, and a run to a later end goes on from it. Step
+    sizes and first guesses begin anew, so that the results agree within the errors of the method."""
+    whole, scale = solutions(kind), KINDS[kind].scale
+    first = esail.simulate(whole.scene, {"integrator.t_end": 35.0 * scale})
+    assert first.final_state.time == 35.0 * scale
+    path = tmp_path / "a.h5"
+    esail.save(first, path)
+    loaded = esail.load(path)
+    assert same_bits(loaded.final_state, first.final_state)
+    seen = []
+    for state in (first.final_state, loaded.final_state):
+        later = esail.simulate(whole.scene, start=state)
+        assert later.time.tolist() == whole.time[100:].tolist() and later.time[0] == 35.0 * scale
+        for name in later:
+            exact = np.asarray(whole[name])
+            size = np.nan_to_num(np.ptp(exact)) + 1e-3 * np.nan_to_num(abs(exact).max())
+            if name in ("energy_balance_error", "energy_error"):
+                size = np.ptp(whole["kinetic_energy"]) if name == "energy_balance_error" else 1.0
+            np.testing.assert_allclose(later[name], exact[100:], rtol=0, atol=1e-4 * size, err_msg=name)
+        seen.append(later)
+    assert same_bits(dict(seen[0]), dict(seen[1]))
+    assert seen[0].checkpoint is None, "the scene's own run would go on otherwise"
+
+
+def test_a_run_that_is_not_the_scenes_own_cannot_be_resumed(scene, solution, tmp_path, capsys):
+    """A run with `times`, `save` or `start` is saved without a checkpoint; its file stays."""
+    path = tmp_path / "a.h5"
+    esail.save(esail.simulate(str(scene), times=[1.0, 2.0]), path)
+    before = path.read_bytes()
+    assert esail_run(scene, path, "--resume") == 2
+    assert (
+        capsys.readouterr().err
+        == f"`--resume` must continue a run with a checkpoint, but {path} has none\n"
+    )
+    assert path.read_bytes() == before
+    with pytest.raises(ValueError, match="was read from a file"):
+        esail.load(path).at(1.5)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_observables_at_a_time_are_those_of_a_run_that_saves_it(kind, solutions):
+    solution, scale = solutions(kind), KINDS[kind].scale
+    time = 23.456 * scale
+    saved = esail.simulate(solution.scene, times=sorted({*solution.time, time}))
+    row = int(np.searchsorted(saved.time, time))
+    found = solution.at(time)
+    assert list(found) == list(solution)
+    assert same_bits(found, {name: saved[name][row] for name in saved})
+    row = int(np.searchsorted(solution.time, 50.0 * scale))
+    assert same_bits(
+        solution.at(float(solution.time[row])), {name: solution[name][row] for name in solution}
+    )
+    for outside in (-1.0, 81.0 * scale):
+        with pytest.raises(ValueError, match="must lie within the run"):
+            solution.at(outside)
+
+
+def test_observables_at_a_time_of_a_run_from_a_state(solution):
+    """The run is taken again from where it began, and with the method that it had."""
+    start = esail.simulate(solution.scene, {"integrator.t_end": 7.0, "voltage.value": 1e3}).final_state
+    stepper = GeneralizedAlpha(jnp.asarray(0.05), jnp.asarray(0.5))
+    later = esail.simulate(solution.scene, start=start, stepper=stepper, save=["kinetic_energy"])
+    assert list(later) == ["kinetic_energy"] and later.stats["method"] == "generalized-alpha"
+    found = later.at(float(later.time[9]))
+    assert same_bits(found, {"kinetic_energy": later["kinetic_energy"][9]})
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_chunks_of_a_run_are_its_solution(kind, solutions):
+    solution = solutions(kind)
+    chunks = list(esail.run(solution.scene))
+    assert len(chunks) > 2
+    assert np.concatenate([chunk.time for chunk in chunks]).tolist() == solution.time.tolist()
+    for part in ("observables", "numerics"):
+        joined = join([getattr(chunk, part) for chunk in chunks])
+        assert joined.keys() == getattr(solution, part).keys()
+        assert same_bits(joined, dict(getattr(solution, part)))
+    reached = [chunk.reached for chunk in chunks]
+    assert reached == sorted(reached)
+    assert all(chunk.reached >= chunk.time[-1] - 1e-9 for chunk in chunks)
+
+
+def test_progress_is_told_the_time_reached(solution):
+    reached = []
+    again = esail.simulate(solution.scene, progress=reached.append)
+    assert same_bits(dict(again), dict(solution))
+    assert reached == [chunk.reached for chunk in esail.run(solution.scene)]
+
+
+def test_only_the_named_observables_are_saved(solution, tmp_path):
+    names = ["tip_position_I", "kinetic_energy"]
+    some = esail.simulate(solution.scene, save=names)
+    assert list(some) == names
+    for name in names:
+        np.testing.assert_allclose(some[name], solution[name], rtol=1e-12)
+    esail.save(some, tmp_path / "a.h5")
+    assert set(esail.load(tmp_path / "a.h5")) == set(names)
+    with pytest.raises(
+        esail.SceneError, match=r"`save` must hold names of observables, but has 'nonsense'"
+    ):
+        esail.simulate(solution.scene, save=["nonsense"])
+
+
+def test_given_times_are_saved(solution):
+    times = [0.0, 1.0, 1.75, 2.1, 200 * 0.35]
+    some = esail.simulate(solution.scene, times=times)
+    assert some.time.tolist() == times
+    rows = [0, 5, 6, 200]
+    for name in solution:
+        at = np.asarray(some[name])[[0, 2, 3, 4]]
+        assert at.tobytes() == np.asarray(solution[name])[rows].tobytes(), name
+    for bad in ([2.0, 1.0], [], [-1.0], [np.nan]):
+        with pytest.raises(esail.SceneError, match=r"`times` must increase from 0 on, but is"):
+            esail.simulate(solution.scene, times=bad)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_run_stops_at_the_largest_number_of_steps(kind, solutions):
+    solution = solutions(kind)
+    most = solution.steps // 2
+    with pytest.raises(esail.SimulationError, match="max_steps") as raised:
+        esail.simulate(solution.scene, max_steps=most)
+    assert raised.value.result == esail.RESULTS.too_many_steps
+    cut = esail.simulate(solution.scene, max_steps=most, throw=False)
+    assert cut.result == esail.RESULTS.too_many_steps and cut.stats["message"] == str(raised.value)
+    assert most <= cut.steps < most + 2 * STEPS_PER_FACTORISATION
+    good = np.isfinite(cut["kinetic_energy"])
+    rows = int(good.sum())
+    assert good[:rows].all() and 50 < rows < 200 and cut.time.tolist() == solution.time.tolist()
+    for name in solution:
+        values = np.asarray(cut[name])
+        assert values[:rows].tobytes() == np.asarray(solution[name])[:rows].tobytes(), name
+        assert np.isnan(values[rows:]).all(), name
+    assert cut.final_state.time == solution.time[rows - 1]
+    assert esail.simulate(solution.scene, max_steps=solution.steps).result == esail.RESULTS.successful
+    for bad in (0, -1, 1.5):
+        with pytest.raises(esail.SceneError, match=r"`max_steps` must be a positive whole number"):
+            esail.simulate(solution.scene, max_steps=bad)
+
+
+def test_a_run_that_saves_nothing_before_it_fails_is_nan(solution):
+    cut = esail.simulate(solution.scene, times=[70.0, 75.0], max_steps=100, throw=False)
+    assert cut.result == esail.RESULTS.too_many_steps and list(cut) == list(solution)
+    for name in solution:
+        assert cut[name].shape == (2, *solution[name].shape[1:]) and np.isnan(cut[name]).all()
+
+
+def test_a_solution_becomes_a_dataset(solution):
+    pytest.importorskip("xarray")
+    data = solution.to_xarray()
+    assert set(data.data_vars) == set(solution)
+    assert data["time"].attrs["units"] == "s"
+    tips = data["tip_position_I"]
+    assert tips.dims[:2] == ("time", "tether") and tips.attrs["units"] == "m"
+    assert same_bits({n: data[n].values for n in solution}, {n: np.asarray(solution[n]) for n in solution})
 
 
 def test_simulate_and_the_command_give_the_same_file(solution, whole, tmp_path):
@@ -552,7 +895,9 @@ def test_load_gives_back_what_was_saved(solution, tmp_path):
     assert set(again.observables) == set(solution.observables)
     for name in solution.observables:
         assert np.asarray(again[name]).tobytes() == np.asarray(solution[name]).tobytes(), name
-    assert jax.tree.all(jax.tree.map(np.array_equal, again.checkpoint.carry, solution.checkpoint.carry))
+    motion = esail_jax.simulation.host.restored(solution.checkpoint.motion, again.checkpoint.motion)
+    assert jax.tree.all(jax.tree.map(np.array_equal, motion, solution.checkpoint.motion))
+    assert again.checkpoint[1:3] == solution.checkpoint[1:3]
     assert again.result == esail.RESULTS.successful
     assert set(again.stats["terms"]) == set(solution.stats["terms"])
     esail.save(again, tmp_path / "b.h5")

@@ -61,7 +61,7 @@ def test_a_run_with_too_long_a_step_says_so(tmp_path):
     }  # fmt: skip
     solution = esail.simulate("baseline", overrides)
     assert "energy balance is off" in solution.stats["message"]
-    assert solution.stats["repairs"] > 0  # repaired steps are saved like others
+    assert solution.stats["rejected_steps"] > 0  # repeated steps are saved like others
     esail.save(solution, tmp_path / "run.h5")
     again = esail.load(tmp_path / "run.h5")
     assert again.stats["status"] == "complete" and "energy balance is off" in again.stats["message"]

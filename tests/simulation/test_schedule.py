@@ -1,4 +1,5 @@
-"""The plan of a run with fixed steps: saved instants, steps and compiled calls.
+"""Times of a run: saved instants, segments between switch times, and windows of instants; and the
+statistics of the steps by saved instant.
 
 The tests are pure Python over many random schedules; nothing is compiled.
 """
@@ -8,43 +9,59 @@ import itertools
 import numpy as np
 import pytest
 
-from esail_jax.simulation.schedule import SNAP, beginning, plan, save_times, steps_per_entry
+from esail_jax.scenes.scene import load_scene
+from esail_jax.simulation.schedule import SNAP, Schedule, is_multiple, save_times, segments, switch_times
+from esail_jax.simulation.statistics import COUNTS, Pending
+from esail_jax.steppers.stepper import Log, Statistic
 
 RNG = np.random.default_rng(7)
 
 
 def random_cases(count):
-    """Yields (t_end, step, interval, unknowns, block) with decimal and irregular ratios, for short and
-    long runs."""
+    """Yields (t_end, interval) with decimal and irregular ratios, for short and long runs."""
     for _ in range(count):
-        step = float(RNG.choice([0.1, 0.05, 0.02, 0.3, 1.0, 0.07, RNG.uniform(0.01, 2.0)]))
-        ratio = RNG.choice([1, 2, 5, 50, 2.5, 0.5, 1 / 3, RNG.uniform(0.3, 60.0)])
-        interval = float(ratio * step)
-        steps = RNG.choice([1, 3, 20, 400, 401, 1200, int(RNG.integers(1, 2000))])
-        t_end = float(steps * step + RNG.choice([0.0, 0.0, 0.5 * step, RNG.uniform(0.0, step)]))
-        t_end = float(RNG.choice([t_end, round(t_end, 2) or step, 0.3 * step]))
-        yield t_end, step, interval, int(RNG.choice([36, 432, 5000, 20000])), int(RNG.choice([1, 8, 20]))
+        interval = float(RNG.choice([0.1, 0.05, 0.02, 0.3, 1.0, 0.07, RNG.uniform(0.01, 2.0)]))
+        ratio = RNG.choice([1, 2, 5, 50, 2.5, 0.5, 1 / 3, RNG.uniform(0.3, 60.0), RNG.integers(1, 500)])
+        t_end = float(ratio * interval)
+        yield float(RNG.choice([t_end, round(t_end, 2) or interval])), interval
 
 
 CASES = list(random_cases(250))
-PLANS = [(case, plan(*case)) for case in CASES]
 
 
-def rows_of(layout):
-    """Returns all saved rows, each with its entry."""
-    return [(entry, row) for entry in layout.entries for row in entry.rows]
+def random_schedules():
+    """Yields schedules, some with switch times on saved instants, between them, or outside the run."""
+    for t_end, interval in CASES:
+        times = save_times(t_end, interval)
+        inside = RNG.uniform(0.0, t_end, size=RNG.integers(0, 4))
+        switches = {
+            *inside,
+            *RNG.choice(times, size=RNG.integers(0, 3)),
+            *RNG.choice([t_end, 2.0 * t_end], 1),
+        }
+        begin = float(RNG.choice([0.0, 0.0, times[len(times) // 2]]))
+        saved = tuple(float(time) for time in times if time >= begin)
+        ordered = tuple(sorted(float(time) for time in switches if time > 0.0))
+        yield Schedule(saved, ordered, begin, int(RNG.choice([1, 4, 64])), int(RNG.choice([1, 3, 16, 50])))
 
 
-def full(entry, step):
-    """Tells whether any longer run has this entry, too."""
-    return entry.kind == "march" and entry.step == step and not entry.hand_over
+SCHEDULES = list(random_schedules())
+PLANS = [(schedule, *schedule.windows()) for schedule in SCHEDULES]
+
+
+def instants_of(windows):
+    """Returns the instants of each window that matter."""
+    return [row[:count] for row, count in zip(windows.times, windows.count, strict=True)]
+
+
+# ---- saved instants and segments ----------------------------------------------------------------
 
 
 def test_save_times_are_zero_the_multiples_of_the_interval_and_the_end():
     assert save_times(1.0, 0.25).tolist() == [0.0, 0.25, 0.5, 0.75, 1.0]
     assert save_times(1.1, 0.25).tolist() == [0.0, 0.25, 0.5, 0.75, 1.0, 1.1]
     assert save_times(0.2, 0.25).tolist() == [0.0, 0.2]
-    for t_end, _, interval, *_ in CASES:
+    for t_end, interval in CASES:
         times = save_times(t_end, interval)
         assert times[0] == 0.0 and times[-1] == t_end
         assert (np.diff(times) > 0.5 * SNAP * interval).all()
@@ -53,124 +70,215 @@ def test_save_times_are_zero_the_multiples_of_the_interval_and_the_end():
 
 
 def test_three_tenths_is_three_times_a_tenth():
-    """A saved time that differs from the end of a step by rounding is saved once, as that end."""
-    layout = plan(0.9, 0.1, 0.3, 432, 20)
-    assert not layout.between
-    assert [(round(time, 12), k, theta) for _, (time, k, theta) in rows_of(layout)] == [
-        (0.0, 0, 0.0), (0.3, 2, 1.0), (0.6, 5, 1.0), (0.9, 8, 1.0),
-    ]  # fmt: skip
-    assert [entry.kind for entry in layout.entries] == ["begin", "trial", "trial", "march"]
+    """The end of a run that differs from a multiple of the interval by rounding is saved once."""
+    assert save_times(0.3, 0.1).tolist() == [0.0, 0.1, 0.2, 0.3]
+    assert save_times(3 * 0.1, 0.1).tolist() == [0.0, 0.1, 0.2, 3 * 0.1]
+    assert is_multiple(0.3, 0.1) and is_multiple(3 * 0.1, 0.1) and is_multiple(0.0, 0.1)
+    assert not is_multiple(0.35, 0.1)
 
 
-def test_every_saved_time_appears_exactly_once_and_in_order():
-    for case, layout in PLANS:
-        assert [row[0] for _, row in rows_of(layout)] == save_times(case[0], case[2]).tolist(), case
+def test_a_longer_run_saves_the_same_instants():
+    """All instants of a shorter run but its end are those of a longer one, bit for bit. The end is saved by
+    longer runs if it is a multiple of the interval."""
+    for t_end, interval in CASES:
+        short, long = save_times(t_end, interval), save_times(1.7 * t_end + interval, interval)
+        assert short[:-1].tolist() == long[: len(short) - 1].tolist()
+        assert is_multiple(t_end, interval) == bool(
+            np.isclose(long, t_end, rtol=0, atol=1e-7 * interval).any()
+        )
 
 
-def test_step_index_and_part_of_the_step_give_the_saved_time_again():
-    for case, layout in PLANS:
-        for entry, (time, k, theta) in rows_of(layout):
-            if entry.kind == "begin":
-                assert (time, k, theta) == (0.0, 0, 0.0)
-                continue
-            assert 0 <= k < entry.take and 0.0 < theta <= 1.0
-            assert time == pytest.approx(
-                entry.start + (k + theta) * entry.step, rel=1e-12, abs=1e-8 * case[1]
-            )
+def test_switch_times_are_events_and_the_edges_of_the_voltage():
+    """Times in order, each once, without those at the start."""
+    settings = {"event.time": [30.0, 10.0], "event.release": [2, 1], "tethers.count": 3}
+    settings |= {"voltage.law": "on-off", "voltage.on": 0.0, "voltage.off": 10.0, "voltage.rise_time": 1.0}
+    scene = load_scene("baseline", settings)
+    assert switch_times(scene.event, scene.voltage) == (10.0, 30.0)
+    assert switch_times(scene.event, None) == (10.0, 30.0) and switch_times(None, scene.voltage) == (10.0,)
+    assert switch_times(None, None) == ()
 
 
-def test_times_between_steps_are_announced():
-    """`between` is false only if no saved instant needs interpolation, because the program then has
-    none."""
-    for case, layout in PLANS:
-        if not layout.between:
-            assert {theta for _, (_, _, theta) in rows_of(layout)} <= {0.0, 1.0}, case
-    assert plan(10.0, 0.1, 0.25, 36, 20).between
-    assert not plan(10.0, 0.1, 0.7, 36, 20).between
+def test_segments_follow_each_other_from_switch_to_switch():
+    """Segments cover the run without a gap; each knows the next switch time, also beyond the run."""
+    for schedule in SCHEDULES:
+        begin, end, switches = schedule.begin, schedule.times[-1], schedule.switches
+        found = segments(begin, end, switches)
+        assert found[0].start == begin and found[-1].stop == end
+        assert all(one.stop == after.start for one, after in itertools.pairwise(found))
+        assert [part.start for part in found[1:]] == [time for time in switches if begin < time < end]
+        assert [part.last for part in found] == [False] * (len(found) - 1) + [True]
+        for part in found:
+            assert part.until == min((time for time in switches if time > part.start), default=np.inf)
+    (only,) = segments(0.0, 5.0, (5.0, 8.0))
+    assert (only.start, only.stop, only.until, only.last) == (0.0, 5.0, 5.0, True)
 
 
-def test_steps_add_up_to_the_whole_run():
-    """Entries that integrate follow each other without a gap; all have `step`, but the last may be
-    shorter."""
-    for case, layout in PLANS:
-        t_end, step, *_ = case
-        marches = [entry for entry in layout.entries if entry.kind == "march"]
-        short = [entry for entry in marches if entry.step != step]
-        whole = sum(entry.take for entry in marches if entry.step == step)
-        assert len(short) <= 1 and all(entry.take == 1 and 0 < entry.step < step for entry in short)
-        assert short == marches[-1:] or not short
-        total = whole * step + sum(entry.step for entry in short)
-        assert total == pytest.approx(t_end, rel=1e-12, abs=2 * SNAP * step)
-        assert whole == int(np.floor(t_end / step * (1 + SNAP) + SNAP))
-        assert marches[0].start == 0.0
-        for one, next_one in itertools.pairwise(marches):
-            assert next_one.start == pytest.approx(one.end, rel=1e-12)
+# ---- windows of a traced run --------------------------------------------------------------------
 
 
-def test_entries_fit_the_program_they_share():
-    """No entry takes more steps or saves more instants than its program can hold.
+def test_every_saved_time_stands_in_one_place():
+    """The window and the place of every saved time hold that time, bit for bit, and differ from all
+    others."""
+    for schedule, windows, number, place in PLANS:
+        assert (place < windows.count[number]).all()
+        assert windows.times[number, place].tolist() == list(schedule.times)
+        assert len(set(zip(number.tolist(), place.tolist(), strict=True))) == len(schedule.times)
+        assert sorted(zip(number, place, strict=True)) == list(zip(number, place, strict=True))
 
-    One row is reserved for the state that is passed on.
+
+def test_instants_increase_through_all_windows():
+    """Each instant occurs once, in order, from the start to the end of the run; the room that is left in a
+    window repeats its last instant."""
+    for schedule, windows, *_ in PLANS:
+        rows = instants_of(windows)
+        instants = np.concatenate(rows)
+        assert (np.diff(instants) > 0.0).all()
+        assert instants[0] >= schedule.begin and instants[-1] == schedule.times[-1]
+        assert windows.times.shape == (len(rows), schedule.size)
+        assert all(1 <= len(row) <= schedule.size for row in rows)
+        for row, count in zip(windows.times, windows.count, strict=True):
+            assert (row[count:] == row[count - 1]).all()
+
+
+def test_windows_never_cross_a_switch_time():
+    """Every switch time within the run ends a window; the next one begins there, and knows the next switch
+    time."""
+    for schedule, windows, *_ in PLANS:
+        inner = [time for time in schedule.switches if schedule.begin < time < schedule.times[-1]]
+        rows, before = instants_of(windows), schedule.begin
+        for number, row in enumerate(rows):
+            assert not [time for time in inner if before < time < row[-1]], "crosses a switch time"
+            latest = max((time for time in inner if time <= before), default=schedule.begin)
+            assert windows.start[number] == latest
+            later = [time for time in schedule.switches if time > latest]
+            assert windows.until[number] == min(later, default=np.inf)
+            before = row[-1]
+
+
+def test_a_stepper_begins_afresh_after_events_only():
+    """`begins` is true for the first window after each switch time, and for no other."""
+    for schedule, windows, *_ in PLANS:
+        rows = instants_of(windows)
+        inner = [time for time in schedule.switches if schedule.begin < time < schedule.times[-1]]
+        expected = [False, *(row[-1] in inner for row in rows[:-1])]
+        assert windows.begins.tolist() == expected
+        assert windows.begins.sum() == len(inner)
+
+
+def test_there_are_enough_windows_for_a_derivative():
+    """At least `least` windows; between two of them lies at most a part 1/least of the run."""
+    for schedule, windows, *_ in PLANS:
+        length = schedule.times[-1] - schedule.begin
+        if length > 0.0:
+            assert len(windows.times) >= schedule.least
+            ends = [schedule.begin, *(row[-1] for row in instants_of(windows))]
+            assert np.diff(ends).max() <= length / schedule.least * (1.0 + 1e-12)
+
+
+def test_a_run_of_one_instant_has_one_window():
+    """A run that ends where it begins, for which only its start is saved."""
+    windows, number, place = Schedule((3.0,), (), 3.0, 4, 16).windows()
+    assert instants_of(windows)[0].tolist() == [3.0] and len(windows.times) == 1
+    assert (number.tolist(), place.tolist()) == ([0], [0])
+
+
+# ---- statistics ---------------------------------------------------------------------------------
+
+KINDS = {
+    "iterations": Statistic("-", "mean"),
+    "increment": Statistic("m", "largest"),
+    "tip_error": Statistic("-", "last"),
+}
+
+
+def random_log(count):
+    """Returns attempted steps in order, of which some are rejected and tried again with half the length,
+    and some were not tried."""
+    rows, time, size = [], 0.0, 0.5
+    while len(rows) < count:
+        good = bool(RNG.random() < 0.8) or len(rows) == count - 1
+        rows.append((True, good, time + size, size))
+        time, size = (time + size, 0.5) if good else (time, 0.5 * size)
+        if RNG.random() < 0.1:
+            rows.append((False, False, 0.0, 0.0))
+    tried, taken, end, length = (np.array(x) for x in zip(*rows, strict=True))
+    return Log(tried, taken, end, length, {name: RNG.random(len(rows)) for name in KINDS})
+
+
+def part_of(log, begin, stop):
+    """Returns the attempts from `begin` to `stop` as a log of their own."""
+    statistics = {name: x[begin:stop] for name, x in log.statistics.items()}
+    return Log(*(x[begin:stop] for x in log[:4]), statistics)
+
+
+def expected_of(log, times):
+    """Returns the statistics for every instant, from their definition and one loop over the steps."""
+    found, before = [], -np.inf
+    for time in times:
+        attempts, rejected, sums, largest, last = 0, 0, 0.0, 0.0, 0.0
+        waiting = []
+        for row in np.flatnonzero(log.tried):
+            waiting.append(row)
+            if log.taken[row]:
+                if before < log.end[row] <= time:
+                    values = {name: x[waiting] for name, x in log.statistics.items()}
+                    attempts, rejected = attempts + 1, rejected + len(waiting) - 1
+                    sums += values["iterations"].sum()
+                    largest, last = max(largest, values["increment"].max()), values["tip_error"][-1]
+                waiting = []
+        size = [
+            s for t, s, end in zip(log.taken, log.size, log.end, strict=True) if t and end - s < time <= end
+        ]
+        found.append([attempts, rejected, size[0] if size else 0.0, sums / max(attempts, 1), largest, last])
+        before = time
+    return dict(zip([*COUNTS, *KINDS], np.array(found).T, strict=True))
+
+
+def cut_into_calls(log, times, instants, blocks):
+    """Returns the statistics of a run that is made of calls, as `HostRun` makes them: each takes blocks of
+    steps until its instants are passed."""
+    pending, found, row, done, reached = Pending.empty(KINDS), [], 0, 0, 0.0
+    while row < len(times):
+        due = times[row : row + instants]
+        begin, count = done, 0
+        while reached < due[-1] and count < blocks:
+            done, count = done + 4, count + 1
+            ends = log.end[:done][log.taken[:done]]
+            reached = ends[-1] if len(ends) else 0.0
+        pending = pending.with_steps(part_of(log, begin, done), KINDS)
+        passed = due[due <= reached]
+        if len(passed):
+            values, pending = pending.values(passed, KINDS)
+            found.append(values)
+        if len(passed) < len(due):
+            pending = pending.merged(reached, KINDS)
+        row += len(passed)
+    return {name: np.concatenate([values[name] for values in found]) for name in found[0]}
+
+
+@pytest.mark.parametrize(("instants", "blocks"), [(1, 1), (1, 50), (3, 2), (7, 1), (1000, 1000), (5, 3)])
+def test_statistics_of_an_instant_do_not_depend_on_the_calls(instants, blocks):
+    """The statistics of every instant follow from their definition, however the run is cut into calls.
+
+    Instants lie at the start, at ends of steps, within steps, and several in one step. Sums of up to
+    some hundred numbers are exact to 1e-12.
     """
-    for case, layout in PLANS:
-        assert layout.steps_per_entry % case[4] == 0
-        for entry in layout.entries:
-            assert 0 <= entry.take <= layout.steps_per_entry
-            assert len(entry.rows) < layout.rows_per_entry
+    for _ in range(10):
+        log = random_log(300)
+        end = log.end[log.taken][-1]
+        ends = RNG.choice(log.end[log.taken], 20)
+        times = np.unique(np.concatenate([[0.0], ends, RNG.uniform(0.0, end, 40)]))
+        found, expected = cut_into_calls(log, times, instants, blocks), expected_of(log, times)
+        assert list(found) == list(expected)
+        for name, values in expected.items():
+            np.testing.assert_allclose(found[name], values, rtol=1e-12, atol=0, err_msg=name)
 
 
-def test_every_stretch_begins_afresh_and_hands_over_before_the_next():
-    """A run, and a shorter last step, start with the entries begin, trial, trial.
-
-    The entry before such a start passes on its state.
-    """
-    for _, layout in PLANS:
-        entries = layout.entries
-        starts = [i for i, entry in enumerate(entries) if entry.kind == "begin"]
-        assert starts[0] == 0
-        for i in starts:
-            assert [entry.kind for entry in entries[i : i + 3]] == ["begin", "trial", "trial"]
-            assert i == 0 or entries[i - 1].hand_over or entries[i - 1].kind == "trial"
-        for i, entry in enumerate(entries):
-            if entry.kind == "march" and entry.take < layout.steps_per_entry:
-                assert entry.hand_over, "an unfinished block cannot be continued"
-                assert i == len(entries) - 1 or entries[i + 1].kind == "begin"
-
-
-def test_a_longer_run_starts_with_the_entries_of_a_shorter_one():
-    """Full entries of a shorter run have the same place and rows in the plan of a longer run.
-
-    There a run can be continued bit for bit. Only the row at the shorter run's t_end differs.
-    """
-    compared = 0
-    for case, short in PLANS:
-        t_end, step, interval, unknowns, block = case
-        for longer in (t_end + 0.4 * step, 1.7 * t_end, t_end + 3 * interval):
-            long = plan(longer, step, interval, unknowns, block)
-            assert (long.steps_per_entry, long.rows_per_entry) == (
-                short.steps_per_entry,
-                short.rows_per_entry,
-            )
-            for i, entry in enumerate(short.entries):
-                if entry.start + entry.take * entry.step > t_end * (1 - SNAP):
-                    continue  # this entry ends at t_end, which only this plan saves
-                if full(entry, step) or i < 3:
-                    assert long.entries[i] == entry, (case, longer, i)
-                    compared += 1
-    assert compared > 500
-
-
-def test_length_of_entries_does_not_depend_on_the_end():
-    """The length of entries does not depend on t_end, so that all runs share one program.
-
-    An entry has at most about a hundred saved instants.
-    """
-    for _, step, interval, unknowns, block in CASES:
-        steps = steps_per_entry(unknowns, step, interval, block)
-        assert steps >= block and steps % block == 0
-        assert steps == block or steps * step <= 100.0001 * interval
-
-
-def test_a_beginning_saves_its_start_only_when_asked():
-    assert [len(entry.rows) for entry in beginning(1.0, 0.1, True)] == [1, 0, 0]
-    assert [len(entry.rows) for entry in beginning(1.0, 0.1, False)] == [0, 0, 0]
+def test_every_step_is_counted_once():
+    """The counts of all instants add up to all steps that ended by the last of them."""
+    log = random_log(200)
+    times = np.linspace(0.0, log.end[log.taken][-1], 33)
+    values, left = Pending.empty(KINDS).with_steps(log, KINDS).values(times, KINDS)
+    assert values["steps"].sum() == log.taken.sum()
+    assert values["rejected_steps"].sum() == (log.tried & ~log.taken).sum()
+    assert len(left.table) == 0

@@ -15,9 +15,9 @@ from esail_jax.observables.run_warning import run_warning, step_warning
 from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.structure import split
 from esail_jax.steppers.energy_momentum import EnergyMomentum
-from esail_jax.steppers.fixed_step import KEEP
+from esail_jax.steppers.fixed_step import STEPS_PER_FACTORISATION
 from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
-from esail_jax.steppers.step_error import Course, StepErrors, after_steps, no_errors
+from esail_jax.steppers.step_error import Course, StepErrors, after_block, no_errors
 from esail_jax.terms import find_term
 from support.quick import jit
 
@@ -100,7 +100,22 @@ def system():
     return build_jitted(*split(esail.load_scene("truss", SAIL | release))).system
 
 
-advanced = jit(after_steps)
+BLOCK = STEPS_PER_FACTORISATION
+
+after_one_block = jit(after_block)
+
+
+def after_blocks(errors, system, h, q, take, phase_error):
+    """Returns the estimates after `take` steps of length h [s], block by block. q: the coordinates at the
+    start and after each step (first axis); the last block need not be full."""
+    for start in range(0, take, BLOCK):
+        first = jax.tree.map(lambda x, i=start: x[i], q)
+        ends = jax.tree.map(lambda x, i=start: x[i + 1 : i + 1 + BLOCK], q)
+        time, count = jnp.asarray(h * start), jnp.asarray(min(BLOCK, take - start))
+        errors = after_one_block(
+            errors, system, time, jnp.asarray(h), first, ends, count, jnp.asarray(phase_error)
+        )
+    return errors
 
 
 def straight(system, stretch: float, steps: int) -> Coordinates:
@@ -119,48 +134,60 @@ def axial_force(system, stretch: float) -> float:
 
 
 @pytest.mark.parametrize("stretch", [0.99, 1.01])
-def test_errors_grow_under_pressure(system, stretch):
+@pytest.mark.parametrize("take", [2 * BLOCK, BLOCK + 5])
+def test_errors_grow_under_pressure(system, stretch, take):
     """Errors grow by exp(sigma t), sigma^2 = -N/(rho A l^2), under compression N < 0, and not under
     tension.
 
-    The sail is at rest, so that no new error is added.
+    The sail is at rest, so that no new error is added. A block may end early.
     """
-    steps, h, tethers = 2 * KEEP, 0.5, system.tethers
+    steps, h, tethers = 2 * BLOCK, 0.5, system.tethers
     before = Course(jnp.array([1e-3, 2e-3]), jnp.zeros((3, 2)), jnp.ones((3, 2)))
     errors = StepErrors(before, before, jnp.zeros(2))
-    times, q = h * jnp.arange(steps + 1), straight(system, stretch, steps)
-    after = advanced(errors, system, times, q, jnp.asarray(steps), jnp.asarray(0.1))
+    after = after_blocks(errors, system, h, straight(system, stretch, steps), take, 0.1)
     pressure = max(-axial_force(system, stretch), 0.0)
     sigma = np.sqrt(pressure / tethers.line_density[0]) / tethers.element_length[0]
     # 1e-12 allows for the rounding of an exponential.
-    np.testing.assert_allclose(after.tip.error, before.error * np.exp(sigma * h * steps), rtol=1e-12)
+    np.testing.assert_allclose(after.tip.error, before.error * np.exp(sigma * h * take), rtol=1e-12)
 
 
 def test_a_third_difference_counts_with_the_phase_it_costs(system):
     """The error of tips that oscillate by A is pi/2 c times the sum of their |third differences|.
 
-    Over n steps this is c (h omega)^3 n A, up to a relative error of order (h omega)^2. Steps that do not
-    count do not widen the range.
+    Over n steps this is c (h omega)^3 n A, up to a relative error of order (h omega)^2. A block has two
+    differences fewer than steps; their sum is scaled up. Steps that do not count do not widen the range.
     """
-    steps, take, phase = (
-        10 * KEEP,
-        8 * KEEP,
-        2.0 * np.pi / 40.0,
-    )  # whole periods, so that |sin| has its mean value
+    # Five whole periods, in which blocks begin at all phases, so that |sin| has its mean value.
+    steps, take, phase = 13 * BLOCK, 11 * BLOCK, 2.0 * np.pi / 44.0
     count = jnp.arange(steps + 1)
     wave = jnp.where(count <= take, jnp.sin(phase * count), 100.0)
     q = straight(system, 1.0, steps)
     q = q._replace(tether=q.tether.at[:, 0, 2, -1, :].add(wave[:, None]))
-    tip = advanced(no_errors(2), system, 0.1 * count, q, jnp.asarray(take), jnp.asarray(0.2)).tip
+    tip = after_blocks(no_errors(2), system, 0.1, q, take, 0.2).tip
     np.testing.assert_allclose(tip.error, 0.2 * phase**3 * take, rtol=phase**2)
     np.testing.assert_allclose((tip.high - tip.low)[2], 2.0, atol=1e-12)
 
 
+def test_a_block_adds_its_third_differences(system):
+    """The estimate of one block of n steps is pi/2 c n/(n - 2) times the sum of its n - 2 |third
+    differences|, to rounding; of fewer than three steps it is nothing new."""
+    wave = np.random.default_rng(1).normal(size=BLOCK + 1)
+    q = straight(system, 1.0, BLOCK)
+    q = q._replace(tether=q.tether.at[:, 0, 2, -1, :].add(wave[:, None]))
+    for take in (2, 3, 9, BLOCK):
+        tip = after_blocks(no_errors(2), system, 0.1, q, take, 0.2).tip
+        share = 0.5 * np.pi * 0.2 * take / max(take - 2, 1)
+        expected = share * np.abs(np.diff(wave[: take + 1], 3)).sum()
+        np.testing.assert_allclose(tip.error, expected, rtol=1e-12)
+        np.testing.assert_allclose(tip.high[2], wave[: take + 1].max(), rtol=1e-14)
+        np.testing.assert_allclose(tip.low[2], wave[: take + 1].min(), rtol=1e-14)
+
+
 def test_a_released_tether_pulls_at_nothing(system):
     """The root force of a released tether is zero; that of an attached tether is EA eps r_x."""
-    later, times = system.with_events_until(jnp.asarray(10.0)), 0.1 * jnp.arange(KEEP + 1)
-    q, take = straight(later, 1.01, KEEP), jnp.asarray(KEEP)
-    found = advanced(no_errors(2), later, times, q, take, jnp.asarray(0.1)).force.high
+    later = system.with_events_until(jnp.asarray(10.0))
+    q = straight(later, 1.01, BLOCK)
+    found = after_blocks(no_errors(2), later, 0.1, q, BLOCK, 0.1).force.high
     held = axial_force(later, 1.01)
     np.testing.assert_allclose(found, [[0.0, 0.0], [held, 0.0], [0.0, 0.0]], atol=1e-12 * held)
 

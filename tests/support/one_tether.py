@@ -18,14 +18,15 @@ from esail_jax.elements.axial import AxialDissipation, AxialEnergy
 from esail_jax.elements.bending import BendingEnergy
 from esail_jax.elements.tether import TetherBatch
 from esail_jax.equilibria.steady_stretch import along, unstretched_line
+from esail_jax.iteration_matrix import factor_mass
 from esail_jax.joints.roots import FrameRoots, HubRoots, clamp_normals
-from esail_jax.simulation.entry import fresh_state, with_jerk
-from esail_jax.steppers.collocation import KEEP as BLOCK
+from esail_jax.numerics.lockstep import select
 from esail_jax.steppers.collocation import Collocation
-from esail_jax.steppers.consistent import consistent_acceleration
+from esail_jax.steppers.consistent import consistent_motion, project
 from esail_jax.steppers.energy_momentum import EnergyMomentum
-from esail_jax.steppers.fixed_step import KEEP, StepInfo
 from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
+from esail_jax.steppers.results import RESULTS
+from esail_jax.steppers.stepper import Point
 from esail_jax.system import Power, System
 from support.quick import jit
 
@@ -109,83 +110,58 @@ def turning(q, omega):
     return Coordinates(jnp.cross(omega, q.tether, axisb=1, axisc=1), hub)
 
 
-def generalized_alpha(system, q, v, step, steps, spectral_radius):
-    """Returns (q, v, lam) at the start and after every step. `steps` must be a multiple of the block
-    length."""
-    return fixed_step(GeneralizedAlpha(step, spectral_radius), system, q, v, steps)
-
-
-def energy_momentum(system, q, v, step, steps, _):
-    """Returns the same as `generalized_alpha`."""
-    return fixed_step(EnergyMomentum(step), system, q, v, steps)
-
-
-def fixed_step(stepper, system, q, v, steps):
-    """Integrates with a stepper of fixed step, which reuses its factors within a block."""
-    zero = jnp.zeros(())
-    nothing = Power(zero, zero)
-    vdot, lam = consistent_acceleration(system, zero, q, v)
-    begin = fresh_state(q, v, vdot, lam, nothing, nothing)
-    kept = stepper.factor(system, zero, q, v, lam)
-    trial, _ = stepper.step(system, zero, begin, kept, jnp.asarray(jnp.inf))
-    state = with_jerk(stepper, begin, trial.v)
-
-    def block(state, index):
-        state, (states, info) = stepper.block(system, index * KEEP * stepper.step_size, state, KEEP)
-        return state, ((states.q, states.v, states.lam), jax.vmap(StepInfo.converged)(info).all())
-
-    _, (trajectory, good) = lax.scan(block, state, jnp.arange(steps // KEEP))
-    flat = jax.tree.map(lambda x: x.reshape(steps, *x.shape[2:]), trajectory)
-    return jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), (q, v, lam), flat), good.all()
-
-
-def collocation(system, q, v, step, steps, _):
-    """Returns (q, v, lam) at the start and after every step."""
-    method = Collocation(step, jnp.asarray(1e-11))
-    begin = method.start(system, jnp.zeros(()), q, v)
-    room = jax.tree.map(lambda x: jnp.zeros((steps + 1 + BLOCK, *x.shape)), (q, v))
-
-    def going(state):
-        now, count, _ = state
-        return (count <= steps) & (now.rejected == 0.0)
-
-    def block(state):
-        now, count, kept = state
-        now, records = method.block(system, now)
-        found = (records.start.q, records.start.v)  # taken steps come first; a block may end early
-        kept = jax.tree.map(lambda all, x: lax.dynamic_update_slice_in_dim(all, x, count, 0), kept, found)
-        return now, count + records.taken.sum(), kept
-
-    end, _, kept = lax.while_loop(going, block, (begin, jnp.zeros((), int), room))
-    q, v = jax.tree.map(lambda x: x[: steps + 1], kept)
-    time = jnp.arange(steps + 1) * step
-    lam = jax.vmap(lambda *at: consistent_acceleration(system, *at)[1])(time, q, v)
-    return (q, v, lam), end.rejected == 0.0
-
-
 STEPPERS = {
-    "generalized-alpha": generalized_alpha,
-    "collocation": collocation,
-    "energy-momentum": energy_momentum,
+    "generalized-alpha": GeneralizedAlpha,
+    "collocation": lambda step, _: Collocation(step, jnp.asarray(1e-11)),
+    "energy-momentum": lambda step, _: EnergyMomentum(step),
 }
-"""By name: (system, q, v, step, steps, spectral_radius) -> ((q, v, lam) at all steps, converged)."""
+"""Makers of the steppers, (step [s], spectral radius) -> stepper, by name."""
 
 
 # Every case compiles a program of its own and runs it once.
 @functools.partial(jit, static_argnums=(0, 5))
 def _integrate(name, system, q, v, step, steps, spectral_radius):
-    return STEPPERS[name](system, q, v, step, steps, spectral_radius)
+    """Returns (time, q, v, lam) at the start and after every step, and whether every step converged."""
+    stepper, zero = STEPPERS[name](step, spectral_radius), jnp.zeros(())
+    start = Point(zero, q, v, Power(zero, zero), jnp.asarray(True))
+    state, _ = stepper.init(system, start, jnp.asarray(jnp.inf))
+
+    def good(state):
+        return (state.result == RESULTS.successful) & (state.rejected == 0.0)
+
+    def block(carry):
+        state, points = carry
+        later, found = stepper.block(system, state)
+        ends = jax.vmap(lambda k: stepper.evaluate(system, found.pick((k,)), found.end[k]))(
+            jnp.arange(len(found.end))
+        )
+        # Attempts that were not taken and steps beyond the last one have no row.
+        row = jnp.where(found.taken, state.taken.astype(int) + found.taken.cumsum(), steps + 1)
+        return later, jax.tree.map(lambda all, x: all.at[row].set(x, mode="drop"), points, ends)
+
+    points = jax.tree.map(lambda x: jnp.zeros((steps + 1, *x.shape), x.dtype).at[0].set(x), start)
+    state, points = lax.while_loop(
+        lambda carry: good(carry[0]) & (carry[0].taken < steps), block, (state, points)
+    )
+
+    def on_constraints(point):
+        mass = factor_mass(system, point.time, point.q)
+        projected = project(system, point.time, point.q, point.v, mass)
+        q, v = select(point.exact, (point.q, point.v), projected)
+        return point.time, q, v, consistent_motion(system, point.time, q, v, mass).lam
+
+    return jax.vmap(on_constraints)(points), good(state)
 
 
 def integrate(name, system, q, v, step, steps, spectral_radius=0.9):
     """Returns (time, q, v, lam) at every step, and checks that every step converged.
 
-    With constraints the spectral radius should be below 1. At 1 the multipliers alternate from step to
-    step, and momentum drifts a hundred times more than at 0.9.
+    As in a run, an interpolated end of a step is projected on the constraints, and the multipliers are
+    those that fit the state. With constraints the spectral radius should be below 1. At 1 the method's own
+    multipliers alternate from step to step, and momentum drifts a hundred times more than at 0.9.
     """
-    assert steps % KEEP == 0
-    (q, v, lam), good = _integrate(
+    (time, q, v, lam), good = _integrate(
         name, system, q, v, jnp.asarray(float(step)), steps, jnp.asarray(float(spectral_radius))
     )
     assert good
-    return step * np.arange(steps + 1), q, v, lam
+    return np.asarray(time), q, v, lam

@@ -8,7 +8,7 @@ import numpy as np
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.scene import load_scene
-from esail_jax.steppers.fixed_step import State
+from esail_jax.steppers.fixed_step import StepState
 from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
 from esail_jax.system import Power
 
@@ -180,7 +180,7 @@ def amplification(step: float, rho: float, frequency: float) -> np.ndarray:
         (q, v, a), vdot = starts, -(frequency**2) * starts[0]
     power = Power(zero, zero)
     motion = [of_one_node(x) for x in (q, v, vdot, a)]
-    state = State(*motion, Multipliers(None, None), none, none, power, power)
+    state = StepState(*motion, Multipliers(None, None), none, none, power, power)
     q0, v0, a0 = method.predict(state)
     share = float(method._q_share)
     known = at_the_node(q0)

@@ -1,0 +1,366 @@
+"""Every stepper, the package's and one from outside, in all that a run offers.
+
+CASES is a table with one entry per method. A new method becomes one more entry, and then passes through
+order of convergence, output between steps, resuming, events, derivatives, batches and failures. Every case
+compiles three programs: the run on the host, a batch of traced runs, and a run with its derivatives."""
+
+import dataclasses
+import functools
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import esail_jax as esail
+from esail_jax.rod_chain import error_scale
+from esail_jax.scenes.build import build_chain
+from esail_jax.scenes.scene import Scene, parse
+from esail_jax.scenes.structure import split
+from esail_jax.simulation.host import HostRun, compile_scene, paths
+from esail_jax.simulation.results import join
+from esail_jax.steppers.collocation import Collocation
+from esail_jax.steppers.energy_momentum import EnergyMomentum
+from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
+from esail_jax.steppers.results import name_of
+from esail_jax.steppers.runge_kutta import RungeKutta
+from esail_jax.steppers.stepper import AbstractStepper
+from support.own_stepper import RungeKutta4
+from support.quick import jit
+
+SAIL = """
+[tethers]
+count = 2
+length = 1000.0
+area = 4.28e-9
+density = 7653.0
+youngs_modulus = 5e7
+elements = 1
+axial_damping_time = [0.3, 0.4]
+
+[remote_units]
+mass = 0.5
+
+[solar_wind]
+speed = 4e5
+number_density = 7.3e6
+cutoff_voltage = 1e3
+
+[voltage]
+value = [2e6, 1e6]
+
+[initial]
+spin_rate = 0.01
+sailing_angle_deg = 60.0
+coning_angle_deg = 5.0
+
+[integrator]
+t_end = 16.0
+
+[output]
+interval = 1.0
+
+[[event]]
+time = 9.3
+release = 2
+"""
+"""Two soft tethers on a turning frame. With EA = 0.2 N the fastest modes stay near 1 rad/s, so that every
+method resolves them. The second tether is released within a step."""
+
+HUB = """
+[hub]
+height = 2.0
+radius = 1.0
+density = 884.0
+"""
+
+CHAIN = """
+[chain]
+rods = 2
+mass = 0.1
+length = 1.0
+area = 1e-6
+youngs_modulus = 1e7
+axial_damping_time = 1e-3
+
+[gravity]
+acceleration = [0.0, -9.81, 0.0]
+
+[initial]
+rod_vector = [0.0, -1.0, 0.0]
+rod_rate = [1.0, 0.0, 0.0]
+
+[integrator]
+t_end = 1.6
+
+[output]
+interval = 0.1
+"""
+
+LATE = {"event.time": [100.0]}
+"""Override that moves the release behind the end of the run. It leaves the programs as they are."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """A method on a scene.
+
+    scene; stepper: the method with a fineness, which is a step size [s] or a tolerance; fineness: three of
+    them; order: the order of convergence and how far it may be missed; between: the largest error between
+    steps, relative to the largest at their ends; max_steps: a bound that the coarsest run keeps and the
+    finest does not; failures: results by input, a factor of the first number or a fineness; quotient: the
+    accuracy of a difference quotient."""
+
+    scene: Scene
+    stepper: Callable[[Any], AbstractStepper]
+    fineness: tuple[float, float, float]
+    order: tuple[float, float]
+    max_steps: int
+    failures: Mapping[tuple[str, float], str]
+    between: float = 3.0
+    quotient: float = 1e-6
+
+    @property
+    def chain(self) -> bool:
+        return self.scene.chain is not None
+
+    @property
+    def end(self) -> float:
+        return self.scene.integrator.t_end
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Observables that are compared."""
+        if self.chain:
+            return ("joint_position", "dissipated_energy", "tension")
+        return ("tip_position_I", "dissipated_energy", "external_work", "reaction_B")
+
+    def numbers(self, x: Any) -> dict[str, Any]:
+        """Overrides of four numbers of the scene; x: factors."""
+        if self.chain:
+            return {
+                "initial.rod_rate": np.array([1.0, 0.0, 0.2]) * x[0],
+                "chain.mass": 0.1 * x[1],
+                "chain.axial_damping_time": 1e-3 * x[2],
+                "chain.youngs_modulus": 1e7 * x[3],
+            }
+        return {
+            "voltage.value": np.array([2e6, 1e6]) * x[0],
+            "initial.spin_rate": 0.01 * x[1],
+            "remote_units.mass": 0.5 * x[2],
+            "tethers.youngs_modulus": 5e7 * x[3],
+        }
+
+    def run(self, fineness: Any, x: Any = (1.0,) * 4, times: Any = None, late: bool = False, **more: Any):
+        """The run with this fineness and these factors, with a release unless it is to be late."""
+        overrides = self.numbers(x) | (LATE if late and not self.chain else {})
+        stepper = self.stepper(jnp.asarray(fineness, float))
+        times = None if times is None else [float(time) for time in times]
+        return esail.simulate(self.scene, overrides, stepper=stepper, save=self.names, times=times, **more)
+
+
+FRAME, SMALL_SAIL, SMALL_CHAIN = parse(SAIL, "frame"), parse(HUB + SAIL, "sail"), parse(CHAIN, "chain")
+NONFINITE = {("number", 1e200): "nonfinite"}
+
+
+@functools.cache
+def chain_scale() -> Any:
+    """Magnitudes of the chain's coordinates, by which an error control measures."""
+    return error_scale(*build_chain(*split(SMALL_CHAIN)))
+
+
+CASES = {
+    "own": Case(FRAME, RungeKutta4, (0.4, 0.2, 0.1), (4.0, 0.3), 100, NONFINITE),
+    "tsit5": Case(
+        SMALL_CHAIN, lambda h: RungeKutta(h, None, None, "tsit5"), (4e-3, 2e-3, 1e-3), (5.0, 0.3), 500, NONFINITE
+    ),
+    "dopri8": Case(
+        SMALL_CHAIN,
+        lambda tolerance: RungeKutta(None, tolerance, chain_scale(), "dopri8"),
+        (1e-5, 1e-7, 1e-9),
+        (8.0, 2.0),
+        100,
+        {},
+    ),
+    "collocation": Case(
+        SMALL_SAIL, lambda tolerance: Collocation(None, tolerance), (1e-4, 1e-6, 1e-8), (7.0, 1.5), 24, NONFINITE
+    ),
+    "collocation-fixed": Case(
+        FRAME,
+        lambda h: Collocation(h, jnp.asarray(1e-8)),
+        (1.0, 0.5, 0.25),
+        (7.0, 0.6),
+        24,
+        NONFINITE | {("fineness", 1e4): "newton_diverged"},
+    ),
+    "generalized-alpha": Case(
+        SMALL_SAIL,
+        lambda h: GeneralizedAlpha(h, jnp.asarray(0.8)),
+        (0.2, 0.1, 0.05),
+        (2.0, 0.1),
+        200,
+        NONFINITE | {("fineness", 1e4): "newton_diverged"},
+    ),
+    "energy-momentum": Case(
+        SMALL_SAIL, EnergyMomentum, (0.2, 0.1, 0.05), (2.0, 0.1), 200, NONFINITE
+    ),
+}  # fmt: skip
+
+
+def cases(quick: str):
+    """The names of CASES for `parametrize`; all but `quick` are marked slow."""
+    marks = lambda name: [] if name == quick else [pytest.mark.slow]  # noqa: E731
+    return pytest.mark.parametrize("name", [pytest.param(name, marks=marks(name)) for name in CASES])
+
+
+def difference(one: Any, other: Any, name: str, rows: Any = slice(None)) -> float:
+    """The largest difference of an observable between two runs, relative to its largest magnitude."""
+    a, b = np.asarray(one[name])[rows], np.asarray(other[name])[rows]
+    return float(np.abs(a - b).max() / np.abs(np.asarray(other[name])).max())
+
+
+# ---- steps --------------------------------------------------------------------------------------
+
+
+@cases(quick="own")
+def test_order_of_convergence_at_steps_and_between_them(name):
+    """Differences between three runs fall with the order of the method, by the number of steps.
+
+    Instants between two steps, where dense output is used, are as accurate as the end, within a factor.
+    The tethers are not released: after an event the steps depend on the output."""
+    case = CASES[name]
+    times = case.end * np.array([0.5, 0.5137, 0.731, 1.0])
+    coarse, middle, fine = (case.run(f, times=times, late=True) for f in case.fineness)
+    expected, missed_by = case.order
+    position = case.names[0]
+    first, second = difference(coarse, middle, position), difference(middle, fine, position)
+    order = np.log(first / second) / np.log(middle.steps / coarse.steps)
+    assert abs(order - expected) < missed_by, order
+    for one, other in ((coarse, middle), (middle, fine)):
+        ends = [difference(one, other, position, row) for row in ([0], [3])]
+        between = [difference(one, other, position, row) for row in ([1], [2])]
+        assert max(between) < case.between * max(ends)
+
+
+@cases(quick="own")
+def test_saved_instants_do_not_change_the_steps(name):
+    """Runs with many and with few saved instants take the same steps, and agree in every bit where both
+    save."""
+    case = CASES[name]
+    few = case.end * np.array([0.31, 1.0])
+    many = np.union1d(np.linspace(0.0, case.end, 23), few)
+    one, other = (case.run(case.fineness[0], times=times, late=True) for times in (few, many))
+    assert one.steps == other.steps
+    for key in case.names:
+        assert np.array_equal(one[key], other[key][np.searchsorted(many, few)]), key
+
+
+@cases(quick="own")
+def test_a_run_goes_on_after_any_batch_of_blocks(name):
+    """A run that stops after every batch of blocks, and goes on from arrays by path, has the same bits as
+    one that never stops. So has a run that is continued from the end of a shorter one."""
+    case = CASES[name]
+    stepper = case.stepper(jnp.asarray(case.fineness[1], float))
+    compiled = compile_scene(case.scene, stepper, None, None if case.chain else case.names)
+    whole = HostRun(compiled)
+    expected = rows_of(whole.chunks())
+
+    programs = compiled.programs._replace(batches=1)
+    run, chunks = HostRun(compiled._replace(programs=programs)), []
+    while run.checkpoint.rows < len(run.times):
+        chunks.append(next(run.chunks()))
+        arrays = {path: np.array(x) for path, x in paths(run.checkpoint.motion).items()}
+        run = HostRun(run.compiled, run.checkpoint._replace(motion=arrays))
+    assert len(chunks) > 1
+    check_bits(rows_of(chunks), expected)
+
+    # The shorter run ends between two saved instants of the longer one.
+    short = case.scene.replace({"integrator.t_end": 0.73 * case.end})
+    first = HostRun(compile_scene(short, stepper, None, None if case.chain else case.names))
+    begun = rows_of(first.chunks())
+    kept = first.checkpoint.rows
+    rest = rows_of(HostRun(compiled, first.checkpoint).chunks())
+    check_bits({key: np.concatenate([begun[key][:kept], rest[key]]) for key in begun}, expected)
+
+
+def rows_of(chunks: Any) -> dict[str, np.ndarray]:
+    """Time, observables and statistics of several chunks."""
+    return join([{"time": x.time, **x.observables, **x.numerics} for x in chunks])
+
+
+def check_bits(found: Mapping[str, np.ndarray], expected: Mapping[str, np.ndarray]) -> None:
+    """The arrays are the same, bit by bit."""
+    assert found.keys() == expected.keys()
+    for name, values in expected.items():
+        assert np.array_equal(found[name], values, equal_nan=True), name
+
+
+# ---- traced runs --------------------------------------------------------------------------------
+
+
+@cases(quick="own")
+def test_batch_of_traced_runs_equals_a_loop_on_the_host(name):
+    """One `vmap` holds good members, members that fail, and one that needs too many steps.
+
+    Every member ends with the same member of RESULTS and the same numbers of steps as its run on the host.
+    Its observables agree to 1e-9 of their largest value (rounding, through the release of a tether), and
+    are NaN at the same instants. The release makes a difference."""
+    case = CASES[name]
+    times = case.end * np.array([0.25, 0.5137, 1.0])
+    coarse, _, fine = case.fineness
+    inputs = [(coarse, 1.0, "successful"), (coarse, 1.01, "successful"), (fine, 1.0, "too_many_steps")]
+    for (what, value), result in case.failures.items():
+        inputs.append((value, 1.0, result) if what == "fineness" else (coarse, value, result))
+    finenesses, factors, results = zip(*inputs, strict=True)
+
+    def member(fineness, factor):
+        run = case.run(fineness, (factor, 1.0, 1.0, 1.0), times, max_steps=case.max_steps)
+        return dict(run), run.result, run.steps, run.stats["rejected_steps"]
+
+    batch = jit(jax.vmap(member))(jnp.array(finenesses), jnp.array(factors))
+    for k, (fineness, factor, result) in enumerate(inputs):
+        rows, ended, steps, rejected = jax.tree.map(lambda x, k=k: x[k], batch)
+        host = case.run(fineness, (factor, 1.0, 1.0, 1.0), times, max_steps=case.max_steps, throw=False)
+        assert name_of(ended) == name_of(host.result) == result
+        assert (int(steps), int(rejected)) == (host.steps, host.stats["rejected_steps"])
+        for key in case.names:
+            size = np.nanmax(np.abs(host[key]), initial=0.0)
+            np.testing.assert_allclose(rows[key], host[key], rtol=0, atol=1e-9 * size, err_msg=key)
+    if not case.chain:
+        held = case.run(coarse, times=times, late=True)
+        before, after = (difference(case.run(coarse, times=times), held, "reaction_B", [k]) for k in (1, 2))
+        assert before < 1e-9 and after > 1e-3
+
+
+@cases(quick="own")
+def test_derivative(name):
+    """Forward mode agrees with the difference quotient of host runs, and reverse with forward mode (1e-10:
+    rounding). The derivative goes through the release of a tether."""
+    case = CASES[name]
+    times = case.end * np.array([0.25, 0.5137, 1.0])
+    fineness = case.fineness[1]
+    along, one = np.array([0.3, 1.0, -0.2, 0.5]), np.ones(4)
+
+    def signals(x):
+        run = case.run(fineness, x, times)
+        return jnp.concatenate([jnp.ravel(run[key]) for key in case.names[:2]])
+
+    @jit
+    def derivatives(x, weights):
+        value, forward = jax.jvp(signals, (x,), (jnp.asarray(along),))
+        return value, forward, jax.vjp(signals, x)[1](weights)[0]
+
+    host = np.asarray(signals(one))
+    weights = np.random.default_rng(1).normal(size=host.size) / np.abs(host).max()
+    value, forward, reverse = derivatives(jnp.asarray(one), jnp.asarray(weights))
+    np.testing.assert_allclose(value, host, rtol=0, atol=1e-9 * np.abs(host).max())
+    assert abs(reverse @ along / (weights @ forward) - 1.0) < 1e-10
+
+    e = 1e-3
+    near, far = ((signals(one + k * e * along) - signals(one - k * e * along)) for k in (1, 2))
+    quotient = np.asarray(8.0 * near - far) / (12.0 * e)
+    first = [host.size - len(times)]  # the second observable has one number at an instant
+    for got, wanted in zip(np.split(forward, first), np.split(quotient, first), strict=True):
+        assert np.abs(got - wanted).max() < case.quotient * np.abs(wanted).max()
