@@ -142,7 +142,7 @@ class HostRun:
                         with np.errstate(over="ignore", invalid="ignore"):  # the energy may be infinite
                             rows, memory, kept = with_running_observables(problem, rows, energy, np)
                         good = seen if kept is None or kept.all() else int(np.argmin(kept))
-                    numerics, left = pending.values(times[:seen], self.begin, self.statistics)
+                    numerics, left = pending.values(times[:seen], self.compiled.begin, self.statistics)
                     if (
                         "constraint_violation" in self.compiled.numerics
                         and "constraint_violation" not in numerics

@@ -90,8 +90,8 @@ class Solution(eqx.Module, Mapping):
         """Returns the observables at any time [s] of the run, by dense output, without the axis `time`.
 
         The run is repeated up to that time with the programs that are compiled already, and takes the same
-        steps. Raises ValueError for a time outside the run, for a run made under a trace, and for a run from
-        a file that does not hold all of its arguments."""
+        steps. Raises ValueError for a time outside the run, for a run made under a trace, and for a run
+        from a file that does not hold all of its arguments."""
         if self.again is None:
             raise ValueError("`solution` must come from a run on concrete numbers, but was traced")
         return self.again(self, time)
