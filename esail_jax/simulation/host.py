@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.scenes.method_choice import with_method
@@ -212,8 +213,8 @@ def restored(like: Motion, arrays: Mapping[str, np.ndarray]) -> Motion:
     for name in expected.keys() | arrays.keys():
         if name not in expected or name not in arrays:
             raise ValueError(f"{name} is {'missing' if name in expected else 'unknown'}")
-        kind = (np.shape(expected[name]), np.result_type(expected[name]))
-        found = (np.shape(arrays[name]), np.result_type(arrays[name]))
+        kind = (np.shape(expected[name]), jnp.result_type(expected[name]))
+        found = (np.shape(arrays[name]), jnp.result_type(arrays[name]))
         if kind != found:
             raise ValueError(f"{name} is {found[1]}{list(found[0])}, not {kind[1]}{list(kind[0])}")
     return jax.tree.unflatten(jax.tree.structure(like), [arrays[name] for name in expected])

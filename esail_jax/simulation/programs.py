@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.compiler import CHAIN_OPTIONS, COMPILER_OPTIONS, LOOK_OPTIONS, START_OPTIONS, compile_lowered
@@ -60,7 +61,7 @@ def compile_programs(
     to save, all of them if None."""
     shapes = tuple((key, value.shape) for key, value in sorted(numbers.items()))
     extra, tree = jax.tree.flatten((stepper, point))
-    kinds = tuple((np.shape(x), np.result_type(x)) for x in extra)
+    kinds = tuple((np.shape(x), jnp.result_type(x)) for x in extra)
     return _compiled(structure, shapes, tree, kinds, names)
 
 

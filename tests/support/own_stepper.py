@@ -79,9 +79,7 @@ class RungeKutta4(AbstractStepper):
         step = RungeKutta4Steps(now, start.time, start.time, jnp.asarray(True))
         return state, jax.tree.map(lambda x: jnp.broadcast_to(x, (STEPS, *jnp.shape(x))), step)
 
-    def block(
-        self, model: System, state: RungeKutta4State
-    ) -> tuple[RungeKutta4State, RungeKutta4Steps]:
+    def block(self, model: System, state: RungeKutta4State) -> tuple[RungeKutta4State, RungeKutta4Steps]:
         def step(state, _):
             later = replace(state, taken=state.taken + 1.0)
             record = RungeKutta4Steps(state.now, state.time, later.time, jnp.asarray(True))
