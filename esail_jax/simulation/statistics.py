@@ -48,15 +48,17 @@ class Pending(NamedTuple):
         taken = np.where(table[:, 1] > 0, table[:, 0], np.inf)
         ends = np.minimum.accumulate(taken[::-1])[::-1] if len(table) else taken
         cuts = np.searchsorted(ends, times, side="right")
+        # An instant at the end of a step lies in that step: the next one may not have been taken yet.
+        reaching = np.searchsorted(ends, times, side="left")
         rows, before = [], 0
-        for cut in cuts:
+        for cut, reached in zip(cuts, reaching, strict=True):
             part = table[before:cut]
-            following = table[cut:][table[cut:, 1] > 0, 3]
+            following = table[reached:][table[reached:, 1] > 0, 3]
             size = following[0] if len(following) else (table[-1, 3] if len(table) else np.nan)
             rows.append([*self._numbers(part, statistics), size])
             before = max(before, cut)
-        found = np.array(rows, float).reshape(len(times), -1)
         names = ["steps", "rejected_steps", *statistics, "last_step"]
+        found = np.array(rows, float).reshape(len(times), len(names))
         columns = dict(zip(names, found.T, strict=True)) if len(times) else {n: np.zeros(0) for n in names}
         return {name: columns[name] for name in (*COUNTS, *statistics)}, Pending(table[before:])
 

@@ -110,7 +110,7 @@ class Case:
     """A method on a scene.
 
     scene; stepper: the method with a fineness, which is a step size [s] or a tolerance; fineness: three of
-    them; order: the order of convergence and how far it may be missed; between: the largest error between
+    them; order: the order of convergence and how far it may be missed (None where errors are rounding); between: the largest error between
     steps, relative to the largest at their ends; max_steps: a bound that the coarsest run keeps and the
     finest does not; failures: results by input, a factor of the first number or a fineness; quotient: the
     accuracy of a difference quotient."""
@@ -118,7 +118,7 @@ class Case:
     scene: Scene
     stepper: Callable[[Any], AbstractStepper]
     fineness: tuple[float, float, float]
-    order: tuple[float, float]
+    order: tuple[float, float] | None
     max_steps: int
     failures: Mapping[tuple[str, float], str]
     between: float = 3.0
@@ -194,7 +194,7 @@ CASES = {
         FRAME,
         lambda h: Collocation(h, jnp.asarray(1e-8)),
         (1.0, 0.5, 0.25),
-        (7.0, 0.6),
+        None,
         24,
         DIVERGED | {("fineness", 1e4): "newton_diverged"},
     ),
@@ -236,9 +236,12 @@ def test_order_of_convergence_at_steps_and_between_them(name):
     case = CASES[name]
     times = case.end * np.array([0.5, 0.5137, 0.731, 1.0])
     coarse, middle, fine = (case.run(f, times=times, late=True) for f in case.fineness)
-    expected, missed_by = case.order
     position = case.names[0]
     first, second = difference(coarse, middle, position), difference(middle, fine, position)
+    if case.order is None:
+        assert max(first, second) < 1e-13
+        return
+    expected, missed_by = case.order
     order = np.log(first / second) / np.log(middle.steps / coarse.steps)
     assert abs(order - expected) < missed_by, order
     for one, other in ((coarse, middle), (middle, fine)):
@@ -303,7 +306,7 @@ def check_bits(found: Mapping[str, np.ndarray], expected: Mapping[str, np.ndarra
 # ---- traced runs --------------------------------------------------------------------------------
 
 
-@cases(quick="own")
+@cases(quick="tsit5")
 def test_batch_of_traced_runs_equals_a_loop_on_the_host(name):
     """One `vmap` holds good members, members that fail, and one that needs too many steps.
 
@@ -316,7 +319,7 @@ def test_batch_of_traced_runs_equals_a_loop_on_the_host(name):
     inputs = [(coarse, 1.0, "successful"), (coarse, 1.01, "successful"), (fine, 1.0, "too_many_steps")]
     for (what, value), result in case.failures.items():
         inputs.append((value, 1.0, result) if what == "fineness" else (coarse, value, result))
-    finenesses, factors, results = zip(*inputs, strict=True)
+    finenesses, factors, _ = zip(*inputs, strict=True)
 
     def member(fineness, factor):
         run = case.run(fineness, (factor, 1.0, 1.0, 1.0), times, max_steps=case.max_steps)
@@ -343,7 +346,7 @@ def test_batch_of_traced_runs_equals_a_loop_on_the_host(name):
         assert before < 1e-9 and after > 1e-3
 
 
-@cases(quick="own")
+@cases(quick="tsit5")
 def test_derivative(name):
     """Forward mode agrees with the difference quotient of host runs, and reverse with forward mode (1e-10:
     rounding). The derivative goes through the release of a tether."""
@@ -400,6 +403,7 @@ def repaired() -> esail.Solution:
     return found
 
 
+@pytest.mark.slow
 def test_a_traced_run_halves_steps_that_do_not_converge():
     """A run inside a function of no arguments halves the same steps as the run on the host."""
     host = repaired()
