@@ -63,8 +63,8 @@ class Pending(NamedTuple):
             size = around[0, 3] if time > begin else 0.0
             rows.append([*self._numbers(table[before:cut], statistics), size])
             before = max(before, cut)
-        found = np.array(rows, float).reshape(len(times), -1)
         names = ["steps", "rejected_steps", *statistics, "last_step"]
+        found = np.array(rows, float).reshape(len(times), len(names))
         columns = dict(zip(names, found.T, strict=True)) if len(times) else {n: np.zeros(0) for n in names}
         return {name: columns[name] for name in (*COUNTS, *statistics)}, Pending(table[before:])
 
