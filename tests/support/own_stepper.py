@@ -1,6 +1,7 @@
 """A stepper from outside the package: the classical Runge-Kutta method of order 4 with a fixed step.
 
-    k_1 = f(t, y),  k_2 = f(t + h/2, y + h/2 k_1),  k_3 = f(t + h/2, y + h/2 k_2),  k_4 = f(t + h, y + h k_3)
+    k_1 = f(t, y),                  k_2 = f(t + h/2, y + h/2 k_1),
+    k_3 = f(t + h/2, y + h/2 k_2),  k_4 = f(t + h, y + h k_3),
     y(t + h) = y + h/6 (k_1 + 2 k_2 + 2 k_3 + k_4),      y = (q, v, work)
 
 It shows how little a new method needs: a state, a record of its steps, and the four abstract functions of
