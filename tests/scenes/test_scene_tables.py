@@ -239,7 +239,7 @@ ALIASES = {
 """Annotation of physical numbers of each shape."""
 
 
-@pytest.mark.parametrize("name", FIELDS)
+@pytest.mark.parametrize("name", sorted(FIELDS))
 def test_annotations_agree_with_the_rules(name):
     field, rule = FIELDS[name], rule_of(FIELDS[name])
     wanted = ALIASES.get(rule.shape)
