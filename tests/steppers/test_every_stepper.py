@@ -177,8 +177,12 @@ def chain_scale() -> Any:
 CASES = {
     "own": Case(FRAME, RungeKutta4, (0.4, 0.2, 0.1), (4.0, 0.3), 100, NONFINITE),
     "tsit5": Case(
-        SMALL_CHAIN, lambda h: RungeKutta(h, None, None, "tsit5"),
-        (4e-3, 2e-3, 1e-3), (5.0, 0.3), 500, NONFINITE,
+        SMALL_CHAIN,
+        lambda h: RungeKutta(h, None, None, "tsit5"),
+        (4e-3, 2e-3, 1e-3),
+        (5.0, 0.3),
+        500,
+        NONFINITE,
     ),
     "dopri8": Case(
         SMALL_CHAIN,
@@ -189,8 +193,12 @@ CASES = {
         {},
     ),
     "collocation": Case(
-        SMALL_SAIL, lambda tolerance: Collocation(None, tolerance),
-        (1e-5, 1e-7, 1e-9), (7.0, 1.5), 12, DIVERGED,
+        SMALL_SAIL,
+        lambda tolerance: Collocation(None, tolerance),
+        (1e-5, 1e-7, 1e-9),
+        (7.0, 1.5),
+        12,
+        DIVERGED,
     ),
     "collocation-fixed": Case(
         FRAME,
@@ -208,10 +216,8 @@ CASES = {
         200,
         DIVERGED | {("fineness", 1e4): "newton_diverged"},
     ),
-    "energy-momentum": Case(
-        SMALL_SAIL, EnergyMomentum, (0.2, 0.1, 0.05), (2.0, 0.1), 200, NONFINITE
-    ),
-}  # fmt: skip
+    "energy-momentum": Case(SMALL_SAIL, EnergyMomentum, (0.2, 0.1, 0.05), (2.0, 0.1), 200, NONFINITE),
+}
 
 
 def cases(quick: str):
