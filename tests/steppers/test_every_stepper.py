@@ -198,7 +198,10 @@ CASES = {
         (1e-5, 1e-7, 1e-9),
         (7.0, 1.5),
         12,
-        DIVERGED,
+        {("number", np.inf): "nonfinite"},
+        # Runs with other numbers choose other steps: a quotient of adaptive runs has an error of the tolerance
+        # over the difference of the numbers (measured: 2e-6).
+        quotient=1e-5,
     ),
     "collocation-fixed": Case(
         FRAME,
@@ -214,7 +217,7 @@ CASES = {
         (0.2, 0.1, 0.05),
         (2.0, 0.1),
         200,
-        DIVERGED | {("fineness", 1e4): "newton_diverged"},
+        NONFINITE | {("fineness", 1e4): "nonfinite"},
     ),
     "energy-momentum": Case(SMALL_SAIL, EnergyMomentum, (0.2, 0.1, 0.05), (2.0, 0.1), 200, NONFINITE),
 }
@@ -339,7 +342,7 @@ def test_batch_of_traced_runs_equals_a_loop_on_the_host(name):
         assert name_of(ended) == result
         numbers = (factor, 1.0, 1.0, 1.0)
         if not np.isfinite(factor):  # the host refuses such a number before it runs
-            with pytest.raises(esail.SceneError):
+            with np.errstate(invalid="ignore"), pytest.raises(esail.SceneError):  # 0 times infinity
                 case.run(fineness, numbers, times)
             continue
         host = case.run(fineness, numbers, times, max_steps=case.max_steps, throw=False)
