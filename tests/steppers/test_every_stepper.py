@@ -199,8 +199,8 @@ CASES = {
         (7.0, 1.5),
         12,
         {("number", np.inf): "nonfinite"},
-        # Runs with other numbers choose other steps: a quotient of adaptive runs has an error of the tolerance
-        # over the difference of the numbers (measured: 2e-6).
+        # Runs with other numbers choose other steps: a quotient of adaptive runs has an error of the
+        # tolerance over the difference of the numbers (measured: 2e-6).
         quotient=1e-5,
     ),
     "collocation-fixed": Case(
