@@ -13,213 +13,39 @@ again."""
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from esail_jax import iteration_matrix
-from esail_jax.array_types import Array, Bool, Float, Int, Rotation, Scalar
+from esail_jax.array_types import Array, Float, Int, Rotation, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
-from esail_jax.numerics import bordered
 from esail_jax.numerics.lockstep import bounded_loop, select, while_active
+from esail_jax.steppers import step_error
 from esail_jax.steppers.consistent import consistent_motion
-from esail_jax.steppers.results import RESULTS
-from esail_jax.steppers.step_error import StepErrors, after_block, no_errors
-from esail_jax.steppers.stepper import (
-    AbstractState,
-    AbstractStepper,
-    AbstractSteps,
-    Log,
-    Motion,
-    Point,
-    Statistic,
-    replay_blocks,
+from esail_jax.steppers.fixed_step_state import (
+    MAX_HALVINGS,
+    TICKS,
+    FixedStepState,
+    FrozenFactors,
+    IterationInfo,
+    StepState,
+    Unknowns,
+    no_info,
 )
+from esail_jax.steppers.fixed_step_steps import FixedStepSteps, Interval, Node, Tape
+from esail_jax.steppers.results import RESULTS
+from esail_jax.steppers.step_error import StepErrors
+from esail_jax.steppers.stepper import AbstractStepper, Log, Motion, Point, Statistic, replay_blocks
 from esail_jax.system import Power, System
 
 STEPS_PER_FACTORISATION = 20
 """Largest number of steps in a block."""
 
-MAX_HALVINGS = 6
-"""Largest number of halvings of a step whose iterations do not converge. After it the run fails."""
-
-TICKS = 2**MAX_HALVINGS
-"""Units of time per whole step: the end of every step, halved or not, is an exact multiple of the unit."""
-
 MAX_ITERATIONS = 12
 """Largest number of iterations of a step, after which the step has failed. Good steps need one or two."""
-
-SNAP = 1e-9
-"""An instant that differs from the end of a step by less than this fraction of the step is that end:
-multiples of decimal fractions are rounded in binary."""
-
-
-class StepState(NamedTuple):
-    """The motion at the end of a step, and the memory of earlier steps that the next step needs.
-
-    a: the auxiliary acceleration of generalized-alpha; vdot_difference, vdot_second_difference: differences
-    of vdot over the last steps, for the next first guess; work: external work and dissipated energy [J]
-    since the start of the run; power: their rates [W]."""
-
-    q: Coordinates
-    v: Coordinates
-    vdot: Coordinates
-    a: Coordinates
-    lam: Multipliers
-    vdot_difference: Coordinates
-    vdot_second_difference: Coordinates
-    work: Power
-    power: Power
-
-
-class FixedStepState(AbstractState):
-    """The state after a block.
-
-    origin: time of the call of `init` [s]; tick: step/TICKS [s]; ticks: time since `origin` in this unit;
-    halvings: present number of halvings of the step; errors: the estimated errors so far."""
-
-    now: StepState
-    origin: Scalar
-    tick: Scalar
-    ticks: Int[Array, ""]
-    halvings: Int[Array, ""]
-    errors: StepErrors
-    taken: Scalar
-    rejected: Scalar
-    result: RESULTS
-
-    @property
-    def time(self) -> Scalar:
-        return self.origin + self.ticks * self.tick
-
-
-class Node(NamedTuple):
-    """The values and rates at an end of a step that dense output needs."""
-
-    q: Coordinates
-    v: Coordinates
-    vdot: Coordinates
-    work: Power
-    power: Power
-
-    @classmethod
-    def of(cls, state: StepState) -> "Node":
-        """The part of a state that is recorded."""
-        return cls(state.q, state.v, state.vdot, state.work, state.power)
-
-
-class IterationInfo(NamedTuple):
-    """The convergence of a step's iterations.
-
-    iterations: their number; increment: the last increment of tether nodes and of the hub [m]; left: the
-    expected remaining error of both [m], which `tolerance` [m] limits; rate: the ratio of the last two
-    increments, of this step or of an earlier one with the same factors; constraint, residual: largest
-    constraint violation [m] and largest unbalanced force of a node beyond the root [N], before the last
-    correction and without scaling; tether: the number of the tether with the largest increment.
-    """
-
-    iterations: Int[jax.Array, ""]
-    increment: Float[jax.Array, "2"]
-    left: Float[jax.Array, "2"]
-    rate: Scalar
-    tolerance: Float[jax.Array, "2"]
-    constraint: Scalar
-    residual: Scalar
-    tether: Int[jax.Array, ""]
-
-    def converged(self) -> jax.Array:
-        """Tells whether the remaining error is within tolerance; false for NaN."""
-        return (self.left <= self.tolerance).all()
-
-
-class FixedStepSteps(AbstractSteps):
-    """The record of the steps of a block.
-
-    start: the start of the first step; ends, end, size: the end of each step, its time and its length [s];
-    tried, taken: as in `Log`; errors: the estimated errors at the end of the block, relative to the ranges
-    of the signals."""
-
-    start: Node
-    ends: Node
-    end: Float[Array, "*block attempt"]
-    size: Float[Array, "*block attempt"]
-    tried: Bool[Array, "*block attempt"]
-    taken: Bool[Array, "*block attempt"]
-    info: IterationInfo
-    errors: Float[Array, "*block 2"]
-
-    @property
-    def log(self) -> Log:
-        info, shape = self.info, self.end.shape
-        tip, force = (jnp.broadcast_to(self.errors[i], shape) for i in (0, 1))
-        statistics = {
-            "iterations_per_step": info.iterations.astype(float),
-            "last_increment": info.increment.max(-1),
-            "constraint_violation": info.constraint,
-            "residual": info.residual,
-            "tether": info.tether.astype(float),
-            "tip_error": tip,
-            "root_force_error": force,
-        }
-        return Log(self.tried, self.taken, self.end, self.size, statistics)
-
-    def find(self, time: Scalar) -> tuple[Int[Array, ""], ...]:
-        reaches = self.taken & (time <= self.end + SNAP * self.size)
-        return jnp.unravel_index(jnp.argmax(reaches), reaches.shape)
-
-    def pick(self, index: tuple[Int[Array, ""], ...]) -> "Interval":
-        *block, k = index
-        block = tuple(block)
-        before = jax.tree.map(
-            lambda x0, x: jnp.where(k == 0, x0[block], x[(*block, jnp.maximum(k - 1, 0))]),
-            self.start,
-            self.ends,
-        )
-        after = jax.tree.map(lambda x: x[index], self.ends)
-        return Interval(before, after, self.end[index], self.size[index])
-
-
-class Interval(NamedTuple):
-    """One step: its start and its end, the time at the end, and its length [s]."""
-
-    before: Node
-    after: Node
-    end: Scalar
-    size: Scalar
-
-
-class Tape(NamedTuple):
-    """Number of steps taken in a block, and whether an attempt failed after them."""
-
-    count: Int[Array, ""]
-    failed: Bool[Array, ""]
-
-
-class FrozenFactors(NamedTuple):
-    """An iteration matrix, its factors, and the attitude at which it was assembled."""
-
-    matrix: bordered.Bordered
-    factors: bordered.Factors
-    rotation: Rotation
-
-    def solve(
-        self, system: System, turned: Rotation, forces: Coordinates, constraints: Multipliers
-    ) -> tuple[Coordinates, Multipliers]:
-        """Returns (dq, s dlam) for a right-hand side in inertial axes. turned: the rotation from the
-        attitude of the factors to the present one."""
-        rhs = iteration_matrix.to_vector(system, forces.rotate(turned.T), constraints)
-        dq, dlam = iteration_matrix.from_vector(system, bordered.solve(self.matrix, self.factors, rhs))
-        return dq.rotate(turned), dlam
-
-
-class Unknowns(NamedTuple):
-    """The unknowns of a step."""
-
-    vdot: Coordinates
-    lam: Multipliers
 
 
 class FixedStep(AbstractStepper):
@@ -318,7 +144,7 @@ class FixedStep(AbstractStepper):
         now = StepState(q, v, vdot, vdot, lam, nothing, nothing, work, power)
         now = self.first_state(model, time, now)
         zero, none = jnp.zeros(()), jnp.zeros((), int)
-        errors = no_errors(model.tethers.count)
+        errors = StepErrors.initial(model.tethers.count)
         tick = self.step_size / TICKS
         state = FixedStepState(now, time, tick, none, none, errors, zero, zero, RESULTS.successful)
         node, count = Node.of(now), STEPS_PER_FACTORISATION
@@ -335,7 +161,7 @@ class FixedStep(AbstractStepper):
             repeated(False),
             repeated(True),
             info,
-            errors.parts,
+            errors.relative,
         )
         return state, steps
 
@@ -403,7 +229,7 @@ class FixedStep(AbstractStepper):
         end = state.origin + (state.ticks + (index + 1) * size) * state.tick
         ticks = state.ticks + tape.count * size
         length = size * state.tick
-        errors = after_block(
+        errors = step_error.updated(
             state.errors, model, state.time, length, state.now.q, ends.q, tape.count, self.phase_error
         )
         # The failed attempt is recorded after the steps that were taken.
@@ -413,7 +239,7 @@ class FixedStep(AbstractStepper):
             lambda x, y: jnp.where(failed.reshape(-1, *(1,) * (x.ndim - 1)), y, x), info, failure
         )
         sizes = jnp.where(tried, length, 0.0)
-        steps = FixedStepSteps(Node.of(state.now), ends, end, sizes, tried, taken, info, errors.parts)
+        steps = FixedStepSteps(Node.of(state.now), ends, end, sizes, tried, taken, info, errors.relative)
 
         no_progress = tape.failed & (tape.count == 0)
         exhausted = no_progress & (state.halvings == MAX_HALVINGS)
@@ -436,26 +262,7 @@ class FixedStep(AbstractStepper):
         return state, steps
 
     def evaluate(self, model: System, step: Interval, time: Scalar) -> Point:
-        """Evaluates cubic Hermite polynomials of q, v and the work, through values and rates at both ends.
-
-        v is not the derivative of the cubic of q: the method's v and dq/dt differ by a constant times
-        h^2 d^2v/dt^2 (0.17 at spectral radius 0.25), which would appear at saved instants only."""
-        before, after, end, h = step
-        theta = 1.0 + (time - end) / h
-        t2, t3 = theta**2, theta**3
-        h00, h10, h01, h11 = 2 * t3 - 3 * t2 + 1, t3 - 2 * t2 + theta, 3 * t2 - 2 * t3, t3 - t2
-
-        def cubic(x0, r0, x1, r1):
-            return h00 * x0 + h01 * x1 + h * (h10 * r0 + h11 * r1)
-
-        q = jax.tree.map(cubic, before.q, before.v, after.q, after.v)
-        v = jax.tree.map(cubic, before.v, before.vdot, after.v, after.vdot)
-        work = jax.tree.map(cubic, before.work, before.power, after.work, after.power)
-        between = (q, v, work)
-        at_start, at_end = theta < SNAP, theta > 1.0 - SNAP
-        nearest = select(at_start, (before.q, before.v, before.work), (after.q, after.v, after.work))
-        exact = at_start | at_end
-        return Point(time, *select(exact, nearest, between), exact)
+        return step.evaluate(time)
 
     def failure(self, model: System, state: FixedStepState, log: Log) -> str:
         tried = np.asarray(log.tried)
@@ -468,7 +275,7 @@ class FixedStep(AbstractStepper):
         )
 
     def error_estimates(self, state: FixedStepState) -> dict[str, Scalar]:
-        tip, force = state.errors.parts
+        tip, force = state.errors.relative
         return {"tip_error": tip, "root_force_error": force}
 
     # ---- derivatives -------------------------------------------------------------------------------
@@ -506,9 +313,3 @@ class FixedStep(AbstractStepper):
             return self.finished(model, state, now, ends, info, tape, no_info())
 
         return replay_blocks(self, model, motion, block, tapes, blocks, times)
-
-
-def no_info() -> IterationInfo:
-    """Returns the record of a step that was not tried."""
-    zero, none, two = jnp.zeros(()), jnp.zeros((), int), jnp.zeros(2)
-    return IterationInfo(none, two, two, zero, two, zero, zero, none)

@@ -21,7 +21,8 @@ from esail_jax.numerics.symbolic_zeros import (
     perturbed,
     unused_matvec,
 )
-from esail_jax.steppers.fixed_step import FixedStep, FrozenFactors, IterationInfo, Unknowns
+from esail_jax.steppers.fixed_step import FixedStep
+from esail_jax.steppers.fixed_step_state import FrozenFactors, IterationInfo, Unknowns
 from esail_jax.system import Power, Residual, System
 
 MARGIN = 10.0

@@ -20,8 +20,9 @@ from esail_jax.array_types import Float, Rotation, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.numerics import bordered
 from esail_jax.numerics.lockstep import select
-from esail_jax.steppers.fixed_step import FixedStep, FrozenFactors, IterationInfo, StepState, Unknowns
+from esail_jax.steppers.fixed_step import FixedStep
 from esail_jax.steppers.fixed_step_solution import solve_step
+from esail_jax.steppers.fixed_step_state import FrozenFactors, IterationInfo, StepState, Unknowns
 from esail_jax.steppers.transposable import Transposable
 from esail_jax.system import Power, Residual, System
 

@@ -42,7 +42,7 @@ LEAST_RANGE = 1e-4
 be compared with rounding errors."""
 
 
-class Course(NamedTuple):
+class RunningError(NamedTuple):
     """Running estimate of a signal's error, and the signal's minimum and maximum so far."""
 
     error: PerTether
@@ -58,21 +58,22 @@ class Course(NamedTuple):
 
 
 class StepErrors(NamedTuple):
-    """Estimated errors of the tips [m] and of the elastic force at the roots [N]; parts: both relative to
-    the ranges of the signals."""
+    """Estimated errors of the tips [m] and of the elastic force at the roots [N].
 
-    tip: Course
-    force: Course
-    parts: Float[Array, "2"]
+    relative: both, relative to the ranges of the signals."""
+
+    tip: RunningError
+    force: RunningError
+    relative: Float[Array, "2"]
+
+    @classmethod
+    def initial(cls, tethers: int) -> "StepErrors":
+        """Returns the estimates before the first step."""
+        none, far = jnp.zeros(tethers), jnp.full((3, tethers), jnp.inf)
+        return cls(*[RunningError(none, far, -far)] * 2, jnp.zeros(2))
 
 
-def no_errors(tethers: int) -> StepErrors:
-    """Returns the estimates before the first step."""
-    none, far = jnp.zeros(tethers), jnp.full((3, tethers), jnp.inf)
-    return StepErrors(*[Course(none, far, -far)] * 2, jnp.zeros(2))
-
-
-def after_block(
+def updated(
     errors: StepErrors,
     system: System,
     time: Scalar,
@@ -96,13 +97,13 @@ def after_block(
     share = 0.5 * np.pi * phase_error * count / jnp.maximum(count - 2, 1)
     kept, counted = number <= count, jnp.arange(3, steps + 1) <= count
 
-    def followed(course, signal):
+    def continued(before, signal):
         third = jnp.where(counted[:, None], norm(jnp.diff(signal, 3, axis=1)), 0.0)
-        error = jnp.minimum(course.error * jnp.exp(growth) + share * third.sum(0), ERROR_CAP)
-        return Course(
+        error = jnp.minimum(before.error * jnp.exp(growth) + share * third.sum(0), ERROR_CAP)
+        return RunningError(
             error,
-            jnp.minimum(course.low, within(kept, signal, jnp.inf).min(1)),
-            jnp.maximum(course.high, within(kept, signal, -jnp.inf).max(1)),
+            jnp.minimum(before.low, within(kept, signal, jnp.inf).min(1)),
+            jnp.maximum(before.high, within(kept, signal, -jnp.inf).max(1)),
         )
 
     def along(x):
@@ -113,8 +114,8 @@ def after_block(
     tips = jnp.moveaxis(along(lambda nodal: nodal[0, :, -1]), 0, 1)
     slopes = along(lambda nodal: root_slopes(system, nodal))
     hubs = None if start.hub is None else jnp.concatenate([start.hub[None], ends.hub])
-    tip = followed(errors.tip, tips)
-    force = followed(errors.force, root_forces(system, times, slopes, hubs))
+    tip = continued(errors.tip, tips)
+    force = continued(errors.force, root_forces(system, times, slopes, hubs))
     return StepErrors(tip, force, jnp.stack([tip.relative(), force.relative()]))
 
 

@@ -14,7 +14,7 @@ from signals import signals
 
 import esail_jax as esail
 from esail_jax.array_types import Scalar
-from esail_jax.steppers.fixed_step import StepState
+from esail_jax.steppers.fixed_step_state import StepState
 from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
 from esail_jax.system import System
 

@@ -11,7 +11,8 @@ from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.structure import split
 from esail_jax.simulation.advance import Window, move
 from esail_jax.simulation.problem import start
-from esail_jax.steppers.fixed_step import STEPS_PER_FACTORISATION, Interval, Node
+from esail_jax.steppers.fixed_step import STEPS_PER_FACTORISATION
+from esail_jax.steppers.fixed_step_steps import Interval, Node
 from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
 from esail_jax.steppers.results import name_of
 from esail_jax.steppers.stepper import Motion, Point

@@ -17,7 +17,7 @@ from esail_jax.scenes.structure import split
 from esail_jax.steppers.energy_momentum import EnergyMomentum
 from esail_jax.steppers.fixed_step import STEPS_PER_FACTORISATION
 from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
-from esail_jax.steppers.step_error import Course, StepErrors, after_block, no_errors
+from esail_jax.steppers.step_error import RunningError, StepErrors, updated
 from esail_jax.terms import find_term
 from support.quick import jit
 
@@ -102,7 +102,7 @@ def system():
 
 BLOCK = STEPS_PER_FACTORISATION
 
-after_one_block = jit(after_block)
+after_one_block = jit(updated)
 
 
 def after_blocks(errors, system, h, q, take, phase_error):
@@ -142,7 +142,7 @@ def test_errors_grow_under_pressure(system, stretch, take):
     The sail is at rest, so that no new error is added. A block may end early.
     """
     steps, h, tethers = 2 * BLOCK, 0.5, system.tethers
-    before = Course(jnp.array([1e-3, 2e-3]), jnp.zeros((3, 2)), jnp.ones((3, 2)))
+    before = RunningError(jnp.array([1e-3, 2e-3]), jnp.zeros((3, 2)), jnp.ones((3, 2)))
     errors = StepErrors(before, before, jnp.zeros(2))
     after = after_blocks(errors, system, h, straight(system, stretch, steps), take, 0.1)
     pressure = max(-axial_force(system, stretch), 0.0)
@@ -163,7 +163,7 @@ def test_a_third_difference_counts_with_the_phase_it_costs(system):
     wave = jnp.where(count <= take, jnp.sin(phase * count), 100.0)
     q = straight(system, 1.0, steps)
     q = q._replace(tether=q.tether.at[:, 0, 2, -1, :].add(wave[:, None]))
-    tip = after_blocks(no_errors(2), system, 0.1, q, take, 0.2).tip
+    tip = after_blocks(StepErrors.initial(2), system, 0.1, q, take, 0.2).tip
     np.testing.assert_allclose(tip.error, 0.2 * phase**3 * take, rtol=phase**2)
     np.testing.assert_allclose((tip.high - tip.low)[2], 2.0, atol=1e-12)
 
@@ -175,7 +175,7 @@ def test_a_block_adds_its_third_differences(system):
     q = straight(system, 1.0, BLOCK)
     q = q._replace(tether=q.tether.at[:, 0, 2, -1, :].add(wave[:, None]))
     for take in (2, 3, 9, BLOCK):
-        tip = after_blocks(no_errors(2), system, 0.1, q, take, 0.2).tip
+        tip = after_blocks(StepErrors.initial(2), system, 0.1, q, take, 0.2).tip
         share = 0.5 * np.pi * 0.2 * take / max(take - 2, 1)
         expected = share * np.abs(np.diff(wave[: take + 1], 3)).sum()
         np.testing.assert_allclose(tip.error, expected, rtol=1e-12)
@@ -187,7 +187,7 @@ def test_a_released_tether_pulls_at_nothing(system):
     """The root force of a released tether is zero; that of an attached tether is EA eps r_x."""
     later = system.with_events_until(jnp.asarray(10.0))
     q = straight(later, 1.01, BLOCK)
-    found = after_blocks(no_errors(2), later, 0.1, q, BLOCK, 0.1).force.high
+    found = after_blocks(StepErrors.initial(2), later, 0.1, q, BLOCK, 0.1).force.high
     held = axial_force(later, 1.01)
     np.testing.assert_allclose(found, [[0.0, 0.0], [held, 0.0], [0.0, 0.0]], atol=1e-12 * held)
 

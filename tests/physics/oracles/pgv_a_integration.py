@@ -8,7 +8,7 @@ import numpy as np
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.scene import load_scene
-from esail_jax.steppers.fixed_step import StepState
+from esail_jax.steppers.fixed_step_state import StepState
 from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
 from esail_jax.system import Power
 
