@@ -38,7 +38,9 @@ from esail_jax.steppers.results import RESULTS, name_of
 from esail_jax.steppers.stepper import Point
 from esail_jax.system import Power
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
+"""Version of the layout of run files and ensemble files. Files of another version are refused: their
+checkpoints and results have other names."""
 
 CHECKPOINT_SECONDS = 1.0
 """Least time between two writes [s]."""
@@ -281,10 +283,13 @@ def open_run(path: str | os.PathLike) -> h5py.File:
     if "schema_version" not in file.attrs or "scene" not in file:
         file.close()
         raise RunFileError(f"`{path}` must be a run file, but has no scene")
-    if file.attrs["schema_version"] > SCHEMA_VERSION:
+    if file.attrs["schema_version"] != SCHEMA_VERSION:
         found = file.attrs["schema_version"]
         file.close()
-        raise RunFileError(f"`{path}` must have schema version {SCHEMA_VERSION} or lower, but has {found}")
+        raise RunFileError(
+            f"`{path}` must have schema version {SCHEMA_VERSION}, but has {found}: "
+            "read it with the version of esail_jax that wrote it"
+        )
     return file
 
 
