@@ -70,7 +70,7 @@ def replay_steps(
         stages = jax.tree.map(lambda x: jnp.where(record.taken, x, 0.0), record.stages)
         # The recorded start: the derivative of a step needs no earlier step to be computed again.
         now = with_tangent_of(record.start, now)
-        unknowns = known_stages(system, now, h, stages, factors, record.info.iterations)
+        unknowns = known_stages(system, now, h, stages, factors)
         q, v = end_of_step(system, now, h, unknowns, factors)
         end = now._replace(q=q, v=v, vdot=jax.tree.map(lambda x: x[-1], unknowns.vdot))
         return end, replace(record, start=now, stages=unknowns)

@@ -37,10 +37,11 @@ from esail_jax.system import Residual, System
 MAX_ITERATIONS = 10
 """Largest number of iterations, after which a step has failed. With half the step size it is cheaper."""
 
-MORE_ITERATIONS = 2
-"""Number of iterations for the linear equations of a derivative, beyond the number of the step itself. Two
-give seven digits of a gradient through three periods of the baseline, one gives six. The number is fixed in
-advance, so that reverse mode is the exact transpose of forward mode."""
+LINEAR_TOLERANCE = 1e-9
+"""Tolerance of the iterations for the linear equations of a derivative, relative to the first iterate."""
+
+MAX_LINEAR_ITERATIONS = 30
+"""Largest number of these iterations. They converge if those of the step did: the factors are the same."""
 
 
 def solve_stages(
@@ -93,18 +94,16 @@ def known_stages(
     h: Scalar,
     unknowns: StageUnknowns,
     factors: FrozenFactors,
-    iterations: Int[Array, ""],
 ) -> StageUnknowns:
     """Returns the unknowns as they are, with the derivative of the solution with respect to system, start
-    and h. The factors are those of the linear solver and carry no derivative. iterations: their number when
-    the stages were solved."""
+    and h. The factors are those of the linear solver and carry no derivative."""
     return unknowns
 
 
 @functools.partial(known_stages.defjvp, symbolic_zeros=True)
 def _known_stages_jvp(primals, tangents):
     """d(unknowns) = -J^-1 d(residual): implicit function theorem, J being that of all stages together."""
-    system, start, h, unknowns, factors, iterations = primals
+    system, start, h, unknowns, factors = primals
     times, q, v = stage_states(start, h, unknowns.vdot)
 
     def carried(start, h):
@@ -118,8 +117,7 @@ def _known_stages_jvp(primals, tangents):
     _, short = jvp_of_perturbed(at_rest, given, (tangents[0], tangents[1].time, tangents[2]))
     axes = jax.vmap(lambda time, q: axes_of(system, time, q))(times, q)
     linear = Linearised(system, times, h, StageStates(q, v), unknowns)
-    count = iterations + MORE_ITERATIONS
-    return unknowns, linear_solution(linear, moved, short, turns_to(axes, factors), factors, count)
+    return unknowns, linear_solution(linear, moved, short, turns_to(axes, factors), factors)
 
 
 class StageStates(NamedTuple):
@@ -190,9 +188,8 @@ def linear_solution(
     given: Residual,
     turns: Turn,
     factors: FrozenFactors,
-    count: Int[Array, ""],
 ) -> StageUnknowns:
-    """Returns x with A_1 moved + A_2 x + given = 0, by `count` simplified Newton iterations, and knows the
+    """Returns x with A_1 moved + A_2 x + given = 0, by simplified Newton iterations, and knows the
     transpose for reverse mode.
 
     The start's change is made part of the linear system, (1, 0; A_1, A_2) (moved, x) = (moved, -given), so
@@ -207,12 +204,21 @@ def linear_solution(
         return linear.without_roots(correction(linear.system, Residual(vdot, lam), turns, factors))
 
     def improved(product, precondition, rhs):
-        def improve(_, x):
+        """Iterates until the change of x, in the norm of `work_norm`, is within LINEAR_TOLERANCE."""
+
+        def improve(carry):
+            x, count, _ = carry
             left = jax.tree.map(jnp.subtract, product(x), rhs)
-            return jax.tree.map(jnp.add, x, precondition(left))
+            change = precondition(left)
+            return jax.tree.map(jnp.add, x, change), count + 1, work_norm(change, left)
+
+        def unfinished(carry):
+            _, count, norm = carry
+            return (norm > LINEAR_TOLERANCE * enough) & (count < MAX_LINEAR_ITERATIONS)
 
         first = jax.tree.map(jnp.negative, precondition(rhs))
-        return lax.fori_loop(1, count, improve, first)
+        enough = work_norm(first, rhs)
+        return lax.while_loop(unfinished, improve, (first, jnp.ones((), int), enough))[0]
 
     def solve(_, rhs):
         moved, rhs = rhs
@@ -234,6 +240,13 @@ def linear_solution(
     both = lax.optimization_barrier((moved, rhs))
     _, x = lax.custom_linear_solve(unused_matvec, both, solve, solve_transposed)
     return linear.with_roots(x)
+
+
+def work_norm(change: StageUnknowns, rows: StageUnknowns) -> Scalar:
+    """Returns a norm of an increment: the square root of the sum of |change_i rows_i|. Every term is a force
+    times an acceleration, also for slopes, for multipliers, and in the transposed equations."""
+    terms = jax.tree.map(lambda x, y: jnp.abs(x * y).sum(), change, rows)
+    return jnp.sqrt(sum(jax.tree.leaves(terms)))
 
 
 def on_roots(system: System, vdot: Coordinates) -> Coordinates:
