@@ -1,6 +1,7 @@
 """The command `esail`: run, scenes, info, plot, ensemble, design, bench.
 
-Their options are those of `commands/parser.py`. Exit codes are those of `commands/exit_codes.py`. Errors are one line on stderr.
+The options are those of `commands/parser.py`, the exit codes those of `commands/exit_codes.py`. Errors are
+one line on stderr.
 """
 
 import argparse
@@ -58,11 +59,11 @@ def plot(options: argparse.Namespace) -> ExitCode:
 
 def design(options: argparse.Namespace) -> ExitCode:
     """`esail design`."""
+    check_design(options)
+    weights = objective_weights(options)
     from esail_jax.commands.design import Optimisation, run_design
     from esail_jax.scenes.scene import load_scene
 
-    check_design(options)
-    weights = objective_weights(options)
     use_compilation_cache()
     how = Optimisation(options.iterations, options.method, options.starts, options.seed)
     scene = load_scene(options.scene, settings(options))
