@@ -58,10 +58,8 @@ class Chain:
         doc="Whether the joints between rods have bending stiffness.",
         default=False,
     )
-    root: RootName = declare(
-        choice(RootName),
-        unit="-",
-        doc="First joint of a fixed chain: pinned, or clamped along the first rod (with `bending`).",
+    root: RootName = declarations.joint_at_root(
+        "First joint of a fixed chain: pinned, or clamped along the first rod (with `bending`).",
         default="pinned",
     )
 

@@ -66,6 +66,11 @@ def measure_of_strain(*, default: StrainName) -> Any:
     return declare(choice(StrainName), unit="-", doc="Measure of axial strain.", default=default)
 
 
+def joint_at_root(doc: str, *, default: RootName) -> Any:
+    """Declares the joint at the root of tethers or rods."""
+    return declare(choice(RootName), unit="-", doc=doc, default=default)
+
+
 def speed_of_wind(shape: Shape) -> Any:
     """Declares the speed of the solar wind, which is required."""
     return declare(positive, shape=shape, unit="m/s", doc="Speed u of the wind.")

@@ -73,11 +73,8 @@ class Tethers:
         doc="End-to-end turn of a tether below which bending damping fades out, used with that damping.",
         default=None,
     )
-    root: RootName = declare(
-        choice(RootName),
-        unit="-",
-        doc="Joint at a tether's root: spherical, or clamped (cables only).",
-        default="pinned",
+    root: RootName = declarations.joint_at_root(
+        "Joint at a tether's root: spherical, or clamped (cables only).", default="pinned"
     )
 
 
