@@ -19,25 +19,19 @@ jax.config.update("jax_enable_x64", True)
 
 from esail_jax.compiler import jit  # noqa: E402
 from esail_jax.files.run_file import RunFileError, load, save  # noqa: E402
+from esail_jax.scenes.chain_tables import Chain, ChainInitial, ChainVoltage, ChainWind, Orbit  # noqa: E402
+from esail_jax.scenes.common_tables import Gravity, Integrator, Output  # noqa: E402
 from esail_jax.scenes.rules import SceneError  # noqa: E402
-from esail_jax.scenes.scene import Scene, load_scene  # noqa: E402
-from esail_jax.scenes.tables import (  # noqa: E402
-    Chain,
-    ChainInitial,
-    ChainVoltage,
-    ChainWind,
+from esail_jax.scenes.sail_tables import (  # noqa: E402
     Event,
-    Gravity,
     Hub,
     Initial,
-    Integrator,
-    Orbit,
-    Output,
     RemoteUnits,
     SolarWind,
     Tethers,
     Voltage,
 )
+from esail_jax.scenes.scene import Scene, load_scene  # noqa: E402
 from esail_jax.simulation.results import SimulationError  # noqa: E402
 from esail_jax.simulation.simulate import run, simulate  # noqa: E402
 from esail_jax.simulation.solution import Solution  # noqa: E402

@@ -6,25 +6,21 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from esail_jax.scenes import rules
+from esail_jax.scenes.chain_tables import Chain, ChainInitial, ChainVoltage, ChainWind
+from esail_jax.scenes.common_tables import Integrator
 from esail_jax.scenes.methods import METHODS, SAIL_METHOD, SAIL_STEP_METHOD, takes
 from esail_jax.scenes.rules import SceneError
-from esail_jax.scenes.tables import (
+from esail_jax.scenes.sail_tables import (
     LAWS,
     OPTIONAL_LAW_KEYS,
-    Chain,
-    ChainInitial,
-    ChainVoltage,
-    ChainWind,
     Event,
     Hub,
     Initial,
-    Integrator,
     SolarWind,
     Tethers,
     Voltage,
-    names_of,
-    tables_of,
 )
+from esail_jax.scenes.tables import names_of, tables_of
 
 
 @runtime_checkable

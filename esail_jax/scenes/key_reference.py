@@ -4,7 +4,8 @@ import dataclasses
 from typing import Any
 
 from esail_jax.scenes import wind_file
-from esail_jax.scenes.rules import Rule, rule_of
+from esail_jax.scenes.declarations import rule_of
+from esail_jax.scenes.rules import Rule
 from esail_jax.scenes.tables import CHAIN_TABLES, SAIL_TABLES, TABLES
 from esail_jax.scenes.value_types import Kind, Shape
 

@@ -6,14 +6,12 @@ Every message reads: `key` must ..., but is ... .
 import dataclasses
 import typing
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any
 
 import jax
 import numpy as np
 
 from esail_jax.scenes.value_types import Kind, Shape
-
-T = TypeVar("T")
 
 
 class SceneError(ValueError):
@@ -74,40 +72,6 @@ def choice(names: Any) -> Rule:
     quoted = [f'"{name}"' for name in names]
     listed = " or ".join([", ".join(quoted[:-1]), quoted[-1]] if len(quoted) > 1 else quoted)
     return Rule(f"be {listed}", structure=True, kind=Kind.CHOICE, choices=names)
-
-
-def declare(
-    rule: Rule,
-    *,
-    unit: str,
-    doc: str,
-    default: Any = dataclasses.MISSING,
-    shape: Shape = Shape.SCALAR,
-    structure: bool = False,
-) -> Any:
-    """Declares a key: a dataclass field whose metadata hold its rule, unit and description.
-
-    unit: of the value, "-" if it has none; doc: one sentence; default: without one the key must be given,
-    None means that the key may be absent; shape and structure: as in `Rule`."""
-    rule = dataclasses.replace(rule, shape=shape, structure=structure or rule.structure)
-    return dataclasses.field(default=default, metadata={"rule": rule, "unit": unit, "doc": doc})
-
-
-@typing.dataclass_transform(frozen_default=True, field_specifiers=(declare,))
-def table(cls: type[T]) -> type[T]:
-    """Makes a frozen dataclass of a table.
-
-    A table may hold any value until a `Scene` is made of it, which checks every value and names the key
-    that is wrong. Checkers of types at run time (jaxtyping, beartype) must therefore leave its constructor
-    alone."""
-    cls = dataclasses.dataclass(frozen=True)(cls)
-    cls.__no_type_check__ = True
-    return cls
-
-
-def rule_of(field: dataclasses.Field) -> Rule:
-    """The rule that a dataclass field was declared with."""
-    return field.metadata["rule"]
 
 
 def describe(value: Any) -> str:

@@ -15,30 +15,13 @@ from typing import Any
 import numpy as np
 
 from esail_jax.scenes import rules
+from esail_jax.scenes.chain_tables import Chain, ChainInitial, ChainVoltage, ChainWind, Orbit
+from esail_jax.scenes.common_tables import Gravity, Integrator, Output
 from esail_jax.scenes.consistency import check_together, method_name
+from esail_jax.scenes.declarations import rule_of
 from esail_jax.scenes.rules import SceneError
-from esail_jax.scenes.tables import (
-    REPEATED,
-    TABLES,
-    Chain,
-    ChainInitial,
-    ChainVoltage,
-    ChainWind,
-    Event,
-    Gravity,
-    Hub,
-    Initial,
-    Integrator,
-    Orbit,
-    Output,
-    RemoteUnits,
-    SolarWind,
-    Tethers,
-    Voltage,
-    given,
-    names_of,
-    tables_of,
-)
+from esail_jax.scenes.sail_tables import Event, Hub, Initial, RemoteUnits, SolarWind, Tethers, Voltage
+from esail_jax.scenes.tables import REPEATED, TABLES, given, names_of, tables_of
 from esail_jax.scenes.wind_file import with_wind_file
 
 
@@ -155,7 +138,7 @@ def checked(table: str, content: Any, members: rules.Members | None) -> Any:
     for field in dataclasses.fields(content):
         value = getattr(content, field.name)
         if value is not None:
-            value = rules.check_value(f"{table}.{field.name}", value, rules.rule_of(field), members)
+            value = rules.check_value(f"{table}.{field.name}", value, rule_of(field), members)
         elif field.default is dataclasses.MISSING:
             raise SceneError(f"{table}.{field.name}", "be given", "is missing")
         values[field.name] = value
@@ -225,7 +208,7 @@ def merged(tables: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str,
             del result[table]
     schedule = tables.get("integrator")
     if "output" not in result and isinstance(schedule, Mapping) and "t_end" in schedule:
-        rule = rules.rule_of(Integrator.__dataclass_fields__["t_end"])
+        rule = rule_of(Integrator.__dataclass_fields__["t_end"])
         t_end = rules.check_value("integrator.t_end", schedule["t_end"], rule, None)
         result["output"] = {"interval": t_end / 1000.0}
     return result

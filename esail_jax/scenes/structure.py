@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.array_types import Array, PerTether
-from esail_jax.scenes.rules import rule_of
+from esail_jax.scenes.declarations import rule_of
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.tables import TABLES
 from esail_jax.scenes.value_types import Shape

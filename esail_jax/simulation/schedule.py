@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from esail_jax.array_types import Array, Bool, Float, Int
+from esail_jax.scenes.chain_tables import ChainVoltage
 from esail_jax.scenes.rules import known
-from esail_jax.scenes.tables import ChainVoltage, Event, Voltage
+from esail_jax.scenes.sail_tables import Event, Voltage
 
 SNAP = 1e-9
 """Fraction of an interval by which a time may miss a multiple of it: multiples of decimal fractions are

@@ -13,6 +13,7 @@ from esail_jax.commands.exit_codes import ExitCode
 from esail_jax.commands.interrupts import Interrupts
 from esail_jax.commands.progress import Progress
 from esail_jax.files.hdf5 import atomic_file, atomic_hdf5
+from esail_jax.scenes.builtin_scenes import builtin_names
 
 
 class Terminal(io.StringIO):
@@ -68,6 +69,13 @@ def test_exit_codes_are_in_the_help(code, capsys):
     with pytest.raises(SystemExit):
         cli.main(["--help"])
     assert f"{code:d} " in capsys.readouterr().out
+
+
+def test_scenes_lists_every_built_in_scene_on_its_own_line(capsys):
+    assert cli.main(["scenes"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == builtin_names()
+    assert all(len(line.split()) > 3 for line in lines)
 
 
 def test_files_are_replaced_as_a_whole(tmp_path):

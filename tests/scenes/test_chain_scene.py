@@ -11,31 +11,15 @@ import pytest
 import esail_jax as esail
 from esail_jax import cli
 from esail_jax.files import run_file
-from esail_jax.scenes.rules import rule_of
+from esail_jax.scenes.declarations import rule_of
+from esail_jax.scenes.sail_tables import Initial
 from esail_jax.scenes.scene import load_scene, parse, to_toml
-from esail_jax.scenes.tables import CHAIN_TABLES, Initial
+from esail_jax.scenes.tables import CHAIN_TABLES
 from esail_jax.scenes.value_types import Shape
 from esail_jax.simulation.host import HostRun
+from support import small_chain
 from support.bits import check_same, esail_run, status_of
 from support.quick import jit
-
-TEXT = """
-[chain]
-rods = 3
-mass = [0.1, 0.2, 0.1]
-length = 0.5
-area = 1e-6
-youngs_modulus = 1e9
-[gravity]
-acceleration = [0.0, -9.81, 0.0]
-[initial]
-rod_vector = [[0.0, -0.5, 0.0], [0.0, -0.5, 0.0], [0.5, 0.0, 0.0]]
-rod_rate = [1.0, 0.0, 0.0]
-[integrator]
-t_end = 1.0
-[output]
-interval = 0.02
-"""
 
 FIELDS = {
     f"{table}.{field}": rule_of(content.__dataclass_fields__[field])
@@ -46,7 +30,7 @@ FIELDS = {
 
 @pytest.fixture(scope="module")
 def chain():
-    return parse(TEXT, "chain")
+    return parse(small_chain.TEXT, "chain")
 
 
 NEEDS = {
@@ -164,9 +148,9 @@ def test_bad_input_is_refused_by_name(settings, key, word, chain, nothing_compil
 def test_tables_of_sails_do_not_mix_with_a_chain():
     for table in ("hub", "remote_units", "tethers"):
         with pytest.raises(esail.SceneError, match="be left out of a scene with"):
-            parse(TEXT + f"[{table}]\n", "mixed")
+            parse(small_chain.TEXT + f"[{table}]\n", "mixed")
     with pytest.raises(esail.SceneError, match=r"`initial\.rod_vector` must be given"):
-        parse(TEXT.replace("rod_vector", "# "), "without")
+        parse(small_chain.TEXT.replace("rod_vector", "# "), "without")
 
 
 def test_contracts_chains_are_built_in():
@@ -187,7 +171,7 @@ def test_contracts_chains_are_built_in():
 @pytest.fixture(scope="module")
 def file(tmp_path_factory):
     path = tmp_path_factory.mktemp("chain") / "chain.toml"
-    path.write_text(TEXT)
+    path.write_text(small_chain.TEXT)
     return path
 
 

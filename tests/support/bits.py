@@ -1,6 +1,8 @@
-"""Run files: made by the command, and compared bit by bit."""
+"""Run files made by the command, and comparisons bit by bit."""
 
 import h5py
+import jax
+import numpy as np
 
 from esail_jax import cli
 
@@ -29,3 +31,12 @@ def check_same(path, other):
                 assert a[name][()].tobytes() == b[name][()].tobytes(), f"{name} differs"
         assert dict(a["state"].attrs) == dict(b["state"].attrs)
         assert (a.attrs["status"], a.attrs["steps"]) == (b.attrs["status"], b.attrs["steps"])
+
+
+def same_bits(a, b):
+    """Whether two trees of arrays have the same structure and bits."""
+    leaves = ([np.asarray(x) for x in jax.tree.leaves(tree)] for tree in (a, b))
+    pairs = zip(*leaves, strict=True)
+    return jax.tree.structure(a) == jax.tree.structure(b) and all(
+        (x.dtype, x.shape, x.tobytes()) == (y.dtype, y.shape, y.tobytes()) for x, y in pairs
+    )

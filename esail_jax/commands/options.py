@@ -1,0 +1,75 @@
+"""Options of a command line: the values that they stand for, and the error for those that are wrong."""
+
+import argparse
+import tomllib
+from typing import Any
+
+
+class UsageError(ValueError):
+    """A command line that cannot be understood."""
+
+
+def settings(options: argparse.Namespace) -> dict[str, Any]:
+    """Overrides from `--set` and `--t-end`, by scene key."""
+    found = {}
+    for text in options.settings:
+        key, equals, value = text.partition("=")
+        if not equals or "." not in key:
+            raise UsageError(f"`--set` must look like table.key=VALUE, but is {text!r}")
+        found[key.strip()] = toml_or_text(value)
+    if options.t_end is not None:
+        found["integrator.t_end"] = toml_or_text(options.t_end)
+    return found
+
+
+def toml_or_text(text: str) -> Any:
+    """The value of a TOML text, or the text itself if it is no TOML."""
+    try:
+        parsed = tomllib.loads(f"value = {text}")
+    except (ValueError, RecursionError):
+        return text.strip()
+    return parsed["value"] if list(parsed) == ["value"] else text.strip()
+
+
+def objective_weights(options: argparse.Namespace) -> dict[str, float]:
+    """Weights from `--objective`, by objective. Raises UsageError."""
+    found = {}
+    for text in options.weights:
+        name, equals, weight = text.partition("=")
+        value = toml_or_text(weight)
+        if not equals or isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise UsageError(f"`--objective` must look like NAME=WEIGHT, but is {text!r}")
+        found[name.strip()] = float(value)
+    return found
+
+
+def observable_names(options: argparse.Namespace) -> list[str] | None:
+    """Names from `--observables`; None for all."""
+    if options.observables is None:
+        return None
+    return [name.strip() for name in options.observables.split(",")]
+
+
+def check_design(options: argparse.Namespace) -> None:
+    """Raises UsageError for numbers of `esail design` that are out of range."""
+    for name in ("iterations", "starts"):
+        if getattr(options, name) < 1:
+            raise UsageError(f"`--{name}` must be positive, but is {getattr(options, name)}")
+
+
+def check_ensemble(options: argparse.Namespace) -> None:
+    """Raises UsageError for options of `esail ensemble` that are out of range or do not fit together."""
+    for name, least in (("members", 1), ("seed", 0), ("processes", 1), ("process", 0)):
+        value = getattr(options, name)
+        if value is not None and value < least:
+            must = "be positive" if least else "not be negative"
+            raise UsageError(f"`--{name}` must {must}, but is {value}")
+    given = [getattr(options, name) is not None for name in ("coordinator", "process")]
+    if any(given) and not options.distributed:
+        raise UsageError("`--coordinator` and `--process` must come with --distributed, but do not")
+    if any(given) and not (all(given) and options.processes is not None):
+        raise UsageError("`--coordinator` must come with --process and --processes, but does not")
+    if options.distributed and not any(given) and options.processes is not None:
+        raise UsageError(
+            "`--processes` must be left to the cluster, or come with --coordinator, but is given"
+        )

@@ -1,0 +1,188 @@
+"""The parser of the command line, with the help of every command."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from esail_jax.commands.options import UsageError
+
+OBJECTIVES_HELP = (
+    "mean-torque, attitude, final-attitude, hub-swing, lagging, coning, spin, hub-torque, power and "
+    "closeness are made small; of thrust at least 96 %% is retained; spin-plane:A or spin-plane:A,P or "
+    "spin-plane:A,P,T turns the spin plane to a sailing angle A and a precession angle P [deg], at the end "
+    "or in the mean over the last T seconds"
+)
+"""Objectives of `esail design`, as in `design/objectives.py`."""
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser whose errors are one line."""
+
+    def error(self, message: str):
+        raise UsageError(f"{self.prog}: {message}")
+
+
+def parser() -> Parser:
+    """The parser of the command line."""
+    top = Parser(
+        prog="esail",
+        description="Simulates electric solar-wind sails and tethered satellites.",
+        epilog="Exit codes: 0 done; 2 bad input (one line on stderr, nothing written); 3 the solver failed "
+        "(the file holds everything before the failure); 130 interrupted (--resume continues).",
+        allow_abbrev=False,
+    )
+    commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    for add in (add_run, add_scenes, add_info, add_plot, add_design, add_ensemble, add_bench):
+        add(commands)
+    return top
+
+
+def add_command(commands: Any, name: str, text: str) -> argparse.ArgumentParser:
+    """A parser of one command. text: its help."""
+    return commands.add_parser(
+        name, help=text, description=f"{text[0].upper()}{text[1:]}.", allow_abbrev=False
+    )
+
+
+def add_scene(command: argparse.ArgumentParser) -> None:
+    """Adds the arguments of every command that simulates a given scene."""
+    command.add_argument("scene", help="name of a built-in scene, or path of a TOML file")
+    command.add_argument("--t-end", metavar="SECONDS", help="end time [s] instead of the scene's")
+    command.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="table.key=VALUE",
+        dest="settings",
+        help="value of a scene key instead of the scene's, in TOML; may be given several times",
+    )
+
+
+def add_run(commands: Any) -> None:
+    """Adds `esail run`."""
+    run = add_command(commands, "run", "simulate a scene and write its run file")
+    add_scene(run)
+    run.add_argument(
+        "-o", "--output", required=True, type=Path, metavar="RUN.h5", help="run file to write (HDF5)"
+    )
+    run.add_argument(
+        "--resume", action="store_true", help="continue RUN.h5 from its last checkpoint, if it exists"
+    )
+    run.add_argument("--quiet", action="store_true", help="print no progress bar and no summary")
+
+
+def add_scenes(commands: Any) -> None:
+    """Adds `esail scenes`."""
+    add_command(commands, "scenes", "list the built-in scenes")
+
+
+def add_info(commands: Any) -> None:
+    """Adds `esail info`."""
+    info = add_command(
+        commands, "info", "print model, method, status, speed and accuracy of a run or an ensemble"
+    )
+    info.add_argument("run", type=Path, metavar="RUN.h5", help="run file, or ensemble.h5 of an ensemble")
+
+
+def add_plot(commands: Any) -> None:
+    """Adds `esail plot`."""
+    plot = add_command(commands, "plot", "draw the figures of a run or an ensemble")
+    plot.add_argument("run", type=Path, metavar="RUN.h5", help="run file, or ensemble.h5 of an ensemble")
+    plot.add_argument(
+        "-o", "--output", required=True, type=Path, metavar="DIR", help="folder for the PNG files"
+    )
+
+
+def add_design(commands: Any) -> None:
+    """Adds `esail design`."""
+    design = add_command(
+        commands, "design", "choose the numbers of a scene's voltage law by gradients of the whole run"
+    )
+    add_scene(design)
+    design.add_argument(
+        "-o", "--output", required=True, type=Path, metavar="DIR",
+        help="folder for the history, the designed scene, the runs before and after, and a figure",
+    )  # fmt: skip
+    design.add_argument(
+        "--objective", action="append", default=[], metavar="NAME=WEIGHT", dest="weights",
+        help="an objective and its weight; may be given several times (default: mean-torque=1, thrust=1). "
+        f"Every objective is divided by its value at constant voltage: {OBJECTIVES_HELP}",
+    )  # fmt: skip
+    design.add_argument(
+        "--iterations", type=int, default=30, metavar="N",
+        help="largest number of iterations, those before --resume included (default: %(default)s)",
+    )  # fmt: skip
+    design.add_argument(
+        "--method", choices=("lbfgs", "adam"), default="lbfgs", help="optimiser (default: %(default)s)"
+    )
+    design.add_argument(
+        "--starts", type=int, default=1, metavar="N",
+        help="number of starts: the scene's own numbers, and N - 1 random ones about them (default: 1)",
+    )  # fmt: skip
+    design.add_argument(
+        "--seed", type=int, default=0, metavar="K", help="seed of the random starts (default: %(default)s)"
+    )
+    design.add_argument("--resume", action="store_true", help="continue the design in DIR, if there is one")
+    design.add_argument("--quiet", action="store_true", help="print no progress and no summary")
+
+
+def add_ensemble(commands: Any) -> None:
+    """Adds `esail ensemble`."""
+    ensemble = add_command(
+        commands, "ensemble", "simulate a scene for many members, each with its own random numbers"
+    )
+    add_scene(ensemble)
+    ensemble.add_argument(
+        "-o", "--output", required=True, type=Path, metavar="DIR", help="folder for ensemble.h5"
+    )
+    ensemble.add_argument("--members", type=int, required=True, metavar="N", help="number of members")
+    ensemble.add_argument(
+        "--seed", type=int, default=0, metavar="K", help="seed of the random numbers (default: %(default)s)"
+    )
+    ensemble.add_argument(
+        "--vary", action="append", default=[], metavar="KEY=DIST", dest="variations",
+        help="scene key and its distribution, in the units of the scene: uniform:a:b, normal:mean:sd or "
+        "grid:a:b:n (n equidistant numbers; several grids form all combinations). KEY= draws one number "
+        "for a member, KEY[*]= one for each of its tethers or rods. May be given several times",
+    )  # fmt: skip
+    ensemble.add_argument(
+        "--sampling", choices=("random", "sobol", "latin"), default="random",
+        help="independent draws, a scrambled Sobol sequence, or a Latin hypercube (default: %(default)s)",
+    )  # fmt: skip
+    ensemble.add_argument(
+        "--observables", metavar="NAME,...", help="observables to write to the file (default: all)"
+    )
+    ensemble.add_argument(
+        "--processes", type=int, metavar="P",
+        help="number of processes on this machine (default: one per core); with --coordinator, in all",
+    )  # fmt: skip
+    ensemble.add_argument(
+        "--distributed", action="store_true",
+        help="be one of many processes that a cluster has started with the same command",
+    )  # fmt: skip
+    ensemble.add_argument(
+        "--coordinator", metavar="HOST:PORT",
+        help="address of process 0, with --distributed; needed only if JAX does not know the cluster",
+    )  # fmt: skip
+    ensemble.add_argument(
+        "--process", type=int, metavar="I", help="number of this process, from 0, with --coordinator"
+    )
+    ensemble.add_argument(
+        "--resume", action="store_true",
+        help="compute only the members that DIR lacks; a larger --members adds members",
+    )  # fmt: skip
+    ensemble.add_argument("--quiet", action="store_true", help="print no progress bar and no summary")
+
+
+def add_bench(commands: Any) -> None:
+    """Adds `esail bench`."""
+    bench = add_command(
+        commands, "bench", "measure error and run time of the methods of integration on this machine"
+    )
+    bench.add_argument(
+        "--scene", default="baseline", metavar="SCENE",
+        help="name of a built-in scene, or path of a TOML file (default: %(default)s)",
+    )  # fmt: skip
+    bench.add_argument("--t-end", metavar="SECONDS", help="end time [s] instead of the scene's")
+    bench.add_argument("--json", type=Path, metavar="FILE", help="also write the results as JSON lines")
+    bench.set_defaults(settings=[])

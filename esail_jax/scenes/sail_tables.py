@@ -1,0 +1,225 @@
+"""The tables of a sail: hub, tethers, remote units, wind, voltage, start and events."""
+
+from collections.abc import Sequence
+from typing import Any, Literal
+
+from esail_jax.scenes import declarations
+from esail_jax.scenes.declarations import RootName, StrainName, declare, per_member, table, vector
+from esail_jax.scenes.rules import (
+    any_number,
+    between,
+    choice,
+    increasing,
+    non_negative,
+    positive,
+    positive_integer,
+    true_or_false,
+)
+from esail_jax.scenes.value_types import Grid, Number, PerMember, Series, Shape, Vector
+
+ElementName = Literal["cable", "truss"]
+ElongationName = Literal["steady", "paper"]
+LawName = Literal["constant", "harmonic", "piecewise-linear", "on-off", "feedback", "planar-cone"]
+
+
+def amplitudes(function: str) -> Any:
+    """Declares the amplitudes of a harmonic law. function: `cosine` or `sine`."""
+    doc = f"Law harmonic: {function} amplitudes as fractions of V_0, one row per harmonic."
+    return declare(any_number, shape=Shape.GRID, unit="-", doc=doc, default=None)
+
+
+@table
+class Hub:
+    """Rigid cylinder about X_B ([PGV] Table 1)."""
+
+    height: Number = declare(positive, unit="m", doc="Height of the cylinder.")
+    radius: Number = declare(positive, unit="m", doc="Radius of the cylinder.")
+    density: Number = declare(positive, unit="kg/m^3", doc="Density of the cylinder.")
+
+
+@table
+class Tethers:
+    """Main tethers. A number holds for all tethers, a list has one number per tether."""
+
+    count: int = declare(positive_integer, unit="-", doc="Number of tethers.")
+    length: PerMember = per_member(positive, unit="m", doc="Undeformed length of a tether.")
+    area: PerMember = declarations.area_of_section()
+    density: PerMember = per_member(positive, unit="kg/m^3", doc="Density of the tether's material.")
+    youngs_modulus: PerMember = per_member(
+        positive, unit="Pa", doc="Young's modulus of the tether's material."
+    )
+    second_moment: PerMember | None = declarations.second_moment_of_area(default=None)
+    element: ElementName = declare(
+        choice(ElementName),
+        unit="-",
+        doc="Kind of finite element: cubic ANCF cable or linear truss.",
+        default="cable",
+    )
+    elements: int = declare(positive_integer, unit="-", doc="Number of elements per tether.", default=5)
+    strain: StrainName = declarations.measure_of_strain(default="green-lagrange")
+    bending: bool = declare(
+        true_or_false, unit="-", doc="Whether tethers have bending stiffness (cables only).", default=False
+    )
+    axial_damping_time: PerMember | None = declarations.time_of_axial_damping(default=None)
+    bending_damping_time: PerMember | None = per_member(
+        non_negative,
+        unit="s",
+        doc="Time constant of bending damping, used with `bending`; without it there is none.",
+        default=None,
+    )
+    straight_turn: Number | None = declare(
+        positive,
+        unit="rad",
+        doc="End-to-end turn of a tether below which bending damping fades out, used with that damping.",
+        default=None,
+    )
+    root: RootName = declarations.joint_at_root(
+        "Joint at a tether's root: spherical, or clamped (cables only).", default="pinned"
+    )
+
+
+@table
+class RemoteUnits:
+    """Point masses at the tips of the tethers."""
+
+    mass: PerMember = per_member(non_negative, unit="kg", doc="Mass of the remote unit at a tether's tip.")
+
+
+@table
+class SolarWind:
+    """Solar wind at the sail ([PGV] after Eq. 28). With `time`, speed and density are given at those
+    instants and change linearly between them. In a file, `file` may name a CSV file with these three
+    columns (`scenes/wind_file.py`)."""
+
+    speed: Series = declarations.speed_of_wind(Shape.SERIES)
+    number_density: Series = declarations.density_of_wind(Shape.SERIES)
+    cutoff_voltage: Number = declare(
+        any_number, unit="V", doc="Voltage V_1 below which a tether has no thrust."
+    )
+    time: Series | None = declare(
+        increasing,
+        shape=Shape.SERIES,
+        unit="s",
+        doc="Instants at which lists of `speed` and `number_density` are given.",
+        default=None,
+    )
+
+
+LAWS: dict[LawName, tuple[str, ...]] = {
+    "constant": ("value",),
+    "harmonic": ("value", "cosine", "sine", "maximum", "slew_rate"),
+    "piecewise-linear": ("value", "time", "table", "maximum", "slew_rate"),
+    "on-off": ("value", "on", "off", "rise_time", "maximum", "slew_rate"),
+    "feedback": ("value", "gain", "target_sailing_angle_deg", "maximum", "slew_rate"),
+    "planar-cone": ("coning_angle_deg", "spin_rate", "maximum", "slew_rate"),
+}
+"""Modulation laws of the voltage, and the keys that each law takes."""
+
+OPTIONAL_LAW_KEYS = ("cosine", "sine", "off", "maximum", "slew_rate")
+"""Keys that a law takes but does not require."""
+
+
+@table
+class Voltage:
+    """Voltage V_0 of the tethers, and its modulation (`loads/voltage.py`)."""
+
+    value: PerMember | None = per_member(any_number, unit="V", doc="Voltage V_0 of a tether.", default=None)
+    law: LawName = declare(choice(LawName), unit="-", doc="Modulation law.", default="constant")
+    maximum: Number | None = declare(
+        positive, unit="V", doc="Upper limit of the voltage; without it there is none.", default=None
+    )
+    slew_rate: Number | None = declare(
+        positive,
+        unit="V/s",
+        doc="Upper limit of the voltage's rate; without it there is none.",
+        default=None,
+    )
+    cosine: Grid | None = amplitudes("cosine")
+    sine: Grid | None = amplitudes("sine")
+    time: Series | None = declare(
+        increasing,
+        shape=Shape.SERIES,
+        unit="s",
+        doc="Law piecewise-linear: instants of the rows of `table`.",
+        default=None,
+    )
+    table: Grid | None = declare(
+        non_negative,
+        shape=Shape.GRID,
+        unit="-",
+        doc="Law piecewise-linear: voltages as fractions of V_0, one row per instant.",
+        default=None,
+    )
+    on: PerMember | None = per_member(
+        any_number, unit="s", doc="Law on-off: instant at which the voltage begins to rise.", default=None
+    )
+    off: PerMember | None = per_member(
+        any_number,
+        unit="s",
+        doc="Law on-off: instant at which the voltage begins to fall; without it the voltage stays on.",
+        default=None,
+    )
+    rise_time: Number | None = declare(
+        positive, unit="s", doc="Law on-off: duration of the rise and of the fall.", default=None
+    )
+    gain: Number | None = declare(
+        any_number, unit="-", doc="Law feedback: gain of the attitude error.", default=None
+    )
+    target_sailing_angle_deg: Number | None = declare(
+        any_number,
+        unit="deg",
+        doc="Law feedback: sailing angle that defines the target of the spin axis.",
+        default=None,
+    )
+    coning_angle_deg: Number | None = declare(
+        between("(-90, 90)"), unit="deg", doc="Law planar-cone: coning angle to be held.", default=None
+    )
+    spin_rate: Number | None = declare(
+        any_number,
+        unit="rad/s",
+        doc="Law planar-cone: mean spin rate omega_0 of the tethers.",
+        default=None,
+    )
+
+
+@table
+class Initial:
+    """State of a sail at t = 0 ([PGV] Sec. 4.1)."""
+
+    spin_rate: Number = declare(any_number, unit="rad/s", doc="Angular rate about X_B.")
+    sailing_angle_deg: Number = declare(
+        between("(-180, 180]"),
+        unit="deg",
+        doc="Sailing angle alpha from the direction away from the Sun to the spin axis X_B.",
+        default=0.0,
+    )
+    heliocentric_position_au: Vector = vector(
+        unit="au",
+        doc="Heliocentric position R_0 of the inertial frame's origin.",
+        default=(0.7071067811865476, 0.7071067811865476, 0.0),
+    )
+    elongation: ElongationName = declare(
+        choice(ElongationName),
+        unit="-",
+        doc="Stretch of the spinning tethers: the discrete equilibrium, or [PGV] Eq. 79-80 as printed.",
+        default="steady",
+    )
+    coning_angle_deg: Number = declare(
+        between("(-90, 90)"),
+        unit="deg",
+        doc="Angle of the tethers from the spin plane towards X_B.",
+        default=0.0,
+    )
+
+
+@table
+class Event:
+    """Releases of tethers during a run, one entry each: at `time` the tether `release` is let go at its
+    root. In a file: one [[event]] table per release."""
+
+    time: Sequence[float] = declare(
+        positive, shape=Shape.LIST, structure=True, unit="s", doc="Instant of the release."
+    )
+    release: Sequence[int] = declare(
+        positive_integer, shape=Shape.LIST, unit="-", doc="Number of the released tether, counted from 1."
+    )

@@ -1,0 +1,171 @@
+"""Ensembles in Python: equality with single runs, failed members, and statistics."""
+
+import os
+import threading
+
+import numpy as np
+import pytest
+
+import esail_jax as esail
+import esail_jax.cores
+from esail_jax.ensembles import (
+    OUTCOMES,
+    MemberRunner,
+    Normal,
+    Uniform,
+    sensitivities,
+    simulate_members,
+    spread,
+)
+
+SIGNALS = (
+    "tip_position_I",
+    "coning_angle",
+    "angular_velocity_B",
+    "thrust_O",
+    "rotation_IB",
+    "kinetic_energy",
+)
+
+
+@pytest.mark.slow
+def test_members_are_single_runs(scene, inputs, ensemble):
+    """Members agree with single runs to the rounding of 50 steps, 1e-12 of a signal's magnitude.
+
+    The program is another one with the same arithmetic. Transverse angular rates are sums that cancel.
+    """
+    assert ensemble.complete.all() and not any(ensemble.messages)
+    for member in (0, 7):
+        run = esail.simulate(scene, {key: x[member] for key, x in inputs.items()})
+        assert run.steps == ensemble.steps[member]
+        for name in SIGNALS:
+            size = np.abs(run[name]).max()
+            assert np.abs(run[name] - ensemble[name][member]).max() < 1e-12 * size, name
+    assert np.ptp(ensemble["coning_angle"][:, -1, 0]) > 1e-6  # members differ
+
+
+def test_every_core_takes_a_member(scene, inputs, ensemble, monkeypatch):
+    """With two cores two members run at a time, with the same results.
+
+    Each waits for the other to begin, which would fail if they ran one after the other.
+    """
+    barrier, one = threading.Barrier(2, timeout=30.0), MemberRunner._run_one
+
+    def together(self, member):
+        barrier.wait()
+        return one(self, member)
+
+    monkeypatch.setattr("esail_jax.ensembles.member_runner.cores", lambda: 2)
+    monkeypatch.setattr(MemberRunner, "_run_one", together)
+    found = simulate_members(scene, {key: x[:4] for key, x in inputs.items()})
+    assert all(
+        np.array_equal(found[name], x[:4], equal_nan=True) for name, x in ensemble.observables.items()
+    )
+
+
+@pytest.mark.parametrize(
+    "processes, set_already, threads", [(None, None, "1"), (4, None, "1"), (2, None, "2"), (1, "3", "3")]
+)
+def test_processes_share_the_cores(processes, set_already, threads, monkeypatch):
+    """Each process uses its share of four cores as threads; settings of the user are not changed."""
+    monkeypatch.setattr("esail_jax.cores.cores", lambda: 4)
+    monkeypatch.setenv("NPROC", set_already or "")
+    if set_already is None:
+        monkeypatch.delenv("NPROC")
+    esail_jax.cores.share_cores(processes)
+    assert os.environ["NPROC"] == threads
+
+
+def test_simulate_members_draws_inputs(scene, inputs, ensemble):
+    """With distributions and a number of members in place of inputs, members have the same numbers and
+    rows."""
+    vary = {
+        "tethers.length": Normal(10e3, 10, per_tether=True),
+        "initial.spin_rate": Uniform(3.9e-3, 4.1e-3),
+    }
+    found = simulate_members(scene, vary=vary, members=4, seed=3, observables=["coning_angle"])
+    assert all(np.array_equal(x, inputs[key][:4]) for key, x in found.inputs.items())
+    assert np.array_equal(found["coning_angle"], ensemble["coning_angle"][:4])
+    assert "coning_angle" in found and "spin" not in found and list(dict(found)) == ["coning_angle"]
+    text = "Ensemble(4 members, 4 complete; 11 instants to 200 s; observables coning_angle)"
+    assert repr(found) == text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({}, r"`inputs` must be given, or `vary` and `members`, but neither is"),
+        ({"inputs": {}}, r"`inputs` must have a value for every member, but is empty"),
+        (
+            {"vary": {"voltage.value": "uniform:1:2"}},
+            "`members` must be given with `vary`",
+        ),
+        ({"vary": {}, "members": 0}, r"`members` must be a positive integer, but is 0"),
+        (
+            {"inputs": {"hub.radius": np.ones(2), "hub.height": np.ones(3)}},
+            r"`inputs\[hub.height\]` must have 2 members, as `inputs\[hub.radius\]` does, but has 3",
+        ),
+        ({"inputs": {"hub.radius": np.ones(2)}, "members": 2}, "but both are"),
+    ],
+)
+def test_members_that_are_none(scene, arguments, message):
+    """Wrong arguments are refused in one line, before anything is compiled."""
+    with pytest.raises(esail.SceneError, match=message):
+        simulate_members(scene, **arguments)
+
+
+@pytest.mark.slow
+def test_lockstep_and_subsets(scene, inputs, ensemble):
+    """Members in lockstep, as on a GPU, agree to rounding, also if the batch does not divide their
+    number."""
+    part = {key: x[:5] for key, x in inputs.items()}
+    found = simulate_members(scene, part, SIGNALS, batch=3, lockstep=True)
+    assert list(found.observables) == list(SIGNALS) and len(found) == 5
+    for name in SIGNALS:
+        size = np.abs(ensemble[name]).max()
+        assert np.abs(found[name] - ensemble[name][:5]).max() < 1e-11 * size, name
+    assert (found.steps == ensemble.steps[:5]).all()
+
+
+@pytest.mark.slow
+def test_failed_members_are_kept_apart(scene):
+    """Failed members have NaN and a message, and are left out of the statistics; the others are not
+    changed.
+
+    One member has no equilibrium, and the steps of another cannot be solved.
+    """
+    stiff = scene.replace({"integrator.method": "collocation", "integrator.step": 8.0})
+    inputs = {"initial.spin_rate": np.array([4e-3, 1.0, 4e-3]), "voltage.value": np.array([2e4, 2e4, 1e9])}
+    found = simulate_members(stiff, inputs, ["kinetic_energy", "coning_angle"])
+    assert found.complete.tolist() == [True, False, False] and found.failed.tolist() == [1, 2]
+    assert "steady elongation" in found.messages[1] and "could not be solved" in found.messages[2]
+    assert np.isfinite(found["kinetic_energy"][0]).all()
+    assert np.isnan(found["kinetic_energy"][1]).all() and np.isnan(found["kinetic_energy"][2][1:]).all()
+    seen = spread(found, "coning_angle")
+    assert np.array_equal(seen.mean, found["coning_angle"][0]) and not seen.deviation.any()
+
+
+def test_sensitivities():
+    """Sensitivities of known numbers are right."""
+    rng = np.random.default_rng(0)
+    inputs = {"a": rng.normal(size=4000), "b": rng.normal(size=(4000, 3)), "c": rng.normal(size=4000)}
+    y = 2.0 * inputs["a"] + inputs["b"].sum(1) + 1e-3 * rng.normal(size=4000)
+    found = sensitivities(inputs, np.where(np.arange(4000) < 10, np.nan, y))
+    # The shares are 4/7, 3/7 and 0, up to correlations within the sample, 1/sqrt(4000).
+    assert abs(found.share["a"] - 4 / 7) < 0.03 and abs(found.share["b"] - 3 / 7) < 0.03
+    assert found.share["c"] < 1e-3 and found.explained > 0.99999
+    assert abs(found.correlation["a"] - np.sqrt(4 / 7)) < 0.05
+    few = sensitivities({"b": rng.normal(size=(29, 3))}, np.arange(29.0))
+    assert np.isnan(few.share["b"]) and np.isnan(few.explained)
+
+
+@pytest.mark.slow
+def test_spread(ensemble):
+    """Quantiles lie between the extremes; the middle one is the median of the members."""
+    seen = spread(ensemble, "coning_angle")
+    rows = ensemble["coning_angle"]
+    assert np.allclose(seen.quantiles[2], np.median(rows, axis=0), rtol=1e-12)
+    assert (seen.minimum <= seen.quantiles[0]).all() and (seen.quantiles[-1] <= seen.maximum).all()
+    for outcome in OUTCOMES:
+        if outcome.observable in ensemble.observables:
+            assert np.isfinite(outcome.of(ensemble)).all()
