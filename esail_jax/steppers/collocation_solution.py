@@ -243,8 +243,9 @@ def linear_solution(
 
 
 def work_norm(change: StageUnknowns, rows: StageUnknowns) -> Scalar:
-    """Returns a norm of an increment: the square root of the sum of |change_i rows_i|. Every term is a force
-    times an acceleration, also for slopes, for multipliers, and in the transposed equations."""
+    """Returns a norm of an increment: the square root of the sum of |change_i rows_i|.
+
+    Every term is a force times an acceleration, also for slopes, multipliers and transposed equations."""
     terms = jax.tree.map(lambda x, y: jnp.abs(x * y).sum(), change, rows)
     return jnp.sqrt(sum(jax.tree.leaves(terms)))
 
