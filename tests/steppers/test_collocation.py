@@ -12,7 +12,7 @@ from esail_jax.scenes.scene import parse
 from esail_jax.simulation.results import SimulationError
 from support.golden import GOLDEN, REFERENCE, SUMS, errors
 from support.quick import quickly
-from support.whole_runs import check_derivative, check_going_on, numbers, tips_of_batch_and_loop
+from support.whole_runs import check_derivative, check_going_on, numbers
 
 METHOD = {"integrator.method": "collocation"}
 SMALL = METHOD | {
@@ -253,14 +253,6 @@ def test_derivative_of_a_run():
     (measured: 3e-11).
     """
     check_derivative(outcome, [1.0, 0.5, 0.2, 3.0, 0.1], quotient_to=1e-5, concrete_to=1e-9)
-
-
-@pytest.mark.slow
-def test_vmap_is_a_loop():
-    """Members of a batch choose their own steps and agree with single runs to 1e-9 of the range (the
-    tolerance)."""
-    together, alone = tips_of_batch_and_loop(SMALL, [5e3, 2e4, 4e4])
-    assert np.abs(together - alone).max() < 1e-9 * np.ptp(together)
 
 
 # ---- failure ------------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ from esail_jax.terms import PointFields
 from support.one_tether import integrate
 from support.quick import jit, quickly
 from support.soft_sail import SOFT, STEPS, orders, stepped
-from support.whole_runs import check_derivative, check_going_on, numbers, tips_of_batch_and_loop
+from support.whole_runs import check_going_on
 
 METHOD = {"integrator.method": "energy-momentum"}
 ZERO = jnp.zeros(())
@@ -215,40 +215,10 @@ def test_second_order(validate):
         validate(f"EMM-order-{name}", case, "its own at h/64", f"{name}, distance from 2", distance, 0.1)
 
 
-# ---- derivatives, batches, resuming -------------------------------------------------------------
+# ---- resuming ------------------------------------------------------------------------------------
 
 
 SHORT = SMALL | {"integrator.step": 2.0, "integrator.t_end": 80.0, "output.interval": 40.0}
-
-
-def outcome(x):
-    """Returns four numbers of different kinds at the end of a run."""
-    end = esail.simulate("baseline", SHORT | numbers(x))
-    picked = (
-        end["tip_position_I"][-1, 0, 0],
-        1e4 * end["root_coning_angle"][-1, 1],
-        1e5 * end["external_work"][-1],
-        1e3 * end["reaction_O"][-1, 2],
-    )
-    return jnp.stack(picked)
-
-
-@pytest.mark.slow
-def test_derivative_of_a_run():
-    """The derivative agrees with the difference quotient to 1e-6, and the traced with the concrete run to
-    1e-11.
-
-    The first bound is the error of the quotient, the second is rounding.
-    """
-    check_derivative(outcome, [1.0, 0.5, 0.2, 0.1], quotient_to=1e-6, concrete_to=1e-11)
-
-
-@pytest.mark.slow
-def test_vmap_is_a_loop():
-    """A batch agrees with single runs to the tolerance of the iterations over 40 steps, 1e-13 of the
-    coordinates each."""
-    together, alone = tips_of_batch_and_loop(SHORT, [5e3, 4e4])
-    assert np.abs(together - alone).max() < 1e-11 * np.abs(alone).max()
 
 
 @pytest.mark.slow

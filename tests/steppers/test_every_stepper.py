@@ -164,8 +164,8 @@ class Case:
 
 FRAME, SMALL_SAIL, SMALL_CHAIN = parse(SAIL, "frame"), parse(HUB + SAIL, "sail"), parse(CHAIN, "chain")
 NONFINITE = {("number", np.inf): "nonfinite", ("number", 1e200): "nonfinite"}
-"""Results where a number overflows. The strain of positions of 1e200 m is infinite. So is that of a diverging
-iteration with steps of 1e4 s: its positions grow with the third power, to 3^12 digits."""
+"""Results where a number overflows. The strain of positions of 1e200 m is infinite. So is that of a
+diverging iteration with steps of 1e4 s: its positions grow with the third power, to 3^12 digits."""
 
 DIVERGED = {("number", np.inf): "nonfinite", ("number", 1e200): "newton_diverged"}
 """Results of a method whose iterations end before they overflow, once they grow."""

@@ -102,21 +102,5 @@ def test_failure_has_the_steppers_sentence():
         esail.simulate("single-tether", {**SHORT, "integrator.t_end": 4000.0}, stepper=euler(4.0))
 
 
-@pytest.mark.slow
-def test_derivatives_of_both_modes_agree_with_a_difference():
-    def coning(volts):
-        scene = {**SHORT, "voltage.value": volts}
-        return esail.simulate("single-tether", scene, stepper=euler(0.05))["coning_angle"][-1, 0]
-
-    volts = jnp.full(1, 2e4)
-    forward = esail.jit(lambda v: jax.jvp(coning, (v,), (jnp.ones(1),))[1])(volts)
-    reverse = esail.jit(jax.grad(coning))(volts)
-    difference = (coning(volts + 10.0) - coning(volts - 10.0)) / 20.0
-    # Both modes differentiate the same steps: they differ by rounding, summed over 200 steps.
-    np.testing.assert_allclose(forward, reverse[0], rtol=1e-9, atol=0)
-    # The coning angle is almost linear in the voltage; rounding of the angle, 1e-16 / 20 V, is 1e-6 of it.
-    np.testing.assert_allclose(difference, forward, rtol=1e-4, atol=0)
-
-
 def test_voltage_of_a_chain_switches_nothing():
     assert switch_times(None, ChainVoltage(value=1e3)) == ()

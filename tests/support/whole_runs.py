@@ -1,7 +1,6 @@
 """Checks of whole runs that the tests of several methods share: derivatives, `vmap`, and resuming."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 import esail_jax as esail
@@ -36,16 +35,6 @@ def check_derivative(outcome, weights, quotient_to, concrete_to):
     assert np.allclose(forward, quotient, rtol=quotient_to, atol=0)
     reverse = jit(jax.grad(lambda x: weights @ outcome(x)))(one)
     assert abs(reverse @ along / (weights @ forward) - 1.0) < 1e-10
-
-
-def tips_of_batch_and_loop(overrides, voltages):
-    """Returns the tip positions of baseline sails with several voltages: from one batch, and from single
-    runs."""
-
-    def tips(voltage):
-        return esail.simulate("baseline", overrides | {"voltage.value": voltage})["tip_position_I"]
-
-    return jit(jax.vmap(tips))(jnp.array(voltages)), np.stack([tips(v) for v in voltages])
 
 
 def check_going_on(overrides, first, end, folder):
