@@ -10,7 +10,7 @@ import numpy as np
 from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.structure import split
-from esail_jax.simulation.advance import Window
+from esail_jax.simulation.advance import Advanced, Window
 from esail_jax.simulation.look import with_running_observables
 from esail_jax.simulation.problem import Problem, check_steady, require_64_bit
 from esail_jax.simulation.programs import Programs, compile_programs
@@ -102,77 +102,82 @@ class HostRun:
     def chunks(self) -> Iterator[Chunk]:
         """Integrates the run and yields a chunk for each call that passes a saved instant. Raises
         SimulationError if the run fails, after the last good chunk."""
-        motion, row, at, pending, energy = self.checkpoint
-        programs = self.compiled.programs
-        if row == len(self.times):
+        if self.checkpoint.rows == len(self.times):
             return  # interrupted after the last instant
-        for number in range(at, len(self.segments)):
-            segment = self.segments[number]
-            problem = self.compiled.problem
-            if programs.restart is not None:
-                problem = problem.with_events_until(np.asarray(segment.start if number else 0.0))
-            while True:
-                times = self._window(row, segment.stop)
-                # The stop of a segment may be no saved instant.
-                shown = len(times)
-                if (
-                    not segment.last
-                    and not (shown and times[-1] == segment.stop)
-                    and shown < programs.instants
-                ):
-                    times = np.append(times, segment.stop)
-                padded = np.append(times, np.full(programs.instants - len(times), times[-1]))
-                done = programs.advance(
-                    problem,
-                    motion,
-                    Window(padded, np.asarray(len(times))),
-                    self.max_steps,
-                    np.asarray(programs.batches),
-                )
-                passed, motion, self.counts = int(done.passed), done.motion, np.asarray(done.counts)
-                seen = min(passed, shown)
-                log = Log.from_table(np.asarray(done.kept), programs.statistics)
-                pending = pending.with_steps(log, self.statistics)
-                left, memory, rows, numerics, good = pending, energy, {}, {}, seen
-                if passed:
-                    found, last, gaps = programs.look(problem, done.points, np.asarray(passed))
-                    self.point = last if seen else self.point
-                    rows = {name: np.asarray(x)[:seen] for name, x in found.items()}
-                    if seen:
-                        with np.errstate(over="ignore", invalid="ignore"):  # the energy may be infinite
-                            rows, memory, kept = with_running_observables(problem, rows, energy, np)
-                        good = seen if kept is None or kept.all() else int(np.argmin(kept))
-                    numerics, left = pending.values(times[:seen], self.compiled.begin, self.statistics)
-                    if (
-                        "constraint_violation" in self.compiled.numerics
-                        and "constraint_violation" not in numerics
-                    ):
-                        numerics["constraint_violation"] = np.asarray(gaps)[:seen]
-                    rows, numerics = ({k: x[:good] for k, x in part.items()} for part in (rows, numerics))
-                common = not seen or self._common(times[seen - 1])
-                if good == seen and common:
-                    row, pending, energy = row + seen, left, memory
-                    pending = (
-                        pending.merged(float(done.time), self.statistics)
-                        if passed < len(times)
-                        else pending
-                    )
-                ended = passed and times[passed - 1] == segment.stop and passed == len(times)
-                if ended and not segment.last:
-                    after = self.compiled.problem.with_events_until(np.asarray(segment.stop))
-                    motion = programs.restart(after, motion, last, np.asarray(self._until(number + 1)))
-                    at = number + 1
-                result = name_of(motion.state.result) if good == seen else "energy_drift"
-                if result == "successful":
-                    self.checkpoint = Checkpoint(motion, row, at, pending, energy)
-                if good:
-                    yield Chunk(times[:good], rows, numerics, float(done.time))
-                if result != "successful":
-                    raise self._failure(
-                        result, problem, motion, log, times[good] if good < len(times) else np.nan
-                    )
-                if ended:
-                    break
+        number = self.checkpoint.segment
+        while number < len(self.segments):
+            call = self._advance(number)
+            seen = self._look(call)
+            if seen.result == "successful":
+                self.checkpoint = self._after(call, seen, number)
+            if seen.count:
+                yield Chunk(call.times[: seen.count], seen.rows, seen.numerics, float(call.done.time))
+            if seen.result != "successful":
+                raise self._failure(call, seen)
+            number += call.ended
+
+    def _problem(self, number: int) -> Problem:
+        """Returns the problem during a segment."""
+        problem = self.compiled.problem
+        if self.compiled.programs.restart is None:
+            return problem
+        return problem.with_events_until(np.asarray(self.segments[number].start))
+
+    def _advance(self, number: int) -> "Call":
+        """Calls the compiled program once, for the next saved instants of a segment."""
+        segment, programs = self.segments[number], self.compiled.programs
+        times = self._window(self.checkpoint.rows, segment.stop)
+        saved = len(times)
+        # The stop of a segment may be no saved instant.
+        stops = saved > 0 and times[-1] == segment.stop
+        if not segment.last and not stops and saved < programs.instants:
+            times = np.append(times, segment.stop)
+        padded = np.append(times, np.full(programs.instants - len(times), times[-1]))
+        window, batches = Window(padded, np.asarray(len(times))), np.asarray(programs.batches)
+        problem = self._problem(number)
+        done = programs.advance(problem, self.checkpoint.motion, window, self.max_steps, batches)
+        self.counts = np.asarray(done.counts)
+        log = Log.from_table(np.asarray(done.kept), programs.statistics)
+        passed = int(done.passed)
+        ended = passed == len(times) and times[-1] == segment.stop
+        return Call(problem, times, saved, done, passed, log, bool(ended))
+
+    def _look(self, call: "Call") -> "Seen":
+        """Evaluates the observables and the statistics at the saved instants that a call has passed."""
+        programs, energy = self.compiled.programs, self.checkpoint.energy
+        steps = self.checkpoint.pending.with_steps(call.log, self.statistics)
+        result = name_of(call.done.motion.state.result)
+        if not call.passed:
+            return Seen({}, {}, 0, None, steps, steps, energy, result)
+        found, last, gaps = programs.look(call.problem, call.done.points, np.asarray(call.passed))
+        count = min(call.passed, call.saved)
+        rows = {name: np.asarray(x)[:count] for name, x in found.items()}
+        numerics, left = steps.values(call.times[:count], self.compiled.begin, self.statistics)
+        if "constraint_violation" in self.compiled.numerics:
+            numerics.setdefault("constraint_violation", np.asarray(gaps)[:count])
+        if count:
+            self.point = last
+            with np.errstate(over="ignore", invalid="ignore"):  # the energy may be infinite
+                rows, energy, kept = with_running_observables(call.problem, rows, energy, np)
+            if kept is not None and not kept.all():
+                count, result = int(np.argmin(kept)), "energy_drift"
+                rows, numerics = ({k: x[:count] for k, x in part.items()} for part in (rows, numerics))
+        return Seen(rows, numerics, count, last, steps, left, energy, result)
+
+    def _after(self, call: "Call", seen: "Seen", number: int) -> Checkpoint:
+        """Returns the checkpoint after a good call, at the start of the next segment if this one has
+        ended."""
+        motion, before = call.done.motion, self.checkpoint
+        rows, pending, energy = before.rows, seen.steps, before.energy
+        if not seen.count or self._common(call.times[seen.count - 1]):
+            rows, pending, energy = rows + seen.count, seen.left, seen.energy
+            if call.passed < len(call.times):
+                pending = pending.merged(float(call.done.time), self.statistics)
+        if call.ended and not self.segments[number].last:
+            number += 1
+            until = np.asarray(self.segments[number].until)
+            motion = self.compiled.programs.restart(self._problem(number), motion, seen.last, until)
+        return Checkpoint(motion, rows, number, pending, energy)
 
     def _window(self, row: int, stop: float) -> np.ndarray:
         """Returns the next saved instants, at most as many as one call has room for. The last instant of
@@ -187,23 +192,49 @@ class HostRun:
         """Tells whether every longer run saves this instant, too."""
         return self.interval is None or is_multiple(float(time), self.interval)
 
-    def _until(self, number: int) -> float:
-        """Returns the next switch time after the start of a segment [s]."""
-        return self.segments[number].until
-
-    def _failure(
-        self, name: str, problem: Problem, motion: Motion, log: Log, row_time: float
-    ) -> SimulationError:
+    def _failure(self, call: "Call", seen: "Seen") -> SimulationError:
         """Returns the error that describes a failed run."""
-        result = getattr(RESULTS, name)
-        if name == "energy_drift":
-            text = f"At t = {row_time:.6g} s. {problem.stepper.energy_hint()}"
-            return SimulationError(f"{RESULTS[result]} {text}", result)
-        if name == "too_many_steps":
-            text = f"At t = {float(motion.state.time):.6g} s after {self.steps} steps."
+        result, state = getattr(RESULTS, seen.result), call.done.motion.state
+        stepper = call.problem.stepper
+        if seen.result == "energy_drift":
+            text = f"At t = {call.times[seen.count]:.6g} s. {stepper.energy_hint()}"
+        elif seen.result == "too_many_steps":
+            text = f"At t = {float(state.time):.6g} s after {self.steps} steps."
         else:
-            text = problem.stepper.failure(problem.model, motion.state, log)
+            text = stepper.failure(call.problem.model, state, call.log)
         return SimulationError(f"{RESULTS[result]} {text}".strip(), result)
+
+
+class Call(NamedTuple):
+    """One call of the compiled program.
+
+    times: the instants [s], the first `saved` of which are saved; passed: how many were passed; log: the
+    steps; ended: whether the call has reached the end of its segment."""
+
+    problem: Problem
+    times: np.ndarray
+    saved: int
+    done: Advanced
+    passed: int
+    log: Log
+    ended: bool
+
+
+class Seen(NamedTuple):
+    """The first `count` saved instants of a call: observables and statistics.
+
+    last: the last instant passed, on the constraints; steps: the steps since the saved instant before;
+    left: those of them that belong to later instants; energy: as in `Checkpoint`; result: name of a member
+    of `RESULTS`."""
+
+    rows: dict[str, np.ndarray]
+    numerics: dict[str, np.ndarray]
+    count: int
+    last: Point | None
+    steps: Pending
+    left: Pending
+    energy: tuple[float, float]
+    result: str
 
 
 def paths(tree: Any) -> dict[str, Any]:

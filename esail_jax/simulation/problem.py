@@ -105,6 +105,7 @@ def start(
             stepper = stepper_of(structure, numbers, model, None)
         begin = Point(zero, q, v, nothing, jnp.asarray(True))
         if point is not None:
+            model = model.with_events_until(point.time)
             q, v = project(model, point.time, point.q, point.v)
             begin = point._replace(q=q, v=v)
         energy = observables.kinetic_energy(model, v) + observables.elastic_energy(model, q)

@@ -8,6 +8,7 @@ import esail_jax as esail
 from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.scene import Scene, load_scene, parse, to_toml
 from esail_jax.scenes.structure import split
+from support.quick import jit
 from support.whole_runs import check_derivative, check_going_on, numbers
 
 RELEASE = {"event.time": [100.3], "event.release": [2]}
@@ -115,6 +116,22 @@ def test_run_goes_on_after_a_release(method, tmp_path):
     for path in tmp_path.iterdir():
         path.unlink()
     check_going_on(settings, 150.0, 200.0, tmp_path)
+
+
+@pytest.mark.slow
+def test_a_run_that_starts_after_a_release_does_not_join_the_tether_again():
+    """A run from the state after the event agrees with the whole run, on the host and traced.
+
+    The bound, 1e-7 m of kilometres, is the effect of the tolerance: the steps are others."""
+    settings = SMALL | METHODS["collocation"]
+    whole = esail.simulate("baseline", settings)
+    state = esail.simulate("baseline", settings | {"integrator.t_end": 150.0}).final_state
+
+    def tips():
+        return esail.simulate("baseline", settings, start=state)["tip_position_I"][-1]
+
+    for found in (tips(), jit(tips)()):
+        np.testing.assert_allclose(found, whole["tip_position_I"][-1], rtol=0, atol=1e-7)
 
 
 @pytest.mark.slow
