@@ -80,8 +80,7 @@ def advance(
         points, kept = buffers
 
         def look(row, points, is_active):
-            point = stepper.evaluate(model, motion.last.pick(motion.last.find(times[row])), times[row])
-            return row + 1, buffer_set(points, row, point, is_active)
+            return row + 1, buffer_set(points, row, point_of(problem, motion, times[row]), is_active)
 
         row, points = while_active(lambda row: is_active & passed(motion, row), look, row, points)
 
@@ -109,9 +108,7 @@ def advance(
         return (motion, row, batches + jnp.minimum(count, 1)), (points, kept)
 
     none = jnp.zeros((), int)
-    points = room_for(
-        len(times), lambda: stepper.evaluate(model, motion.last.pick(motion.last.find(times[0])), times[0])
-    )
+    points = room_for(len(times), lambda: point_of(problem, motion, times[0]))
     empty = () if keep is None else room_for(stepper.blocks_per_batch, lambda: keep(motion.last))
     empty = jax.tree.map(jnp.zeros_like, empty)
     kept = jax.tree.map(lambda x: jnp.zeros((room + 1, *x.shape), x.dtype), empty)
@@ -121,6 +118,11 @@ def advance(
     kept = jax.tree.map(lambda x: x[:-1].reshape(-1, *x.shape[2:]), kept)
     motion = with_limit(motion, row < window.count, max_steps)
     return Advanced(motion, points, kept, row, batches, motion.state.time, motion.counts)
+
+
+def point_of(problem: Problem, motion: Motion, time: Scalar) -> Point:
+    """Returns dense output at a time [s] within the last block."""
+    return problem.stepper.evaluate(problem.model, motion.last.pick(motion.last.find(time)), time)
 
 
 def room_for(count: int, one: Callable[[], Any]) -> Any:
@@ -171,12 +173,12 @@ def _move_jvp(primals, tangents):
     found = advance(*given, jnp.asarray(room), stepper.tape, room)
     short = (found.passed < window.count) & (found.motion.state.result == RESULTS.successful)
     result = RESULTS.where(short, RESULTS.too_many_steps, found.motion.state.result)
-    ended = with_result(found.motion, result)
-    tapes = jax.tree.map(lambda x: checkpoint_name(x, TAPES), lax.stop_gradient(found.kept))
+    known = lax.stop_gradient((found.kept, with_result(found.motion, result), found.batches))
+    tapes, ended, batches = jax.tree.map(lambda x: checkpoint_name(x, TAPES), known)
 
     def replayed(problem, motion, window, max_steps):
         times = jnp.where(jnp.arange(len(window.times)) < window.count, window.times, window.times[0])
-        return problem.stepper.replay(problem.model, motion, ended, tapes, found.batches, times)
+        return problem.stepper.replay(problem.model, motion, ended, tapes, batches, times)
 
     _, (motion_dot, points_dot) = jvp_of_perturbed(replayed, primals, tangents)
     return (ended, found.points, found.passed), (motion_dot, points_dot, none_like(found.passed))

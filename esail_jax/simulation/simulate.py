@@ -12,7 +12,7 @@ import numpy as np
 from esail_jax.observables import known_names
 from esail_jax.observables.run_warning import STEP_ERRORS, run_warning
 from esail_jax.scenes.method_choice import with_method
-from esail_jax.scenes.rules import SceneError
+from esail_jax.scenes.rules import SceneError, known
 from esail_jax.scenes.scene import Scene, load_scene
 from esail_jax.scenes.stepper_choice import stepper_class
 from esail_jax.scenes.structure import split
@@ -25,8 +25,9 @@ from esail_jax.simulation.traced import traced_run
 from esail_jax.steppers.results import RESULTS
 from esail_jax.steppers.stepper import AbstractStepper, Point
 
-LEAST_WINDOWS = 16
-"""Least number of windows, and so of checkpoints, in a traced run."""
+LEAST_WINDOWS, WINDOWS_PER_TURN = 16, 4
+"""Least number of windows, and so of checkpoints, in a traced run, and in a turn of the sail. The baseline
+needs up to 45 blocks of steps in a turn, three windows."""
 
 
 def simulate(
@@ -60,10 +61,9 @@ def simulate(
     integration, instead of the scene's.
 
     Under a trace nothing can raise: `result` is not `RESULTS.successful`, and the observables are NaN from
-    the failure on. A derivative records the steps in buffers of fixed size: at least LEAST_WINDOWS windows
-    with `blocks_per_window` blocks of the stepper each (about 6,000 steps of collocation); more if
-    `max_steps` is given or if there are more than 64 saved instants per window. A run that needs more steps
-    ends with `RESULTS.too_many_steps`.
+    the failure on. A derivative records the steps in buffers of fixed size: WINDOWS_PER_TURN windows for
+    every turn of the sail, but at least LEAST_WINDOWS, with `blocks_per_window` blocks of the stepper each;
+    or as many as `max_steps` asks for. A run that needs more ends with `RESULTS.too_many_steps`.
 
     Raises SceneError for bad input, SimulationError for a failed run, RuntimeError in 32-bit mode."""
     scene = load_scene(scene, overrides)
@@ -242,7 +242,10 @@ def simulate_traced(
     if step is not None and stepper is None:
         wanted = np.ceil((saved[-1] - begin) / step) + 1
     room = kind.blocks_per_window * kind.blocks_per_batch * kind.steps_per_block
-    least = LEAST_WINDOWS if wanted is None else max(1, int(np.ceil(wanted / room * MARGIN)))
+    if wanted is None:
+        least = max(LEAST_WINDOWS, int(np.ceil(WINDOWS_PER_TURN * turns(scene, saved[-1] - begin))))
+    else:
+        least = max(1, int(np.ceil(wanted / room * (UNEVEN if step is None else MARGIN))))
     switches = switch_times(scene.event, scene.voltage)
     schedule = Schedule(tuple(saved.tolist()), switches, begin, kind.instants_per_window, least)
     names = None if save is None or scene.chain is not None else tuple(save)
@@ -255,8 +258,16 @@ def simulate_traced(
     return Solution(jnp.asarray(saved), rows, found.result, found.point, stats)
 
 
-MARGIN = 1.25
-"""Safety factor for the number of windows, because some blocks end early."""
+MARGIN, UNEVEN = 1.25, 4.0
+"""Safety factors for the number of windows, because some blocks end early: with steps of a given size, and
+with error control, where blocks of 7 steps alternate with blocks of 24 in a long run of the baseline."""
+
+
+def turns(scene: Scene, duration: float) -> float:
+    """Returns the number of turns of a sail in a duration [s]; 0 if the spin rate is a tracer, and for a
+    chain."""
+    spin = None if scene.chain is not None else known(scene.initial.spin_rate)
+    return 0.0 if spin is None else float(np.max(np.abs(spin))) * duration / (2.0 * np.pi)
 
 
 # ---- checks of the arguments ----------------------------------------------------------------------

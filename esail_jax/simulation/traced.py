@@ -10,7 +10,7 @@ from jax import lax
 from esail_jax.array_types import Array, Float, Scalar
 from esail_jax.numerics.lockstep import select
 from esail_jax.scenes.structure import Numbers, Structure
-from esail_jax.simulation.advance import Window, keep_tapes, move
+from esail_jax.simulation.advance import Window, keep_tapes, move, point_of, room_for
 from esail_jax.simulation.look import look, on_constraints, with_running_observables
 from esail_jax.simulation.problem import restart, start
 from esail_jax.simulation.schedule import Schedule
@@ -69,10 +69,9 @@ def traced_run(
         last = jax.tree.map(lambda x: x[window.count - 1], points)
         return (motion, last), (points, passed)
 
-    first = jax.eval_shape(
-        lambda: move(problem, begun.motion, Window(windows.times[0], windows.count[0]), max_steps)
+    nothing = jax.tree.map(
+        lambda x: x[0], room_for(1, lambda: point_of(problem, begun.motion, windows.times[0, 0]))
     )
-    nothing = nan_like(jax.tree.map(lambda x: jnp.zeros(x.shape[1:], x.dtype), first[1]))
     (motion, _), (points, passed) = lax.scan(body, (begun.motion, nothing), windows)
 
     # All saved instants, batch by batch.
