@@ -37,7 +37,7 @@ from esail_jax.system import Residual, System
 MAX_ITERATIONS = 10
 """Largest number of iterations, after which a step has failed. With half the step size it is cheaper."""
 
-LINEAR_TOLERANCE = 1e-9
+LINEAR_TOLERANCE = 1e-8
 """Tolerance of the iterations for the linear equations of a derivative, relative to the first iterate."""
 
 MAX_LINEAR_ITERATIONS = 30
