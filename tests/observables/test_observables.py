@@ -6,6 +6,7 @@ The oracles `pgv_g_angles.py` to `pgv_k_text.py` test the others.
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from esail_jax.numerics.angles import smallest_eigenvector
 from oracles.ledger import relative_error
@@ -47,6 +48,7 @@ def test_normal_of_a_symmetric_sail_has_a_derivative():
     np.testing.assert_allclose((pulled * change).sum(), jnp.arange(3.0) @ moved, rtol=1e-13)
 
 
+@pytest.mark.slow
 def test_smallest_distance_is_that_of_a_dense_search():
     """The smallest distance is the minimum over every remote unit and 10,001 points of every segment of
     the others."""
@@ -86,6 +88,7 @@ def test_external_power_is_the_thrust_times_the_velocity():
         np.testing.assert_allclose(state.seen["external_power"], power, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_clamped_roots_turn_the_hub_by_their_couples_too():
     """The torque of Euler's equations of the hub is minus the moment of the forces and couples on the
     roots."""

@@ -136,6 +136,7 @@ def test_a_pulse_rises_and_falls():
         assert np.allclose(found, 20e3 * np.minimum(*expected), rtol=0, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_table_in_time():
     """The voltage of a table is linear between its instants; every tether has a column."""
     table = [[1.0, 0.0, 0.5], [0.0, 1.0, 0.5], [0.5, 0.5, 1.0]]
@@ -212,6 +213,7 @@ def test_switching_on_and_off():
     assert not pulse.stats["message"]
 
 
+@pytest.mark.slow
 def test_feedback_turns_the_axis_to_its_target():
     """Feedback turns the spin axis towards its target; with the opposite gain the axis turns away."""
     turn = FIXED | {"integrator.t_end": 1570.0, "voltage.law": "feedback"}
@@ -357,6 +359,7 @@ def test_derivative_of_a_steered_run(method):
     assert abs(reverse / forward.sum() - 1.0) < 1e-9
 
 
+@pytest.mark.slow
 def test_wind_in_time():
     """A constant series is the steady wind; thrust is proportional to the speed and to the root of the
     density."""

@@ -47,6 +47,7 @@ def differentiated(run):
     return jit(lambda x: jax.jvp(run, (x,), (direction,)))(numbers())
 
 
+@pytest.mark.slow
 def test_jvp_through_a_run_is_the_difference_quotient(run, differentiated):
     """The derivative equals the difference quotient to 1e-5, which is the quotient's own accuracy.
 

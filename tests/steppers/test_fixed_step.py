@@ -146,6 +146,7 @@ def test_a_step_that_fails_is_halved_and_doubled_again(begun):
     assert name_of(state.result) == "successful"
 
 
+@pytest.mark.slow
 def test_halved_steps_are_as_accurate_and_have_the_same_derivative(begun):
     """The motion with halved steps differs from that with whole ones by less than the error of these. Its
     derivative by the initial spin agrees with the difference quotient, and in reverse mode with forward

@@ -16,6 +16,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -68,6 +69,7 @@ def cantilever(elements, axial):
     )
 
 
+@pytest.mark.slow
 def test_elliptic_integrals(validate):
     """The tip of the inextensible limit and its derivative by the load agree with elliptic integrals.
 
