@@ -13,7 +13,7 @@ from jax import lax
 from jax.ad_checkpoint import checkpoint_name
 
 from esail_jax.array_types import Array, Bool, Float, Int, Scalar
-from esail_jax.numerics.lockstep import buffer_set, while_active
+from esail_jax.numerics.lockstep import any_member, buffer_set, while_active
 from esail_jax.numerics.symbolic_zeros import jvp_of_perturbed
 from esail_jax.simulation.problem import Problem
 from esail_jax.steppers.results import RESULTS
@@ -80,7 +80,12 @@ def advance(
         points, kept = buffers
 
         def look(row, points, is_active):
-            return row + 1, buffer_set(points, row, point_of(problem, motion, times[row]), is_active)
+            # A branch of its own: XLA runs the small operations of a point faster apart from the buffers.
+            time = times[row]
+            point = lax.cond(
+                any_member(is_active), lambda: point_of(problem, motion, time), lambda: nothing
+            )
+            return row + 1, buffer_set(points, row, point, is_active)
 
         row, points = while_active(lambda row: is_active & passed(motion, row), look, row, points)
 
@@ -109,6 +114,7 @@ def advance(
 
     none = jnp.zeros((), int)
     points = room_for(len(times), lambda: point_of(problem, motion, times[0]))
+    nothing = jax.tree.map(lambda x: x[0], points)
     empty = () if keep is None else room_for(stepper.blocks_per_batch, lambda: keep(motion.last))
     empty = jax.tree.map(jnp.zeros_like, empty)
     kept = jax.tree.map(lambda x: jnp.zeros((room + 1, *x.shape), x.dtype), empty)

@@ -20,7 +20,7 @@ from esail_jax.simulation.problem import restart, start
 from esail_jax.steppers.stepper import AbstractStepper, Log, Motion, Point
 from esail_jax.system import System
 
-MAX_ATTEMPTS = 4096
+MAX_ATTEMPTS = 16384
 """Largest number of attempted steps in one call."""
 
 MAX_INSTANTS, NUMBERS_PER_CALL = 256, 2**22

@@ -50,23 +50,37 @@ class Pending(NamedTuple):
 
         The numbers do not depend on which later steps are known, so that they are the same however the run
         is divided into calls."""
-        table = self.table
+        table, empty = self.table, np.zeros(len(times))
+        taken = table[:, 1] > 0
         # The ends of taken steps increase; a rejected attempt goes with the next step that was taken.
-        taken = np.where(table[:, 1] > 0, table[:, 0], np.inf)
-        ends = np.minimum.accumulate(taken[::-1])[::-1] if len(table) else taken
+        ends = np.minimum.accumulate(np.where(taken, table[:, 0], np.inf)[::-1])[::-1]
         cuts = np.searchsorted(ends, times, side="right")
-        # All steps that reach an instant are known when it is passed, but not always the next one.
-        first = np.searchsorted(ends, times, side="left")
-        rows, before = [], 0
-        for time, cut, reaches in zip(times, cuts, first, strict=True):
-            around = table[reaches:][table[reaches:, 1] > 0]
-            size = around[0, 3] if time > begin else 0.0
-            rows.append([*self._numbers(table[before:cut], statistics), size])
-            before = max(before, cut)
-        names = ["steps", "rejected_steps", *statistics, "last_step"]
-        found = np.array(rows, float).reshape(len(times), len(names))
-        columns = dict(zip(names, found.T, strict=True)) if len(times) else {n: np.zeros(0) for n in names}
-        return {name: columns[name] for name in (*COUNTS, *statistics)}, Pending(table[before:])
+        begins = np.append(0, cuts)[:-1]
+        none = begins == cuts
+        rows = np.append(table, np.zeros((1, table.shape[1])), axis=0)
+
+        def over(combine: np.ufunc, column: int) -> np.ndarray:
+            """Combines the rows from `begins` to `cuts` for every instant; 0 where there are none."""
+            pairs = np.stack([begins, cuts], axis=1).ravel()
+            return (
+                np.where(none, 0.0, combine.reduceat(rows[:, column], pairs)[::2]) if len(times) else empty
+            )
+
+        values = {"steps": over(np.add, 1), "rejected_steps": over(np.add, 2)}
+        # When an instant is passed, the step in which it lies is known, but not always the next step.
+        accepted = np.flatnonzero(taken)
+        within = np.searchsorted(accepted, np.searchsorted(ends, times, side="left"))
+        values["last_step"] = empty
+        later = times > begin
+        values["last_step"][later] = table[accepted[within[later]], 3]
+        for column, (name, how) in enumerate(statistics.items(), start=4):
+            if how.over == "last":
+                values[name] = np.where(none, 0.0, rows[cuts - 1, column])
+            elif how.over == "largest":
+                values[name] = over(np.maximum, column)
+            else:
+                values[name] = over(np.add, column) / np.maximum(values["steps"], 1.0)
+        return values, Pending(table[cuts[-1] if len(times) else 0 :])
 
     def _together(self, part: np.ndarray, statistics: Mapping[str, Statistic]) -> np.ndarray:
         """Combines several rows in one, with sums instead of means."""
@@ -74,12 +88,3 @@ class Pending(NamedTuple):
         ways: dict[str, Callable] = {"mean": np.sum, "largest": np.max, "last": lambda x: x[-1]}
         parts = [ways[way](part[:, 4 + i]) for i, way in enumerate(over)]
         return np.array([part[-1, 0], part[:, 1].sum(), part[:, 2].sum(), part[-1, 3], *parts])
-
-    def _numbers(self, part: np.ndarray, statistics: Mapping[str, Statistic]) -> list[float]:
-        """Returns the numbers of steps and rejected steps and the statistics of some rows."""
-        if not len(part):
-            return [0.0, 0.0, *[0.0] * len(statistics)]
-        row = self._together(part, statistics)
-        count = max(row[1], 1.0)
-        values = zip(row[4:], statistics.values(), strict=True)
-        return [row[1], row[2], *[x / count if how.over == "mean" else x for x, how in values]]

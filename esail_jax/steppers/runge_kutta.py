@@ -108,8 +108,8 @@ class RungeKutta(AbstractStepper):
     relative_coordinates: ClassVar[bool] = True
     energy_guard: ClassVar[bool] = True
     steps_per_block: ClassVar[int] = 1
-    blocks_per_batch: ClassVar[int] = 32
-    blocks_per_window: ClassVar[int] = 2**9
+    blocks_per_batch: ClassVar[int] = 8
+    blocks_per_window: ClassVar[int] = 2**11
     instants_per_window: ClassVar[int] = 1
     statistics: ClassVar[Mapping[str, Statistic]] = {}
 
