@@ -1,14 +1,18 @@
 """A run as one program, for `jit`, `grad`, `jvp` and `vmap`: a scan over windows of instants."""
 
 import functools
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
 from esail_jax.array_types import Array, Float, Scalar
+from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.numerics.lockstep import select
+from esail_jax.numerics.symbolic_zeros import with_tangents
+from esail_jax.rod_chain import RodState
 from esail_jax.scenes.structure import Numbers, Structure
 from esail_jax.simulation.advance import Window, keep_tapes, move, point_of, room_for
 from esail_jax.simulation.look import look, on_constraints, with_running_observables
@@ -16,6 +20,7 @@ from esail_jax.simulation.problem import restart, start
 from esail_jax.simulation.schedule import Schedule
 from esail_jax.steppers.results import RESULTS
 from esail_jax.steppers.stepper import INSTANTS_TOGETHER, AbstractStepper, Point, nan_like
+from esail_jax.system import Power
 
 
 class Traced(NamedTuple):
@@ -72,10 +77,13 @@ def traced_run(
     nothing = jax.tree.map(
         lambda x: x[0], room_for(1, lambda: point_of(problem, begun.motion, windows.times[0, 0]))
     )
-    (motion, _), (points, passed) = lax.scan(body, (begun.motion, nothing), windows)
+    first = differentiable((begun.motion, nothing), (numbers, stepper, point))
+    (motion, _), (points, passed) = lax.scan(body, first, windows)
 
-    # All saved instants, batch by batch.
-    good = place < passed[number]
+    # All saved instants, in batches of equal length. The last instant is repeated to fill the last batch.
+    instants = len(place)
+    together = -(-instants // -(-instants // INSTANTS_TOGETHER))
+    number, place = (np.pad(x, (0, -instants % together), mode="edge") for x in (number, place))
     points = jax.tree.map(lambda x: x[number, place], points)
     since = windows.start[number]
 
@@ -84,7 +92,8 @@ def traced_run(
         now = problem.with_events_until(time) if switched else problem
         return look(now, point, names)[:2]
 
-    rows, points = lax.map(observed, (since, points), batch_size=INSTANTS_TOGETHER)
+    found = lax.map(observed, (since, points), batch_size=together)
+    rows, points, good = jax.tree.map(lambda x: x[:instants], (*found, place < passed[number]))
     result = motion.state.result
     rows, _, kept = with_running_observables(problem, rows, (jnp.nan, 0.0), jnp)
     if kept is not None:
@@ -95,6 +104,22 @@ def traced_run(
     final = jax.tree.map(lambda x: x[-1], points)
     final = select(good[-1], final, nan_like(final))
     return Traced(rows, final, result, motion.counts, problem.stepper.error_estimates(motion.state))
+
+
+def differentiable(carry: Any, of: Any) -> Any:
+    """Returns the carry of a scan, in which every array of the motion has a tangent if anything in `of` is
+    differentiated. Times and step sizes have none."""
+    arrays, structure = jax.tree.flatten(carry, is_leaf=is_motion)
+    moving = [i for i, x in enumerate(arrays) if is_motion(x)]
+    moved = with_tangents([arrays[i] for i in moving], of)
+    for i, x in zip(moving, moved, strict=True):
+        arrays[i] = x
+    return jax.tree.unflatten(structure, arrays)
+
+
+def is_motion(x: Any) -> bool:
+    """Tells whether a node of a tree holds coordinates, multipliers, or powers and works."""
+    return isinstance(x, Coordinates | Multipliers | Power | RodState)
 
 
 def is_good(motion) -> Array:
