@@ -3,6 +3,7 @@
 No equation is solved again: the stages are known, and the implicit function theorem gives their derivative
 (`collocation_solution.known_stages`)."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import jax
@@ -37,10 +38,7 @@ def replay_window(
     def block(now, records):
         return replay_steps(system, now, records)
 
-    def one(now, records):
-        return lax.cond(any_member(records.taken.any()), block, lambda *x: x, now, records)
-
-    now, records = lax.scan(one, start, tapes)
+    now, records = lax.scan(unless_empty(block), start, tapes)
     flat = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), records)
     (work, power), flat = replay_work(system, start, flat)
     records = jax.tree.map(lambda x, like: x.reshape(like.shape), flat, records)
@@ -52,6 +50,19 @@ def replay_window(
     # The other parts of the state decide how fast a step is solved, not its result.
     state = lax.stop_gradient(ended.state)
     return Motion(replace(state, now=now), last, motion.earlier), points
+
+
+def unless_empty(block: Callable) -> Callable:
+    """Returns the function of a block of steps, which skips a block without steps. Its records are then
+    zeros, which are written faster than copied."""
+
+    def nothing(carry, records):
+        return carry, jax.tree.map(jnp.zeros_like, records)
+
+    def one(carry, records):
+        return lax.cond(any_member(records.taken.any()), block, nothing, carry, records)
+
+    return one
 
 
 def replay_steps(
