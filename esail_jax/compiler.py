@@ -71,6 +71,24 @@ def compile_lowered(
     return lowered.compile(compiler_options=options)
 
 
+def traced_once(static_argnums: Sequence[int] = ()) -> Callable[[Callable], Callable]:
+    """Returns a decorator for a function that is part of several programs. JAX traces the function once for
+    arguments of the same structure and shapes, and copies the equations into every program."""
+
+    def decorate(f: Callable) -> Callable:
+        traced = jax.jit(f, static_argnums=static_argnums, inline=True)
+
+        @functools.wraps(f)
+        def call(*arguments):
+            # JAX's cache distinguishes between no mesh and an empty mesh, which derivatives set.
+            with jax.sharding.use_abstract_mesh(jax.sharding.get_abstract_mesh()):
+                return traced(*arguments)
+
+        return call
+
+    return decorate
+
+
 def jit(
     f: Callable[..., Any],
     *,

@@ -11,6 +11,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.custom_derivatives import SymbolicZero
 
 from esail_jax.array_types import Array
@@ -81,6 +82,7 @@ def with_tangents(values: Any, of: Any) -> Any:
 @with_tangents.defjvp
 def _with_tangents_jvp(primals, tangents):
     # The sum is linear in the tangents, and zero for any of them, infinite ones included.
-    moves = [t for t in jax.tree.leaves(tangents[1]) if t.dtype != jax.dtypes.float0]
+    leaves = jax.tree.leaves(tangents[1])
+    moves = [jnp.asarray(t) for t in leaves if np.result_type(t) != jax.dtypes.float0]
     zero = sum(jnp.where(False, t.sum(), 0.0) for t in moves)
     return primals[0], jax.tree.map(lambda t: t + zero, tangents[0])

@@ -13,11 +13,19 @@ from jax import lax
 from jax.ad_checkpoint import checkpoint_name
 
 from esail_jax.array_types import Array, Bool, Float, Int, Scalar
+from esail_jax.compiler import traced_once
 from esail_jax.numerics.lockstep import any_member, buffer_set, while_active
 from esail_jax.numerics.symbolic_zeros import jvp_of_perturbed
 from esail_jax.simulation.problem import Problem
 from esail_jax.steppers.results import RESULTS
-from esail_jax.steppers.stepper import AbstractSteps, Motion, Point, nan_like
+from esail_jax.steppers.stepper import (
+    AbstractState,
+    AbstractStepper,
+    AbstractSteps,
+    Motion,
+    Point,
+    nan_like,
+)
 
 TAPES = "steps as taken"
 """Checkpoint name of the tapes. They must be saved: step sizes that are computed again in the backward pass
@@ -100,7 +108,7 @@ def advance(
 
         def block(carry, part, is_active):
             motion, count = carry
-            state, steps = stepper.block(model, motion.state)
+            state, steps = block_of(stepper, model, motion.state)
             if keep is not None:
                 part = buffer_set(part, count, keep(steps), is_active)
             return (Motion(state, steps, motion.earlier), count + 1), part
@@ -124,6 +132,12 @@ def advance(
     kept = jax.tree.map(lambda x: x[:-1].reshape(-1, *x.shape[2:]), kept)
     motion = with_limit(motion, row < window.count, max_steps)
     return Advanced(motion, points, kept, row, batches, motion.state.time, motion.counts)
+
+
+@traced_once()
+def block_of(stepper: AbstractStepper, model: Any, state: AbstractState) -> tuple[Any, AbstractSteps]:
+    """Returns the result of `stepper.block`."""
+    return stepper.block(model, state)
 
 
 def point_of(problem: Problem, motion: Motion, time: Scalar) -> Point:

@@ -9,6 +9,7 @@ from jax import lax
 
 from esail_jax import observables
 from esail_jax.array_types import Array, Float, Int, Scalar
+from esail_jax.compiler import traced_once
 from esail_jax.iteration_matrix import FactoredMass, factor_mass
 from esail_jax.simulation.problem import Problem
 from esail_jax.steppers.consistent import project
@@ -16,6 +17,7 @@ from esail_jax.steppers.stepper import Point
 from esail_jax.system import System
 
 
+@traced_once(static_argnums=(2,))
 def look(
     problem: Problem, point: Point, names: tuple[str, ...] | None = None
 ) -> tuple[dict[str, Array], Point, Scalar]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from esail_jax import observables
 from esail_jax.array_types import Array, Scalar, Vector
+from esail_jax.compiler import traced_once
 from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.elements.hinges import Hinges
 from esail_jax.iteration_matrix import Inertia, inertia_of
@@ -73,6 +74,7 @@ class Start(NamedTuple):
     q: Any
 
 
+@traced_once(static_argnums=(0,))
 def start(
     structure: Structure,
     numbers: Numbers,

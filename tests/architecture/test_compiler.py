@@ -260,3 +260,24 @@ def test_disabled_jit_and_cleared_cache():
     compiled.clear_cache()
     compiled(PAIR, X)
     assert (function.traces, len(compiled._programs)) == (4, 1)
+
+
+def test_a_part_of_several_programs_is_traced_once():
+    """Also inside a scan and its derivative, whose values are those of the undecorated function."""
+    calls = []
+
+    def damped(x, power):
+        calls.append(x)
+        return -x * jnp.abs(x) ** power
+
+    part = compiler.traced_once(static_argnums=(1,))(damped)
+
+    def moved(x, part):
+        return jax.lax.scan(lambda x, _: (x + 0.1 * part(x, 2), None), x, None, length=3)[0]
+
+    start = jnp.linspace(-1.0, 1.0, 5)
+    found = jax.jit(moved, static_argnums=1)(start, part)
+    slope = jax.jit(jax.grad(lambda x: moved(x, part).sum()))(start)
+    assert len(calls) == 1
+    np.testing.assert_array_equal(found, jax.jit(moved, static_argnums=1)(start, damped))
+    np.testing.assert_array_equal(slope, jax.jit(jax.grad(lambda x: moved(x, damped).sum()))(start))

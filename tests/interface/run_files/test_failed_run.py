@@ -9,6 +9,7 @@ import pytest
 
 import esail_jax as esail
 import esail_jax.commands.run
+import esail_jax.simulation.advance
 import esail_jax.simulation.programs
 from esail_jax import cli
 from esail_jax.numerics.lockstep import select
@@ -18,8 +19,9 @@ from support.run_kinds import KINDS, check_start_of
 
 
 def compile_again(monkeypatch):
-    """Lets every run compile its programs: they contain what a test has replaced."""
-    programs = esail_jax.simulation.programs
+    """Lets every run trace and compile its programs: they contain what a test has replaced."""
+    programs, advance = esail_jax.simulation.programs, esail_jax.simulation.advance
+    monkeypatch.setattr(advance, "block_of", advance.block_of.__wrapped__)
     monkeypatch.setattr(programs, "_compiled", programs._compiled.__wrapped__)
 
 
