@@ -11,31 +11,29 @@ a system too, with coordinates of its own (`rod_chain.py`). A *stepper* advances
 them (`simulation/simulate.py`).
 """
 
-from typing import Any
+import importlib
+import os
+import sys
+from typing import TYPE_CHECKING, Any
 
-import jax
+if "jax" in sys.modules:
+    sys.modules["jax"].config.update("jax_enable_x64", True)
+else:
+    os.environ["JAX_ENABLE_X64"] = "1"  # JAX reads it when it is imported
 
-jax.config.update("jax_enable_x64", True)
-
-from esail_jax.compiler import jit  # noqa: E402
-from esail_jax.files.run_file import RunFileError, load, save  # noqa: E402
-from esail_jax.scenes.chain_tables import Chain, ChainInitial, ChainVoltage, ChainWind, Orbit  # noqa: E402
-from esail_jax.scenes.common_tables import Gravity, Integrator, Output  # noqa: E402
-from esail_jax.scenes.rules import SceneError  # noqa: E402
-from esail_jax.scenes.sail_tables import (  # noqa: E402
-    Event,
-    Hub,
-    Initial,
-    RemoteUnits,
-    SolarWind,
-    Tethers,
-    Voltage,
-)
-from esail_jax.scenes.scene import Scene, load_scene  # noqa: E402
-from esail_jax.simulation.results import SimulationError  # noqa: E402
-from esail_jax.simulation.simulate import run, simulate  # noqa: E402
-from esail_jax.simulation.solution import Solution  # noqa: E402
-from esail_jax.steppers.results import RESULTS  # noqa: E402
+if TYPE_CHECKING:
+    from esail_jax.compiler import jit
+    from esail_jax.errors import SimulationError
+    from esail_jax.files.run_file import RunFileError, load, save
+    from esail_jax.plotting import plot
+    from esail_jax.scenes.chain_tables import Chain, ChainInitial, ChainVoltage, ChainWind, Orbit
+    from esail_jax.scenes.common_tables import Gravity, Integrator, Output
+    from esail_jax.scenes.rules import SceneError
+    from esail_jax.scenes.sail_tables import Event, Hub, Initial, RemoteUnits, SolarWind, Tethers, Voltage
+    from esail_jax.scenes.scene import Scene, load_scene
+    from esail_jax.simulation.simulate import run, simulate
+    from esail_jax.simulation.solution import Solution
+    from esail_jax.steppers.results import RESULTS
 
 __version__ = "0.1.0"
 
@@ -71,10 +69,34 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
-    """Imports `plot` when it is first used, so that `import esail_jax` does not import matplotlib."""
-    if name == "plot":
-        from esail_jax.plotting import plot
+MODULES = {
+    "compiler": ("jit",),
+    "errors": ("SimulationError",),
+    "files.run_file": ("RunFileError", "load", "save"),
+    "plotting": ("plot",),
+    "scenes.chain_tables": ("Chain", "ChainInitial", "ChainVoltage", "ChainWind", "Orbit"),
+    "scenes.common_tables": ("Gravity", "Integrator", "Output"),
+    "scenes.rules": ("SceneError",),
+    "scenes.sail_tables": ("Event", "Hub", "Initial", "RemoteUnits", "SolarWind", "Tethers", "Voltage"),
+    "scenes.scene": ("Scene", "load_scene"),
+    "simulation.simulate": ("run", "simulate"),
+    "simulation.solution": ("Solution",),
+    "steppers.results": ("RESULTS",),
+}
+"""The modules that define the public names."""
 
-        return plot
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+HOME = {name: module for module, names in MODULES.items() for name in names}
+"""The module of every public name."""
+
+
+def __getattr__(name: str) -> Any:
+    """Imports a public name when it is first used: a command that computes nothing imports no JAX."""
+    if name not in HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"{__name__}.{HOME[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

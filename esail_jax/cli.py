@@ -20,6 +20,7 @@ from esail_jax.commands.options import (
     settings,
 )
 from esail_jax.commands.parser import parser
+from esail_jax.errors import InputError, SimulationError
 
 
 def run(options: argparse.Namespace) -> ExitCode:
@@ -133,13 +134,11 @@ def main(arguments: list[str] | None = None) -> ExitCode:
     except UsageError as error:
         complain(error)
         return ExitCode.BAD_INPUT
-    from esail_jax import RunFileError, SceneError, SimulationError
-
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         return COMMANDS[options.command](options)
-    except (UsageError, SceneError, RunFileError, OSError) as error:
+    except (InputError, OSError) as error:
         complain(error)
         return ExitCode.BAD_INPUT
     except SimulationError as error:

@@ -4,8 +4,10 @@ import argparse
 import tomllib
 from typing import Any
 
+from esail_jax.errors import InputError
 
-class UsageError(ValueError):
+
+class UsageError(InputError):
     """A command line that cannot be understood."""
 
 

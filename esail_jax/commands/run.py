@@ -14,6 +14,7 @@ import numpy as np
 from esail_jax.commands.exit_codes import ExitCode
 from esail_jax.commands.interrupts import Interrupts
 from esail_jax.commands.progress import Progress
+from esail_jax.errors import SimulationError
 from esail_jax.files.hdf5 import to_python
 from esail_jax.files.run_file import (
     Content,
@@ -28,7 +29,6 @@ from esail_jax.files.run_file import (
 from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.scene import Scene, parse
 from esail_jax.simulation.host import CompiledScene, HostRun, compile_scene
-from esail_jax.simulation.results import SimulationError
 from esail_jax.steppers.results import RESULTS
 
 

@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
-import scipy.linalg
 
 from esail_jax.array_types import Array, Complex, Float
 from esail_jax.equilibria.equilibrium import Equilibrium
@@ -76,6 +75,8 @@ def modes(system: System, at: Equilibrium) -> Modes:
 
     The result is not differentiable. Raises ValueError if the equilibrium has not converged.
     """
+    import scipy.linalg  # takes a third as long to import as JAX
+
     if not at.converged:
         left = float(at.unbalanced)
         raise ValueError(f"the equilibrium must be balanced, but a force of {left:.1e} N is left")

@@ -16,6 +16,7 @@ import jax
 import numpy as np
 
 from esail_jax.coordinates import Coordinates
+from esail_jax.errors import InputError
 from esail_jax.files.hdf5 import (
     append,
     atomic_file,
@@ -49,7 +50,7 @@ COPY_SHARE = 0.03
 """Largest part of the run time that copying the file may take."""
 
 
-class RunFileError(ValueError):
+class RunFileError(InputError):
     """A run file that cannot be used as asked."""
 
 

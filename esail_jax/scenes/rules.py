@@ -11,10 +11,11 @@ from typing import Any
 import jax
 import numpy as np
 
+from esail_jax.errors import InputError
 from esail_jax.scenes.value_types import Kind, Shape
 
 
-class SceneError(ValueError):
+class SceneError(InputError):
     """A scene that cannot be built; the message names the key, what it must be and what it is."""
 
     def __init__(self, key: str, must: str, got: str):

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from esail_jax.errors import SimulationError
 from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.structure import split
@@ -14,7 +15,7 @@ from esail_jax.simulation.advance import Advanced, Window
 from esail_jax.simulation.look import with_running_observables
 from esail_jax.simulation.problem import Problem, check_steady, require_64_bit
 from esail_jax.simulation.programs import Programs, compile_programs
-from esail_jax.simulation.results import Checkpoint, Chunk, SimulationError, join
+from esail_jax.simulation.results import Checkpoint, Chunk, join
 from esail_jax.simulation.schedule import is_multiple, save_times, segments, switch_times
 from esail_jax.simulation.statistics import COUNTS, Pending
 from esail_jax.steppers.results import RESULTS, name_of

@@ -1,4 +1,4 @@
-"""The intermediate results of a run on the host (chunks, checkpoints), and the error of a failed run."""
+"""The intermediate results of a run on the host: chunks and checkpoints."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from esail_jax.simulation.statistics import Pending
-from esail_jax.steppers.results import RESULTS
 
 
 class Chunk(NamedTuple):
@@ -36,16 +35,6 @@ class Checkpoint(NamedTuple):
     segment: int
     pending: Pending
     energy: tuple[float, float]
-
-
-class SimulationError(RuntimeError):
-    """The error of a run that could not reach its end time.
-
-    The message gives the time, the reason and what to try. result: the reason as a member of `RESULTS`."""
-
-    def __init__(self, message: str, result: RESULTS):
-        super().__init__(message)
-        self.result = result
 
 
 def join(parts: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from esail_jax.errors import SimulationError
 from esail_jax.observables import known_names
 from esail_jax.observables.run_warning import STEP_ERRORS, run_warning
 from esail_jax.scenes.method_choice import with_method
@@ -18,7 +19,7 @@ from esail_jax.scenes.stepper_choice import stepper_class
 from esail_jax.scenes.structure import split
 from esail_jax.simulation.host import HostRun, all_rows, compile_scene
 from esail_jax.simulation.problem import require_64_bit
-from esail_jax.simulation.results import Checkpoint, Chunk, SimulationError
+from esail_jax.simulation.results import Checkpoint, Chunk
 from esail_jax.simulation.schedule import Schedule, save_times, switch_times
 from esail_jax.simulation.solution import Solution
 from esail_jax.simulation.traced import traced_run

@@ -8,11 +8,11 @@ own loop over them, made for any y and any term, takes three times as long on a 
 Dense output at an instant within a step is one more step of the method from the start of that step,
 shorter and not part of the run."""
 
+import functools
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -34,13 +34,23 @@ from esail_jax.steppers.stepper import (
 )
 from esail_jax.system import Power
 
-METHODS = {"tsit5": diffrax.Tsit5(), "dopri5": diffrax.Dopri5(), "dopri8": diffrax.Dopri8()}
-"""Tsitouras 5(4), Dormand & Prince 5(4) (MATLAB's ode45), Prince & Dormand 8(7). All of them end a step
-with the first stage of the next."""
+METHODS = {"tsit5": "Tsit5", "dopri5": "Dopri5", "dopri8": "Dopri8"}
+"""The names of diffrax's solvers: Tsitouras 5(4), Dormand & Prince 5(4) (MATLAB's ode45), Prince & Dormand
+8(7). All of them end a step with the first stage of the next."""
 
 REACH = {"tsit5": 0.95, "dopri5": 1.0, "dopri8": 3.7}
 """Largest product h omega for which an undamped vibration grows by less than 1e-4 per step. On the negative
 real axis (damped motion) the limit of stability is 3.3 or more."""
+
+
+@functools.cache
+def solver(method: str) -> Any:
+    """Returns diffrax's solver of a method. diffrax takes as long to import as JAX, and is not needed for a
+    sail; therefore it is imported here."""
+    import diffrax
+
+    return getattr(diffrax, METHODS[method])()
+
 
 STEPS_PER_CHUNK = 64
 """Number of steps between two states that reverse mode stores."""
@@ -119,11 +129,14 @@ class RungeKutta(AbstractStepper):
 
     @property
     def order(self) -> int:
-        return METHODS[self.method].order(None)
+        return solver(self.method).order(None)
 
     @property
-    def controller(self) -> diffrax.PIDController:
-        """The step-size controller, which uses the largest component of the error of the last step."""
+    def controller(self) -> Any:
+        """The step-size controller (`diffrax.PIDController`), which uses the largest component of the error
+        of the last step."""
+        import diffrax
+
         return diffrax.PIDController(rtol=self.tolerance, atol=self.tolerance, norm=largest_component)
 
     def scaled(self, y: State) -> State:
@@ -132,7 +145,7 @@ class RungeKutta(AbstractStepper):
 
     def step(self, f: RightHandSide, start: Knot, h: Scalar) -> tuple[Knot, State]:
         """Returns the end of a step and the estimate of its local error. h [s]."""
-        table = METHODS[self.method].tableau
+        table = solver(self.method).tableau
         stages = [start.slope]
         y = start.y
         for c, row in zip(table.c, table.a_lower, strict=True):

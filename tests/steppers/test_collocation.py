@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import esail_jax as esail
+from esail_jax.errors import SimulationError
 from esail_jax.numerics.lobatto import Lobatto
 from esail_jax.scenes.scene import parse
-from esail_jax.simulation.results import SimulationError
 from support.golden import GOLDEN, REFERENCE, SUMS, errors
 from support.quick import quickly
 from support.whole_runs import check_derivative, check_going_on, numbers

@@ -12,7 +12,7 @@ from esail_jax.rod_chain import RodChain
 from esail_jax.simulation.advance import Window, move
 from esail_jax.simulation.problem import Problem
 from esail_jax.steppers.results import RESULTS, name_of
-from esail_jax.steppers.runge_kutta import METHODS, Knot, RungeKutta
+from esail_jax.steppers.runge_kutta import METHODS, Knot, RungeKutta, solver
 from esail_jax.steppers.stepper import Motion, Point
 from esail_jax.system import Power
 from support.quick import jit
@@ -74,9 +74,9 @@ def test_a_step_is_the_librarys(name):
     time, y = jnp.asarray(0.2), State(jnp.asarray(1.5))
     new, error = method.step(f, Knot(time, y, f(time, y)), h)
     terms = diffrax.ODETerm(lambda t, y, _: f(t, State(y)).x)
-    solver = METHODS[name]
-    state = solver.init(terms, 0.2, 0.5, jnp.asarray(1.5), None)
-    exact, estimate, *_ = solver.step(terms, 0.2, 0.5, jnp.asarray(1.5), None, state, False)
+    theirs = solver(name)
+    state = theirs.init(terms, 0.2, 0.5, jnp.asarray(1.5), None)
+    exact, estimate, *_ = theirs.step(terms, 0.2, 0.5, jnp.asarray(1.5), None, state, False)
     np.testing.assert_allclose(new.y.x, exact, rtol=1e-14)
     np.testing.assert_allclose(error.x, estimate, rtol=0, atol=1e-15)
     np.testing.assert_allclose(new.slope.x, f(0.5, State(exact)).x, rtol=1e-13)
