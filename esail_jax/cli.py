@@ -8,6 +8,7 @@ import argparse
 import signal
 import sys
 import threading
+from typing import TYPE_CHECKING
 
 from esail_jax.commands.compilation_cache import use_compilation_cache
 from esail_jax.commands.exit_codes import ExitCode
@@ -22,14 +23,23 @@ from esail_jax.commands.options import (
 from esail_jax.commands.parser import parser
 from esail_jax.errors import InputError, SimulationError
 
+if TYPE_CHECKING:
+    from esail_jax.scenes.scene import Scene
+
+
+def scene_of(options: argparse.Namespace) -> "Scene":
+    """Reads and checks the scene of a command, before JAX is imported: an error is reported at once."""
+    from esail_jax.scenes.scene import load_scene
+
+    return load_scene(options.scene, settings(options))
+
 
 def run(options: argparse.Namespace) -> ExitCode:
     """`esail run`."""
+    scene = scene_of(options)
     from esail_jax.commands.run import run_scene
-    from esail_jax.scenes.scene import load_scene
 
     use_compilation_cache()
-    scene = load_scene(options.scene, settings(options))
     return run_scene(scene, options.output, options.resume, options.quiet)
 
 
@@ -61,13 +71,11 @@ def plot(options: argparse.Namespace) -> ExitCode:
 def design(options: argparse.Namespace) -> ExitCode:
     """`esail design`."""
     check_design(options)
-    weights = objective_weights(options)
+    weights, scene = objective_weights(options), scene_of(options)
     from esail_jax.commands.design import Optimisation, run_design
-    from esail_jax.scenes.scene import load_scene
 
     use_compilation_cache()
     how = Optimisation(options.iterations, options.method, options.starts, options.seed)
-    scene = load_scene(options.scene, settings(options))
     found = run_design(scene, options.output, weights, how, options.resume, options.quiet)
     from esail_jax.commands.plot import draw_design
 
@@ -78,6 +86,7 @@ def design(options: argparse.Namespace) -> ExitCode:
 def ensemble(options: argparse.Namespace) -> ExitCode:
     """`esail ensemble`. Cores are shared and a cluster is joined before JAX starts any computation."""
     check_ensemble(options)
+    scene, names = scene_of(options), observable_names(options)
     use_compilation_cache()
     if options.distributed:
         from esail_jax.commands.cluster import join_cluster
@@ -88,9 +97,7 @@ def ensemble(options: argparse.Namespace) -> ExitCode:
 
         share_cores(options.processes)
     from esail_jax.commands.ensemble import run_distributed, run_here, task_of
-    from esail_jax.scenes.scene import load_scene
 
-    scene, names = load_scene(options.scene, settings(options)), observable_names(options)
     task = task_of(scene, options.members, options.variations, options.seed, options.sampling, names)
     if options.distributed:
         return run_distributed(task, options.output, options.resume, options.quiet)
@@ -104,10 +111,9 @@ def ensemble(options: argparse.Namespace) -> ExitCode:
 
 def bench(options: argparse.Namespace) -> ExitCode:
     """`esail bench`. It uses no cache of compiled programs, because it measures the compile time."""
+    scene = scene_of(options)
     from esail_jax.commands.bench import NoReference, run_bench
-    from esail_jax.scenes.scene import load_scene
 
-    scene = load_scene(options.scene, settings(options))
     try:
         run_bench(scene, options.json)
     except NoReference as error:

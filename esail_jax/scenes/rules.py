@@ -8,11 +8,10 @@ import typing
 from collections.abc import Callable
 from typing import Any
 
-import jax
 import numpy as np
 
 from esail_jax.errors import InputError
-from esail_jax.scenes.value_types import Kind, Shape
+from esail_jax.scenes.value_types import Kind, Shape, is_jax_array, is_traced
 
 
 class SceneError(InputError):
@@ -77,7 +76,7 @@ def choice(names: Any) -> Rule:
 
 def describe(value: Any) -> str:
     """Words a value for the end of a message, `is ...`, in at most about sixty characters."""
-    if isinstance(value, jax.core.Tracer):
+    if is_traced(value):
         return "is a traced value"
     text = repr(value.tolist() if hasattr(value, "tolist") else value)
     text = {"True": "true", "False": "false"}.get(text, text)
@@ -90,7 +89,7 @@ def check_value(key: str, value: Any, rule: Rule, members: Members | None) -> An
 
     Raises SceneError. Only the shape of a traced number is checked: it has no value yet.
     """
-    if isinstance(value, jax.core.Tracer):
+    if is_traced(value):
         if rule.structure:
             raise SceneError(key, "be a plain Python value: it is structure", "is a traced value")
         return check_shape(key, value, rule, members)
@@ -131,7 +130,7 @@ def check_number(key: str, value: Any, rule: Rule, members: Members | None) -> A
         raise SceneError(key, "be finite", describe(value))
     if not rule.accepts(array):
         raise SceneError(key, rule.must, describe(value))
-    if isinstance(value, jax.Array) and not rule.structure:
+    if is_jax_array(value) and not rule.structure:
         return value
     return float(array) if array.ndim == 0 else to_tuple(array)
 
@@ -150,7 +149,7 @@ def has_boolean(value: Any) -> bool:
 
 def known(value: Any) -> np.ndarray | None:
     """The numbers of a checked value; None if it is traced, as it then has no value yet."""
-    return None if isinstance(value, jax.core.Tracer) else np.asarray(value)
+    return None if is_traced(value) else np.asarray(value)
 
 
 def other_forms(rule: Rule, members: Members | None) -> str:
@@ -209,5 +208,5 @@ def check_shape(key: str, value: Any, rule: Rule, members: Members | None) -> An
 def wrong_shape(value: Any) -> str:
     """Words a value of the wrong shape for the end of a message; of a traced value only the shape is
     known."""
-    traced = isinstance(value, jax.core.Tracer)
+    traced = is_traced(value)
     return f"is traced, of shape {np.shape(value)}" if traced else describe(value)

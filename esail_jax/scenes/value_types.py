@@ -5,16 +5,25 @@ counterparts for the checks at run time.
 """
 
 import enum
+import sys
 from collections.abc import Sequence
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from esail_jax.array_types import Array
 
-Number = float | Array
-"""One number: an int, a float, or a JAX array of shape (), traced or not."""
+@runtime_checkable
+class SupportsArray(Protocol):
+    """An array of NumPy or JAX, traced or not. A scene is read and checked without importing JAX, which
+    takes longer than the rest."""
 
-NumberList = Sequence[float] | np.ndarray | Array
+    def __array__(self) -> np.ndarray: ...
+
+
+Number = float | SupportsArray
+"""One number: an int, a float, or an array of shape ()."""
+
+NumberList = Sequence[float] | SupportsArray
 """A list, tuple or array of numbers."""
 
 PerMember = Number | NumberList
@@ -72,3 +81,13 @@ class Kind(enum.Enum):
 
     SWITCH = "switch"
     """True or false."""
+
+
+def is_traced(value: Any) -> bool:
+    """Tells whether a value is a tracer: a number under `jit`, `grad` or `vmap`."""
+    return "jax" in sys.modules and isinstance(value, sys.modules["jax"].core.Tracer)
+
+
+def is_jax_array(value: Any) -> bool:
+    """Tells whether a value is a JAX array, traced or not."""
+    return "jax" in sys.modules and isinstance(value, sys.modules["jax"].Array)

@@ -37,6 +37,20 @@ print("imported:", *sorted({HEAVY} & set(sys.modules)))
     assert in_new_process(code).splitlines()[-1] == "imported:"
 
 
+def test_a_wrong_scene_is_reported_without_jax(tmp_path):
+    """A scene that does not exist, and one with a wrong value: one line, before JAX is imported."""
+    wrong = [["no-such-scene"], ["baseline", "--set", "tethers.length=-3"]]
+    for number, scene in enumerate(wrong):
+        code = f"""
+import sys
+from esail_jax.cli import main
+status = main(["run", *{scene}, "-o", {str(tmp_path / f"{number}.h5")!r}])
+print(int(status), *sorted({HEAVY - {"numpy"}} & set(sys.modules)))
+"""
+        assert in_new_process(code).split() == ["2"]
+        assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("first", ["jax", "esail_jax"])
 def test_64_bits_whatever_is_imported_first(first):
     """Also where the environment asks for 32 bits: positions of kilometres need strains of 1e-6."""
