@@ -24,7 +24,8 @@ else:
 if TYPE_CHECKING:
     from esail_jax.compiler import jit
     from esail_jax.errors import SimulationError
-    from esail_jax.files.run_file import RunFileError, load, save
+    from esail_jax.files.opening import RunFileError
+    from esail_jax.files.run_file import load, save
     from esail_jax.plotting import plot
     from esail_jax.scenes.chain_tables import Chain, ChainInitial, ChainVoltage, ChainWind, Orbit
     from esail_jax.scenes.common_tables import Gravity, Integrator, Output
@@ -72,7 +73,8 @@ __all__ = [
 MODULES = {
     "compiler": ("jit",),
     "errors": ("SimulationError",),
-    "files.run_file": ("RunFileError", "load", "save"),
+    "files.opening": ("RunFileError",),
+    "files.run_file": ("load", "save"),
     "plotting": ("plot",),
     "scenes.chain_tables": ("Chain", "ChainInitial", "ChainVoltage", "ChainWind", "Orbit"),
     "scenes.common_tables": ("Gravity", "Integrator", "Output"),

@@ -16,7 +16,8 @@ from esail_jax.design.design_file import append_state, read_history, read_state
 from esail_jax.design.law_variables import law_variables, with_free_law
 from esail_jax.design.optimiser import State
 from esail_jax.design.problem import Design
-from esail_jax.files.run_file import RunFileError, save
+from esail_jax.files.opening import RunFileError
+from esail_jax.files.run_file import save
 from esail_jax.scenes.scene import Scene, to_toml
 from esail_jax.simulation.simulate import simulate
 from esail_jax.simulation.solution import Solution

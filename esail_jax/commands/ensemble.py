@@ -38,7 +38,7 @@ from esail_jax.ensembles.ensemble_file import (
 from esail_jax.ensembles.member_program import observable_shapes, select_observables
 from esail_jax.ensembles.member_runner import MemberRunner
 from esail_jax.ensembles.sampling import Vary, draw, variations_of
-from esail_jax.files.run_file import RunFileError
+from esail_jax.files.opening import RunFileError
 from esail_jax.scenes.scene import Scene
 
 PIECES_PER_PROCESS = 4

@@ -4,12 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
-from esail_jax.commands.run import heading
+from esail_jax.commands.description import heading
 from esail_jax.ensembles.ensemble import Ensemble
 from esail_jax.ensembles.ensemble_file import load_ensemble
 from esail_jax.ensembles.statistics import OUTCOMES, outcomes_of, sensitivities
-from esail_jax.files.hdf5 import to_python
-from esail_jax.files.run_file import open_run
+from esail_jax.files.opening import open_run, to_python
 
 LEAST_SHARE = 0.05
 """Least share of an outcome's variance for which an input is named."""

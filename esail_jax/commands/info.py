@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from esail_jax.commands.run import describe
-from esail_jax.files.run_file import holds_ensemble
+from esail_jax.commands.description import describe
+from esail_jax.files.opening import holds_ensemble
 
 
 def print_info(path: Path) -> None:

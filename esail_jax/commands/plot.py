@@ -4,7 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from esail_jax.files.run_file import holds_ensemble, load
+from esail_jax.files.opening import holds_ensemble
+from esail_jax.files.run_file import load
 from esail_jax.plotting import plot_all
 from esail_jax.plotting.design import design_figure
 from esail_jax.simulation.solution import Solution

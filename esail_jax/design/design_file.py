@@ -16,7 +16,7 @@ import numpy as np
 
 from esail_jax.design.optimiser import Optimiser, State
 from esail_jax.files.hdf5 import atomic_hdf5
-from esail_jax.files.run_file import RunFileError
+from esail_jax.files.opening import RunFileError
 
 COLUMNS = ("x", "value", "gradient")
 

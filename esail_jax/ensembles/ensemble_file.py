@@ -23,9 +23,10 @@ import numpy as np
 from esail_jax.ensembles.ensemble import Ensemble
 from esail_jax.ensembles.member_program import system_of
 from esail_jax.ensembles.sampling import Inputs
-from esail_jax.files.hdf5 import PART, atomic_hdf5, create_observables, create_quantity, to_python, versions
-from esail_jax.files.run_file import SCHEMA_VERSION, RunFileError, open_run
+from esail_jax.files.hdf5 import PART, atomic_hdf5, create_observables, create_quantity, versions
+from esail_jax.files.opening import SCHEMA_VERSION, RunFileError, open_run, to_python
 from esail_jax.observables import listed
+from esail_jax.scenes.method_choice import accuracy_of, with_method
 from esail_jax.scenes.scene import Scene, parse, to_toml
 from esail_jax.simulation.schedule import save_times
 
@@ -205,6 +206,8 @@ def create(file: h5py.File, task: Task) -> None:
     system = system_of(task.scene)
     write_identity(file, task)
     file.attrs.update(versions() | {"schema_version": SCHEMA_VERSION, "device": ""})
+    method = with_method(task.scene).integrator
+    file.attrs.update({"method": method.method, "accuracy": accuracy_of(method)})
     file.attrs.update({"members": task.count, "steps": 0, "wall_time": 0.0, "compile_time": 0.0})
     for key, values in task.inputs.items():
         data = file.create_dataset(f"inputs/{key}", data=values)

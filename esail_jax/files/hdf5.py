@@ -106,11 +106,6 @@ def append(data: h5py.Dataset, values: np.ndarray) -> None:
     data[before:] = values
 
 
-def to_python(value: Any) -> Any:
-    """An HDF5 attribute as a plain Python value."""
-    return value.item() if hasattr(value, "item") else value
-
-
 def versions() -> dict[str, str]:
     """Attributes with the versions of Python and of the packages that compute a run."""
     packages = ("esail_jax", "jax", "jaxlib", "numpy", "h5py")

@@ -16,18 +16,18 @@ import jax
 import numpy as np
 
 from esail_jax.coordinates import Coordinates
-from esail_jax.errors import InputError
 from esail_jax.files.hdf5 import (
     append,
     atomic_file,
     atomic_hdf5,
     create_observables,
     create_quantity,
-    to_python,
     versions,
 )
+from esail_jax.files.opening import SCHEMA_VERSION, open_single, to_python
 from esail_jax.observables import Observable, described, listed
 from esail_jax.observables.run_warning import run_warning
+from esail_jax.scenes.method_choice import accuracy_of, with_method
 from esail_jax.scenes.scene import Scene, parse, to_toml
 from esail_jax.simulation.host import CompiledScene, HostRun, paths
 from esail_jax.simulation.problem import require_64_bit
@@ -39,19 +39,11 @@ from esail_jax.steppers.results import RESULTS, name_of
 from esail_jax.steppers.stepper import Point
 from esail_jax.system import Power
 
-SCHEMA_VERSION = 2
-"""Version of the layout of run files and ensemble files. Files of another version are refused: their
-checkpoints and results have other names."""
-
 CHECKPOINT_SECONDS = 1.0
 """Least time between two writes [s]."""
 
 COPY_SHARE = 0.03
 """Largest part of the run time that copying the file may take."""
-
-
-class RunFileError(InputError):
-    """A run file that cannot be used as asked."""
 
 
 def scene_of_run(scene: Scene) -> str:
@@ -63,20 +55,26 @@ class Content(NamedTuple):
     """The description of a run in its file.
 
     observables: their descriptions; numerics: units of the statistics by name; terms: names of the terms of
-    the model; method: name of the stepper."""
+    the model; method: name of the stepper; accuracy: its tolerance or step, in words."""
 
     scene: Scene
     observables: list[Observable]
     numerics: dict[str, str]
     terms: tuple[str, ...]
     method: str
+    accuracy: str
 
     @classmethod
     def of_run(cls, compiled: CompiledScene) -> "Content":
         """Returns the description of a compiled scene."""
         problem = compiled.problem
         return cls(
-            compiled.scene, listed(problem.system), compiled.numerics, problem.terms, problem.stepper.name
+            compiled.scene,
+            listed(problem.system),
+            compiled.numerics,
+            problem.terms,
+            problem.stepper.name,
+            accuracy_of(compiled.resolved.integrator),
         )
 
     @classmethod
@@ -89,6 +87,7 @@ class Content(NamedTuple):
             stats["numerics_units"],
             stats["terms"],
             stats["method"],
+            accuracy_of(with_method(solution.scene).integrator) if solution.stepper is None else "",
         )
 
 
@@ -99,6 +98,7 @@ def create(file: h5py.File, content: Content) -> None:
         "schema_version": SCHEMA_VERSION,
         "device": jax.devices()[0].device_kind,
         "method": content.method,
+        "accuracy": content.accuracy,
         "status": "running",
         "message": "",
         "result": "successful",
@@ -256,42 +256,6 @@ def load_point(file: h5py.File) -> Point | None:
 
     work = Power(*(group[f"work/{name}"][()] for name in Power._fields))
     return Point(group["time"][()], coordinates("q"), coordinates("v"), work, group["exact"][()])
-
-
-def holds_ensemble(path: str | os.PathLike) -> bool:
-    """Tells whether a file contains an ensemble rather than one run. Raises RunFileError for other
-    files."""
-    with open_run(path) as file:
-        return "members" in file
-
-
-def open_single(path: str | os.PathLike) -> h5py.File:
-    """Opens the file of one run for reading. Raises RunFileError for any other file."""
-    file = open_run(path)
-    if "members" in file:
-        file.close()
-        raise RunFileError(f"`{path}` must be a file of one run, but is of an ensemble")
-    return file
-
-
-def open_run(path: str | os.PathLike) -> h5py.File:
-    """Opens the file of a run or an ensemble for reading. Raises RunFileError for any other file."""
-    try:
-        file = h5py.File(path)
-    except OSError as error:
-        reason = "does not exist" if not os.path.exists(path) else "cannot be read as HDF5"
-        raise RunFileError(f"`{path}` must be a run file, but {reason}") from error
-    if "schema_version" not in file.attrs or "scene" not in file:
-        file.close()
-        raise RunFileError(f"`{path}` must be a run file, but has no scene")
-    if file.attrs["schema_version"] != SCHEMA_VERSION:
-        found = file.attrs["schema_version"]
-        file.close()
-        raise RunFileError(
-            f"`{path}` must have schema version {SCHEMA_VERSION}, but has {found}: "
-            "read it with the version of esail_jax that wrote it"
-        )
-    return file
 
 
 def save(solution: Solution, path: str | os.PathLike, overwrite: bool = False) -> None:

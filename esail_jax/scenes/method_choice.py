@@ -17,6 +17,7 @@ from esail_jax.array_types import Array
 from esail_jax.rod_chain import fastest_rate, turning_rate
 from esail_jax.scenes.build import build_chain
 from esail_jax.scenes.build_loads import wind_of
+from esail_jax.scenes.common_tables import Integrator
 from esail_jax.scenes.consistency import method_name
 from esail_jax.scenes.methods import (
     CHAIN_METHOD,
@@ -112,3 +113,10 @@ def chain_method(scene: Scene) -> dict[str, str | float]:
     if table.step is None:
         implicit["step"] = 1.0 / (STEPS_PER_RADIAN * max(turning, 1.0 / table.t_end))
     return {"method": STIFF_CHAIN_METHOD, **implicit}
+
+
+def accuracy_of(table: Integrator) -> str:
+    """Returns the step or the tolerance of a resolved `[integrator]` in words, for people."""
+    if table.step is not None:
+        return f"step {table.step:g} s"
+    return "" if table.tolerance is None else f"tolerance {table.tolerance:g}"

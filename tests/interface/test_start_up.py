@@ -1,54 +1,28 @@
 """What is imported: commands that compute nothing start without JAX, and the package always has 64 bits."""
 
-import os
-import subprocess
-import sys
-
 import pytest
 
 import esail_jax as esail
-
-HEAVY = {"jax", "numpy", "scipy", "diffrax", "equinox", "h5py", "matplotlib"}
-"""Libraries that take a tenth of a second or more to import."""
-
-
-def in_new_process(code, **environment):
-    """Returns what a new Python process prints."""
-    clean = {name: value for name, value in os.environ.items() if name != "JAX_ENABLE_X64"}
-    command = [sys.executable, "-c", code]
-    return subprocess.run(
-        command, env=clean | environment, capture_output=True, text=True, check=True
-    ).stdout
+from support.new_process import heavy_imports_of, output_of
 
 
 @pytest.mark.parametrize(
-    "arguments", [["--help"], ["run", "--help"], ["scenes"], ["run", "--no-such-option"]]
+    ("arguments", "status"),
+    [
+        (["--help"], 0),
+        (["run", "--help"], 0),
+        (["scenes"], 0),
+        (["run", "--no-such-option"], 2),
+        (["run", "no-such-scene", "-o", "a.h5"], 2),
+        (["run", "baseline", "--set", "tethers.length=-3", "-o", "a.h5"], 2),
+        (["ensemble", "baseline", "--set", "tethers.length=-3", "--members", "2", "-o", "a"], 2),
+        (["info", "no-such-file.h5"], 2),
+    ],
 )
-def test_a_command_without_computation_imports_no_heavy_library(arguments):
-    code = f"""
-import sys
-from esail_jax.cli import main
-try:
-    main({arguments})
-except SystemExit:
-    pass
-print("imported:", *sorted({HEAVY} & set(sys.modules)))
-"""
-    assert in_new_process(code).splitlines()[-1] == "imported:"
-
-
-def test_a_wrong_scene_is_reported_without_jax(tmp_path):
-    """A scene that does not exist, and one with a wrong value: one line, before JAX is imported."""
-    wrong = [["no-such-scene"], ["baseline", "--set", "tethers.length=-3"]]
-    for number, scene in enumerate(wrong):
-        code = f"""
-import sys
-from esail_jax.cli import main
-status = main(["run", *{scene}, "-o", {str(tmp_path / f"{number}.h5")!r}])
-print(int(status), *sorted({HEAVY - {"numpy"}} & set(sys.modules)))
-"""
-        assert in_new_process(code).split() == ["2"]
-        assert not list(tmp_path.iterdir())
+def test_a_command_without_computation_imports_no_heavy_library(arguments, status, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert heavy_imports_of(arguments) == (status, [])
+    assert not list(tmp_path.iterdir()), "nothing is written"
 
 
 @pytest.mark.parametrize("first", ["jax", "esail_jax"])
@@ -56,7 +30,7 @@ def test_64_bits_whatever_is_imported_first(first):
     """Also where the environment asks for 32 bits: positions of kilometres need strains of 1e-6."""
     second = {"jax": "esail_jax", "esail_jax": "jax"}[first]
     code = f"import {first}, {second}; print({second}.__name__, __import__('jax').numpy.zeros(1).dtype)"
-    assert in_new_process(code, JAX_ENABLE_X64="0").split()[-1] == "float64"
+    assert output_of(code, JAX_ENABLE_X64="0").split()[-1] == "float64"
 
 
 def test_every_public_name_is_there():

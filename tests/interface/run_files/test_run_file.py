@@ -14,6 +14,7 @@ from esail_jax.scenes.scene import parse
 from esail_jax.steppers.fixed_step import STEPS_PER_FACTORISATION
 from support import small_sail
 from support.bits import esail_run
+from support.new_process import heavy_imports_of
 from support.run_kinds import OBSERVABLES
 
 
@@ -94,11 +95,16 @@ def test_info_says_what_ran_how_it_ended_and_how_fast(whole, capsys):
         "complete",
         "2 tethers x 2 elements",
         "coulomb",
-        "generalized-alpha",
+        "generalized-alpha, step 0.",
         "800 steps",
         "compiling",
     ):
         assert word in out
+
+
+def test_info_starts_without_jax(whole):
+    """`esail info` only reads the file, which takes less time than the import of JAX."""
+    assert heavy_imports_of(["info", str(whole)]) == (0, [])
 
 
 def test_the_package_runs_as_a_module(whole):

@@ -1,0 +1,76 @@
+"""The description of a run in a few lines, for `esail info` and at the end of `esail run`. It is read from
+the run file, without JAX."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from esail_jax.files.opening import open_run, to_python
+from esail_jax.scenes.scene import Scene, parse
+
+
+def describe(path: Path) -> str:
+    """A few lines on a run: model, method, how it ended, speed, energy balance, versions."""
+    with open_run(path) as file:
+        attributes = {name: to_python(value) for name, value in file.attrs.items()}
+        scene = parse(file["scene"][()].decode(), str(path))
+        times = file["time"][()]
+        terms = ", ".join(file["numerics"].attrs["terms"])
+        balance = balance_text(file)
+    reached = times[-1] if len(times) else 0.0
+    wall = max(attributes["wall_time"], 1e-9)
+    steps = attributes["steps"]
+    lines = [
+        *heading(path, attributes, scene, terms),
+        f"  time       {reached:g} of {scene.integrator.t_end:g} s, {len(times)} saved instants",
+        f"  speed      {steps} steps in {wall:.2f} s ({1e6 * wall / max(steps, 1):.0f} us a step, "
+        f"{reached / wall:.0f} x real time), compiling {attributes['compile_time']:.2f} s",
+        balance,
+        f"  device     {attributes['device']}, jax {attributes['version_jax']}, "
+        f"Python {attributes['version_python']}, esail_jax {attributes['version_esail_jax']}",
+    ]
+    return "\n".join(line for line in lines if line)
+
+
+def heading(path: Path, attributes: Mapping[str, Any], scene: Scene, terms: str) -> list[str]:
+    """The first lines for runs and ensembles: status, message, model and method."""
+    method = ", ".join(attributes[name] for name in ("method", "accuracy") if attributes[name])
+    return [
+        f"{path}: {attributes['status']}",
+        f"  {attributes['message']}" if attributes["message"] else "",
+        f"  model      {size_of(scene)}: {terms}",
+        f"  method     {method}" + (" (chosen)" if scene.integrator.method is None else ""),
+    ]
+
+
+def size_of(scene: Scene) -> str:
+    """Size of the model: numbers of tethers and elements, or of rods."""
+    if scene.chain is not None:
+        return f"{scene.chain.rods} rods"
+    return f"{scene.tethers.count} tethers x {scene.tethers.elements} elements"
+
+
+def balance_text(file: h5py.File) -> str:
+    """A line with the largest energy error and the energy to compare it with; empty if unknown."""
+    seen = file["observables"]
+    if not seen.keys() >= {"energy_balance_error", "kinetic_energy", "elastic_energy"}:
+        if not seen.keys() >= {"energy_error", "kinetic_energy"}:
+            return ""
+        error, kinetic = seen["energy_error"][()], seen["kinetic_energy"][()]
+        good = np.isfinite(error)
+        if not good.any():
+            return ""
+        largest, energy = abs(error[good]).max(), kinetic[good].max()
+        return f"  balance    |E - E_0| <= {largest:.2e} of max(|E_0|, T), T up to {energy:.5g} J"
+    good = np.isfinite(seen["energy_balance_error"][()])  # rows after a failure are NaN
+    if not good.any():
+        return ""
+    error = abs(seen["energy_balance_error"][()][good]).max()
+    energy = (seen["kinetic_energy"][()] + seen["elastic_energy"][()])[good].max()
+    text = f"  balance    |dE - W + D| <= {error:.2e} J of {energy:.5g} J"
+    if "constraint_violation" in file["numerics"]:
+        text += f"; constraints within {file['numerics/constraint_violation'][()][good].max():.1e} m"
+    return text

@@ -1,0 +1,58 @@
+"""Opening run files and files of ensembles, with the checks that every reader needs. This module needs no
+JAX, which takes longer to import than a file to read."""
+
+import os
+from typing import Any
+
+import h5py
+
+from esail_jax.errors import InputError
+
+SCHEMA_VERSION = 2
+"""Version of the layout of run files and ensemble files. Files of another version are refused: their
+checkpoints and results have other names."""
+
+
+class RunFileError(InputError):
+    """A run file that cannot be used as asked."""
+
+
+def holds_ensemble(path: str | os.PathLike) -> bool:
+    """Tells whether a file contains an ensemble rather than one run. Raises RunFileError for other
+    files."""
+    with open_run(path) as file:
+        return "members" in file
+
+
+def open_single(path: str | os.PathLike) -> h5py.File:
+    """Opens the file of one run for reading. Raises RunFileError for any other file."""
+    file = open_run(path)
+    if "members" in file:
+        file.close()
+        raise RunFileError(f"`{path}` must be a file of one run, but is of an ensemble")
+    return file
+
+
+def open_run(path: str | os.PathLike) -> h5py.File:
+    """Opens the file of a run or an ensemble for reading. Raises RunFileError for any other file."""
+    try:
+        file = h5py.File(path)
+    except OSError as error:
+        reason = "does not exist" if not os.path.exists(path) else "cannot be read as HDF5"
+        raise RunFileError(f"`{path}` must be a run file, but {reason}") from error
+    if "schema_version" not in file.attrs or "scene" not in file:
+        file.close()
+        raise RunFileError(f"`{path}` must be a run file, but has no scene")
+    if file.attrs["schema_version"] != SCHEMA_VERSION:
+        found = file.attrs["schema_version"]
+        file.close()
+        raise RunFileError(
+            f"`{path}` must have schema version {SCHEMA_VERSION}, but has {found}: "
+            "read it with the version of esail_jax that wrote it"
+        )
+    return file
+
+
+def to_python(value: Any) -> Any:
+    """An HDF5 attribute as a plain Python value."""
+    return value.item() if hasattr(value, "item") else value
