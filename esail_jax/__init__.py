@@ -12,6 +12,7 @@ them (`simulation/simulate.py`).
 """
 
 import importlib
+import importlib.util
 import os
 import sys
 from typing import TYPE_CHECKING, Any
@@ -92,12 +93,16 @@ HOME = {name: module for module, names in MODULES.items() for name in names}
 
 
 def __getattr__(name: str) -> Any:
-    """Imports a public name when it is first used: a command that computes nothing imports no JAX."""
-    if name not in HOME:
+    """Imports a public name, or a package such as `design`, when it is first used: a command that computes
+    nothing imports no JAX."""
+    module = f"{__name__}.{HOME.get(name, name)}"
+    if name not in HOME and (name.startswith("_") or importlib.util.find_spec(module) is None):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(importlib.import_module(f"{__name__}.{HOME[name]}"), name)
-    globals()[name] = value
-    return value
+    found = importlib.import_module(module)
+    if name in HOME:
+        found = getattr(found, name)
+        globals()[name] = found
+    return found
 
 
 def __dir__() -> list[str]:

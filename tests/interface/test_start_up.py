@@ -39,3 +39,11 @@ def test_every_public_name_is_there():
     assert set(esail.__all__) <= set(dir(esail))
     with pytest.raises(AttributeError, match="no attribute 'no_such_name'"):
         _ = esail.no_such_name
+
+
+def test_packages_need_no_import_of_their_own():
+    """`esail.design` and `esail.ensembles` are imported when they are used first."""
+    code = (
+        "import esail_jax as esail; print(esail.ensembles.Normal.__name__, esail.design.Objective.__name__)"
+    )
+    assert output_of(code).split() == ["Normal", "Objective"]
