@@ -23,7 +23,7 @@ else:
     os.environ["JAX_ENABLE_X64"] = "1"  # JAX reads it when it is imported
 
 if TYPE_CHECKING:
-    from esail_jax.compiler import jit
+    from esail_jax.compilation.jit import jit
     from esail_jax.errors import SimulationError
     from esail_jax.files.opening import RunFileError
     from esail_jax.files.run_file import load, save
@@ -72,7 +72,7 @@ __all__ = [
 
 
 MODULES = {
-    "compiler": ("jit",),
+    "compilation.jit": ("jit",),
     "errors": ("SimulationError",),
     "files.opening": ("RunFileError",),
     "files.run_file": ("load", "save"),

@@ -1,16 +1,16 @@
-"""The command `esail`: run, scenes, info, plot, ensemble, design, bench.
+"""The command `esail`: run, scenes, info, plot, ensemble, design, bench, cache.
 
 The options are those of `commands/parser.py`, the exit codes those of `commands/exit_codes.py`. Errors are
 one line on stderr.
 """
 
 import argparse
+import os
 import signal
 import sys
 import threading
 from typing import TYPE_CHECKING
 
-from esail_jax.commands.compilation_cache import use_compilation_cache
 from esail_jax.commands.exit_codes import ExitCode
 from esail_jax.commands.options import (
     UsageError,
@@ -21,6 +21,7 @@ from esail_jax.commands.options import (
     settings,
 )
 from esail_jax.commands.parser import parser
+from esail_jax.compilation.store import VARIABLE
 from esail_jax.errors import InputError, SimulationError
 
 if TYPE_CHECKING:
@@ -39,7 +40,6 @@ def run(options: argparse.Namespace) -> ExitCode:
     scene = scene_of(options)
     from esail_jax.commands.run import run_scene
 
-    use_compilation_cache()
     return run_scene(scene, options.output, options.resume, options.quiet)
 
 
@@ -63,7 +63,6 @@ def plot(options: argparse.Namespace) -> ExitCode:
     """`esail plot`."""
     from esail_jax.commands.plot import draw_file
 
-    use_compilation_cache()
     draw_file(options.run, options.output)
     return ExitCode.DONE
 
@@ -74,7 +73,6 @@ def design(options: argparse.Namespace) -> ExitCode:
     weights, scene = objective_weights(options), scene_of(options)
     from esail_jax.commands.design import Optimisation, run_design
 
-    use_compilation_cache()
     how = Optimisation(options.iterations, options.method, options.starts, options.seed)
     found = run_design(scene, options.output, weights, how, options.resume, options.quiet)
     from esail_jax.commands.plot import draw_design
@@ -87,7 +85,6 @@ def ensemble(options: argparse.Namespace) -> ExitCode:
     """`esail ensemble`. Cores are shared and a cluster is joined before JAX starts any computation."""
     check_ensemble(options)
     scene, names = scene_of(options), observable_names(options)
-    use_compilation_cache()
     if options.distributed:
         from esail_jax.commands.cluster import join_cluster
 
@@ -112,6 +109,7 @@ def ensemble(options: argparse.Namespace) -> ExitCode:
 def bench(options: argparse.Namespace) -> ExitCode:
     """`esail bench`. It uses no cache of compiled programs, because it measures the compile time."""
     scene = scene_of(options)
+    os.environ[VARIABLE] = "off"
     from esail_jax.commands.bench import NoReference, run_bench
 
     try:
@@ -122,9 +120,17 @@ def bench(options: argparse.Namespace) -> ExitCode:
     return ExitCode.DONE
 
 
+def cache(options: argparse.Namespace) -> ExitCode:
+    """`esail cache`."""
+    from esail_jax.commands.cache import show_cache
+
+    show_cache(options.clear)
+    return ExitCode.DONE
+
+
 COMMANDS = {
     "run": run, "scenes": scenes, "info": info, "plot": plot, "ensemble": ensemble, "design": design,
-    "bench": bench,
+    "bench": bench, "cache": cache,
 }  # fmt: skip
 
 

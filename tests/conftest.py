@@ -21,7 +21,7 @@ MOST_MAPS = 25_000
 dozens. Linux allows 65,530, which some hundred tests reach; the next compilation then ends the process."""
 
 
-CACHE = "JAX_COMPILATION_CACHE_DIR"
+CACHE, PROGRAMS = "JAX_COMPILATION_CACHE_DIR", "ESAIL_CACHE"
 LEAST_SECONDS = 0.3
 """Least compile time [s] of a program that is written to the cache."""
 
@@ -31,17 +31,17 @@ every 700 objects, the default, takes a tenth of a test's time."""
 
 
 def pytest_configure(config):
-    """Gives the session a cache of compiled programs of its own, which is removed at its end.
+    """Gives the session caches of compiled programs of its own, which are removed at its end.
 
-    All processes of the session share the cache, also those that tests start, so that each program is
+    All processes of the session share the caches, also those that tests start, so that each program is
     compiled once. Programs of earlier sessions are not used.
     """
     gc.set_threshold(*LESS_OFTEN)
     if not hasattr(config, "workerinput") and CACHE not in os.environ:
         folder = tempfile.mkdtemp(prefix="esail_programs_")
         config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
-        # The command gives its cache this name, and finds this one where a test points it to the folder.
-        os.environ[CACHE] = os.path.join(folder, "esail_jax")
+        os.environ[CACHE] = os.path.join(folder, "jax")
+        os.environ[PROGRAMS] = os.path.join(folder, "programs")
         os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = str(LEAST_SECONDS)
         os.environ["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
     jax.config.update("jax_compilation_cache_dir", os.environ[CACHE])

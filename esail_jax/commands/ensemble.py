@@ -6,7 +6,6 @@ processes, and JAX's distributed runtime numbers them; they exchange only the me
 there.
 """
 
-import os
 import signal
 import subprocess
 import sys
@@ -176,16 +175,10 @@ def publish_pieces(task: Task, folder: Path, missing: np.ndarray, processes: int
 
 
 def start_worker(folder: Path) -> subprocess.Popen:
-    """Starts another process on the task of a folder. It shares this process's compilation cache."""
-    cache = {
-        "JAX_COMPILATION_CACHE_DIR": jax.config.jax_compilation_cache_dir,
-        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": jax.config.jax_persistent_cache_min_compile_time_secs,
-        "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": jax.config.jax_persistent_cache_min_entry_size_bytes,
-    }
-    environment = os.environ | {name: str(value) for name, value in cache.items() if value is not None}
+    """Starts another process on the task of a folder."""
     # The worker has its own session: Ctrl-C reaches it only through this process, once.
     command = [sys.executable, "-m", "esail_jax.commands.ensemble_worker", str(folder)]
-    return subprocess.Popen(command, env=environment, start_new_session=True, stdout=subprocess.DEVNULL)
+    return subprocess.Popen(command, start_new_session=True, stdout=subprocess.DEVNULL)
 
 
 def work(folder: Path, stop: Callable[[], bool], each: Callable[[], None] = lambda: None) -> None:

@@ -32,7 +32,7 @@ def parser() -> Parser:
         allow_abbrev=False,
     )
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for add in (add_run, add_scenes, add_info, add_plot, add_design, add_ensemble, add_bench):
+    for add in (add_run, add_scenes, add_info, add_plot, add_design, add_ensemble, add_bench, add_cache):
         add(commands)
     return top
 
@@ -186,3 +186,9 @@ def add_bench(commands: Any) -> None:
     bench.add_argument("--t-end", metavar="SECONDS", help="end time [s] instead of the scene's")
     bench.add_argument("--json", type=Path, metavar="FILE", help="also write the results as JSON lines")
     bench.set_defaults(settings=[])
+
+
+def add_cache(commands: Any) -> None:
+    """Adds `esail cache`."""
+    cache = add_command(commands, "cache", "show where compiled programs are kept, and their size")
+    cache.add_argument("--clear", action="store_true", help="remove them; they are compiled again")

@@ -15,7 +15,7 @@ import numpy as np
 from jax import lax
 
 from esail_jax.array_types import Array, Float, Scalar
-from esail_jax.compiler import jit
+from esail_jax.compilation.jit import jit
 from esail_jax.design.objective import Objective
 from esail_jax.design.optimiser import Optimiser, State
 from esail_jax.scenes.scene import Scene

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import jax
 import numpy as np
 
-from esail_jax.compiler import compile_lowered
+from esail_jax.compilation.options import compile_lowered
 
 HOST_BYTES = 2**28
 """Memory for the results of one call on a CPU [B]."""

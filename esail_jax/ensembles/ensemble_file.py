@@ -20,10 +20,11 @@ import h5py
 import jax
 import numpy as np
 
+from esail_jax.atomic_file import PART
 from esail_jax.ensembles.ensemble import Ensemble
 from esail_jax.ensembles.member_program import system_of
 from esail_jax.ensembles.sampling import Inputs
-from esail_jax.files.hdf5 import PART, atomic_hdf5, create_observables, create_quantity, versions
+from esail_jax.files.hdf5 import atomic_hdf5, create_observables, create_quantity, versions
 from esail_jax.files.opening import SCHEMA_VERSION, RunFileError, open_run, to_python
 from esail_jax.observables import listed
 from esail_jax.scenes.method_choice import accuracy_of, with_method

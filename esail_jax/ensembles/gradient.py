@@ -10,7 +10,7 @@ from jax import lax
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 from esail_jax.array_types import Array, Scalar
-from esail_jax.compiler import jit
+from esail_jax.compilation.jit import jit
 from esail_jax.ensembles.sampling import Inputs
 
 MEMBER = "member"

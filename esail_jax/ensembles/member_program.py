@@ -12,6 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 
+from esail_jax.compilation.keys import key_of
+from esail_jax.compilation.program import TreeProgram, tree_program
 from esail_jax.ensembles.sampling import Inputs
 from esail_jax.observables import listed, shape_of
 from esail_jax.observables.run_warning import STEP_ERRORS
@@ -37,17 +39,17 @@ class MemberResult(NamedTuple):
     step_errors: Any
 
 
-def lower_members(
-    scene: Scene, names: tuple[str, ...], inputs: Inputs, count: int | None
-) -> jax.stages.Lowered:
-    """The lowered program (member's number, its inputs) -> MemberResult with the named observables.
+def members_program(scene: Scene, names: tuple[str, ...], inputs: Inputs, count: int | None) -> TreeProgram:
+    """The program (member's number, its inputs) -> MemberResult with the named observables. Programs are
+    kept, so that worker processes load what one of them has compiled.
 
     inputs: of all members, for their shapes; count: members in lockstep, or None for one member."""
     leading = () if count is None else (count,)
     shapes = {key: jax.ShapeDtypeStruct((*leading, *x.shape[1:]), float) for key, x in inputs.items()}
     member = jax.ShapeDtypeStruct(leading, int)
     function = member_function(scene, names)
-    return jax.jit(function if count is None else in_lockstep(function)).lower(member, shapes)
+    key = key_of(members_program, scene, names, shapes, count)
+    return tree_program(function if count is None else in_lockstep(function), (member, shapes), key)
 
 
 def member_function(scene: Scene, names: tuple[str, ...]) -> Callable:

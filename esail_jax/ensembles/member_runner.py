@@ -7,19 +7,19 @@ alone, as a single run, which can repair steps and explains its failure.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import jax
 import numpy as np
 
-from esail_jax.compiler import compile_lowered
+from esail_jax.compilation.program import TreeProgram
 from esail_jax.cores import cores
 from esail_jax.ensembles.batch_size import batch_in_lockstep, batch_on_cores
 from esail_jax.ensembles.ensemble import Ensemble
 from esail_jax.ensembles.member_program import (
     MemberResult,
-    lower_members,
+    members_program,
     observable_shapes,
     select_observables,
     with_common_method,
@@ -64,7 +64,7 @@ class MemberRunner:
         self.observables = select_observables(self.shapes, observables)
         balance = tuple(name for name in BALANCE[scene.main] if name in self.shapes)
         self._computed = tuple(dict.fromkeys((*self.observables, *balance)))
-        self._program: Callable | None = None
+        self._program: TreeProgram | None = None
         devices = len(jax.local_devices()) if self.lockstep else 1
         batch = self._fitting_batch() if batch is None else batch
         self.batch = -(-batch // devices) * devices
@@ -90,14 +90,19 @@ class MemberRunner:
 
     # ---- program and batch ----------------------------------------------------------------------
 
-    def lower(self, count: int | None) -> jax.stages.Lowered:
-        """The lowered program of `count` members in lockstep, or of one member (None)."""
-        return lower_members(self.common, self._computed, self.inputs, count)
+    def program(self, count: int | None) -> TreeProgram:
+        """The program of `count` members in lockstep, or of one member (None)."""
+        return members_program(self.common, self._computed, self.inputs, count)
+
+    def lower(self, count: int) -> jax.stages.Lowered:
+        """The lowered program of `count` members in lockstep."""
+        return self.program(count).program.traced.lower()
 
     def compile(self) -> None:
         """Compiles the program, unless this is done already."""
         if self._program is None:
-            self._program = compile_lowered(self.lower(self.batch if self.lockstep else None))
+            self._program = self.program(self.batch if self.lockstep else None)
+            self._program.compile()
 
     def _fitting_batch(self) -> int:
         """Members in one call: as many as the memory holds; on a CPU not more than take some seconds."""

@@ -11,38 +11,16 @@ import platform
 import shutil
 from collections.abc import Iterable, Iterator
 from importlib import metadata
-from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 
+from esail_jax.atomic_file import atomic_file
 from esail_jax.observables import Observable, shape_of
-
-PART = ".part"
-"""Last suffix of a temporary file."""
 
 ROWS_PER_CHUNK = 64
 """Number of instants in one HDF5 chunk of a dataset that grows."""
-
-
-@contextlib.contextmanager
-def atomic_file(path: str | os.PathLike, unique: bool = False) -> Iterator[Path]:
-    """Context manager: gives the path of a temporary file, which replaces `path` when the block ends.
-
-    If the block raises, the temporary file is removed and `path` stays as it is. unique: the name of the
-    temporary file holds the process number, for a file that several processes may write at the same time.
-    """
-    path = Path(path)
-    part = path.with_name(f"{path.name}.{os.getpid()}{PART}" if unique else f"{path.name}{PART}")
-    try:
-        yield part
-        with open(part, "rb") as file:
-            os.fsync(file.fileno())
-        os.replace(part, path)
-    except BaseException:
-        part.unlink(missing_ok=True)
-        raise
 
 
 @contextlib.contextmanager

@@ -15,10 +15,10 @@ import h5py
 import jax
 import numpy as np
 
+from esail_jax.atomic_file import atomic_file
 from esail_jax.coordinates import Coordinates
 from esail_jax.files.hdf5 import (
     append,
-    atomic_file,
     atomic_hdf5,
     create_observables,
     create_quantity,

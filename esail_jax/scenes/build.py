@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 
 from esail_jax.array_types import Array, PerTether, Rotation
-from esail_jax.compiler import START_OPTIONS
+from esail_jax.compilation.options import START_OPTIONS
 from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.coordinates import Coordinates
 from esail_jax.elements.axial import AxialDissipation, AxialEnergy, TensionOnlyEnergy

@@ -7,13 +7,15 @@ the implicit method gives four to six (`experiments/mw_rods`). A stiffer chain i
 method, whose step follows the visible motion instead."""
 
 import dataclasses
-import functools
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
 from esail_jax.array_types import Array
+from esail_jax.compilation.options import START_OPTIONS
+from esail_jax.compilation.program import program_of
 from esail_jax.rod_chain import fastest_rate, turning_rate
 from esail_jax.scenes.build import build_chain
 from esail_jax.scenes.build_loads import wind_of
@@ -46,7 +48,6 @@ gravity and orbit. A free end snaps round about ten times faster; on [MW]'s stee
 4e-6 m of 1.1 m."""
 
 
-@functools.partial(jax.jit, static_argnums=0)
 def rates(structure: Structure, numbers: Numbers) -> tuple[Array, Array]:
     """Rates of a chain [rad/s]: of its fastest vibration, and at which its rods turn."""
     chain, start = build_chain(structure, numbers)
@@ -73,12 +74,13 @@ def with_method(scene: Scene) -> Scene:
 def sail_tolerance(scene: Scene) -> float | Array:
     """Default tolerance of a sail: COLLOCATION_TOLERANCE, or less for tethers that hardly stretch."""
     _, numbers = split(scene)
-    largest = lax.stop_gradient(STRAIN_FRACTION * smallest_strain(numbers))
-    tolerance = jnp.clip(largest, FINEST_TOLERANCE, COLLOCATION_TOLERANCE)
-    return tolerance if isinstance(tolerance, jax.core.Tracer) else float(tolerance)
+    limits = FINEST_TOLERANCE, COLLOCATION_TOLERANCE
+    if any(isinstance(x, jax.core.Tracer) for x in numbers.values()):
+        return jnp.clip(lax.stop_gradient(STRAIN_FRACTION * smallest_strain(numbers)), *limits)
+    strain = program_of(smallest_strain, (), (numbers,), START_OPTIONS, fused=False)(numbers)
+    return float(np.clip(STRAIN_FRACTION * np.asarray(strain), *limits))
 
 
-@jax.jit
 def smallest_strain(n: Numbers) -> Array:
     """Strain [-] at the root of the tether that stretches least. It is the larger of two estimates: by the
     spin, (m_u + rho A L / 2) omega^2 L / EA, and by the wind across the tether, f L / EA."""
@@ -104,7 +106,9 @@ def chain_method(scene: Scene) -> dict[str, str | float]:
     numbers = [x for part in vars(scene).values() if part is not None for x in vars(part).values()]
     if any(isinstance(x, jax.core.Tracer) for x in numbers) or table.tolerance is not None:
         return explicit
-    fastest, turning = (float(rate) for rate in rates(*split(scene)))
+    structure, numbers = split(scene)
+    program = program_of(rates, (structure,), (numbers,), START_OPTIONS, fused=False)
+    fastest, turning = (float(rate) for rate in program(numbers))
     step = REACH[CHAIN_METHOD] / fastest
     too_fine = table.t_end / step > MOST_STEPS if table.step is None else table.step > step
     if not too_fine or (not METHODS[STIFF_CHAIN_METHOD].chain_bending and scene.chain.bending):

@@ -13,7 +13,7 @@ from jax import lax
 from jax.ad_checkpoint import checkpoint_name
 
 from esail_jax.array_types import Array, Bool, Float, Int, Scalar
-from esail_jax.compiler import traced_once
+from esail_jax.compilation.jit import traced_once
 from esail_jax.numerics.lockstep import any_member, buffer_set, while_active
 from esail_jax.numerics.symbolic_zeros import jvp_of_perturbed
 from esail_jax.simulation.problem import Problem

@@ -9,7 +9,7 @@ from jax import lax
 
 from esail_jax import observables
 from esail_jax.array_types import Array, Float, Int, Scalar
-from esail_jax.compiler import traced_once
+from esail_jax.compilation.jit import traced_once
 from esail_jax.iteration_matrix import FactoredMass, factor_mass
 from esail_jax.simulation.problem import Problem
 from esail_jax.steppers.consistent import project

@@ -9,7 +9,7 @@ import numpy as np
 
 from esail_jax import observables
 from esail_jax.array_types import Array, Scalar, Vector
-from esail_jax.compiler import traced_once
+from esail_jax.compilation.jit import traced_once
 from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.elements.hinges import Hinges
 from esail_jax.iteration_matrix import Inertia, inertia_of
@@ -139,11 +139,12 @@ def check_steady(scene: Scene, begun: Start) -> None:
     """Raises SceneError if the elements have no steady elongation at the initial spin rate."""
     tethers = begun.problem.system.tethers
     q, spin = begun.q.tether, float(np.abs(scene.initial.spin_rate))
-    lengths = tethers.element_length * tethers.elements
-    mass = tethers.line_density * lengths + tethers.tip_mass
-    allowed = UNBALANCED * np.asarray(mass * lengths) * spin**2 + 1e-9
+    lengths = np.asarray(tethers.element_length) * tethers.elements
+    mass = np.asarray(tethers.line_density) * lengths + np.asarray(tethers.tip_mass)
+    allowed = UNBALANCED * mass * lengths * spin**2 + 1e-9
     unbalanced = np.asarray(begun.unbalanced)
-    radial = np.linalg.norm(np.asarray(q[0, :, -1] - q[0, :, 0]), axis=0)
+    positions = np.asarray(q)
+    radial = np.linalg.norm(positions[0, :, -1] - positions[0, :, 0], axis=0)
     bad = ~(unbalanced <= allowed) | ~np.isfinite(radial)
     if bad.any():
         raise SceneError(

@@ -9,14 +9,16 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
-from esail_jax.compiler import CHAIN_OPTIONS, COMPILER_OPTIONS, LOOK_OPTIONS, START_OPTIONS, compile_lowered
+from esail_jax.array_types import Array, Scalar
+from esail_jax.compilation.options import CHAIN_OPTIONS, COMPILER_OPTIONS, LOOK_OPTIONS, START_OPTIONS
+from esail_jax.compilation.program import program_of, type_of
+from esail_jax.scenes.stepper_choice import stepper_class
 from esail_jax.scenes.structure import Numbers, Structure
-from esail_jax.simulation.advance import Window, advance
+from esail_jax.simulation.advance import Advanced, Window, advance
 from esail_jax.simulation.look import look_at_window
-from esail_jax.simulation.problem import restart, start
+from esail_jax.simulation.problem import Problem, restart, start
 from esail_jax.steppers.stepper import AbstractStepper, Log, Motion, Point
 from esail_jax.system import System
 
@@ -47,9 +49,6 @@ class Programs(NamedTuple):
     shapes: dict[str, tuple[int, ...]]
 
 
-Shapes = tuple[tuple[str, tuple[int, ...]], ...]
-
-
 def compile_programs(
     structure: Structure,
     numbers: Numbers,
@@ -59,58 +58,64 @@ def compile_programs(
 ) -> Programs:
     """Returns the programs for any numbers of these shapes, any end time and any saved instants. names: the
     observables to save, all of them if None."""
-    shapes = tuple((key, value.shape) for key, value in sorted(numbers.items()))
-    extra, tree = jax.tree.flatten((stepper, point))
-    kinds = tuple((np.shape(x), jnp.result_type(x)) for x in extra)
-    return _compiled(structure, shapes, tree, kinds, names)
+    leaves, tree = jax.tree.flatten((numbers, stepper, point))
+    return _compiled(structure, tree, tuple(map(type_of, leaves)), names)
 
 
 @functools.lru_cache(maxsize=64)
-def _compiled(
-    structure: Structure, shapes: Shapes, tree: Any, kinds: tuple, names: tuple[str, ...] | None
-) -> Programs:
-    numbers = {key: jax.ShapeDtypeStruct(shape, float) for key, shape in shapes}
-    extra = jax.tree.unflatten(tree, [jax.ShapeDtypeStruct(*kind) for kind in kinds])
+def _compiled(structure: Structure, tree: Any, types: tuple, names: tuple[str, ...] | None) -> Programs:
+    given = jax.tree.unflatten(tree, types)
     number, integer = jax.ShapeDtypeStruct((), float), jax.ShapeDtypeStruct((), int)
+    kind = stepper_class(structure["integrator.method"]) if given[1] is None else type(given[1])
+    rods = kind.relative_coordinates
+
     with ThreadPoolExecutor() as pool:
-        starting = jax.jit(start, static_argnums=0).lower(structure, numbers, *extra)
-        begun = starting.out_info
-        problem, motion = begun.problem, begun.motion
-        chain = problem.stepper.relative_coordinates
-        starts = pool.submit(starting.compile, compiler_options=CHAIN_OPTIONS if chain else START_OPTIONS)
+
+        def ready(function, static, arguments, options, fused=not rods):
+            """Traces a program here and compiles it in another thread."""
+            program = program_of(function, static, arguments, CHAIN_OPTIONS if rods else options, fused)
+            program.lower()
+            return program, pool.submit(program.compile)
+
+        starting, starts = ready(start, (structure,), given, START_OPTIONS, fused=False)
+        problem, motion = starting.result.problem, starting.result.motion
         step = motion.last.taken.shape[0]
         size = degrees_of_freedom(problem.system)
         instants = int(np.clip(NUMBERS_PER_CALL // (4 * size), 1, MAX_INSTANTS))
-        batch = problem.stepper.blocks_per_batch * step
+        batch = kind.blocks_per_batch * step
         batches = int(np.clip(WORK_PER_CALL // (batch * size), 1, MAX_ATTEMPTS // batch))
         window = Window(jax.ShapeDtypeStruct((instants,), float), integer)
-
-        def advance_window(problem, motion, window, max_steps, max_batches):
-            keep = lambda steps: steps.log.table()  # noqa: E731
-            return advance(problem, motion, window, max_steps, max_batches, keep, batches)
-
         # The slowest one first: the others are traced while it compiles.
-        stepping = jax.jit(advance_window).lower(problem, motion, window, number, integer)
-        if chain:
-            advances = pool.submit(stepping.compile, compiler_options=CHAIN_OPTIONS)
-        else:
-            advances = pool.submit(compile_lowered, stepping, COMPILER_OPTIONS)
-        points = stepping.out_info.points
-        looking = jax.jit(look_at_window, static_argnums=3).lower(problem, points, integer, names)
-        looks = (
-            pool.submit(looking.compile, compiler_options=CHAIN_OPTIONS)
-            if chain
-            else pool.submit(compile_lowered, looking, LOOK_OPTIONS)
+        stepping, advances = ready(
+            advance_window, (batches,), (problem, motion, window, number, integer), COMPILER_OPTIONS
         )
-        restarts = None
+        points = stepping.result.points
+        looking, looks = ready(look_at_points, (names,), (problem, points, integer), LOOK_OPTIONS)
+        restarting = None
         if structure.has("event") or structure.has("voltage.on"):
             one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), points)
-            restarting = jax.jit(restart).lower(problem, motion, one, number)
-            restarts = pool.submit(restarting.compile, compiler_options=START_OPTIONS).result()
-        statistics = tuple(jax.eval_shape(motion_log, motion).statistics)
-        compiled = (starts.result(), advances.result(), looks.result(), restarts)
-        shapes = {name: x.shape[1:] for name, x in looking.out_info[0].items()}
-        return Programs(*compiled, instants, batches, statistics, shapes)
+            arguments = problem, motion, one, number
+            restarting, restarts = ready(restart, (), arguments, START_OPTIONS, fused=False)
+            restarts.result()
+        for done in (starts, advances, looks):
+            done.result()
+    statistics = tuple(jax.eval_shape(motion_log, motion).statistics)
+    shapes = {name: x.shape[1:] for name, x in looking.result[0].items()}
+    return Programs(starting, stepping, looking, restarting, instants, batches, statistics, shapes)
+
+
+def advance_window(
+    batches: int, problem: Problem, motion: Motion, window: Window, max_steps: Scalar, max_batches: Array
+) -> Advanced:
+    """Advances to the instants of a window and keeps the logs of at most `batches` batches as tables."""
+    return advance(
+        problem, motion, window, max_steps, max_batches, lambda steps: steps.log.table(), batches
+    )
+
+
+def look_at_points(names: tuple[str, ...] | None, problem: Problem, points: Point, count: Array) -> Any:
+    """Evaluates the observables with these names at the first `count` points."""
+    return look_at_window(problem, points, count, names)
 
 
 def motion_log(motion: Motion) -> Log:

@@ -113,9 +113,7 @@ def under_trace(scene: Scene, start: Any, stepper: Any) -> bool:
     """Tells whether any number is a tracer, or whether `jax.jit` or the like traces this call."""
     leaves = [x for table in vars(scene).values() if table is not None for x in vars(table).values()]
     leaves += jax.tree.leaves((start, stepper))
-    return any(isinstance(leaf, jax.core.Tracer) for leaf in leaves) or isinstance(
-        jnp.zeros(()) + 0.0, jax.core.Tracer
-    )
+    return any(isinstance(leaf, jax.core.Tracer) for leaf in (*leaves, jax.device_put(0.0)))
 
 
 # ---- on the host --------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from jax import lax
 import esail_jax as esail
 from esail_jax import observables
 from esail_jax.array_types import Instants, PerPoint, PerTether
-from esail_jax.compiler import COMPILER_OPTIONS
+from esail_jax.compilation.options import COMPILER_OPTIONS
 from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.elements.axial import AxialEnergy
 from esail_jax.elements.bending import BendingEnergy

@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 
 import esail_jax as esail
-from esail_jax.compiler import compile_lowered
+from esail_jax.compilation.options import compile_lowered
 from esail_jax.simulation.host import compile_scene
 from esail_jax.steppers.collocation import first_guess
 from esail_jax.steppers.collocation_solution import reshaped, stage_residuals

@@ -32,7 +32,7 @@ from common import write
 from jax import lax
 
 import esail_jax  # noqa: F401, for double precision
-from esail_jax.compiler import CHAIN_OPTIONS
+from esail_jax.compilation.options import CHAIN_OPTIONS
 from esail_jax.elements.axial import AxialEnergy
 from esail_jax.elements.tether import TetherBatch
 from esail_jax.joints.roots import FrameRoots

@@ -16,7 +16,7 @@ import numpy as np
 from jax import lax
 
 import esail_jax as esail
-from esail_jax.compiler import COMPILER_OPTIONS
+from esail_jax.compilation.options import COMPILER_OPTIONS
 from esail_jax.simulation.advance import Window
 from esail_jax.simulation.host import HostRun, compile_scene
 

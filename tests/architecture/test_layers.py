@@ -13,7 +13,7 @@ import pytest
 PACKAGE = Path(__file__).parents[2] / "esail_jax"
 
 LAYERS = (
-    ("constants", "array_types", "compiler", "compiler_workaround", "cores", "errors"),
+    ("constants", "array_types", "atomic_file", "compilation", "cores", "errors"),
     ("numerics", "environment"),
     ("coordinates", "measurements", "terms"),
     ("elements", "loads", "joints"),

@@ -18,12 +18,6 @@ from support import small_sail
 pytestmark = pytest.mark.usefixtures("nothing_compiles")
 
 
-@pytest.fixture(autouse=True)
-def _cache_stays(monkeypatch):
-    """The commands leave the tests' compilation cache in place."""
-    monkeypatch.setattr(cli, "use_compilation_cache", lambda: None)
-
-
 @pytest.fixture
 def scene(tmp_path):
     path = tmp_path / "small.toml"

@@ -8,11 +8,12 @@ import h5py
 import pytest
 
 from esail_jax import cli
+from esail_jax.atomic_file import atomic_file
 from esail_jax.commands import progress
 from esail_jax.commands.exit_codes import ExitCode
 from esail_jax.commands.interrupts import Interrupts
 from esail_jax.commands.progress import Progress
-from esail_jax.files.hdf5 import atomic_file, atomic_hdf5
+from esail_jax.files.hdf5 import atomic_hdf5
 from esail_jax.scenes.builtin_scenes import builtin_names
 
 

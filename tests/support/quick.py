@@ -5,7 +5,7 @@ import functools
 import jax
 import pytest
 
-from esail_jax.compiler import COMPILER_OPTIONS
+from esail_jax.compilation.options import COMPILER_OPTIONS
 
 QUICKLY = (COMPILER_OPTIONS or {}) | {
     "xla_backend_optimization_level": 0,

@@ -5,9 +5,6 @@ Whatever ended a run early (Ctrl-C, kill -9, a failed step, an earlier t_end), i
 fixed steps, for collocation and for explicit methods.
 """
 
-import os
-
-import jax
 import pytest
 
 import esail_jax as esail
@@ -26,17 +23,6 @@ def short_calls():
         programs._compiled.cache_clear()
         yield
     programs._compiled.cache_clear()
-
-
-@pytest.fixture(scope="package", autouse=True)
-def compilation_cache():
-    """Points the processes that these tests start to the tests' cache, by the rule for users without
-    settings."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("XDG_CACHE_HOME", os.path.dirname(jax.config.jax_compilation_cache_dir))
-        for name in [name for name in os.environ if name.startswith(("JAX_COMPILATION", "JAX_PERSISTENT"))]:
-            patch.delenv(name)
-        yield
 
 
 @pytest.fixture(scope="package")

@@ -12,6 +12,7 @@ import esail_jax.commands.run
 import esail_jax.simulation.advance
 import esail_jax.simulation.programs
 from esail_jax import cli
+from esail_jax.compilation import program, store
 from esail_jax.numerics.lockstep import select
 from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
 from support.bits import check_same, esail_run
@@ -23,6 +24,8 @@ def compile_again(monkeypatch):
     programs, advance = esail_jax.simulation.programs, esail_jax.simulation.advance
     monkeypatch.setattr(advance, "block_of", advance.block_of.__wrapped__)
     monkeypatch.setattr(programs, "_compiled", programs._compiled.__wrapped__)
+    monkeypatch.setattr(program, "_program_of", program._program_of.__wrapped__)
+    monkeypatch.setenv(store.VARIABLE, "off")
 
 
 def break_from(monkeypatch, stepper, start):

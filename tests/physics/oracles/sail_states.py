@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax.compiler import COMPILER_OPTIONS
+from esail_jax.compilation.options import COMPILER_OPTIONS
 from esail_jax.constants import ASTRONOMICAL_UNIT, PROTON_MASS, VACUUM_PERMITTIVITY
 from esail_jax.coordinates import Coordinates
 from esail_jax.observables import make_instant, observe

@@ -1,7 +1,7 @@
 """`jit` and the compiler options.
 
 Matrix products are right for any factors, although the library that computes them is wrong if all columns
-of the right factor are equal (`compiler_workaround.py`).
+of the right factor are equal (`compilation/workaround.py`).
 """
 
 import functools
@@ -12,9 +12,11 @@ import jaxlib
 import numpy as np
 import pytest
 
-from esail_jax import compiler, jit
-from esail_jax.compiler import COMPILER_OPTIONS, compile_lowered
-from esail_jax.compiler_workaround import has_computed_right_factor
+from esail_jax import jit
+from esail_jax.compilation import options
+from esail_jax.compilation.jit import traced_once
+from esail_jax.compilation.options import COMPILER_OPTIONS, compile_lowered
+from esail_jax.compilation.workaround import has_computed_right_factor
 
 LEFT = np.random.default_rng(0).normal(size=(4, 4))
 
@@ -89,15 +91,16 @@ def test_computed_right_factor_is_found(given, lines, place, refused):
 
 
 def test_workaround_has_not_expired():
-    """The workaround is needed for jaxlib < 0.11 only. When this fails: delete `compiler_workaround.py` and
-    its use in `compile_lowered`, and set the options of the new version of JAX in `compiler.py`."""
+    """The workaround is needed for jaxlib < 0.11 only. When this fails: delete
+    `compilation/workaround.py` and its use in `compile_lowered`, and set the options of the new version of
+    JAX in `options.py`."""
     version = tuple(int(part) for part in jaxlib.__version__.split(".")[:2])
     assert version < (0, 11)
 
 
 def test_nothing_is_searched_without_options(monkeypatch):
     """With a later JAX, which has other options, a program is compiled once and its text is not read."""
-    monkeypatch.setattr(compiler, "has_computed_right_factor", None)
+    monkeypatch.setattr(options, "has_computed_right_factor", None)
     program = compile_lowered(jax.jit(jnp.sin).lower(1.0), None)
     assert program(1.0) == np.sin(1.0)
 
@@ -243,7 +246,7 @@ def test_jit_as_decorator_keeps_name_and_docstring_and_works_on_methods():
 
 def test_jit_without_options_is_jax_jit(monkeypatch):
     """On another device, and with a JAX that does not know the options."""
-    monkeypatch.setattr(compiler, "COMPILER_OPTIONS", None)
+    monkeypatch.setattr("esail_jax.compilation.jit.COMPILER_OPTIONS", None)
     compiled = jit(spring)
     np.testing.assert_array_equal(compiled(PAIR, X)["x"], X)
     assert not compiled._programs
@@ -270,7 +273,7 @@ def test_a_part_of_several_programs_is_traced_once():
         calls.append(x)
         return -x * jnp.abs(x) ** power
 
-    part = compiler.traced_once(static_argnums=(1,))(damped)
+    part = traced_once(static_argnums=(1,))(damped)
 
     def moved(x, part):
         return jax.lax.scan(lambda x, _: (x + 0.1 * part(x, 2), None), x, None, length=3)[0]

@@ -1,9 +1,4 @@
-"""Compiler options for a CPU, and `jit`, which compiles a function with them.
-
-XLA can hand matrix products to a library. Its default hands sums over the three components to the library,
-too, which makes the baseline 12 % slower; here the library gets matrix products only. The options do not
-change what a program computes, apart from rounding.
-"""
+"""Functions compiled with this package's options: `jit` for programs, `traced_once` for their parts."""
 
 import functools
 import inspect
@@ -12,63 +7,8 @@ from typing import Any
 
 import jax
 
-from esail_jax.compiler_workaround import has_computed_right_factor
-
-Options = dict[str, str | bool | int]
-
-FUSION_TYPE = "xla_cpu_experimental_ynn_fusion_type"
-"""The option that says which operations XLA hands to the library."""
-
-HAS_OPTIONS = jax.__version_info__ < (0, 11)
-"""True if this version of JAX knows the options below. Later versions have options of other names."""
-
-COMPILER_OPTIONS: Options | None = (
-    {FUSION_TYPE: "LIBRARY_FUSION_TYPE_INDIVIDUAL_DOT", "xla_cpu_use_fusion_emitters": False}
-    if HAS_OPTIONS
-    else None
-)
-"""Options of `jax.jit` on a CPU; None if JAX does not know them. Only matrix products use the library, and
-none of the operations around them. With XLA's default the library also computes short sums, which makes the
-baseline 12 % slower and an iteration of sixteen sails in lockstep 50 % slower. XLA's older loop emitter
-compiles in a third less time and gives equal speed."""
-
-FUSED_PRODUCTS: Options = {FUSION_TYPE: "LIBRARY_FUSION_TYPE_DOT"}
-"""The library also computes the operations around a matrix product. A step of the baseline takes 20 % less
-time, but not every product is then right (`compiler_workaround.py`)."""
-
-
-def with_options(**more: str | bool | int) -> Options | None:
-    """Returns COMPILER_OPTIONS with further options; None if JAX does not know the former."""
-    return None if COMPILER_OPTIONS is None else COMPILER_OPTIONS | more
-
-
-CHAIN_OPTIONS = with_options(**{FUSION_TYPE: ""})
-"""Options for rod chains with explicit methods. Nothing uses the library: its small products make a run of
-two bodies joined by ten rods 1.8 times as long."""
-
-LOOK_OPTIONS = with_options(xla_backend_optimization_level=1)
-"""Options for programs that compute the observables of saved instants. They compile in 20 % less time and
-are as fast."""
-
-START_OPTIONS = with_options(xla_backend_optimization_level=0)
-"""Options for programs that run once, such as the start of a run. They compile in a quarter of the time
-(0.8 instead of 3.1 s)."""
-
-
-def compile_lowered(
-    lowered: jax.stages.Lowered, options: Options | None = COMPILER_OPTIONS
-) -> jax.stages.Compiled:
-    """Compiles a lowered program: `compile_lowered(jax.jit(f).lower(*arguments))(*arguments)`.
-
-    The library gets the operations around matrix products as well (FUSED_PRODUCTS) if that is right for
-    every product of the program; otherwise the program is compiled a second time, without that option.
-    options: used beside it; with None the program is compiled with JAX's defaults.
-    """
-    if options is not None:
-        program = lowered.compile(compiler_options=options | FUSED_PRODUCTS)
-        if not has_computed_right_factor(program.as_text()):
-            return program
-    return lowered.compile(compiler_options=options)
+from esail_jax.compilation.options import COMPILER_OPTIONS
+from esail_jax.compilation.program import compile_kept
 
 
 def traced_once(static_argnums: Sequence[int] = ()) -> Callable[[Callable], Callable]:
@@ -122,7 +62,7 @@ class CompiledFunction:
         self._static = static_arguments(f, static_argnums, static_argnames)
         numbers, names = self._static
         self._jitted = jax.jit(f, static_argnums=numbers, static_argnames=names)
-        self._programs: dict[Any, jax.stages.Compiled] = {}
+        self._programs: dict[Any, Callable[..., Any]] = {}
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         dynamic, static = split_arguments(args, kwargs, *self._static)
@@ -141,7 +81,7 @@ class CompiledFunction:
             if len(traced.jaxpr.in_avals) != len(leaves):
                 # `f` encloses traced values, which have become inputs of the program.
                 return self._jitted(*args, **kwargs)
-            program = self._programs[key] = compile_lowered(traced.lower())
+            program = self._programs[key] = compile_kept(traced.lower())
         return program(*dynamic[0], **dynamic[1])
 
     def __get__(self, instance: Any, owner: type | None = None) -> Callable[..., Any]:

@@ -2,9 +2,9 @@
 module when the package requires jaxlib 0.11.
 
 XLA hands matrix products to this library. If it hands over the operations around a product as well
-(`compiler.FUSED_PRODUCTS`), and the right factor is a broadcast whose columns are all equal, then the
+(`options.FUSED_PRODUCTS`), and the right factor is a broadcast whose columns are all equal, then the
 library of jaxlib 0.10.2 reads beyond the end of that factor's data, and the product is wrong. A run rarely
-contains such a product; a derivative often does, where a tangent is zero. `compiler.compile_lowered`
+contains such a product; a derivative often does, where a tangent is zero. `options.compile_lowered`
 searches the text of every compiled program for it and, if there is one, compiles the program without the
 option.
 """

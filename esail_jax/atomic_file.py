@@ -1,0 +1,28 @@
+"""Atomic replacement of a file: a reader finds the old content or the new one, never a part."""
+
+import contextlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+PART = ".part"
+"""Last suffix of a temporary file."""
+
+
+@contextlib.contextmanager
+def atomic_file(path: str | os.PathLike, unique: bool = False) -> Iterator[Path]:
+    """Context manager: gives the path of a temporary file, which replaces `path` when the block ends.
+
+    If the block raises, the temporary file is removed and `path` stays as it is. unique: the name of the
+    temporary file holds the process number, for a file that several processes may write at the same time.
+    """
+    path = Path(path)
+    part = path.with_name(f"{path.name}.{os.getpid()}{PART}" if unique else f"{path.name}{PART}")
+    try:
+        yield part
+        with open(part, "rb") as file:
+            os.fsync(file.fileno())
+        os.replace(part, path)
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise

@@ -1,0 +1,1 @@
+"""Compilation: options, `jit`, and programs that are kept between processes."""

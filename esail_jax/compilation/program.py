@@ -1,0 +1,290 @@
+"""A program: a function of a list of arrays that is traced and compiled once, and kept on the disk.
+
+Tracing and compiling take seconds, loading an executable takes tenths of a second. A program with a key
+(`keys.py`) is therefore first looked for in the program cache (`store.py`). So are its facts, the types of
+its results, which other functions need to be traced: a gradient, for example, is compiled without tracing
+the run again.
+"""
+
+import contextlib
+import functools
+import pickle
+import threading
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+from jax.experimental import serialize_executable
+
+from esail_jax.compilation import store
+from esail_jax.compilation.keys import key_of
+from esail_jax.compilation.options import COMPILER_OPTIONS, Options, compile_lowered
+
+Leaves = Sequence[Any]
+"""Arrays, or numbers, in the order of a flattened tree."""
+
+
+class Facts(NamedTuple):
+    """What is known of a program without tracing it.
+
+    results: types of the results; about: what the maker of the program has to remember beside them, such as
+    the tree of the results."""
+
+    results: tuple[jax.ShapeDtypeStruct, ...]
+    about: Any
+
+
+class Program:
+    """A function of arrays.
+
+    make: returns the traced function and what is to be remembered of it (`Facts.about`); key: the name in
+    the cache, None if the program is not kept; compile: compiles what `jax.stages.Traced.lower` returns."""
+
+    def __init__(
+        self,
+        make: Callable[[], tuple[jax.stages.Traced, Any]],
+        key: str | None,
+        compile: Callable[[jax.stages.Lowered], jax.stages.Compiled] = compile_lowered,
+    ):
+        self.key, self._make, self._compile = key, make, compile
+        self._lock = threading.RLock()
+        self._lowered: jax.stages.Lowered | None = None
+
+    @functools.cached_property
+    def _made(self) -> tuple[jax.stages.Traced, Any]:
+        return self._make()
+
+    @property
+    def traced(self) -> jax.stages.Traced:
+        """The traced function."""
+        return self._made[0]
+
+    @functools.cached_property
+    def facts(self) -> Facts:
+        """Types of the results, from the cache if it has them."""
+        kept = load(self.key, "facts")
+        if isinstance(kept, Facts):
+            return kept
+        traced, about = self._made
+        results = tuple(
+            jax.ShapeDtypeStruct(x.shape, x.dtype, weak_type=x.weak_type) for x in traced.jaxpr.out_avals
+        )
+        found = Facts(results, about)
+        save(self.key, "facts", found)
+        return found
+
+    @functools.cached_property
+    def executable(self) -> Callable:
+        """The executable, loaded or compiled."""
+        with self._lock:
+            found = load_executable(self.key) if self._lowered is None else None
+            if found is None:
+                self.facts  # noqa: B018 - kept beside the executable
+                lowered = self._lowered or self.traced.lower()
+                self._lowered = None
+                found = compile_and_save(self.key, lambda: self._compile(lowered))
+            return found
+
+    def lower(self) -> None:
+        """Does the part of compiling that holds Python's global lock, unless the executable is kept."""
+        if not is_kept(self.key):
+            with self._lock:
+                self._lowered = self.traced.lower()
+
+    def __call__(self, *leaves: Any) -> Leaves:
+        """Runs the program."""
+        return self.executable(*leaves)
+
+
+# ---- programs of functions of trees --------------------------------------------------------------
+
+
+class TreeProgram:
+    """A program for a function of trees. structure: of the tuple of arguments."""
+
+    def __init__(self, program: Program, structure: Any):
+        self.program, self.structure = program, structure
+
+    @functools.cached_property
+    def _result(self) -> Any:
+        return jax.tree.structure(self.program.facts.about)
+
+    @property
+    def result(self) -> Any:
+        """The result with types in place of arrays."""
+        return self.unflatten(self.program.facts.results)
+
+    def lower(self) -> None:
+        """As `Program.lower`."""
+        self.program.lower()
+
+    def compile(self) -> None:
+        """Loads or compiles the executable."""
+        self.program.executable  # noqa: B018
+
+    def leaves(self, arguments: tuple) -> Leaves:
+        """Returns the leaves of the arguments. Raises TypeError if they have another structure."""
+        leaves, structure = jax.tree.flatten(arguments)
+        if structure != self.structure:
+            raise TypeError(f"the arguments must have the structure {self.structure}, but have {structure}")
+        return leaves
+
+    def unflatten(self, results: Leaves) -> Any:
+        """Returns the tree of the results."""
+        return jax.tree.unflatten(self._result, results)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Runs the program."""
+        return self.unflatten(self.program(*self.leaves(arguments)))
+
+
+def program_of(
+    function: Callable,
+    static: tuple,
+    arguments: tuple,
+    options: Options | None = COMPILER_OPTIONS,
+    fused: bool = True,
+) -> TreeProgram:
+    """Returns the program of `function(*static, *arguments)`.
+
+    function: of this package; static: hashable; arguments: trees of arrays, tracers or types; fused:
+    whether the library may compute the operations around matrix products (`options.compile_lowered`)."""
+    leaves, structure = jax.tree.flatten(arguments)
+    frozen = None if options is None else tuple(options.items())
+    return _program_of(function, static, structure, tuple(map(type_of, leaves)), frozen, fused)
+
+
+@functools.lru_cache(maxsize=256)
+def _program_of(function, static, structure, kinds, options, fused) -> TreeProgram:
+    given = None if options is None else dict(options)
+    arguments = jax.tree.unflatten(structure, kinds)
+    leaves = range(len(kinds))
+    key = key_of(function, static, jax.tree.unflatten(structure, leaves), kinds, options, fused)
+    return tree_program(lambda *x: function(*static, *x), arguments, key, given, fused)
+
+
+def tree_program(
+    function: Callable,
+    arguments: tuple,
+    key: str | None,
+    options: Options | None = COMPILER_OPTIONS,
+    fused: bool = True,
+) -> TreeProgram:
+    """Returns the program of `function(*arguments)`. arguments: trees of types; key: name in the cache;
+    options and fused: as for `program_of`."""
+    types, structure = jax.tree.flatten(arguments)
+
+    def make():
+        skeleton = None
+
+        def flat(*leaves):
+            nonlocal skeleton
+            result = function(*jax.tree.unflatten(structure, leaves))
+            found, tree = jax.tree.flatten(result)
+            skeleton = jax.tree.unflatten(tree, range(len(found)))
+            return found
+
+        return jax.jit(flat).trace(*types), skeleton
+
+    def compile_now(lowered):
+        if fused:
+            return compile_lowered(lowered, options)
+        return lowered.compile(compiler_options=options)
+
+    return TreeProgram(Program(make, key, compile_now), structure)
+
+
+def type_of(x: Any) -> jax.ShapeDtypeStruct:
+    """Returns shape and type of an array, a tracer, a number or another type."""
+    return jax.ShapeDtypeStruct(np.shape(x), jax.numpy.result_type(x))
+
+
+# ---- the cache -----------------------------------------------------------------------------------
+
+
+def load(key: str | None, kind: str) -> Any:
+    """Returns an object from the cache, or None."""
+    data = None if key is None else store.load(f"{key}-{kind}")
+    if data is None:
+        return None
+    with contextlib.suppress(Exception):  # from other versions of a library, for example
+        return pickle.loads(data)
+    return None
+
+
+def save(key: str | None, kind: str, value: Any) -> None:
+    """Writes an object to the cache."""
+    if key is not None:
+        store.save(f"{key}-{kind}", pickle.dumps(value))
+
+
+def is_kept(key: str | None) -> bool:
+    """Tells whether the cache has a file for this executable."""
+    return key is not None and store.has(f"{key}-executable")
+
+
+def load_executable(key: str | None, trees: tuple | None = None) -> Callable | None:
+    """Returns an executable from the cache, or None. trees: structures of arguments and results, if these
+    are not lists of arrays."""
+    kept = load(key, "executable")
+    if kept is None:
+        return None
+    with contextlib.suppress(Exception):  # of another version of XLA, for example
+        serialised, arguments, results = kept
+        if LAPACK in serialised:
+            connect_lapack()
+        if trees is None:
+            trees = jax.tree.structure(((0,) * arguments, {})), jax.tree.structure([0] * results)
+        return serialize_executable.deserialize_and_load(serialised, *trees)
+    return None
+
+
+LAPACK = b"lapack_"
+"""First letters of the names under which an executable calls LAPACK."""
+
+
+def connect_lapack() -> None:
+    """Gives jaxlib the addresses of SciPy's LAPACK. JAX does so when it lowers a program that needs them.
+    An executable that is loaded without them ends the process."""
+    from jaxlib import lapack
+
+    lapack.prepare_lapack_call("getrf_ffi", np.dtype(float))
+
+
+class CacheHits(threading.local):
+    """The number of programs that JAX's own compilation cache has given to this thread."""
+
+    count = 0
+
+    def listen(self, event: str, **_: Any) -> None:
+        """Counts, if the event is such a hit."""
+        self.count += event == "/jax/compilation_cache/cache_hits"
+
+
+HITS = CacheHits()
+jax.monitoring.register_event_listener(HITS.listen)
+
+
+def compile_and_save(key: str | None, compile: Callable[[], jax.stages.Compiled]) -> jax.stages.Compiled:
+    """Compiles a program and writes its executable to the cache.
+
+    Not kept are executables for several devices, and those that JAX has loaded from its own compilation
+    cache: XLA serialises them without some of their functions."""
+    hits = HITS.count
+    compiled = compile()
+    if key is None or jax.device_count() > 1 or HITS.count > hits or store.location() is None:
+        return compiled
+    with contextlib.suppress(Exception):  # some programs cannot be serialised
+        serialised, arguments, results = serialize_executable.serialize(compiled)
+        save(key, "executable", (serialised, arguments.num_leaves, results.num_leaves))
+    return compiled
+
+
+def compile_kept(lowered: jax.stages.Lowered, options: Options | None = COMPILER_OPTIONS) -> Callable:
+    """Compiles a lowered program (`options.compile_lowered`), or loads it from the cache by its text."""
+    key = key_of("lowered", lowered.as_text(), options) if store.location() is not None else None
+    found = load_executable(key, (lowered.in_tree, lowered.out_tree))
+    if found is None:
+        found = compile_and_save(key, lambda: compile_lowered(lowered, options))
+    return found
