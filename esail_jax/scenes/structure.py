@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax.array_types import Array, Float
+from esail_jax.array_types import Array, PerTether
 from esail_jax.scenes.declarations import rule_of
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.tables import TABLES
@@ -19,7 +19,7 @@ from esail_jax.scenes.value_types import Shape
 SCHEDULE = ("integrator.t_end", "integrator.step", "output.interval", "event.time", "event.release")
 """Keys that decide which instants a run computes, but not which program is compiled."""
 
-Numbers = dict[str, Array | np.ndarray]
+Numbers = dict[str, Array]
 """Numbers of a scene by key, such as `tethers.length`."""
 
 
@@ -49,27 +49,29 @@ def split(scene: Scene) -> tuple[Structure, Numbers]:
             if rule.structure:
                 choices += [(key, value)] if key not in SCHEDULE else []
             elif value is not None:
-                array = library_of(value)
-                value = array.asarray(value, float)
                 tail = {Shape.MEMBER: (), Shape.VECTORS: (3,)}.get(rule.shape)
-                shape = value.shape if tail is None else (scene.members.count, *tail)
-                numbers[key] = array.broadcast_to(value, shape)
+                numbers[key] = array_of(value, None if tail is None else (scene.members.count, *tail))
     if scene.integrator.step is not None:
-        step = scene.integrator.step
-        numbers["integrator.step"] = library_of(step).asarray(step, float)
+        numbers["integrator.step"] = array_of(scene.integrator.step)
     if scene.event is not None:
         numbers["event.release_time"] = release_times(scene)
     return Structure(tuple(choices), frozenset(numbers)), numbers
 
 
-def library_of(value: Any) -> Any:
-    """Returns `jax.numpy` for a value that is or holds JAX arrays, otherwise NumPy, which compiles
-    nothing."""
-    return jnp if any(isinstance(x, jax.Array) for x in jax.tree.leaves(value)) else np
+def array_of(value: Any, shape: tuple[int, ...] | None = None) -> Array:
+    """Returns a value as an array of numbers, broadcast to a shape.
+
+    NumPy converts what is no JAX array: it compiles nothing, whereas JAX compiles a program for every
+    shape."""
+    if any(isinstance(x, jax.Array) for x in jax.tree.leaves(value)):
+        value = jnp.asarray(value, float)
+        return value if shape is None else jnp.broadcast_to(value, shape)
+    value = np.asarray(value, float)
+    return jax.device_put(np.array(value if shape is None else np.broadcast_to(value, shape)))
 
 
-def release_times(scene: Scene) -> Float[np.ndarray, " tether"]:
+def release_times(scene: Scene) -> PerTether:
     """Instant at which each tether is released [s], infinite if it never is."""
     times = np.full(scene.tethers.count, np.inf)
     times[np.array(scene.event.release) - 1] = scene.event.time
-    return times
+    return jax.device_put(times)
