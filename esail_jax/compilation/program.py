@@ -1,9 +1,8 @@
 """A program: a function of a list of arrays that is traced and compiled once, and kept on the disk.
 
 Tracing and compiling take seconds, loading an executable takes tenths of a second. A program with a key
-(`keys.py`) is therefore first looked for in the program cache (`store.py`). So are its facts, the types of
-its results, which other functions need to be traced: a gradient, for example, is compiled without tracing
-the run again.
+(`keys.py`) is therefore first looked for in the program cache (`store.py`). The types of its results are
+kept beside it, because the next program of a run is compiled for them.
 """
 
 import contextlib
@@ -36,7 +35,7 @@ class Facts(NamedTuple):
 
 
 class Program:
-    """A function of arrays.
+    """A function of arrays, which is traced, loaded or compiled when it is needed first.
 
     make: returns the traced function and what is to be remembered of it (`Facts.about`); key: the name in
     the cache, None if the program is not kept; compile: compiles what `jax.stages.Traced.lower` returns."""
@@ -87,7 +86,8 @@ class Program:
             return found
 
     def lower(self) -> None:
-        """Does the part of compiling that holds Python's global lock, unless the executable is kept."""
+        """Traces and lowers the program, unless its executable is kept. Python runs this part of compiling
+        in one thread at a time."""
         if not is_kept(self.key):
             with self._lock:
                 self._lowered = self.traced.lower()
@@ -101,7 +101,7 @@ class Program:
 
 
 class TreeProgram:
-    """A program for a function of trees. structure: of the tuple of arguments."""
+    """A program of a function of trees. structure: that of the tuple of arguments."""
 
     def __init__(self, program: Program, structure: Any):
         self.program, self.structure = program, structure
@@ -116,7 +116,7 @@ class TreeProgram:
         return self.unflatten(self.program.facts.results)
 
     def lower(self) -> None:
-        """As `Program.lower`."""
+        """Traces and lowers the program, unless its executable is kept."""
         self.program.lower()
 
     def compile(self) -> None:
@@ -269,8 +269,8 @@ jax.monitoring.register_event_listener(HITS.listen)
 def compile_and_save(key: str | None, compile: Callable[[], jax.stages.Compiled]) -> jax.stages.Compiled:
     """Compiles a program and writes its executable to the cache.
 
-    Not kept are executables for several devices, and those that JAX has loaded from its own compilation
-    cache: XLA serialises them without some of their functions."""
+    Executables for several devices are not kept. Neither are those that JAX has loaded from its own
+    compilation cache: XLA serialises them without some of their functions."""
     hits = HITS.count
     compiled = compile()
     if key is None or jax.device_count() > 1 or HITS.count > hits or store.location() is None:
