@@ -5,7 +5,6 @@ one line on stderr.
 """
 
 import argparse
-import os
 import signal
 import sys
 import threading
@@ -21,7 +20,6 @@ from esail_jax.commands.options import (
     settings,
 )
 from esail_jax.commands.parser import parser
-from esail_jax.compilation.store import VARIABLE
 from esail_jax.errors import InputError, SimulationError
 
 if TYPE_CHECKING:
@@ -109,8 +107,10 @@ def ensemble(options: argparse.Namespace) -> ExitCode:
 def bench(options: argparse.Namespace) -> ExitCode:
     """`esail bench`. It uses no cache of compiled programs, because it measures the compile time."""
     scene = scene_of(options)
-    os.environ[VARIABLE] = "off"
     from esail_jax.commands.bench import NoReference, run_bench
+    from esail_jax.compilation import store
+
+    store.switch_off()
 
     try:
         run_bench(scene, options.json)

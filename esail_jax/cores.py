@@ -7,6 +7,11 @@ two processes with one thread each.
 """
 
 import os
+import platform
+from pathlib import Path
+
+PROCESSOR = Path("/proc/cpuinfo")
+"""Linux describes the processor here, one property a line."""
 
 THREADS = "NPROC"
 """Environment variable from which XLA reads its number of threads when JAX is first used."""
@@ -15,6 +20,17 @@ THREADS = "NPROC"
 def cores() -> int:
     """Returns the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def processor(*names: str) -> str:
+    """Returns a property of the processor as Linux lists it, for example `model name`: the first of these
+    names that is listed. Other systems give the name of the processor."""
+    try:
+        lines = PROCESSOR.read_text().splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    found = (line.partition(":")[2].strip() for name in names for line in lines if line.startswith(name))
+    return next(found, platform.processor() or platform.machine())
 
 
 def share_cores(processes: int | None) -> None:

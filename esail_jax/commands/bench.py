@@ -9,7 +9,6 @@ import importlib.metadata
 import json
 import os
 import platform
-import re
 import statistics
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -19,6 +18,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from esail_jax.cores import cores, processor
 from esail_jax.observables import chain, sail
 from esail_jax.scenes.scene import Scene
 from esail_jax.simulation.simulate import simulate
@@ -105,13 +105,10 @@ def seconds_of(call: Callable[[], Any]) -> float:
 
 def machine() -> dict[str, Any]:
     """Device, cores and versions, on which the times depend."""
-    info = Path("/proc/cpuinfo")
-    model = re.search(r"model name\s*: (.*)", info.read_text()) if info.exists() else None
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     packages = ("esail_jax", "jax", "jaxlib", "numpy")
     return {
-        "device": f"{jax.devices()[0].platform}: {model[1] if model else platform.machine()}",
-        "cores": cores,
+        "device": f"{jax.devices()[0].platform}: {processor('model name')}",
+        "cores": cores(),
         "versions": {"python": platform.python_version()}
         | {name: importlib.metadata.version(name) for name in packages},
     }

@@ -20,16 +20,13 @@ from typing import Any
 import jax
 import numpy as np
 
-from esail_jax.cores import THREADS, cores
+from esail_jax.cores import THREADS, cores, processor
 
 LIBRARIES = ("jax", "jaxlib", "numpy", "equinox", "diffrax", "optax", "scipy")
 """Libraries whose version is part of the environment."""
 
 KNOWN = ("esail_jax", "builtins", "functools", *LIBRARIES)
 """Packages whose functions and classes are known by their names."""
-
-PROCESSOR = Path("/proc/cpuinfo")
-"""Linux lists the features of the processor here, on the line `flags` or `Features`."""
 
 UNRELATED = ("cache", "log", "traceback", "warn", "explain", "dump")
 """Words in the names of JAX's settings that do not change what a program computes."""
@@ -85,8 +82,10 @@ def text_of(x: Any) -> str:
 
 
 def name_of(x: Any) -> str:
-    """Returns module and name of a function or class. Raises Unkeyed unless it is found by that name in a
-    known package."""
+    """Returns module and name of a function or class.
+
+    Raises Unkeyed if its package is unknown, or if it was defined within a function: several objects may
+    then have one name."""
     module, name = getattr(x, "__module__", None) or "builtins", getattr(x, "__qualname__", x.__name__)
     if module.partition(".")[0] not in KNOWN or "<" in name:
         raise Unkeyed(x)
@@ -107,7 +106,8 @@ def environment() -> str:
     device = jax.devices()[0]
     parts = [
         source.hexdigest(), *versions, platform.python_version(), platform.platform(), platform.machine(),
-        features(), device.platform, device.device_kind, str(jax.device_count()), str(cores()),
+        processor("flags", "Features"), str(cores()), device.platform, device.device_kind,
+        str(jax.device_count()),
         *(f"{name}={os.environ.get(name)}" for name in (THREADS, "XLA_FLAGS")),
     ]  # fmt: skip
     return "\n".join(parts)
@@ -119,15 +119,6 @@ def version(library: str) -> str:
         return metadata.version(library)
     except metadata.PackageNotFoundError:
         return ""
-
-
-def features() -> str:
-    """Returns the instruction sets of the processor, as far as the system lists them."""
-    try:
-        lines = PROCESSOR.read_text().splitlines()
-    except OSError:
-        return platform.processor()
-    return next((x for x in lines if x.startswith(("flags", "Features"))), platform.processor())
 
 
 def settings() -> str:

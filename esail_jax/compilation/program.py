@@ -17,7 +17,7 @@ import numpy as np
 from jax.experimental import serialize_executable
 
 from esail_jax.compilation import store
-from esail_jax.compilation.keys import key_of
+from esail_jax.compilation.keys import key_of, settings
 from esail_jax.compilation.options import COMPILER_OPTIONS, Options, compile_lowered
 
 Leaves = Sequence[Any]
@@ -152,11 +152,11 @@ def program_of(
     whether the library may compute the operations around matrix products (`options.compile_lowered`)."""
     leaves, structure = jax.tree.flatten(arguments)
     frozen = None if options is None else tuple(options.items())
-    return _program_of(function, static, structure, tuple(map(type_of, leaves)), frozen, fused)
+    return _program_of(function, static, structure, tuple(map(type_of, leaves)), frozen, fused, settings())
 
 
 @functools.lru_cache(maxsize=256)
-def _program_of(function, static, structure, kinds, options, fused) -> TreeProgram:
+def _program_of(function, static, structure, kinds, options, fused, settings) -> TreeProgram:
     given = None if options is None else dict(options)
     arguments = jax.tree.unflatten(structure, kinds)
     leaves = range(len(kinds))

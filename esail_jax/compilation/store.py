@@ -48,6 +48,12 @@ def location() -> Path | None:
     return Path(base) / "esail_jax" / "programs"
 
 
+def switch_off() -> None:
+    """Switches the cache off for this process and those that it starts. Measurements of the compile time
+    need this: otherwise they would measure the time of loading."""
+    os.environ[VARIABLE] = "off"
+
+
 def load(name: str) -> bytes | None:
     """Returns the content of a file, or None if it is missing or damaged."""
     folder = private_folder()
