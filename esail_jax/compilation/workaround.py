@@ -1,21 +1,28 @@
-"""Workaround for a fault in the matrix library of jaxlib 0.10. Needed for jaxlib < 0.11 only; delete this
-module when the package requires jaxlib 0.11.
+"""Workaround for two faults in the matrix library of jaxlib 0.10.
+
+It is needed for jaxlib < 0.11 only. Delete this module when the package requires jaxlib 0.11.
 
 XLA hands matrix products to this library. If it hands over the operations around a product as well
-(`options.FUSED_PRODUCTS`), and the right factor is a broadcast whose columns are all equal, then the
-library of jaxlib 0.10.2 reads beyond the end of that factor's data, and the product is wrong. A run rarely
-contains such a product; a derivative often does, where a tangent is zero. `options.compile_lowered`
-searches the text of every compiled program for it and, if there is one, compiles the program without the
-option.
+(`options.FUSED_PRODUCTS`), then two kinds of product are wrong in jaxlib 0.10.2:
+
+1. The right factor is a broadcast whose columns are all equal. The library reads beyond the end of that
+   factor's data. A run rarely contains such a product; a derivative often does, where a tangent is zero.
+2. The sum runs over the last index of the right factor (A B^T), and B has more than 16,384 rows (JAX issue
+   39103). `jax.vmap(lambda r: A @ r)` of as many vectors is such a product. With XLA's default options it
+   is wrong, too.
+
+`options.compile_lowered` searches the text of every compiled program for such products and, if there is
+one, compiles the program without the option.
 """
 
 import re
+from typing import NamedTuple
 
 COMPUTATION = re.compile(r"^(%\S+) \([^\n]*\{\n((?: [^\n]*\n)+)\}", re.MULTILINE)
 """Matches one computation of a compiled program; groups: its name, its instructions."""
 
-INSTRUCTION = re.compile(r"^ *(?:ROOT )?(%\S+) = \S+ ([\w-]+)\((.*?)\)", re.MULTILINE)
-"""Matches one instruction; groups: name, operation, operands."""
+INSTRUCTION = re.compile(r"^ *(?:ROOT )?(%\S+) = (\S+) ([\w-]+)\((.*?)\)(.*)$", re.MULTILINE)
+"""Matches one instruction; groups: name, type, operation, operands, attributes."""
 
 RESHAPING = ("bitcast", "reshape", "transpose", "copy")
 """Operations that rearrange an array and do not compute its numbers."""
@@ -23,29 +30,50 @@ RESHAPING = ("bitcast", "reshape", "transpose", "copy")
 STORED = ("parameter", "constant", "dot")
 """Operations whose result is an array in memory."""
 
+MOST_ROWS = 16384
+"""Largest number of rows of B for which products A B^T are right."""
 
-def has_computed_right_factor(program: str) -> bool:
-    """True if a compiled program, given as text, hands the library a product whose right factor is computed
-    on the fly.
 
-    The library is wrong for some of these (broadcasts), so all are avoided."""
+class Instruction(NamedTuple):
+    """One instruction of a computation, as text. shape: type and shape of its result."""
+
+    shape: str
+    operation: str
+    operands: str
+    attributes: str
+
+
+def may_be_wrong(program: str) -> bool:
+    """True if a compiled program, given as text, hands the library a product that may be wrong.
+
+    The library is wrong for some of these products only; all are avoided."""
     in_library = set(re.findall(r"kind=kCustom, calls=(%[\w.-]+).*__ynn_fusion", program))
-    return any(
-        name in in_library and computes_right_factor(body) for name, body in COMPUTATION.findall(program)
-    )
+    return any(name in in_library and contains_suspect(body) for name, body in COMPUTATION.findall(program))
 
 
-def computes_right_factor(body: str) -> bool:
-    """True if one computation contains a product whose right factor is not an array in memory."""
-    made = {name: (op, operands) for name, op, operands in INSTRUCTION.findall(body)}
-    for op, operands in made.values():
-        if op == "dot":
-            op, operands = made[last_operand(operands)]
-            while op in RESHAPING:
-                op, operands = made[last_operand(operands)]
-            if op not in STORED:
-                return True
-    return False
+def contains_suspect(body: str) -> bool:
+    """True if one computation contains a product of one of the two kinds."""
+    made = {name: Instruction(*rest) for name, *rest in INSTRUCTION.findall(body)}
+    products = [x for x in made.values() if x.operation == "dot"]
+    return any(has_computed_factor(x, made) or has_long_factor(x, made) for x in products)
+
+
+def has_computed_factor(product: Instruction, made: dict[str, Instruction]) -> bool:
+    """True if the right factor of a product is not an array in memory."""
+    factor = made[last_operand(product.operands)]
+    while factor.operation in RESHAPING:
+        factor = made[last_operand(factor.operands)]
+    return factor.operation not in STORED
+
+
+def has_long_factor(product: Instruction, made: dict[str, Instruction]) -> bool:
+    """True if the sum of a product runs over the last index of a right factor with very many rows."""
+    inside = re.search(r"\[([\d,]*)\]", made[last_operand(product.operands)].shape)
+    summed = re.search(r"rhs_contracting_dims=\{(\d+)\}", product.attributes)
+    if inside is None or summed is None:
+        return False
+    sizes = [int(size) for size in inside[1].split(",")]
+    return int(summed[1]) == len(sizes) - 1 and max(sizes[:-1], default=0) > MOST_ROWS
 
 
 def last_operand(operands: str) -> str:
