@@ -18,9 +18,11 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from esail_jax.compilation.size import Size, size_of
 from esail_jax.cores import cores, processor
 from esail_jax.observables import chain, sail
 from esail_jax.scenes.scene import Scene
+from esail_jax.simulation.host import compile_scene
 from esail_jax.simulation.simulate import simulate
 from esail_jax.simulation.solution import Solution
 
@@ -119,7 +121,7 @@ class Run(NamedTuple):
 
     key, value: `step` [s] or `tolerance`; seconds: wall time of every run without compiling; processor:
     processor time [s] of every run but the first, more reliable than wall time on a shared core; message:
-    from `Solution.stats`."""
+    from `Solution.stats`; sizes: of the programs that compute the start, the steps and the observables."""
 
     method: str
     key: str
@@ -130,6 +132,7 @@ class Run(NamedTuple):
     seconds: tuple[float, ...]
     processor: tuple[float, ...] = ()
     message: str = ""
+    sizes: Mapping[str, Size] = {}
 
 
 def with_method(scene: Scene, method: str, key: str, value: float) -> Scene:
@@ -149,7 +152,16 @@ def measure(scene: Scene, method: str, key: str, value: float, runs: int = RUNS)
         processor.append(time.process_time() - began)
     compile_s, message = first.stats["compile_time"], first.stats["message"]
     times = tuple(seconds), tuple(processor)
-    return Run(method, key, value, rows_of(first), first.steps, compile_s, *times, message)
+    return Run(
+        method, key, value, rows_of(first), first.steps, compile_s, *times, message, program_sizes(scene)
+    )
+
+
+def program_sizes(scene: Scene) -> dict[str, Size]:
+    """Returns the sizes of the programs of a scene that has been run."""
+    programs = compile_scene(scene).programs
+    parts = {"start": programs.start, "advance": programs.advance, "look": programs.look}
+    return {name: size_of(part.program) for name, part in parts.items()}
 
 
 def rows_of(solution: Solution) -> dict[str, Any]:
@@ -196,6 +208,8 @@ def line(run: Run, found: Mapping[str, float], **more: Any) -> dict[str, Any]:
         "worst_observable": name,
         "errors": known,
         "message": run.message,
+        "equations": {name: size.equations for name, size in run.sizes.items()},
+        "instructions": {name: size.instructions for name, size in run.sizes.items()},
         "yardstick_gflops": yardstick(),
     }
 
@@ -254,7 +268,7 @@ def text_of(cells: tuple[str, ...]) -> str:
 def run_bench(scene: Scene, json_file: Path | None = None) -> None:
     """Prints the table row by row, and writes the JSON lines to a file if one is given."""
     about = {"t_end": scene.integrator.t_end, "interval": scene.output.interval} | machine()
-    speeds = []
+    speeds, sizes = [], {}
     with open(json_file or os.devnull, "w", encoding="utf-8") as file:
         print(f"{about['t_end']:g} s, saved every {about['interval']:g} s; run s: median of {RUNS}")
         print(text_of(COLUMNS), flush=True)
@@ -262,8 +276,12 @@ def run_bench(scene: Scene, json_file: Path | None = None) -> None:
             print(text_of(table_row(entry)), flush=True)
             print(json.dumps(entry | about), file=file, flush=True)
             speeds.append(entry["yardstick_gflops"])
+            sizes[entry["method"]] = entry["equations"], entry["instructions"]
             if entry.get("left_out"):
                 names = ", ".join(entry["left_out"])
                 print(f"not compared, unknown to {MOST_UNCERTAIN:g} of the range: {names}")
+    for method, (equations, instructions) in sizes.items():
+        parts = ", ".join(f"{name} {equations[name]} ({instructions[name]})" for name in equations)
+        print(f"equations (compiled instructions) of {method}: {parts}")
     print(f"{about['device']}, {about['cores']} cores; ", end="")
     print(f"400 x 400 product at {min(speeds):.0f} to {max(speeds):.0f} GFLOP/s")

@@ -17,6 +17,7 @@ from jax import lax
 
 import esail_jax as esail
 from esail_jax.compilation.options import COMPILER_OPTIONS
+from esail_jax.compilation.size import count_equations
 from esail_jax.simulation.advance import Window
 from esail_jax.simulation.host import HostRun, compile_scene
 
@@ -87,18 +88,6 @@ def per_step() -> None:
     print(f"iterations per step {iterations:.3f}, last increment {increment:.1e} m")
 
 
-def count_equations(jaxpr) -> int:
-    """Returns the number of equations of a jaxpr, including nested ones."""
-    total = 0
-    for equation in jaxpr.eqns:
-        total += 1
-        for value in equation.params.values():
-            for part in value if isinstance(value, (tuple, list)) else [value]:
-                inner = getattr(part, "jaxpr", part)
-                total += count_equations(inner) if hasattr(inner, "eqns") else 0
-    return total
-
-
 def equations_of_a_step(problem, state) -> int:
     """Returns the number of traced equations of one factorisation and one step."""
 
@@ -107,7 +96,7 @@ def equations_of_a_step(problem, state) -> int:
         kept = stepper.factor(problem.model, zero, state.q, state.v, state.lam)
         return stepper.step(problem.model, zero, state, kept, jnp.asarray(jnp.inf))
 
-    return count_equations(jax.make_jaxpr(one)(problem, state).jaxpr)
+    return count_equations(jax.make_jaxpr(one)(problem, state))
 
 
 def ten_blocks(problem, state):

@@ -6,23 +6,12 @@ import jax
 import jax.numpy as jnp
 
 import esail_jax as esail
+from esail_jax.compilation.size import count_equations
 from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.structure import split
 from esail_jax.simulation.problem import start
 from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
 from support.quick import jit
-
-
-def count_equations(jaxpr):
-    """Returns the number of equations of a jaxpr, with those of nested jaxprs."""
-    total = 0
-    for equation in jaxpr.eqns:
-        total += 1
-        for value in equation.params.values():
-            for part in value if isinstance(value, (tuple, list)) else [value]:
-                inner = getattr(part, "jaxpr", part)
-                total += count_equations(inner) if hasattr(inner, "eqns") else 0
-    return total
 
 
 def equations_of_a_step(stepper, system, state):
@@ -32,7 +21,7 @@ def equations_of_a_step(stepper, system, state):
         factors = stepper.factor(system, jnp.zeros(()), state.q, state.v, state.lam)
         return stepper.step(system, jnp.zeros(()), state, factors, jnp.asarray(jnp.inf))
 
-    return count_equations(jax.make_jaxpr(step)(stepper, system, state).jaxpr)
+    return count_equations(jax.make_jaxpr(step)(stepper, system, state))
 
 
 def scenes():

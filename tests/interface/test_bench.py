@@ -103,6 +103,9 @@ def test_table_and_lines(tiny, tmp_path, capsys, monkeypatch):
     for entry in lines:
         assert entry["t_end"] == 10.0 and entry["versions"]["jax"] and entry["yardstick_gflops"] > 0.0
         assert entry["worst_error"] == max(entry["errors"].values()) > 0.0
+        for sizes in (entry["equations"], entry["instructions"]):
+            assert set(sizes) == {"start", "advance", "look"} and min(sizes.values()) > 100
+    assert sum(row.startswith("equations (compiled instructions) of ") for row in rows) == 2
     tip = {(x["method"], x.get("step")): x["errors"]["tip_position_I"] for x in lines[1:]}
     assert tip["collocation", None] < 1e-2 * tip["generalized-alpha", 0.1]
 
