@@ -7,8 +7,11 @@ from typing import Any
 
 import jax
 
-from esail_jax.compilation.options import COMPILER_OPTIONS
-from esail_jax.compilation.program import compile_kept
+from esail_jax.compilation import store
+from esail_jax.compilation.call import NAMED
+from esail_jax.compilation.keys import key_of
+from esail_jax.compilation.options import COMPILER_OPTIONS, compile_lowered
+from esail_jax.compilation.program import compile_and_save, load_executable
 
 
 def traced_once(static_argnums: Sequence[int] = ()) -> Callable[[Callable], Callable]:
@@ -81,7 +84,7 @@ class CompiledFunction:
             if len(traced.jaxpr.in_avals) != len(leaves):
                 # `f` encloses traced values, which have become inputs of the program.
                 return self._jitted(*args, **kwargs)
-            program = self._programs[key] = compile_kept(traced.lower())
+            program = self._programs[key] = compile_traced(traced)
         return program(*dynamic[0], **dynamic[1])
 
     def __get__(self, instance: Any, owner: type | None = None) -> Callable[..., Any]:
@@ -96,6 +99,19 @@ class CompiledFunction:
         """Forgets all compiled programs."""
         self._programs.clear()
         self._jitted.clear_cache()
+
+
+def compile_traced(traced: jax.stages.Traced) -> Callable:
+    """Compiles a traced function, or loads it from the program cache. Its key is the text of the lowered
+    function, in which the programs of this package are represented by their keys."""
+    key = None
+    if store.location() is not None:
+        named = traced.lower(_private_parameters=NAMED)
+        key = key_of("lowered", named.as_text(), COMPILER_OPTIONS)
+        found = load_executable(key, (named.in_tree, named.out_tree))
+        if found is not None:
+            return found
+    return compile_and_save(key, lambda: compile_lowered(traced.lower()))
 
 
 def is_compiled_here(leaves: list[Any]) -> bool:

@@ -46,7 +46,7 @@ class Program:
         key: str | None,
         compile: Callable[[jax.stages.Lowered], jax.stages.Compiled] = compile_lowered,
     ):
-        self.key, self._make, self._compile = key, make, compile
+        self.key, self._make, self.compile = key, make, compile
         self._lock = threading.RLock()
         self._lowered: jax.stages.Lowered | None = None
 
@@ -82,7 +82,7 @@ class Program:
                 self.facts  # noqa: B018 - kept beside the executable
                 lowered = self._lowered or self.traced.lower()
                 self._lowered = None
-                found = compile_and_save(self.key, lambda: self._compile(lowered))
+                found = compile_and_save(self.key, lambda: self.compile(lowered))
             return found
 
     def lower(self) -> None:
@@ -279,12 +279,3 @@ def compile_and_save(key: str | None, compile: Callable[[], jax.stages.Compiled]
         serialised, arguments, results = serialize_executable.serialize(compiled)
         save(key, "executable", (serialised, arguments.num_leaves, results.num_leaves))
     return compiled
-
-
-def compile_kept(lowered: jax.stages.Lowered, options: Options | None = COMPILER_OPTIONS) -> Callable:
-    """Compiles a lowered program (`options.compile_lowered`), or loads it from the cache by its text."""
-    key = key_of("lowered", lowered.as_text(), options) if store.location() is not None else None
-    found = load_executable(key, (lowered.in_tree, lowered.out_tree))
-    if found is None:
-        found = compile_and_save(key, lambda: compile_lowered(lowered, options))
-    return found

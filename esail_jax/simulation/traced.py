@@ -1,14 +1,16 @@
 """A run as one program, for `jit`, `grad`, `jvp` and `vmap`: a scan over windows of instants."""
 
-import functools
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
+from jax.sharding import get_abstract_mesh
 
 from esail_jax.array_types import Array, Float, Scalar
+from esail_jax.compilation.call import call
+from esail_jax.compilation.program import program_of
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.numerics.lockstep import select
 from esail_jax.numerics.symbolic_zeros import with_tangents
@@ -36,7 +38,6 @@ class Traced(NamedTuple):
     errors: dict[str, Scalar]
 
 
-@functools.partial(jax.jit, static_argnums=(0, 1, 2))
 def traced_run(
     structure: Structure,
     schedule: Schedule,
@@ -49,7 +50,27 @@ def traced_run(
     """Integrates the whole run. Reverse mode saves the motion between windows, and the tapes of the steps.
 
     schedule: the windows of the run; names: observables to save, all if None; point: an instant to start
-    from, instead of the scene's start."""
+    from, instead of the scene's start.
+
+    The run is called as a program, whose derivatives and batches are kept in the program cache. A run with
+    a part that cannot be kept, or on several devices, is traced as an ordinary function."""
+    static, arguments = (structure, schedule, names), (numbers, max_steps, stepper, point)
+    program = program_of(run, static, arguments)
+    if program.program.key is None or jax.config.jax_disable_jit or not get_abstract_mesh().empty:
+        return ordinary_run(*static, *arguments)
+    return call(program, *arguments)
+
+
+def run(
+    structure: Structure,
+    schedule: Schedule,
+    names: tuple[str, ...] | None,
+    numbers: Numbers,
+    max_steps: Scalar,
+    stepper: AbstractStepper | None,
+    point: Point | None,
+) -> Traced:
+    """Returns the result of `traced_run`."""
     begun = start(structure, numbers, stepper, point)
     problem = begun.problem
     windows, number, place = schedule.windows()
@@ -104,6 +125,9 @@ def traced_run(
     final = jax.tree.map(lambda x: x[-1], points)
     final = select(good[-1], final, nan_like(final))
     return Traced(rows, final, result, motion.counts, problem.stepper.error_estimates(motion.state))
+
+
+ordinary_run = jax.jit(run, static_argnums=(0, 1, 2))
 
 
 def differentiable(carry: Any, of: Any) -> Any:

@@ -1,0 +1,123 @@
+"""Calls of programs inside functions that JAX traces.
+
+A program inside another function is one operation of JAX: the primitive `program`. Outside a trace the
+operation runs the program's executable. `jax.vmap` and the derivatives of JAX turn it into operations with
+derived programs (`derived.py`). All of them are found in the program cache without being traced, so that a
+second process computes the gradient of a run without tracing the run.
+"""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jax.core import ShapedArray
+from jax.extend.core import Primitive, jaxpr_as_fun
+from jax.interpreters import ad, batching, mlir
+from jax.interpreters import partial_eval as pe
+
+from esail_jax.compilation.derived import (
+    backward,
+    batched,
+    chosen,
+    forward,
+    merged,
+    not_,
+    pruned,
+    pushed_forward,
+    tangent,
+    with_tangent,
+)
+from esail_jax.compilation.program import Leaves, Program, TreeProgram
+
+program_p = Primitive("program")
+program_p.multiple_results = True
+
+
+def call(program: TreeProgram, *arguments: Any) -> Any:
+    """Returns the result of a program. Some of the arguments may be tracers."""
+    leaves = program.leaves(arguments)
+    return program.unflatten(bind(program.program, *leaves))
+
+
+def bind(program: Program, *leaves: Any) -> Leaves:
+    """Returns the results of a program of leaves."""
+    return program_p.bind(*map(jnp.asarray, leaves), program=program)
+
+
+@program_p.def_impl
+def _run(*leaves, program):
+    return program(*leaves)
+
+
+@program_p.def_abstract_eval
+def _types(*_, program):
+    return [ShapedArray(x.shape, x.dtype, weak_type=x.weak_type) for x in program.facts.results]
+
+
+def _batch(leaves, axes, *, program):
+    size = next(x.shape[axis] for x, axis in zip(leaves, axes, strict=True) if axis is not None)
+    results = bind(batched(program, size, tuple(axes)), *leaves)
+    return results, [0] * len(results)
+
+
+def _push_forward(primals, tangents, *, program):
+    moving = tuple(not isinstance(x, ad.Zero) for x in tangents)
+    along = chosen(tangents, moving)
+    if any(isinstance(x, pe.JaxprTracer) for x in along):
+        # `jax.linearize` or reverse mode: the results must not depend on the tangents, which are unknown.
+        found = bind(forward(program, moving), *primals)
+        count = len(program.facts.results)
+        results, residuals = found[:count], found[count:]
+        moved = bind(tangent(program, moving), *residuals, *along)
+    else:
+        found = bind(pushed_forward(program, moving), *primals, *along)
+        count = len(program.facts.results)
+        results, moved = found[:count], found[count:]
+    mask = with_tangent(results)
+    none = [ad.Zero(jax.typeof(x).to_tangent_aval()) for x in chosen(results, not_(mask))]
+    return results, list(merged(mask, moved, none))
+
+
+def _transpose(cotangents, *leaves, program):
+    linear = tuple(ad.is_undefined_primal(x) for x in leaves)
+    given = tuple(not isinstance(x, ad.Zero) for x in cotangents)
+    whole = backward(program, linear, given)
+    needed = pruned(whole, (True,) * sum(linear))
+    arguments = (*chosen(leaves, not_(linear)), *chosen(cotangents, given))
+    found = bind(needed, *chosen(arguments, needed.facts.about))
+    return list(merged(linear, found, [None] * linear.count(False)))
+
+
+def _prune(used, equation):
+    program = equation.params["program"]
+    if not any(used):
+        return [False] * len(equation.invars), None
+    shorter = pruned(program, tuple(used))
+    needed = shorter.facts.about
+    return list(needed), equation.replace(
+        invars=list(chosen(equation.invars, needed)),
+        outvars=list(chosen(equation.outvars, used)),
+        params={"program": shorter},
+    )
+
+
+def _lower(context, *leaves, program):
+    function = jax.jit(jaxpr_as_fun(program.traced.jaxpr))
+    return mlir.lower_fun(function, multiple_results=True)(context, *leaves)
+
+
+def _name(context, *leaves, program):
+    if program.key is None:
+        return _lower(context, *leaves, program=program)
+    return jax.ffi.ffi_lowering("esail_jax_program")(context, *leaves, key=program.key)
+
+
+batching.primitive_batchers[program_p] = _batch
+ad.primitive_jvps[program_p] = _push_forward
+ad.primitive_transposes[program_p] = _transpose
+pe.dce_rules[program_p] = _prune
+mlir.register_lowering(program_p, _lower)
+
+NAMED = mlir.LoweringParameters(override_lowering_rules=((program_p, _name),))
+"""Parameter of `jax.stages.Traced.lower`: programs inside the traced function are lowered to their keys.
+The text of such a module identifies the function's program. It cannot be compiled."""
