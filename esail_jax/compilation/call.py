@@ -11,11 +11,12 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 from jax.core import ShapedArray
-from jax.extend.core import Primitive, jaxpr_as_fun
+from jax.extend.core import Literal, Primitive, jaxpr_as_fun
 from jax.interpreters import ad, batching, mlir
 from jax.interpreters import partial_eval as pe
 
 from esail_jax.compilation.derived import (
+    ForwardMode,
     backward,
     batched,
     chosen,
@@ -56,8 +57,9 @@ def _types(*_, program):
 
 def _batch(leaves, axes, *, program):
     size = next(x.shape[axis] for x, axis in zip(leaves, axes, strict=True) if axis is not None)
-    results = bind(batched(program, size, tuple(axes)), *leaves)
-    return results, [0] * len(results)
+    whole = batched(program, size, tuple(axes))
+    results = bind(whole, *leaves)
+    return results, [0 if depends else None for depends in whole.facts.about]
 
 
 def _push_forward(primals, tangents, *, program):
@@ -89,16 +91,35 @@ def _transpose(cotangents, *leaves, program):
 
 
 def _prune(used, equation):
-    program = equation.params["program"]
     if not any(used):
         return [False] * len(equation.invars), None
-    shorter = pruned(program, tuple(used))
+    shorter = pruned(equation.params["program"], tuple(used))
     needed = shorter.facts.about
     return list(needed), equation.replace(
         invars=list(chosen(equation.invars, needed)),
         outvars=list(chosen(equation.outvars, used)),
         params={"program": shorter},
     )
+
+
+def _split(_, unknown, instantiated, equation):
+    """`jax.checkpoint` under reverse mode asks for the operations of the known arguments and those of the
+    unknown ones, in the body of a function that it has differentiated in forward mode."""
+    program, count = equation.params["program"], len(equation.outvars)
+    new = [x for x in chosen(equation.invars, not_(instantiated)) if not isinstance(x, Literal)]
+    if not any(unknown):
+        return equation, None, [False] * count, [False] * count, []
+    if not isinstance(program, ForwardMode) or any(unknown[: program.arguments]):
+        return None, equation, [True] * count, [True] * count, new
+    results = len(program.primal.facts.results)
+    known = equation.replace(
+        invars=equation.invars[: program.arguments],
+        outvars=equation.outvars[:results],
+        params={"program": program.primal},
+    )
+    moved = [place >= results for place in range(count)]
+    _, staged = _prune(moved, equation)
+    return known, staged, moved, moved, new
 
 
 def _lower(context, *leaves, program):
@@ -116,6 +137,7 @@ batching.primitive_batchers[program_p] = _batch
 ad.primitive_jvps[program_p] = _push_forward
 ad.primitive_transposes[program_p] = _transpose
 pe.dce_rules[program_p] = _prune
+pe.partial_eval_jaxpr_custom_rules[program_p] = _split
 mlir.register_lowering(program_p, _lower)
 
 NAMED = mlir.LoweringParameters(override_lowering_rules=((program_p, _name),))

@@ -12,7 +12,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-from jax.extend.core import jaxpr_as_fun
+from jax.extend.core import ClosedJaxpr, jaxpr_as_fun
 from jax.interpreters import partial_eval as pe
 
 from esail_jax.compilation.keys import key_of
@@ -21,8 +21,6 @@ from esail_jax.compilation.program import Leaves, Program
 Mask = tuple[bool, ...]
 """For every argument, or every result, of a program whether it is meant."""
 
-Types = Sequence[jax.ShapeDtypeStruct]
-
 derivation = functools.lru_cache(maxsize=256)
 """Decorator: a program that is derived twice is made, loaded and compiled once."""
 
@@ -30,36 +28,73 @@ derivation = functools.lru_cache(maxsize=256)
 @derivation
 def batched(program: Program, size: int, axes: tuple[int | None, ...]) -> Program:
     """Returns the program for `size` members. axes: the axis of the members in every argument, None if the
-    argument is common to them. In the results it is the first axis."""
+    argument is common to them. In the results it is the first axis. Results that do not depend on the
+    members have no such axis: `Facts.about` is the mask of the others."""
+    depends: set[int] = set()
 
-    def types():
-        return tuple(
+    def function(*leaves):
+        def member(*leaves):
+            results = as_function(program)(*leaves)
+            for place, x in enumerate(results):
+                probe(place, x, depends)
+            return results
+
+        results = jax.vmap(member, in_axes=axes, axis_size=size)(*leaves)
+        return [x if place in depends else x[0] for place, x in enumerate(results)]
+
+    def make():
+        types = (
             x if axis is None else x.update(shape=(*x.shape[:axis], size, *x.shape[axis:]))
             for x, axis in zip(types_of(program), axes, strict=True)
         )
+        closed = jax.jit(function).trace(*types).jaxpr
+        traced, _ = without_unused(closed, [True] * len(closed.out_avals), instantiate=True)  # the probes
+        return traced, tuple(place in depends for place in range(len(closed.out_avals)))
 
-    def function(*leaves):
-        return jax.vmap(as_function(program), in_axes=axes, axis_size=size)(*leaves)
+    return Program(make, derived_key(program, "batched", size, axes), program.compile)
 
-    return derived(program, "batched", (size, axes), function, types)
+
+def probe(place: int, x: Any, depends: set[int]) -> None:
+    """Adds a place to the set if `x` is different for the members of a batch that is being traced."""
+
+    @jax.custom_batching.custom_vmap
+    def identity(x):
+        return x
+
+    @identity.def_vmap
+    def _identity_of_a_batch(size, is_batched, x):
+        depends.add(place)
+        return x, True
+
+    identity(x)
+
+
+class ForwardMode(Program):
+    """The program of results and tangents (`pushed_forward`). primal: the program of the results;
+    arguments: the number of its arguments."""
+
+    primal: Program
+    arguments: int
 
 
 @derivation
-def pushed_forward(program: Program, moving: Mask) -> Program:
+def pushed_forward(program: Program, moving: Mask) -> ForwardMode:
     """Returns the program of the results, followed by their tangents (forward mode). Its arguments are
     those of `program`, followed by the tangents of the moving ones. Results that are not floating-point
     numbers have no tangents."""
-
-    def types():
-        primals = types_of(program)
-        return (*primals, *chosen(primals, moving))
 
     def function(*leaves):
         primals, tangents = leaves[: len(moving)], leaves[len(moving) :]
         results, moved = jax.jvp(of_moving(program, moving, primals), chosen(primals, moving), tangents)
         return (*results, *chosen(moved, with_tangent(results)))
 
-    return derived(program, "pushed forward", (moving,), function, types)
+    def make():
+        primals = types_of(program)
+        return jax.jit(function).trace(*primals, *chosen(primals, moving)), None
+
+    made = ForwardMode(make, derived_key(program, "pushed forward", moving), program.compile)
+    made.primal, made.arguments = program, len(moving)
+    return made
 
 
 @derivation
@@ -67,7 +102,9 @@ def forward(program: Program, moving: Mask) -> Program:
     """Returns the program of the results, followed by the residuals of the derivative with respect to the
     moving arguments."""
     return Program(
-        lambda: (linearised(program, moving)[0], None), derived_key(program, "forward", moving), program.compile
+        lambda: (linearised(program, moving)[0], None),
+        derived_key(program, "forward", moving),
+        program.compile,
     )
 
 
@@ -76,17 +113,16 @@ def tangent(program: Program, moving: Mask) -> Program:
     """Returns the program of the tangents of all results that are floating-point numbers. Its arguments are
     the residuals, followed by the tangents of the moving arguments of `program`."""
 
-    def types():
-        results = program.facts.results
-        residuals = forward(program, moving).facts.results[len(results) :]
-        return (*residuals, *chosen(types_of(program), moving))
-
     def function(*leaves):
         count = len(leaves) - sum(moving)
         moved = jax.tree.unflatten(linearised(program, moving)[1], leaves[:count])(*leaves[count:])
         return chosen(moved, with_tangent(program.facts.results))
 
-    return derived(program, "tangent", (moving,), function, types)
+    def make():
+        residuals = forward(program, moving).facts.results[len(program.facts.results) :]
+        return jax.jit(function).trace(*residuals, *chosen(types_of(program), moving)), None
+
+    return Program(make, derived_key(program, "tangent", moving), program.compile)
 
 
 @functools.lru_cache(maxsize=16)
@@ -110,10 +146,6 @@ def backward(program: Program, linear: Mask, given: Mask) -> Program:
     other ones, followed by the given cotangents; the cotangents of the other results are zero. Its results
     are the cotangents of the linear arguments."""
 
-    def types():
-        arguments = types_of(program)
-        return (*chosen(arguments, not_(linear)), *chosen(program.facts.results, given))
-
     def function(*leaves):
         constants, cotangents = leaves[: linear.count(False)], leaves[linear.count(False) :]
         arguments = types_of(program)
@@ -123,7 +155,11 @@ def backward(program: Program, linear: Mask, given: Mask) -> Program:
 
         return jax.linear_transpose(of_linear, *chosen(arguments, linear))(cotangents)
 
-    return derived(program, "backward", (linear, given), function, types)
+    def make():
+        constants = chosen(types_of(program), not_(linear))
+        return jax.jit(function).trace(*constants, *chosen(program.facts.results, given)), None
+
+    return Program(make, derived_key(program, "backward", linear, given), program.compile)
 
 
 @derivation
@@ -132,10 +168,7 @@ def pruned(program: Program, used: Mask) -> Program:
     What its maker remembers (`Facts.about`) is the mask of the arguments that remain."""
 
     def make():
-        closed = program.traced.jaxpr
-        shorter, needed = pe.dce_jaxpr(closed.jaxpr, used)
-        function = jaxpr_as_fun(jax.extend.core.ClosedJaxpr(shorter, closed.consts))
-        return jax.jit(function).trace(*chosen(types_of(program), needed)), tuple(needed)
+        return without_unused(program.traced.jaxpr, used)
 
     return Program(make, derived_key(program, "pruned", used), program.compile)
 
@@ -143,14 +176,14 @@ def pruned(program: Program, used: Mask) -> Program:
 # ---- helpers ----------------------------------------------------------------------------------------
 
 
-def derived(
-    program: Program, name: str, given: tuple, function: Callable[..., Leaves], types: Callable[[], Types]
-) -> Program:
-    """Returns the program of a function that is derived from `program`. name and given: what distinguishes
-    it from other derivations; types: returns the types of its arguments."""
-    return Program(
-        lambda: (jax.jit(function).trace(*types()), None), derived_key(program, name, *given), program.compile
-    )
+def without_unused(
+    closed: ClosedJaxpr, used: Sequence[bool], instantiate: bool = False
+) -> tuple[jax.stages.Traced, Mask]:
+    """Returns the traced function of the used results, and the mask of the arguments that remain: all if
+    `instantiate`, otherwise those on which the results depend."""
+    shorter, needed = pe.dce_jaxpr(closed.jaxpr, used, instantiate)
+    types = (jax.ShapeDtypeStruct(x.shape, x.dtype) for x in chosen(closed.in_avals, needed))
+    return jax.jit(jaxpr_as_fun(ClosedJaxpr(shorter, closed.consts))).trace(*types), tuple(needed)
 
 
 def derived_key(program: Program, *how: Any) -> str | None:
@@ -169,7 +202,7 @@ def of_moving(program: Program, moving: Mask, primals: Leaves) -> Callable[..., 
     return lambda *x: as_function(program)(*merged(moving, x, fixed))
 
 
-def types_of(program: Program) -> Types:
+def types_of(program: Program) -> tuple[jax.ShapeDtypeStruct, ...]:
     """Returns the types of a program's arguments."""
     return tuple(jax.ShapeDtypeStruct(x.shape, x.dtype) for x in program.traced.jaxpr.in_avals)
 
