@@ -17,6 +17,9 @@ import os
 import sys
 from typing import TYPE_CHECKING, Any
 
+from esail_jax.compilation.workaround import set_flag
+
+set_flag()
 if "jax" in sys.modules:
     sys.modules["jax"].config.update("jax_enable_x64", True)
 else:

@@ -28,7 +28,9 @@ from esail_jax.compilation.derived import (
     tangent,
     with_tangent,
 )
+from esail_jax.compilation.options import OURS
 from esail_jax.compilation.program import Leaves, Program, TreeProgram
+from esail_jax.compilation.workaround import refuse_wrong_products
 
 program_p = Primitive("program")
 program_p.multiple_results = True
@@ -123,6 +125,8 @@ def _split(_, unknown, instantiated, equation):
 
 
 def _lower(context, *leaves, program):
+    if not OURS.get():
+        refuse_wrong_products()
     function = jax.jit(jaxpr_as_fun(program.traced.jaxpr))
     return mlir.lower_fun(function, multiple_results=True)(context, *leaves)
 

@@ -7,6 +7,7 @@ computes the results and the *residuals*, the values that the linear map of the 
 """
 
 import functools
+import hashlib
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -101,11 +102,12 @@ def pushed_forward(program: Program, moving: Mask) -> ForwardMode:
 def forward(program: Program, moving: Mask) -> Program:
     """Returns the program of the results, followed by the residuals of the derivative with respect to the
     moving arguments."""
-    return Program(
-        lambda: (linearised(program, moving)[0], None),
-        derived_key(program, "forward", moving),
-        program.compile,
-    )
+
+    def make():
+        traced, _ = linearised(program, moving)
+        return traced, order_of_results(traced.jaxpr)
+
+    return Program(make, derived_key(program, "forward", moving), program.compile)
 
 
 @derivation
@@ -119,7 +121,12 @@ def tangent(program: Program, moving: Mask) -> Program:
         return chosen(moved, with_tangent(program.facts.results))
 
     def make():
-        residuals = forward(program, moving).facts.results[len(program.facts.results) :]
+        split = forward(program, moving).facts
+        if split.about != order_of_results(linearised(program, moving)[0].jaxpr):
+            raise RuntimeError(
+                "the program cache holds another derivative; clear it by `esail cache --clear`"
+            )
+        residuals = split.results[len(program.facts.results) :]
         return jax.jit(function).trace(*residuals, *chosen(types_of(program), moving)), None
 
     return Program(make, derived_key(program, "tangent", moving), program.compile)
@@ -138,6 +145,15 @@ def linearised(program: Program, moving: Mask) -> tuple[jax.stages.Traced, Any]:
         return (*results, *residuals)
 
     return jax.jit(function).trace(*types_of(program)), tree
+
+
+def order_of_results(closed: ClosedJaxpr) -> str:
+    """Returns a checksum of the operations of a function and of which of them give its results. Residuals
+    have no names: a kept `forward` fits a linear map of another process if the checksums are equal."""
+    made = {id(x): (i, j) for i, e in enumerate(closed.eqns) for j, x in enumerate(e.outvars)}
+    operations = [e.primitive.name for e in closed.eqns]
+    results = [(made.get(id(x)), str(x.aval)) for x in closed.jaxpr.outvars]
+    return hashlib.sha256(repr((operations, results)).encode()).hexdigest()
 
 
 @derivation

@@ -10,7 +10,7 @@ import jax
 from esail_jax.compilation import store
 from esail_jax.compilation.call import NAMED
 from esail_jax.compilation.keys import key_of
-from esail_jax.compilation.options import COMPILER_OPTIONS, compile_lowered
+from esail_jax.compilation.options import COMPILER_OPTIONS, compile_lowered, lower
 from esail_jax.compilation.program import compile_and_save, load_executable
 
 
@@ -111,7 +111,7 @@ def compile_traced(traced: jax.stages.Traced) -> Callable:
         found = load_executable(key, (named.in_tree, named.out_tree))
         if found is not None:
             return found
-    return compile_and_save(key, lambda: compile_lowered(traced.lower()))
+    return compile_and_save(key, lambda: compile_lowered(lower(traced)))
 
 
 def is_compiled_here(leaves: list[Any]) -> bool:

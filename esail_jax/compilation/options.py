@@ -5,22 +5,22 @@ too, which makes the baseline 12 % slower; here the library gets matrix products
 change what a program computes, apart from rounding.
 """
 
+import contextvars
+
 import jax
 
-from esail_jax.compilation.workaround import may_be_wrong
+from esail_jax.compilation.workaround import FLAG, PRODUCTS_ALONE, may_be_wrong
 
 Options = dict[str, str | bool | int]
 
-FUSION_TYPE = "xla_cpu_experimental_ynn_fusion_type"
+FUSION_TYPE = FLAG.removeprefix("--")
 """The option that says which operations XLA hands to the library."""
 
 HAS_OPTIONS = jax.__version_info__ < (0, 11)
 """True if this version of JAX knows the options below. Later versions have options of other names."""
 
 COMPILER_OPTIONS: Options | None = (
-    {FUSION_TYPE: "LIBRARY_FUSION_TYPE_INDIVIDUAL_DOT", "xla_cpu_use_fusion_emitters": False}
-    if HAS_OPTIONS
-    else None
+    {FUSION_TYPE: PRODUCTS_ALONE, "xla_cpu_use_fusion_emitters": False} if HAS_OPTIONS else None
 )
 """Options of `jax.jit` on a CPU; None if JAX does not know them. Only matrix products use the library, and
 none of the operations around them. With XLA's default the library also computes short sums, which makes the
@@ -48,6 +48,19 @@ are as fast."""
 START_OPTIONS = with_options(xla_backend_optimization_level=0)
 """Options for programs that run once, such as the start of a run. They compile in a quarter of the time
 (0.8 instead of 3.1 s)."""
+
+
+OURS = contextvars.ContextVar("OURS", default=False)
+"""True while a program is lowered that will be compiled by `compile_lowered`."""
+
+
+def lower(traced: jax.stages.Traced) -> jax.stages.Lowered:
+    """Lowers a traced function for `compile_lowered`."""
+    token = OURS.set(True)
+    try:
+        return traced.lower()
+    finally:
+        OURS.reset(token)
 
 
 def compile_lowered(

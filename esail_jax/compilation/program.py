@@ -18,7 +18,7 @@ from jax.experimental import serialize_executable
 
 from esail_jax.compilation import store
 from esail_jax.compilation.keys import key_of, settings
-from esail_jax.compilation.options import COMPILER_OPTIONS, Options, compile_lowered
+from esail_jax.compilation.options import COMPILER_OPTIONS, Options, compile_lowered, lower
 
 Leaves = Sequence[Any]
 """Arrays, or numbers, in the order of a flattened tree."""
@@ -80,7 +80,7 @@ class Program:
             found = load_executable(self.key) if self._lowered is None else None
             if found is None:
                 self.facts  # noqa: B018 - kept beside the executable
-                lowered = self._lowered or self.traced.lower()
+                lowered = self._lowered or lower(self.traced)
                 self._lowered = None
                 found = compile_and_save(self.key, lambda: self.compile(lowered))
             return found
@@ -90,7 +90,7 @@ class Program:
         in one thread at a time."""
         if not is_kept(self.key):
             with self._lock:
-                self._lowered = self.traced.lower()
+                self._lowered = lower(self.traced)
 
     def __call__(self, *leaves: Any) -> Leaves:
         """Runs the program."""

@@ -12,11 +12,23 @@ XLA hands matrix products to this library. If it hands over the operations aroun
    is wrong, too.
 
 `options.compile_lowered` searches the text of every compiled program for such products and, if there is
-one, compiles the program without the option.
+one, compiles the program without the option. Programs of a user's own `jax.jit` are compiled with XLA's
+default options. `set_flag` therefore changes that default when `esail_jax` is imported. XLA reads its flags
+when JAX first uses a device. If that was before the import, `refuse_wrong_products` refuses to put a run
+into such a program.
 """
 
+import functools
+import os
 import re
+from importlib import metadata
 from typing import NamedTuple
+
+FLAG = "--xla_cpu_experimental_ynn_fusion_type"
+"""XLA's flag, and compiler option, that says which operations XLA hands to the library."""
+
+PRODUCTS_ALONE = "LIBRARY_FUSION_TYPE_INDIVIDUAL_DOT"
+"""The value with which the library computes matrix products, and none of the operations around them."""
 
 COMPUTATION = re.compile(r"^(%\S+) \([^\n]*\{\n((?: [^\n]*\n)+)\}", re.MULTILINE)
 """Matches one computation of a compiled program; groups: its name, its instructions."""
@@ -32,6 +44,38 @@ STORED = ("parameter", "constant", "dot")
 
 MOST_ROWS = 16384
 """Largest number of rows of B for which products A B^T are right."""
+
+
+def set_flag() -> None:
+    """Sets XLA's flag for programs of `jax.jit`, unless the user has set it. XLA ends a process whose flags
+    it does not know, and jaxlib 0.11 does not know this one."""
+    flags = os.environ.get("XLA_FLAGS", "")
+    if FLAG not in flags and metadata.version("jaxlib").startswith("0.10."):
+        os.environ["XLA_FLAGS"] = f"{flags} {FLAG}={PRODUCTS_ALONE}".strip()
+
+
+@functools.cache
+def products_are_right() -> bool:
+    """Compares a product of the second kind, compiled by `jax.jit`, with NumPy (0.05 s)."""
+    import jax
+    import numpy as np
+
+    if jax.default_backend() != "cpu":
+        return True
+    matrix = np.array([[1.0, 0.5], [0.25, 2.0]])
+    rows = np.linspace(-1.0, 1.0, 2 * (MOST_ROWS + 1)).reshape(-1, 2)
+    found = jax.jit(jax.vmap(lambda row: ((matrix @ row) ** 2).sum()))(rows)
+    return np.allclose(found, ((rows @ matrix.T) ** 2).sum(1), rtol=1e-10)
+
+
+def refuse_wrong_products() -> None:
+    """Raises RuntimeError if programs of `jax.jit` compute long products wrongly in this process."""
+    if not products_are_right():
+        raise RuntimeError(
+            "this version of jaxlib computes some matrix products wrongly under `jax.jit`; use "
+            "`esail_jax.jit`, import `esail_jax` before JAX first uses a device, or set the variable "
+            f"XLA_FLAGS={FLAG}={PRODUCTS_ALONE}"
+        )
 
 
 class Instruction(NamedTuple):

@@ -13,6 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 import jax
 import numpy as np
 
+from esail_jax.compilation.options import lower
 from esail_jax.compilation.program import TreeProgram
 from esail_jax.cores import cores
 from esail_jax.ensembles.batch_size import batch_in_lockstep, batch_on_cores
@@ -96,7 +97,7 @@ class MemberRunner:
 
     def lower(self, count: int) -> jax.stages.Lowered:
         """The lowered program of `count` members in lockstep."""
-        return self.program(count).program.traced.lower()
+        return lower(self.program(count).program.traced)
 
     def compile(self) -> None:
         """Compiles the program, unless this is done already."""

@@ -10,7 +10,9 @@ HEAVY = {"jax", "scipy", "diffrax", "equinox", "matplotlib"}
 
 def output_of(code: str, **environment: str) -> str:
     """Returns what the code prints in a process without the variables that `esail_jax` sets."""
-    clean = {name: value for name, value in os.environ.items() if name != "JAX_ENABLE_X64"}
+    clean = {
+        name: value for name, value in os.environ.items() if name not in ("JAX_ENABLE_X64", "XLA_FLAGS")
+    }
     command = [sys.executable, "-c", code]
     found = subprocess.run(command, env=clean | environment, capture_output=True, text=True, check=True)
     return found.stdout
