@@ -62,8 +62,8 @@ def products_are_right() -> bool:
 
     if jax.default_backend() != "cpu":
         return True
-    matrix = np.array([[1.0, 0.5], [0.25, 2.0]])
-    rows = np.linspace(-1.0, 1.0, 2 * (MOST_ROWS + 1)).reshape(-1, 2)
+    matrix = np.arange(9.0).reshape(3, 3)
+    rows = np.linspace(-1.0, 1.0, 3 * (MOST_ROWS + 1)).reshape(-1, 3)
     found = jax.jit(jax.vmap(lambda row: ((matrix @ row) ** 2).sum()))(rows)
     return np.allclose(found, ((rows @ matrix.T) ** 2).sum(1), rtol=1e-10)
 

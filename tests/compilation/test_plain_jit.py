@@ -11,7 +11,7 @@ pytestmark = pytest.mark.skipif(not HAS_OPTIONS, reason="jaxlib 0.11 has no such
 FAULT = """
 import jax, jax.numpy as jnp, numpy as np
 def error():
-    matrix, rows = np.array([[1.0, 0.5], [0.25, 2.0]]), np.linspace(-1.0, 1.0, 2 * 16385).reshape(-1, 2)
+    matrix, rows = np.arange(9.0).reshape(3, 3), np.linspace(-1.0, 1.0, 3 * 16385).reshape(-1, 3)
     found = jax.jit(jax.vmap(lambda row: ((matrix @ row) ** 2).sum()))(rows)
     return float(abs(found - ((rows @ matrix.T) ** 2).sum(1)).max())
 """
@@ -30,8 +30,8 @@ print([result(jax.jit(f)), result(esail.jit(f)), result(f)])
 
 
 def test_import_makes_long_products_right():
-    """The sum is of the order 4, and the error without the flag is larger than 0.1."""
-    assert float(output_of(f"import esail_jax as esail{FAULT}print(error())")) < 1e-12
+    """The sums are of the order 100: some roundings. Without the flag the error is larger than 0.1."""
+    assert float(output_of(f"import esail_jax as esail{FAULT}print(error())")) < 1e-11
 
 
 def test_without_the_import_long_products_are_wrong():
