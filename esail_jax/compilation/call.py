@@ -6,17 +6,20 @@ derived programs (`derived.py`). All of them are found in the program cache with
 second process computes the gradient of a run without tracing the run.
 """
 
+import functools
+from collections.abc import Callable
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 from jax.core import ShapedArray
-from jax.extend.core import Literal, Primitive, jaxpr_as_fun
+from jax.extend.core import Literal, Primitive
 from jax.interpreters import ad, batching, mlir
 from jax.interpreters import partial_eval as pe
 
 from esail_jax.compilation.derived import (
     ForwardMode,
+    as_function,
     backward,
     batched,
     chosen,
@@ -49,7 +52,16 @@ def bind(program: Program, *leaves: Any) -> Leaves:
 
 @program_p.def_impl
 def _run(*leaves, program):
-    return program(*leaves)
+    if jax.device_count() == 1 and jax.default_backend() == "cpu":
+        return program(*leaves)
+    # The executable is that of one device: `jax.jit` follows the devices of the arguments.
+    return ordinary(program)(*leaves)
+
+
+@functools.lru_cache(maxsize=256)
+def ordinary(program: Program) -> Callable[..., Leaves]:
+    """Returns the program as a function of `jax.jit`."""
+    return jax.jit(as_function(program))
 
 
 @program_p.def_abstract_eval
@@ -127,8 +139,7 @@ def _split(_, unknown, instantiated, equation):
 def _lower(context, *leaves, program):
     if not OURS.get():
         refuse_wrong_products()
-    function = jax.jit(jaxpr_as_fun(program.traced.jaxpr))
-    return mlir.lower_fun(function, multiple_results=True)(context, *leaves)
+    return mlir.lower_fun(ordinary(program), multiple_results=True)(context, *leaves)
 
 
 def _name(context, *leaves, program):

@@ -48,6 +48,9 @@ def jit(
     JAX accepts compiler options only for a whole program. A call with traced arguments, inside `jax.grad`,
     `jax.vmap` or another `jax.jit`, is therefore the same as a call of `jax.jit(f)`. To compile a
     derivative with the options, write `jit(jax.grad(f))` and not `jax.grad(jit(f))`.
+
+    Programs are kept in the program cache. A later process traces `f`, but not the runs inside: these are
+    represented by their keys (`call.py`).
     """
     return CompiledFunction(f, static_argnums, static_argnames)
 

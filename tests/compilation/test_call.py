@@ -10,6 +10,7 @@ from jax.interpreters import partial_eval
 from esail_jax.compilation import call, derived, store
 from esail_jax.compilation.jit import jit
 from esail_jax.compilation.program import Program, TreeProgram, tree_program, type_of
+from support.new_process import output_of
 
 X, Y, COUNT = jnp.linspace(0.1, 1.0, 4), jnp.asarray([2.0, -1.0, 0.5, 3.0]), jnp.asarray(3)
 
@@ -127,6 +128,21 @@ def test_jit_finds_its_program_without_tracing_the_programs_inside(folder, monke
     program = new_program()
     second = jit(derivative(energy(lambda *x: call.call(program, *x))))(x, Y)
     np.testing.assert_array_equal(first, second)
+
+
+def test_a_call_follows_arguments_on_several_devices():
+    """An executable of one device would refuse an array that is spread over two."""
+    code = """
+import esail_jax, jax, jax.numpy as jnp
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
+from esail_jax.compilation.call import call
+from esail_jax.compilation.program import tree_program
+f = lambda x: call(tree_program(lambda x: (x**3).sum(), (jax.ShapeDtypeStruct((4,), float),), "cubes"), x)
+x = jax.device_put(jnp.arange(4.0), NamedSharding(Mesh(jax.devices(), "i"), PartitionSpec("i")))
+print(len(x.sharding.device_set), float(f(x)), *jax.grad(f)(x).tolist())
+"""
+    found = output_of(code, ESAIL_CACHE="off", XLA_FLAGS="--xla_force_host_platform_device_count=2")
+    assert [float(x) for x in found.split()] == [2.0, 36.0, 0.0, 3.0, 12.0, 27.0]
 
 
 def test_keys_distinguish_derived_programs(folder):
