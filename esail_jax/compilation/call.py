@@ -70,6 +70,7 @@ def _types(*_, program):
 
 
 def _batch(leaves, axes, *, program):
+    """`jax.vmap`."""
     size = next(x.shape[axis] for x, axis in zip(leaves, axes, strict=True) if axis is not None)
     whole = batched(program, size, tuple(axes))
     results = bind(whole, *leaves)
@@ -77,17 +78,17 @@ def _batch(leaves, axes, *, program):
 
 
 def _push_forward(primals, tangents, *, program):
+    """Forward mode. `jax.linearize` and reverse mode come here, too, with tangents that are unknown: the
+    results must then be computed without the tangents."""
     moving = tuple(not isinstance(x, ad.Zero) for x in tangents)
     along = chosen(tangents, moving)
+    count = len(program.facts.results)
     if any(isinstance(x, pe.JaxprTracer) for x in along):
-        # `jax.linearize` or reverse mode: the results must not depend on the tangents, which are unknown.
         found = bind(forward(program, moving), *primals)
-        count = len(program.facts.results)
         results, residuals = found[:count], found[count:]
         moved = bind(tangent(program, moving), *residuals, *along)
     else:
         found = bind(pushed_forward(program, moving), *primals, *along)
-        count = len(program.facts.results)
         results, moved = found[:count], found[count:]
     mask = with_tangent(results)
     none = [ad.Zero(jax.typeof(x).to_tangent_aval()) for x in chosen(results, not_(mask))]
@@ -95,6 +96,8 @@ def _push_forward(primals, tangents, *, program):
 
 
 def _transpose(cotangents, *leaves, program):
+    """Reverse mode, for a program that is linear in the arguments that are undefined here. Residuals of
+    results without a cotangent are left out."""
     linear = tuple(ad.is_undefined_primal(x) for x in leaves)
     given = tuple(not isinstance(x, ad.Zero) for x in cotangents)
     whole = backward(program, linear, given)
@@ -105,6 +108,7 @@ def _transpose(cotangents, *leaves, program):
 
 
 def _prune(used, equation):
+    """Leaves out unused results, and the arguments that only these need."""
     if not any(used):
         return [False] * len(equation.invars), None
     shorter = pruned(equation.params["program"], tuple(used))
@@ -117,8 +121,8 @@ def _prune(used, equation):
 
 
 def _split(_, unknown, instantiated, equation):
-    """`jax.checkpoint` under reverse mode asks for the operations of the known arguments and those of the
-    unknown ones, in the body of a function that it has differentiated in forward mode."""
+    """Reverse mode of `jax.checkpoint`, which first differentiates its function in forward mode. It then
+    asks for one operation with the results, which are known, and one with the tangents, which are not."""
     program, count = equation.params["program"], len(equation.outvars)
     new = [x for x in chosen(equation.invars, not_(instantiated)) if not isinstance(x, Literal)]
     if not any(unknown):
@@ -137,12 +141,14 @@ def _split(_, unknown, instantiated, equation):
 
 
 def _lower(context, *leaves, program):
+    """Puts the operations of the program into the program that is being compiled."""
     if not OURS.get():
         refuse_wrong_products()
     return mlir.lower_fun(ordinary(program), multiple_results=True)(context, *leaves)
 
 
 def _name(context, *leaves, program):
+    """Puts the key of the program in its place (`NAMED`)."""
     if program.key is None:
         return _lower(context, *leaves, program=program)
     return jax.ffi.ffi_lowering("esail_jax_program")(context, *leaves, key=program.key)

@@ -20,7 +20,7 @@ from esail_jax.compilation.keys import key_of
 from esail_jax.compilation.program import Leaves, Program
 
 Mask = tuple[bool, ...]
-"""For every argument, or every result, of a program whether it is meant."""
+"""One truth value for every argument, or for every result, of a program."""
 
 derivation = functools.lru_cache(maxsize=256)
 """Decorator: a program that is derived twice is made, loaded and compiled once."""
