@@ -23,7 +23,10 @@ class Progress:
         self.shown = not quiet and self.stream.isatty()
         self._first: tuple[float, float] | None = None
         self._drawn = -float("inf")
-        self._write("compiling ...")
+
+    def stage(self, text: str) -> None:
+        """Shows what is being prepared, before any work is done."""
+        self._write(f"\r{text}\x1b[K")
 
     @property
     def due(self) -> bool:

@@ -13,6 +13,7 @@ from esail_jax.commands.description import describe
 from esail_jax.commands.exit_codes import ExitCode
 from esail_jax.commands.interrupts import Interrupts
 from esail_jax.commands.progress import Progress
+from esail_jax.compilation.announcements import announced_to
 from esail_jax.errors import SimulationError
 from esail_jax.files.opening import RunFileError, open_run, open_single
 from esail_jax.files.run_file import (
@@ -39,7 +40,8 @@ def run_scene(scene: Scene, path: Path, resume: bool, quiet: bool) -> ExitCode:
         return ExitCode.DONE
     progress = Progress(scene.integrator.t_end, functools.partial(progress_text, scene), quiet)
     try:
-        compiled = compile_scene(scene)
+        with announced_to(progress.stage):
+            compiled = compile_scene(scene)
         ready = time.perf_counter()
         run = HostRun(compiled) if going_on == "new" else resumed(compiled, path)
         writer = RunWriter(path, Content.of_run(compiled), resume=going_on == "resume")

@@ -115,6 +115,11 @@ class TreeProgram:
         """The result with types in place of arrays."""
         return self.unflatten(self.program.facts.results)
 
+    @property
+    def is_kept(self) -> bool:
+        """True if the cache has the executable."""
+        return is_kept(self.program.key)
+
     def lower(self) -> None:
         """Traces and lowers the program, unless its executable is kept."""
         self.program.lower()

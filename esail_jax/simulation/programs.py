@@ -12,6 +12,7 @@ import jax
 import numpy as np
 
 from esail_jax.array_types import Array, Scalar
+from esail_jax.compilation.announcements import announce
 from esail_jax.compilation.options import CHAIN_OPTIONS, COMPILER_OPTIONS, LOOK_OPTIONS, START_OPTIONS
 from esail_jax.compilation.program import program_of, type_of
 from esail_jax.scenes.stepper_choice import stepper_class
@@ -71,13 +72,14 @@ def _compiled(structure: Structure, tree: Any, types: tuple, names: tuple[str, .
 
     with ThreadPoolExecutor() as pool:
 
-        def ready(function, static, arguments, options, fused=not rods):
+        def ready(name, function, static, arguments, options, fused=not rods):
             """Traces a program here and compiles it in another thread."""
             program = program_of(function, static, arguments, CHAIN_OPTIONS if rods else options, fused)
+            announce(f"{'loading' if program.is_kept else 'compiling'} the program of {name} ...")
             program.lower()
             return program, pool.submit(program.compile)
 
-        starting, starts = ready(start, (structure,), given, START_OPTIONS, fused=False)
+        starting, starts = ready("the start", start, (structure,), given, START_OPTIONS, fused=False)
         problem, motion = starting.result.problem, starting.result.motion
         step = motion.last.taken.shape[0]
         size = degrees_of_freedom(problem.system)
@@ -87,15 +89,22 @@ def _compiled(structure: Structure, tree: Any, types: tuple, names: tuple[str, .
         window = Window(jax.ShapeDtypeStruct((instants,), float), integer)
         # The slowest one first: the others are traced while it compiles.
         stepping, advances = ready(
-            advance_window, (batches,), (problem, motion, window, number, integer), COMPILER_OPTIONS
+            "the time steps",
+            advance_window,
+            (batches,),
+            (problem, motion, window, number, integer),
+            COMPILER_OPTIONS,
         )
         points = stepping.result.points
-        looking, looks = ready(look_at_points, (names,), (problem, points, integer), LOOK_OPTIONS)
+        arguments = problem, points, integer
+        looking, looks = ready("the observables", look_at_points, (names,), arguments, LOOK_OPTIONS)
         restarting = None
         if structure.has("event") or structure.has("voltage.on"):
             one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), points)
             arguments = problem, motion, one, number
-            restarting, restarts = ready(restart, (), arguments, START_OPTIONS, fused=False)
+            restarting, restarts = ready(
+                "switch times", restart, (), arguments, START_OPTIONS, fused=False
+            )
             restarts.result()
         for done in (starts, advances, looks):
             done.result()

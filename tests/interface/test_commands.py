@@ -32,13 +32,14 @@ def test_progress_bar(monkeypatch):
     stream = Terminal()
     monkeypatch.setattr("sys.stderr", stream)
     shown = Progress(100.0, lambda done, speed: f"{done:g} at {speed:g}")
-    assert stream.getvalue() == "compiling ..."
+    shown.stage("compiling the program of the start ...")
+    assert stream.getvalue() == "\rcompiling the program of the start ...\x1b[K"
     for now[0], done in ((50.0, 20.0), (50.01, 21.0), (52.0, 60.0), (52.01, 100.0)):
         shown.update(done)
     shown.close()
     shown.update(100.0)
     lines = stream.getvalue().removesuffix("\n").split("\r")
-    texts = [line.removesuffix(" \x1b[K") for line in lines]
+    texts = [line.removesuffix(" \x1b[K") for line in lines][1:]
     assert texts[1] == "[######........................]  20 %  20 at 0  -:-- left"
     assert texts[2] == "[##################............]  60 %  60 at 20  00:02 left"
     assert texts[3].startswith(f"[{'#' * 30}] 100 %  100 at ") and len(texts) == 4
@@ -49,6 +50,7 @@ def test_no_progress_bar(quiet, stream, monkeypatch):
     """Nothing is drawn with `quiet`, nor into a pipe."""
     monkeypatch.setattr("sys.stderr", stream)
     shown = Progress(1.0, lambda done, speed: "", quiet)
+    shown.stage("compiling")
     shown.update(1.0)
     shown.close()
     assert stream.getvalue() == "" and not shown.due
