@@ -12,6 +12,7 @@ from pathlib import Path
 
 import jax
 import pytest
+from jax.experimental.compilation_cache.compilation_cache import reset_cache
 
 pytest_plugins = ["support.compiled_nothing", "support.validation_record"]
 
@@ -54,6 +55,17 @@ def small():
     """Overrides that make the baseline small: three tethers of two elements, 20 s, the method of [PGV]."""
     size = {"tethers.count": 3, "tethers.elements": 2, "integrator.t_end": 20.0}
     return size | {"integrator.method": "generalized-alpha"}
+
+
+@pytest.fixture
+def without_jax_cache():
+    """JAX's own compilation cache is off. The package does not keep an executable that JAX has taken from
+    there, which happens if an earlier test compiled the same program and took long enough."""
+    jax.config.update("jax_enable_compilation_cache", False)
+    reset_cache()
+    yield
+    jax.config.update("jax_enable_compilation_cache", True)
+    reset_cache()
 
 
 @pytest.fixture(autouse=True)

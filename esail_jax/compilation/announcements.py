@@ -1,17 +1,20 @@
 """Announcements of programs that are about to be compiled, for a progress line.
 
-Compiling takes seconds, loading a kept program takes tenths of a second. A command shows which of both it is
-waiting for."""
+Compiling takes seconds, loading a kept program takes tenths of a second. A command shows which of both
+it is waiting for."""
 
 import contextlib
 import contextvars
 from collections.abc import Callable, Iterator
 
-LISTENER: contextvars.ContextVar[Callable[[str], None] | None] = contextvars.ContextVar("LISTENER", default=None)
+Listener = Callable[[str], None]
+"""A function that takes one line of text."""
+
+LISTENER: contextvars.ContextVar[Listener | None] = contextvars.ContextVar("LISTENER", default=None)
 
 
 @contextlib.contextmanager
-def announced_to(listener: Callable[[str], None]) -> Iterator[None]:
+def announced_to(listener: Listener) -> Iterator[None]:
     """Context manager: calls `listener` with one line of text before each program is compiled or loaded."""
     token = LISTENER.set(listener)
     try:

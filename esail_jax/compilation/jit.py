@@ -120,8 +120,7 @@ def compile_traced(traced: jax.stages.Traced) -> Callable:
 def is_compiled_here(leaves: list[Any]) -> bool:
     """Tells whether a call with these arguments runs a program of its own on a CPU."""
     return (
-        COMPILER_OPTIONS is not None
-        and not any(isinstance(x, jax.core.Tracer) for x in leaves)
+        not any(isinstance(x, jax.core.Tracer) for x in leaves)
         and not jax.config.jax_disable_jit
         and jax.default_backend() == "cpu"
     )

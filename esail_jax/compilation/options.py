@@ -16,36 +16,30 @@ Options = dict[str, str | bool | int]
 FUSION_TYPE = FLAG.removeprefix("--")
 """The option that says which operations XLA hands to the library."""
 
-HAS_OPTIONS = jax.__version_info__ < (0, 11)
-"""True if this version of JAX knows the options below. Later versions have options of other names."""
+HAS_LOOP_EMITTER = jax.__version_info__ < (0, 11)
+"""True if XLA has its older emitter of loops, which compiles in a third less time and gives equal speed."""
 
-COMPILER_OPTIONS: Options | None = (
-    {FUSION_TYPE: PRODUCTS_ALONE, "xla_cpu_use_fusion_emitters": False} if HAS_OPTIONS else None
+COMPILER_OPTIONS: Options = {FUSION_TYPE: PRODUCTS_ALONE} | (
+    {"xla_cpu_use_fusion_emitters": False} if HAS_LOOP_EMITTER else {}
 )
-"""Options of `jax.jit` on a CPU; None if JAX does not know them. Only matrix products use the library, and
-none of the operations around them. With XLA's default the library also computes short sums, which makes the
-baseline 12 % slower and an iteration of sixteen sails in lockstep 50 % slower. XLA's older loop emitter
-compiles in a third less time and gives equal speed."""
+"""Options of `jax.jit` on a CPU. Only matrix products use the library, and none of the operations around
+them. With XLA's default the library also computes short sums, which makes the baseline 12 % slower and an
+iteration of sixteen sails in lockstep 50 % slower."""
 
 FUSED_PRODUCTS: Options = {FUSION_TYPE: "LIBRARY_FUSION_TYPE_DOT"}
 """The library also computes the operations around a matrix product. A step of the baseline takes 20 % less
 time, but not every product is then right (`workaround.py`)."""
 
 
-def with_options(**more: str | bool | int) -> Options | None:
-    """Returns COMPILER_OPTIONS with further options; None if JAX does not know the former."""
-    return None if COMPILER_OPTIONS is None else COMPILER_OPTIONS | more
-
-
-CHAIN_OPTIONS = with_options(**{FUSION_TYPE: ""})
+CHAIN_OPTIONS: Options = COMPILER_OPTIONS | {FUSION_TYPE: ""}
 """Options for rod chains with explicit methods. Nothing uses the library: its small products make a run of
 two bodies joined by ten rods 1.8 times as long."""
 
-LOOK_OPTIONS = with_options(xla_backend_optimization_level=1)
+LOOK_OPTIONS: Options = COMPILER_OPTIONS | {"xla_backend_optimization_level": 1}
 """Options for programs that compute the observables of saved instants. They compile in 20 % less time and
 are as fast."""
 
-START_OPTIONS = with_options(xla_backend_optimization_level=0)
+START_OPTIONS: Options = COMPILER_OPTIONS | {"xla_backend_optimization_level": 0}
 """Options for programs that run once, such as the start of a run. They compile in a quarter of the time
 (0.8 instead of 3.1 s)."""
 
@@ -64,16 +58,15 @@ def lower(traced: jax.stages.Traced) -> jax.stages.Lowered:
 
 
 def compile_lowered(
-    lowered: jax.stages.Lowered, options: Options | None = COMPILER_OPTIONS
+    lowered: jax.stages.Lowered, options: Options = COMPILER_OPTIONS
 ) -> jax.stages.Compiled:
     """Compiles a lowered program: `compile_lowered(jax.jit(f).lower(*arguments))(*arguments)`.
 
     The library gets the operations around matrix products as well (FUSED_PRODUCTS) if that is right for
     every product of the program; otherwise the program is compiled a second time, without that option.
-    options: used beside it; with None the program is compiled with JAX's defaults.
+    options: used beside it.
     """
-    if options is not None:
-        program = lowered.compile(compiler_options=options | FUSED_PRODUCTS)
-        if not may_be_wrong(program.as_text()):
-            return program
+    program = lowered.compile(compiler_options=options | FUSED_PRODUCTS)
+    if not may_be_wrong(program.as_text()):
+        return program
     return lowered.compile(compiler_options=options)

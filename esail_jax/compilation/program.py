@@ -148,7 +148,7 @@ def program_of(
     function: Callable,
     static: tuple,
     arguments: tuple,
-    options: Options | None = COMPILER_OPTIONS,
+    options: Options = COMPILER_OPTIONS,
     fused: bool = True,
 ) -> TreeProgram:
     """Returns the program of `function(*static, *arguments)`.
@@ -156,24 +156,23 @@ def program_of(
     function: of this package; static: hashable; arguments: trees of arrays, tracers or types; fused:
     whether the library may compute the operations around matrix products (`options.compile_lowered`)."""
     leaves, structure = jax.tree.flatten(arguments)
-    frozen = None if options is None else tuple(options.items())
-    return _program_of(function, static, structure, tuple(map(type_of, leaves)), frozen, fused, settings())
+    given = tuple(options.items())
+    return _program_of(function, static, structure, tuple(map(type_of, leaves)), given, fused, settings())
 
 
 @functools.lru_cache(maxsize=256)
 def _program_of(function, static, structure, kinds, options, fused, settings) -> TreeProgram:
-    given = None if options is None else dict(options)
     arguments = jax.tree.unflatten(structure, kinds)
     leaves = range(len(kinds))
     key = key_of(function, static, jax.tree.unflatten(structure, leaves), kinds, options, fused)
-    return tree_program(lambda *x: function(*static, *x), arguments, key, given, fused)
+    return tree_program(lambda *x: function(*static, *x), arguments, key, dict(options), fused)
 
 
 def tree_program(
     function: Callable,
     arguments: tuple,
     key: str | None,
-    options: Options | None = COMPILER_OPTIONS,
+    options: Options = COMPILER_OPTIONS,
     fused: bool = True,
 ) -> TreeProgram:
     """Returns the program of `function(*arguments)`. arguments: trees of types; key: name in the cache;

@@ -1,15 +1,16 @@
-"""Workaround for two faults in the matrix library of jaxlib 0.10.
+"""Workaround for two faults in the matrix library of jaxlib 0.10 and 0.11.
 
-It is needed for jaxlib < 0.11 only. Delete this module when the package requires jaxlib 0.11.
+`tests/compilation/test_jit.py`, `test_workaround_has_not_expired`, fails when jaxlib is mended.
 
 XLA hands matrix products to this library. If it hands over the operations around a product as well
-(`options.FUSED_PRODUCTS`), then two kinds of product are wrong in jaxlib 0.10.2:
+(`options.FUSED_PRODUCTS`), then two kinds of product are wrong:
 
-1. The right factor is a broadcast whose columns are all equal. The library reads beyond the end of that
-   factor's data. A run rarely contains such a product; a derivative often does, where a tangent is zero.
-2. The sum runs over the last index of the right factor (A B^T), and B has more than 16,384 rows (JAX issue
-   39103). `jax.vmap(lambda r: A @ r)` of as many vectors is such a product. With XLA's default options it
-   is wrong, too.
+1. The right factor is a broadcast whose columns are all equal (jaxlib 0.10.2 and 0.11.2). The library
+   reads beyond the end of that factor's data. A run rarely contains such a product; a derivative often
+   does, where a tangent is zero.
+2. The sum runs over the last index of the right factor (A B^T), and B has more than 16,384 rows (jaxlib
+   0.10.2, JAX issue 39103). `jax.vmap(lambda r: A @ r)` of as many vectors is such a product. With XLA's
+   default options it is wrong, too.
 
 `options.compile_lowered` searches the text of every compiled program for such products and, if there is
 one, compiles the program without the option. Programs of a user's own `jax.jit` are compiled with XLA's
@@ -48,9 +49,9 @@ MOST_ROWS = 16384
 
 def set_flag() -> None:
     """Sets XLA's flag for programs of `jax.jit`, unless the user has set it. XLA ends a process whose flags
-    it does not know, and jaxlib 0.11 does not know this one."""
+    it does not know; the versions of jaxlib that are named here know this one."""
     flags = os.environ.get("XLA_FLAGS", "")
-    if FLAG not in flags and metadata.version("jaxlib").startswith("0.10."):
+    if FLAG not in flags and metadata.version("jaxlib").startswith(("0.10.", "0.11.")):
         os.environ["XLA_FLAGS"] = f"{flags} {FLAG}={PRODUCTS_ALONE}".strip()
 
 

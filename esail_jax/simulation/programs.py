@@ -102,9 +102,7 @@ def _compiled(structure: Structure, tree: Any, types: tuple, names: tuple[str, .
         if structure.has("event") or structure.has("voltage.on"):
             one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), points)
             arguments = problem, motion, one, number
-            restarting, restarts = ready(
-                "switch times", restart, (), arguments, START_OPTIONS, fused=False
-            )
+            restarting, restarts = ready("switch times", restart, (), arguments, START_OPTIONS, fused=False)
             restarts.result()
         for done in (starts, advances, looks):
             done.result()

@@ -30,7 +30,7 @@ def new_program(key="pendulums") -> TreeProgram:
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch):
+def folder(tmp_path, monkeypatch, without_jax_cache):
     """The folder of an empty cache, and no derived programs in memory."""
     monkeypatch.setenv(store.VARIABLE, str(tmp_path / "programs"))
     forget()

@@ -25,7 +25,7 @@ class Mine(NamedTuple):
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch):
+def folder(tmp_path, monkeypatch, without_jax_cache):
     """The folder of an empty cache, and programs that are not yet in memory."""
     monkeypatch.setenv(store.VARIABLE, str(tmp_path / "programs"))
     program._program_of.cache_clear()

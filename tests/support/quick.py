@@ -7,7 +7,7 @@ import pytest
 
 from esail_jax.compilation.options import COMPILER_OPTIONS
 
-QUICKLY = (COMPILER_OPTIONS or {}) | {
+QUICKLY = COMPILER_OPTIONS | {
     "xla_backend_optimization_level": 0,
     "xla_llvm_disable_expensive_passes": True,
 }

@@ -23,7 +23,7 @@ from esail_jax.scenes.structure import split
 from esail_jax.system import Power, System
 from oracles.ledger import Errors
 
-COMPILER = (COMPILER_OPTIONS or {}) | {"xla_backend_optimization_level": 0}
+COMPILER = COMPILER_OPTIONS | {"xla_backend_optimization_level": 0}
 """These programs run once or twice: compiling is all they cost."""
 
 P, NODES, STATES = 4, 3, 3
