@@ -57,7 +57,7 @@ class Drawing:
         ax.set_axis_off()
         top = style.height * (1.0 - LOW_STRIP)
         ax.set(xlim=(0.0, style.width), ylim=(top, 0.0))
-        self.camera = Camera(motion.yaw, motion.pitch, motion.radius, style.width, top)
+        self.camera = Camera(motion.yaw, motion.pitch, motion.radius, float(style.width), top)
         self.shapes = exaggerated(motion.vertices, motion.straight, style.exaggeration) - motion.middle
         self.quantity = motion.colours.get(style.colour)
         self.range = locked_range(self.quantity.values) if self.quantity else (0.0, 0.0)
@@ -130,7 +130,7 @@ class Drawing:
         self.dots.set_sizes(16.0 * np.nan_to_num(size[markers], nan=1.0) ** 2)
         self.dots.set_color(colours if len(markers) == len(ends) else INK)
         if motion.anchor is not None:
-            place = self.camera.project((motion.anchor - motion.middle) @ body.T)
+            (place,) = self.camera.project((motion.anchor - motion.middle)[None] @ body.T)
             self.anchor.set_data(place[:1], place[1:])
         if motion.wind is not None:
             self.move_wind(ARROW * motion.radius * inertial @ motion.wind[frame])
@@ -149,7 +149,7 @@ class Drawing:
         self.wind.xy, self.wind.xyann = end, start
         self.wind.set_position(start)
         self.wind_name.set_position(end + np.array([0.0, 6.0]))
-        self.wind_name.set_ha("left" if end[0] < start[0] else "right")
+        self.wind_name.set_horizontalalignment("left" if end[0] < start[0] else "right")
 
 
 def statement(motion: Motion, style: Style) -> str:
