@@ -115,7 +115,7 @@ def add_looks(command: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     command.add_argument(
         "--exaggeration", type=float, metavar="K",
-        help="factor of the lateral positions (default: chosen, so that the motion is visible)",
+        help="factor of the lateral displacements (default: chosen, so that the motion is visible)",
     )  # fmt: skip
     command.add_argument(
         "--axes", choices=("inertial", "spinning"),

@@ -156,7 +156,7 @@ def statement(motion: Motion, style: Style) -> str:
     """Returns what is drawn, in words: the exaggeration and the axes."""
     shape = "true shape"
     if style.exaggeration != 1.0:
-        shape = f"lateral positions × {style.exaggeration:g}"
+        shape = f"lateral displacements × {style.exaggeration:g}"
     return f"{shape}, {style.axes} axes, seen from the hub" if motion.turning else shape
 
 

@@ -86,7 +86,7 @@ def test_spinning_axes_hold_the_roots_still(sail):
 
 def test_the_exaggeration_is_stated(sail, chain):
     (motion,) = read_motions([sail], (), 5)
-    assert statement(motion, STYLE) == "lateral positions × 5, inertial axes, seen from the hub"
+    assert statement(motion, STYLE) == "lateral displacements × 5, inertial axes, seen from the hub"
     (motion,) = read_motions([chain], (), 5)
     assert statement(motion, Style(1.0, "inertial", None, 320, 240)) == "true shape"
     texts = [text.get_text() for text in Drawing(motion, STYLE).figure.texts]

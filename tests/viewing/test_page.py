@@ -218,7 +218,7 @@ def test_controls_change_the_picture_and_say_so(shown):
         shown.choose(control, value)
         pictures.append(shown.picture())
     assert len(set(pictures)) == 4
-    assert shown.text("statement") == "lateral positions × 20, seen from the hub in spinning axes"
+    assert shown.text("statement") == "lateral displacements × 20, seen from the hub in spinning axes"
     shown.value("document.getElementById('locked').click()")
     shown.settle()
     strain = sail_rows()["max_axial_strain"][13]

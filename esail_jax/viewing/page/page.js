@@ -45,7 +45,7 @@ function draw() {
   at("time").textContent = `${Number(time.toPrecision(6))} s`;
   at("turns").textContent = clock.period ? `${(time / clock.period).toFixed(3)} spin periods` : "";
   at("statement").textContent =
-    (state.exaggeration === 1 ? "true shape" : `lateral positions \u00d7 ${digits(state.exaggeration)}`) +
+    (state.exaggeration === 1 ? "true shape" : `lateral displacements \u00d7 ${digits(state.exaggeration)}`) +
     (clock.rotation ? `, seen from the hub in ${state.axes} axes` : "");
   drawKey(range);
   for (const id of ["first", "second"]) {
@@ -127,7 +127,8 @@ function makePictures() {
     title.textContent = run.title;
     const shown = run.frames.length === run.saved ? `${run.saved} saved instants`
       : `${run.frames.length} of ${run.saved} saved instants`;
-    about.textContent = `${run.model}; ${run.shape}; ${shown}`;
+    const circle = run.reach === null ? "" : "; grey circle: undeformed tips in the spin plane";
+    about.textContent = `${run.model}; ${run.shape}${circle}; ${shown}`;
     caption.append(title, about);
     figure.append(canvas, caption);
     at("pictures").append(figure);
