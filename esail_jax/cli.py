@@ -38,9 +38,11 @@ def scene_of(options: argparse.Namespace) -> "Scene":
 def run(options: argparse.Namespace) -> ExitCode:
     """`esail run`."""
     scene = scene_of(options)
+    if options.nodes and scene.chain is not None:
+        raise UsageError("`--nodes` must be left out with a chain, but is given")
     from esail_jax.commands.run import run_scene
 
-    return run_scene(scene, options.output, options.resume, options.quiet)
+    return run_scene(scene, options.output, options.resume, options.quiet, options.nodes)
 
 
 def scenes(_: argparse.Namespace) -> ExitCode:

@@ -71,6 +71,9 @@ def add_run(commands: Any) -> None:
     run.add_argument(
         "--resume", action="store_true", help="continue RUN.h5 from its last checkpoint, if it exists"
     )
+    run.add_argument(
+        "--nodes", action="store_true", help="also save the positions of all nodes (node_position_I)"
+    )
     run.add_argument("--quiet", action="store_true", help="print no progress bar and no summary")
 
 
