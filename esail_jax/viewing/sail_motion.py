@@ -38,9 +38,8 @@ def sail_motion(run: SavedRun, frames: np.ndarray) -> Motion:
     count, radius = scene.tethers.count, float(scene.hub.radius) if scene.hub is not None else 0.0
 
     def to_body(positions: np.ndarray) -> np.ndarray:
-        return np.einsum(
-            "tib,t...i->t...b", rotation, positions - centre.reshape(-1, *[1] * (positions.ndim - 2), 3)
-        )
+        from_hub = positions.reshape(len(frames), -1, 3) - centre[:, None]
+        return (from_hub @ rotation).reshape(positions.shape)
 
     tips = to_body(rows["tip_position_I"][frames])
     roots = radius * outward(count)

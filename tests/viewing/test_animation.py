@@ -13,8 +13,12 @@ from esail_jax.viewing.colour_scale import colours_of
 from esail_jax.viewing.drawing import Drawing, Style, statement
 from esail_jax.viewing.motions import read_motions
 from support.motion_files import TIME
+from support.new_process import output_of
 
 STYLE = Style(exaggeration=5.0, axes="inertial", colour="tension", width=320, height=240)
+
+SHORT = ["--fps", "10", "--seconds", "0.5", "--size", "320x240"]
+"""Options for five pictures of half a second in all, 320 by 240 pixels."""
 
 NEAR = 30
 """Largest difference of a colour channel (0 to 255) that still counts as the same colour: the edges of
@@ -34,9 +38,8 @@ def frames_of(path):
 
 
 def animate(run, path, *options):
-    """Runs the command for five pictures of half a second in all, 320 by 240 pixels."""
-    short = ["--fps", "10", "--seconds", "0.5", "--size", "320x240"]
-    assert cli.main(["animate", str(run), "-o", str(path), *short, *options]) == 0
+    """Runs the command with SHORT and other options."""
+    assert cli.main(["animate", str(run), "-o", str(path), *SHORT, *options]) == 0
     return path
 
 
@@ -118,7 +121,12 @@ def test_a_movie_needs_a_library(sail, tmp_path, capsys, monkeypatch):
     importlib.util.find_spec("imageio_ffmpeg") is None, reason="MP4 needs imageio-ffmpeg, which is missing"
 )
 def test_a_movie_has_the_pictures_that_were_asked_for(sail, tmp_path):
-    import imageio_ffmpeg
-
-    path = animate(sail, tmp_path / "run.mp4")
-    assert imageio_ffmpeg.count_frames_and_secs(str(path)) == (5, 0.5)
+    """In a process of its own: the library forks, which JAX's threads do not allow."""
+    arguments = ["animate", str(sail), "-o", str(tmp_path / "run.mp4"), *SHORT]
+    code = f"""
+import imageio_ffmpeg
+from esail_jax.cli import main
+assert main({arguments}) == 0
+print(*imageio_ffmpeg.count_frames_and_secs({str(tmp_path / "run.mp4")!r}))
+"""
+    assert output_of(code).splitlines()[-1] == "5 0.5"
