@@ -1,4 +1,4 @@
-"""A camera with perspective. The page does the same in JavaScript (`page/pure.js`); a test compares the
+"""A camera with perspective. The page does the same in JavaScript (`web/pure.js`); a test compares the
 two."""
 
 import dataclasses

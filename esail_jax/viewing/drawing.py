@@ -74,7 +74,7 @@ class Drawing:
         self.wind_name = ax.text(0.0, 0.0, "solar wind", color=WIND, fontsize=8, va="top")
         self.wind_name.set_visible(motion.wind is not None)
         self.figure.text(0.015, 0.985, statement(motion, style), color=INK, fontsize=9, va="top")
-        self.figure.text(0.015, 0.945, motion.shape, color=SOFT, fontsize=7, va="top")
+        self.figure.text(0.015, 0.945, remark(motion), color=SOFT, fontsize=7, va="top")
         self.clock = self.figure.text(0.985, 0.985, "", color=INK, fontsize=9, va="top", ha="right")
         if self.quantity:
             self.add_key()
@@ -158,6 +158,12 @@ def statement(motion: Motion, style: Style) -> str:
     if style.exaggeration != 1.0:
         shape = f"lateral displacements × {style.exaggeration:g}"
     return f"{shape}, {style.axes} axes, seen from the hub" if motion.turning else shape
+
+
+def remark(motion: Motion) -> str:
+    """Returns how the lines follow from the run file, and what the circle about a sail is."""
+    circle = "" if motion.reach is None else "; grey circle: undeformed tips in the spin plane"
+    return motion.shape + circle
 
 
 def moment(motion: Motion, frame: int) -> str:

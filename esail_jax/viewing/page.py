@@ -1,6 +1,6 @@
 """One page for a browser that shows runs in motion, complete in itself: it opens without a network.
 
-The page is `page/page.html` with the style, the scripts and the data of the runs put into it. Its
+The page is `web/page.html` with the style, the scripts and the data of the runs put into it. Its
 Content-Security-Policy allows this script and this style by their checksums, and nothing else: no request
 can leave the page."""
 
@@ -75,7 +75,7 @@ def page_of(
 
 def part(name: str) -> str:
     """Returns a file of the page."""
-    return (resources.files("esail_jax.viewing") / "page" / name).read_text(encoding="utf-8")
+    return (resources.files("esail_jax.viewing") / "web" / name).read_text(encoding="utf-8")
 
 
 def checksum(text: str) -> str:
@@ -92,7 +92,7 @@ def packed(values: Any) -> dict[str, Any] | None:
 
 
 def run_of(motion: Motion) -> dict[str, Any]:
-    """Returns the data of a run, as `page/picture.js` reads them."""
+    """Returns the data of a run, as `web/picture.js` reads them."""
     arrays = ("time", "frames", "vertices", "straight", "rotation", "wind")
     return {name: packed(getattr(motion, name)) for name in arrays} | {
         "title": motion.title,

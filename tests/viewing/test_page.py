@@ -286,6 +286,15 @@ def test_a_narrow_window_needs_no_sideways_scrolling(shown):
     assert shown.value("document.documentElement.scrollWidth") <= 380
 
 
+def test_a_single_instant_is_shown(browser, sail, tmp_path):
+    """A run that failed at once has one row."""
+    path = tmp_path / "one.html"
+    path.write_text(page_of(read_motions([sail], (), 1)), encoding="utf-8")
+    browser.complaints.clear()
+    browser.open(path)
+    assert numbers_in(browser.text("time")) == [0.0] and browser.complaints == []
+
+
 def test_a_chain_moves(browser, chain, tmp_path):
     path = tmp_path / "chain.html"
     path.write_text(page_of(read_motions([chain], (), 1000)), encoding="utf-8")
