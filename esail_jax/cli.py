@@ -1,4 +1,4 @@
-"""The command `esail`: run, scenes, info, plot, ensemble, design, bench, cache.
+"""The command `esail`: run, scenes, init, info, plot, animate, view, ensemble, design, bench, cache.
 
 The options are those of `commands/parser.py`, the exit codes those of `commands/exit_codes.py`. Errors are
 one line on stderr.
@@ -13,8 +13,10 @@ from typing import TYPE_CHECKING
 from esail_jax.commands.exit_codes import ExitCode
 from esail_jax.commands.options import (
     UsageError,
+    check_animate,
     check_design,
     check_ensemble,
+    check_view,
     objective_weights,
     observable_names,
     settings,
@@ -36,9 +38,11 @@ def scene_of(options: argparse.Namespace) -> "Scene":
 def run(options: argparse.Namespace) -> ExitCode:
     """`esail run`."""
     scene = scene_of(options)
+    if options.nodes and scene.chain is not None:
+        raise UsageError("`--nodes` must be left out with a chain, but is given")
     from esail_jax.commands.run import run_scene
 
-    return run_scene(scene, options.output, options.resume, options.quiet)
+    return run_scene(scene, options.output, options.resume, options.quiet, options.nodes)
 
 
 def scenes(_: argparse.Namespace) -> ExitCode:
@@ -46,6 +50,14 @@ def scenes(_: argparse.Namespace) -> ExitCode:
     from esail_jax.commands.scenes import list_scenes
 
     list_scenes()
+    return ExitCode.DONE
+
+
+def init(options: argparse.Namespace) -> ExitCode:
+    """`esail init`."""
+    from esail_jax.commands.init import write_scene
+
+    write_scene(options.name, options.output)
     return ExitCode.DONE
 
 
@@ -62,6 +74,24 @@ def plot(options: argparse.Namespace) -> ExitCode:
     from esail_jax.commands.plot import draw_file
 
     draw_file(options.run, options.output)
+    return ExitCode.DONE
+
+
+def animate(options: argparse.Namespace) -> ExitCode:
+    """`esail animate`."""
+    check_animate(options)
+    from esail_jax.commands.animate import write_animation
+
+    write_animation(options)
+    return ExitCode.DONE
+
+
+def view(options: argparse.Namespace) -> ExitCode:
+    """`esail view`."""
+    check_view(options)
+    from esail_jax.commands.view import write_page
+
+    write_page(options)
     return ExitCode.DONE
 
 
@@ -129,8 +159,8 @@ def cache(options: argparse.Namespace) -> ExitCode:
 
 
 COMMANDS = {
-    "run": run, "scenes": scenes, "info": info, "plot": plot, "ensemble": ensemble, "design": design,
-    "bench": bench, "cache": cache,
+    "run": run, "scenes": scenes, "init": init, "info": info, "plot": plot, "animate": animate,
+    "view": view, "ensemble": ensemble, "design": design, "bench": bench, "cache": cache,
 }  # fmt: skip
 
 

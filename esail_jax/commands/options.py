@@ -1,10 +1,21 @@
 """Options of a command line: the values that they stand for, and the error for those that are wrong."""
 
 import argparse
+import math
 import tomllib
+from pathlib import Path
 from typing import Any
 
 from esail_jax.errors import InputError
+
+MOVIES = (".webp", ".gif", ".mp4")
+"""Endings of the files that `esail animate` writes."""
+
+PAGES = (".html", ".htm")
+"""Endings of the files that `esail view` writes."""
+
+SIDES = range(64, 4097)
+"""Widths and heights [pixel] that `esail animate` draws."""
 
 
 class UsageError(InputError):
@@ -57,6 +68,57 @@ def check_design(options: argparse.Namespace) -> None:
     for name in ("iterations", "starts"):
         if getattr(options, name) < 1:
             raise UsageError(f"`--{name}` must be positive, but is {getattr(options, name)}")
+
+
+def check_looks(options: argparse.Namespace) -> None:
+    """Raises UsageError for an exaggeration that is not positive and finite, and for an output that exists
+    already."""
+    check_positive(options, "exaggeration")
+    refuse_existing(options.output, options.overwrite)
+
+
+def check_view(options: argparse.Namespace) -> None:
+    """Raises UsageError for options of `esail view` that are out of range, and for an output that exists
+    already."""
+    suffix = options.output.suffix.lower()
+    if suffix not in PAGES:
+        raise UsageError(f"`-o` must end in {' or '.join(PAGES)}, but ends in {suffix!r}")
+    check_looks(options)
+
+
+def check_animate(options: argparse.Namespace) -> None:
+    """Raises UsageError for options of `esail animate` that are out of range, and for an output that exists
+    already. Replaces `size` by width and height [pixel]."""
+    suffix = options.output.suffix.lower()
+    if suffix not in MOVIES:
+        raise UsageError(
+            f"`-o` must end in {', '.join(MOVIES[:-1])} or {MOVIES[-1]}, but ends in {suffix!r}"
+        )
+    for name in ("fps", "seconds"):
+        check_positive(options, name)
+    if len(options.members) > 1:
+        raise UsageError(f"`--member` must be given once, but is {len(options.members)} times")
+    sides = options.size.lower().split("x")
+    if len(sides) != 2 or not all(side.isdecimal() and int(side) in SIDES for side in sides):
+        allowed = f"{SIDES[0]} to {SIDES[-1]}"
+        raise UsageError(f"`--size` must be WIDTHxHEIGHT, each {allowed}, but is {options.size!r}")
+    options.size = tuple(map(int, sides))
+    check_looks(options)
+
+
+def check_positive(options: argparse.Namespace, name: str) -> None:
+    """Raises UsageError for an option that is given but not positive and finite."""
+    value = getattr(options, name)
+    if value is not None and not 0.0 < value < math.inf:
+        raise UsageError(f"`--{name}` must be positive and finite, but is {value:g}")
+
+
+def refuse_existing(path: Path, overwrite: bool | None = None) -> None:
+    """Raises UsageError if a file exists already, unless `overwrite`. None: the command has no such
+    option."""
+    if path.exists() and not overwrite:
+        hint = " (or ask for --overwrite)" if overwrite is not None else ""
+        raise UsageError(f"`{path}` must not exist{hint}, but does")
 
 
 def check_ensemble(options: argparse.Namespace) -> None:

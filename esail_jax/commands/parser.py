@@ -32,7 +32,10 @@ def parser() -> Parser:
         allow_abbrev=False,
     )
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for add in (add_run, add_scenes, add_info, add_plot, add_design, add_ensemble, add_bench, add_cache):
+    for add in (
+        add_run, add_scenes, add_init, add_info, add_plot, add_animate, add_view, add_design, add_ensemble,
+        add_bench, add_cache,
+    ):  # fmt: skip
         add(commands)
     return top
 
@@ -68,12 +71,26 @@ def add_run(commands: Any) -> None:
     run.add_argument(
         "--resume", action="store_true", help="continue RUN.h5 from its last checkpoint, if it exists"
     )
+    run.add_argument(
+        "--nodes", action="store_true", help="also save the positions of all nodes (node_position_I)"
+    )
     run.add_argument("--quiet", action="store_true", help="print no progress bar and no summary")
 
 
 def add_scenes(commands: Any) -> None:
     """Adds `esail scenes`."""
     add_command(commands, "scenes", "list the built-in scenes")
+
+
+def add_init(commands: Any) -> None:
+    """Adds `esail init`."""
+    init = add_command(
+        commands, "init", "write a built-in scene with a comment on every key, to start from"
+    )
+    init.add_argument("name", metavar="NAME", help="name of a built-in scene")
+    init.add_argument(
+        "-o", "--output", type=Path, metavar="FILE.toml", help="file to write (default: standard output)"
+    )
 
 
 def add_info(commands: Any) -> None:
@@ -91,6 +108,65 @@ def add_plot(commands: Any) -> None:
     plot.add_argument(
         "-o", "--output", required=True, type=Path, metavar="DIR", help="folder for the PNG files"
     )
+
+
+def add_looks(command: argparse.ArgumentParser) -> None:
+    """Adds the options of the commands that show runs in motion."""
+    command.add_argument(
+        "--member", type=int, action="append", default=[], metavar="I", dest="members",
+        help="number of the member of an ensemble, from 0",
+    )  # fmt: skip
+    command.add_argument(
+        "--exaggeration", type=float, metavar="K",
+        help="factor of the lateral displacements (default: chosen, so that the motion is visible)",
+    )  # fmt: skip
+    command.add_argument(
+        "--axes", choices=("inertial", "spinning"),
+        help="axes of a sail: inertial, or those of the hub (default: inertial)",
+    )  # fmt: skip
+    command.add_argument(
+        "--colour", choices=("tension", "voltage", "strain", "none"),
+        help="quantity that colours tethers or rods (default: tension)",
+    )  # fmt: skip
+    command.add_argument("--overwrite", action="store_true", help="replace the file if it exists")
+
+
+def add_animate(commands: Any) -> None:
+    """Adds `esail animate`."""
+    animate = add_command(commands, "animate", "draw a run as a moving picture")
+    animate.add_argument("run", type=Path, metavar="RUN.h5", help="run file, or ensemble.h5 with --member")
+    animate.add_argument(
+        "-o",
+        "--output",
+        required=True,
+        type=Path,
+        metavar="FILE",
+        help="file to write: .webp, .gif or .mp4",
+    )
+    add_looks(animate)
+    animate.add_argument(
+        "--seconds", type=float, default=6.0, help="duration of the whole run (default: %(default)g)"
+    )
+    animate.add_argument(
+        "--fps", type=float, default=15.0, help="pictures per second, at most (default: %(default)g)"
+    )
+    animate.add_argument(
+        "--size", default="560x480", metavar="WIDTHxHEIGHT", help="in pixels (default: %(default)s)"
+    )
+
+
+def add_view(commands: Any) -> None:
+    """Adds `esail view`."""
+    view = add_command(
+        commands,
+        "view",
+        "write a page for a browser that shows runs in motion, side by side, without network",
+    )
+    view.add_argument(
+        "runs", type=Path, nargs="+", metavar="RUN.h5", help="run files, or ensemble.h5 with --member"
+    )
+    view.add_argument("-o", "--output", required=True, type=Path, metavar="FILE.html", help="page to write")
+    add_looks(view)
 
 
 def add_design(commands: Any) -> None:

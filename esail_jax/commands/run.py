@@ -28,20 +28,25 @@ from esail_jax.scenes.scene import Scene, parse
 from esail_jax.simulation.host import CompiledScene, HostRun, compile_scene
 from esail_jax.steppers.results import RESULTS
 
+NODES = "node_position_I"
+"""Observable that `--nodes` adds."""
 
-def run_scene(scene: Scene, path: Path, resume: bool, quiet: bool) -> ExitCode:
-    """Runs `scene` into the run file `path`. Returns the exit code.
+
+def run_scene(scene: Scene, path: Path, resume: bool, quiet: bool, nodes: bool = False) -> ExitCode:
+    """Runs `scene` into the run file `path`. nodes: also save the positions of all nodes. Returns the exit
+    code.
 
     Raises SceneError or RunFileError before anything is written.
     """
     began = time.perf_counter()
     going_on = check_output(scene, path, resume)
+    names = names_with_nodes(scene) if saves_nodes(path, going_on, nodes) else None
     if going_on == "complete":
         return ExitCode.DONE
     progress = Progress(scene.integrator.t_end, functools.partial(progress_text, scene), quiet)
     try:
         with announced_to(progress.stage):
-            compiled = compile_scene(scene)
+            compiled = compile_scene(scene, names=names)
         ready = time.perf_counter()
         run = HostRun(compiled) if going_on == "new" else resumed(compiled, path)
         writer = RunWriter(path, Content.of_run(compiled), resume=going_on == "resume")
@@ -56,6 +61,25 @@ def run_scene(scene: Scene, path: Path, resume: bool, quiet: bool) -> ExitCode:
     elif not quiet:
         print(describe(path))
     return code
+
+
+def saves_nodes(path: Path, going_on: str, nodes: bool) -> bool:
+    """Tells whether a run saves the positions of all nodes: one that goes on saves what it saved before.
+    Raises RunFileError if that is to change."""
+    if going_on == "new":
+        return nodes
+    with open_single(path) as file:
+        held = NODES in file["observables"]
+    if nodes and not held:
+        raise RunFileError(f"`--nodes` must be left out to go on with {path}, but is given")
+    return held
+
+
+def names_with_nodes(scene: Scene) -> tuple[str, ...]:
+    """Returns the names of all observables of a sail and of the positions of its nodes."""
+    from esail_jax.ensembles.member_program import observable_shapes
+
+    return (*observable_shapes(scene), NODES)
 
 
 def resumed(compiled: CompiledScene, path: Path) -> HostRun:

@@ -217,7 +217,7 @@ def create(file: h5py.File, task: Task) -> None:
     create_quantity(file, "time", times.shape, ["time"], "s", "t")[:] = times
     wanted = [entry for entry in listed(system) if entry.name in task.observables]
     leading = {"member": task.count, "time": len(times)}
-    create_observables(file, wanted, task.scene.members.count, leading)
+    create_observables(file, wanted, task.scene.sizes, leading)
     create_quantity(file, "numerics/steps", (task.count,), ["member"], "-", "steps")
     file["numerics"].attrs["terms"] = list(system.terms)
     file.create_dataset("members/status", data=[MISSING] * task.count, dtype=TEXT)

@@ -98,7 +98,7 @@ def system_of(scene: Scene) -> System:
 
 def observable_shapes(scene: Scene) -> dict[str, tuple[int, ...]]:
     """Shapes of the scene's observables at one instant, by name."""
-    return {x.name: shape_of(x.axes, scene.members.count) for x in listed(system_of(scene))}
+    return {x.name: shape_of(x.axes, scene.sizes) for x in listed(system_of(scene))}
 
 
 def select_observables(known: Iterable[str], names: Sequence[str] | None) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ import contextlib
 import os
 import platform
 import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from importlib import metadata
 from typing import Any
 
@@ -62,17 +62,17 @@ def create_quantity(
 def create_observables(
     file: h5py.File,
     observables: Iterable[Observable],
-    members: int,
+    sizes: Mapping[str, int],
     leading: dict[str, int],
     grows: bool = False,
 ) -> None:
     """Creates /observables/NAME for every observable, by `create_quantity`.
 
-    members: number of tethers or rods; leading: names and lengths of the axes that come before an
-    observable's own.
+    sizes: lengths of an observable's own axes (`Scene.sizes`); leading: names and lengths of the axes that
+    come before these.
     """
     for entry in observables:
-        shape = (*leading.values(), *shape_of(entry.axes, members))
+        shape = (*leading.values(), *shape_of(entry.axes, sizes))
         name, axes = f"observables/{entry.name}", (*leading, *entry.axes)
         create_quantity(file, name, shape, axes, entry.unit, entry.symbol, entry.equation, grows)
 

@@ -25,7 +25,7 @@ from esail_jax.files.hdf5 import (
     versions,
 )
 from esail_jax.files.opening import SCHEMA_VERSION, open_single, to_python
-from esail_jax.observables import Observable, described, listed
+from esail_jax.observables import Observable, described
 from esail_jax.observables.run_warning import run_warning
 from esail_jax.scenes.method_choice import accuracy_of, with_method
 from esail_jax.scenes.scene import Scene, parse, to_toml
@@ -70,7 +70,7 @@ class Content(NamedTuple):
         problem = compiled.problem
         return cls(
             compiled.scene,
-            listed(problem.system),
+            [described(name) for name in compiled.programs.shapes],
             compiled.numerics,
             problem.terms,
             problem.stepper.name,
@@ -109,7 +109,7 @@ def create(file: h5py.File, content: Content) -> None:
     }
     file.attrs.update(attributes)
     create_quantity(file, "time", (0,), ["time"], "s", "t", grows=True)
-    create_observables(file, content.observables, content.scene.members.count, {"time": 0}, grows=True)
+    create_observables(file, content.observables, content.scene.sizes, {"time": 0}, grows=True)
     for name, unit in content.numerics.items():
         create_quantity(file, f"numerics/{name}", (0,), ["time"], unit, name, grows=True)
     file["numerics"].attrs["terms"] = list(content.terms)

@@ -1,5 +1,7 @@
 """Observables that a run reports: those of a sail (`sail.py`) and of a rod chain (`chain.py`)."""
 
+from collections.abc import Sequence
+
 from esail_jax.array_types import Array
 from esail_jax.observables import chain, sail
 from esail_jax.observables.entry import Observable, elastic_energy, kinetic_energy, shape_of
@@ -35,21 +37,24 @@ def listed(system: System) -> list[Observable]:
 
 def known_names(of_chain: bool) -> tuple[str, ...]:
     """Names of all observables that a sail, or a chain, may have."""
-    entries = (*chain.OBSERVABLES, chain.ENERGY_ERROR) if of_chain else sail.OBSERVABLES
+    of_sail = (*sail.OBSERVABLES, *sail.ON_REQUEST)
+    entries = (*chain.OBSERVABLES, chain.ENERGY_ERROR) if of_chain else of_sail
     return tuple(entry.name for entry in entries)
 
 
 def described(name: str) -> Observable:
     """The entry of an observable, from its name. Raises KeyError."""
-    for entry in (*sail.OBSERVABLES, *chain.OBSERVABLES, chain.ENERGY_ERROR):
+    for entry in (*sail.OBSERVABLES, *sail.ON_REQUEST, *chain.OBSERVABLES, chain.ENERGY_ERROR):
         if entry.name == name:
             return entry
     raise KeyError(name)
 
 
-def observe(instant: Instant) -> dict[str, Array]:
-    """Returns all observables of an instant, by name."""
+def observe(instant: Instant, requested: Sequence[str] = ()) -> dict[str, Array]:
+    """Returns all observables of an instant, by name. requested: names among which may be those that are
+    computed on request only."""
     i = instant
     if is_chain(i.system):
         return chain.observe(chain.Instant(i.system, None, i.time, i.q, i.v, i.work, i.start_energy))
-    return {entry.name: entry.function(i) for entry in sail.listed(i.system)}
+    asked = [entry for entry in sail.ON_REQUEST if entry.name in requested]
+    return {entry.name: entry.function(i) for entry in (*sail.listed(i.system), *asked)}

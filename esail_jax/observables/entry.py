@@ -1,7 +1,7 @@
 """`Observable`, one entry of a list of observables, and the energies that every list contains."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from esail_jax.array_types import Array, Scalar
@@ -44,7 +44,7 @@ def elastic_energy(system: System, q: Coordinates) -> Scalar:
     return sum(system.integrate(term.density(fields)) for term in system.energies)
 
 
-def shape_of(axes: tuple[str, ...], members: int) -> tuple[int, ...]:
-    """Returns the sizes of an observable's axes after time. members: number of tethers or rods."""
-    sizes = {"tether": members, "rod": members, "joint": members + 1}
+def shape_of(axes: tuple[str, ...], sizes: Mapping[str, int]) -> tuple[int, ...]:
+    """Returns the sizes of an observable's axes after time. sizes: by name (`Scene.sizes`); all other axes
+    have three entries."""
     return tuple(sizes.get(axis, 3) for axis in axes)

@@ -160,6 +160,12 @@ OBSERVABLES = (
     Observable("voltage", "V", "V_i", TETHER, "voltage law", voltage, needs="wind"),
 )  # fmt: skip
 
+ON_REQUEST = (
+    Observable("node_position_I", "m", "r_j", ("tether", "node", "xyz"), "[PGV] 4, nodes from root to tip",
+               lambda i: i.q.tether[0].transpose(2, 1, 0)),
+)  # fmt: skip
+"""Observables that are saved only where they are named: they are large."""
+
 
 def listed(system: System) -> list[Observable]:
     """The observables of a sail. Those that need a hub or the wind are left out without it."""

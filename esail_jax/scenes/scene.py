@@ -81,6 +81,13 @@ class Scene:
             return rules.Members(self.tethers.count, "tether", "tethers.count")
         return rules.Members(self.chain.rods, "rod", "chain.rods")
 
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Lengths of the axes of its observables that depend on the scene, by name."""
+        if self.chain is None:
+            return {"tether": self.tethers.count, "node": self.tethers.elements + 1}
+        return {"rod": self.chain.rods, "joint": self.chain.rods + 1}
+
     def replace(self, overrides: Mapping[str, Any]) -> "Scene":
         """The scene with other values, by key. A key of an absent table adds the table; the value None
         removes a key, or under a table's name the table. Raises SceneError."""

@@ -32,7 +32,7 @@ def look(
     point, mass = on_constraints(problem, point)
     state = (point.time, point.q, point.v, point.work, problem.start_energy)
     instant = observables.make_instant(system, problem.origin, *state, mass)
-    return chosen(observables.observe(instant), names), point, violation(system, point)
+    return chosen(observables.observe(instant, names or ()), names), point, violation(system, point)
 
 
 def on_constraints(problem: Problem, point: Point) -> tuple[Point, FactoredMass]:

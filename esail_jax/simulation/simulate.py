@@ -54,12 +54,12 @@ def simulate(
     compiled programs on the host. If a number is a tracer, or inside `jax.jit`, `jax.vmap` and the like,
     the run becomes part of the traced program.
 
-    save: names of the observables to save, all of them if None; times: the saved instants [s] in increasing
-    order, instead of every `output.interval` until `integrator.t_end`; start: the point to start from,
-    instead of the scene's start, for example the `final_state` of another solution (its time is the start
-    time); progress: a function that is called on the host with the time reached [s]; max_steps: the largest
-    number of steps; throw: whether a failed run raises SimulationError; stepper: a method of time
-    integration, instead of the scene's.
+    save: names of the observables to save, if None all but `node_position_I`; times: the saved instants [s]
+    in increasing order, instead of every `output.interval` until `integrator.t_end`; start: the point to
+    start from, instead of the scene's start, for example the `final_state` of another solution (its time is
+    the start time); progress: a function that is called on the host with the time reached [s]; max_steps:
+    the largest number of steps; throw: whether a failed run raises SimulationError; stepper: a method of
+    time integration, instead of the scene's.
 
     Under a trace nothing can raise: `result` is not `RESULTS.successful`, and the observables are NaN from
     the failure on. A derivative records the steps in buffers of fixed size: WINDOWS_PER_TURN windows for

@@ -22,14 +22,16 @@ LAYERS = (
     ("steppers", "equilibria"),
     ("observables", "scenes"),
     ("simulation",),
-    ("files", "ensembles", "design", "plotting"),
+    ("files", "ensembles", "design", "plotting", "viewing"),
     ("__init__", "commands"),
     ("cli", "__main__"),
 )
 """The layers, lowest first. A name is that of a module, or of a folder with all its modules."""
 
 ONLY_IN = {
-    "matplotlib": {"plotting"},
+    "matplotlib": {"plotting", "viewing"},
+    "PIL": {"viewing"},
+    "imageio_ffmpeg": {"viewing"},
     "mpl_toolkits": {"plotting"},
     "h5py": {"files", "ensembles", "design", "commands"},
 }

@@ -1,0 +1,92 @@
+"""A built-in scene as a file to start from: its text with a comment on every key, and with the keys that it
+leaves out.
+
+The comments are made from the declarations of the keys (`key_reference.py`)."""
+
+import re
+import textwrap
+import tomllib
+
+from esail_jax.scenes.key_reference import KeyDescription, describe_keys
+from esail_jax.scenes.scene import toml_value
+from esail_jax.scenes.tables import tables_of
+
+HEADING = re.compile(r"\[\[?(\w+)\]\]?\s*$")
+"""A line that begins a table."""
+
+ENTRY = re.compile(r"(?P<name>\w+) = (?P<value>[^#]*[^#\s])\s*(?:# (?P<note>.*))?$")
+"""A line that gives a key."""
+
+COLUMN = 34
+"""Column in which the comments on keys begin."""
+
+WIDTH = 108
+"""Largest length of a line of comment that stands alone."""
+
+HOW_TO_READ = (
+    "Every key has a comment with its unit and meaning. Lines that begin with `# key =` are keys that this "
+    "scene leaves out, with the default that holds; remove the `#` to give another value. Without a value "
+    "after `=` the key has no default."
+)
+
+
+def commented(text: str) -> str:
+    """Returns the TOML text of a built-in scene with comments. It stands for exactly the same scene: values
+    keep their notation, and everything that is added is a comment."""
+    tables = tomllib.loads(text)
+    model = "chain" if "chain" in tables else "sail"
+    known = [key for key in describe_keys() if model in key.models]
+    title, *lines = text.rstrip().splitlines()
+    result = [title, *block(HOW_TO_READ)]
+    table, given = "", {}
+    for line in [*lines, ""]:
+        heading, entry = HEADING.match(line), ENTRY.match(line)
+        if heading:
+            table, given = heading[1], {}
+            result += block(about(tables_of(tables)[table]))
+            result.append(line)
+        elif entry and table:
+            given[entry["name"]] = True
+            key = next(key for key in known if (key.table, key.name) == (table, entry["name"]))
+            result.append(beside(f"{key.name} = {entry['value']}", key, entry["note"] or ""))
+        else:
+            if table and given and not line:
+                absent = [key for key in known if key.table == table and key.name not in given]
+                result += [beside(without_value(key), key) for key in absent]
+                given = {}
+            result.append(line)
+    others = {name: kind for name, kind in tables_of(tables).items() if name not in tables}
+    result.append("# Tables that this scene leaves out:")
+    result += [line for name, kind in others.items() for line in block(f"[{name}]: {about(kind)}")]
+    return "\n".join(result) + "\n"
+
+
+def about(table: type) -> str:
+    """Returns the first paragraph of a table's description, in one line."""
+    return " ".join(table.__doc__.split("\n\n")[0].split())
+
+
+def block(text: str) -> list[str]:
+    """Returns a text as lines of comment."""
+    return textwrap.wrap(text, WIDTH, initial_indent="# ", subsequent_indent="# ")
+
+
+def without_value(key: KeyDescription) -> str:
+    """Returns the line of a key that is left out, with its default if it has one."""
+    value = "" if key.default is None else f" {toml_value(key.default)}"
+    return f"# {key.name} ={value}"
+
+
+def beside(entry: str, key: KeyDescription, note: str = "") -> str:
+    """Returns a line with its comment: the unit and meaning of the key, and the remark of the scene's own
+    file."""
+    unit = "" if key.unit == "-" else f"{key.unit}: "
+    parts = [f"{unit}{key.doc}"]
+    if key.type.startswith("one of"):
+        parts.append(f"{key.type.capitalize()}.")
+    if key.type.startswith("number, or list with one number per"):
+        parts.append(f"One for all, or a list with one per {key.type.split()[-1]}.")
+    remark = note.removeprefix(key.unit).lstrip(":, ")
+    if remark:
+        parts.append(f"Here: {remark}.")
+    return f"{entry:{COLUMN - 1}s} # {' '.join(parts)}"

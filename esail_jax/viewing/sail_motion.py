@@ -1,0 +1,162 @@
+"""The moving picture of a sail."""
+
+import numpy as np
+
+from esail_jax.constants import ASTRONOMICAL_UNIT
+from esail_jax.files.reading import SavedRun
+from esail_jax.viewing.motion import Motion, Quantity, chosen_exaggeration
+from esail_jax.viewing.signals import signals_of
+
+POINTS = 7
+"""Number of vertices of a tether whose nodes the run file does not hold."""
+
+YAW, PITCH = np.radians(-62.0), np.radians(16.0)
+"""First direction of view, from that along the spin axis: from the side, so that coning is visible, but not
+in the plane of the sail."""
+
+MARGIN = 1.1
+"""The picture's radius, as a multiple of the longest tether's reach."""
+
+NODES = "node_position_I"
+"""Observable with the positions of all nodes, which a file has if the run was asked for it."""
+
+SHAPES = {
+    "nodes": "tethers: straight lines between their nodes",
+    "slope": "tethers: parabola from the direction at the root to the tip",
+    "straight": "tethers: straight lines from root to tip",
+}
+"""How tethers are drawn: from all their nodes, from the angles at the root, or from the tips alone."""
+
+
+def sail_motion(run: SavedRun, frames: np.ndarray) -> Motion:
+    """Returns the moving picture of a sail at these saved instants. Raises RunFileError if the file lacks
+    the positions of the tips or the attitude."""
+    scene, rows = run.scene, run.rows
+    run.need("tip_position_I", "rotation_IB", *(["hub_position_I"] if scene.hub is not None else []))
+    rotation = rows["rotation_IB"][frames]
+    centre = rows["hub_position_I"][frames] if scene.hub is not None else np.zeros((len(frames), 3))
+    count, radius = scene.tethers.count, float(scene.hub.radius) if scene.hub is not None else 0.0
+
+    def to_body(positions: np.ndarray) -> np.ndarray:
+        from_hub = positions.reshape(len(frames), -1, 3) - centre[:, None]
+        return (from_hub @ rotation).reshape(positions.shape)
+
+    tips = to_body(rows["tip_position_I"][frames])
+    roots = radius * outward(count)
+    if NODES in rows:
+        shape, lines = "nodes", to_body(rows[NODES][frames])
+    elif {"root_coning_angle", "root_lagging_angle"} <= rows.keys():
+        angles = (rows[name][frames] for name in ("root_coning_angle", "root_lagging_angle"))
+        shape, lines = "slope", parabolas(roots, tips, root_directions(*angles))
+    else:
+        shape = "straight"
+        lines = np.stack([np.broadcast_to(roots, tips.shape), tips], axis=2)
+    if shape != "nodes":  # where the root of a released tether is, the file does not say
+        lines[released(run, frames), :-1] = np.nan
+    points = lines.shape[2]
+    vertices = lines.reshape(len(frames), count * points, 3)
+    straight = np.repeat(outward(count), points, axis=0)
+    held = np.where(released(run, frames)[..., None, None], np.nan, lines).reshape(vertices.shape)
+    reach = radius + float(np.max(scene.tethers.length))
+    return Motion(
+        title=run.name,
+        model=f"{count} tethers, {scene.tethers.elements} {scene.tethers.element} elements each",
+        frames=frames,
+        saved=len(run.time),
+        time=run.time[frames],
+        vertices=vertices,
+        lines=tuple(tuple(range(i * points, (i + 1) * points)) for i in range(count)),
+        markers=tuple(i * points + points - 1 for i in range(count)),
+        straight=straight,
+        rotation=rotation,
+        wind=wind_directions(run, frames, centre),
+        basis=first_basis(rotation[0]),
+        middle=np.zeros(3),
+        radius=MARGIN * reach,
+        yaw=YAW,
+        pitch=PITCH,
+        exaggeration=chosen_exaggeration(held, straight),
+        period=spin_period(float(scene.initial.spin_rate)),
+        reach=reach,
+        anchor=np.zeros(3),
+        shape=SHAPES[shape],
+        colours=tether_colours(run, frames),
+        signals=signals_of(run, frames),
+    )
+
+
+def outward(count: int) -> np.ndarray:
+    """Returns the unit vectors (tether, 3) in B from the spin axis to the roots."""
+    azimuth = 2.0 * np.pi * np.arange(count) / count
+    return np.stack([np.zeros(count), np.cos(azimuth), np.sin(azimuth)], axis=1)
+
+
+def root_directions(coning: np.ndarray, lagging: np.ndarray) -> np.ndarray:
+    """Returns the unit vectors (time, tether, 3) in B along the tethers at their roots, from the root
+    angles (time, tether) [rad] ([PGV] Eq. 60-61)."""
+    count = coning.shape[1]
+    radial = outward(count)
+    sideways = np.cross([1.0, 0.0, 0.0], radial)
+    flat = np.cos(lagging)[..., None] * radial + np.sin(lagging)[..., None] * sideways
+    return np.sin(coning)[..., None] * [1.0, 0.0, 0.0] + np.cos(coning)[..., None] * flat
+
+
+def parabolas(roots: np.ndarray, tips: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """Returns points (time, tether, point, 3) of parabolas from the roots (tether, 3) to the tips
+    (time, tether, 3) that begin in the directions (time, tether, 3).
+
+    r(s) = r_0 + s l d + s^2 (c - l d), 0 <= s <= 1, with the chord c and its length l. That is the shape of
+    a string of constant tension under a uniform load."""
+    chord = tips - roots
+    start = np.linalg.norm(chord, axis=-1, keepdims=True) * directions
+    s = np.linspace(0.0, 1.0, POINTS)[:, None]
+    return roots[:, None] + s * start[..., None, :] + s**2 * (chord - start)[..., None, :]
+
+
+def released(run: SavedRun, frames: np.ndarray) -> np.ndarray:
+    """Tells which tethers are released (frame, tether)."""
+    found = np.zeros((len(frames), run.scene.tethers.count), bool)
+    event = run.scene.event
+    if event is not None:
+        for time, number in zip(np.atleast_1d(event.time), np.atleast_1d(event.release), strict=True):
+            found[:, int(number) - 1] |= run.time[frames] >= time
+    return found
+
+
+def wind_directions(run: SavedRun, frames: np.ndarray, centre: np.ndarray) -> np.ndarray | None:
+    """Returns the direction of the wind at the hub in inertial axes (frame, 3); None without wind."""
+    if run.scene.solar_wind is None:
+        return None
+    if "heliocentric_position" in run.rows:
+        sun = run.rows["heliocentric_position"][frames]
+    else:
+        sun = np.asarray(run.scene.initial.heliocentric_position_au, float) * ASTRONOMICAL_UNIT + centre
+    return sun / np.linalg.norm(sun, axis=-1, keepdims=True)
+
+
+def first_basis(rotation: np.ndarray) -> np.ndarray:
+    """Returns the axes of the first view (3, 3): towards the viewer along the spin axis X_B at the start,
+    upwards as close as possible to Z_I (to Y_I where the spin axis is close to Z_I)."""
+    normal = rotation[:, 0]
+    other = np.array([0.0, 0.0, 1.0]) if abs(normal[2]) < 0.9 else np.array([0.0, 1.0, 0.0])
+    up = other - (other @ normal) * normal
+    up /= np.linalg.norm(up)
+    return np.stack([np.cross(up, normal), up, normal])
+
+
+def spin_period(rate: float) -> float | None:
+    """Returns the spin period [s]; None without spin."""
+    return 2.0 * np.pi / abs(rate) if rate else None
+
+
+def tether_colours(run: SavedRun, frames: np.ndarray) -> dict[str, Quantity]:
+    """Returns the quantities by which tethers may be coloured, as far as the file holds them."""
+    rows, found = run.rows, {}
+    if "reaction_B" in rows:
+        tension = np.linalg.norm(rows["reaction_B"][frames], axis=-1)
+        found["tension"] = Quantity("tension at the root", "N", tension)
+    if "voltage" in rows:
+        found["voltage"] = Quantity("voltage", "V", rows["voltage"][frames])
+    if "max_axial_strain" in rows:
+        found["strain"] = Quantity("largest strain", "-", rows["max_axial_strain"][frames])
+    return found
