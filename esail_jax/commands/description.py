@@ -8,13 +8,13 @@ from typing import Any
 import h5py
 import numpy as np
 
-from esail_jax.files.opening import open_run, to_python
+from esail_jax.files.opening import intact, open_run, to_python
 from esail_jax.scenes.scene import Scene, parse
 
 
 def describe(path: Path) -> str:
     """A few lines on a run: model, method, how it ended, speed, energy balance, versions."""
-    with open_run(path) as file:
+    with open_run(path) as file, intact(path):
         attributes = {name: to_python(value) for name, value in file.attrs.items()}
         scene = parse(file["scene"][()].decode(), str(path))
         times = file["time"][()]

@@ -8,7 +8,7 @@ from esail_jax.commands.description import heading
 from esail_jax.ensembles.ensemble import Ensemble
 from esail_jax.ensembles.ensemble_file import load_ensemble
 from esail_jax.ensembles.statistics import OUTCOMES, outcomes_of, sensitivities
-from esail_jax.files.opening import open_run, to_python
+from esail_jax.files.opening import intact, open_run, to_python
 
 LEAST_SHARE = 0.05
 """Least share of an outcome's variance for which an input is named."""
@@ -16,7 +16,7 @@ LEAST_SHARE = 0.05
 
 def describe_ensemble(path: Path) -> str:
     """A few lines on an ensemble: model, method, members, speed, and the distributions of its outcomes."""
-    with open_run(path) as file:
+    with open_run(path) as file, intact(path):
         a = {name: to_python(value) for name, value in file.attrs.items()}
         terms = ", ".join(file["numerics"].attrs["terms"])
     ensemble = load_ensemble(path, [outcome.observable for outcome in OUTCOMES])

@@ -15,7 +15,7 @@ from esail_jax.commands.interrupts import Interrupts
 from esail_jax.commands.progress import Progress
 from esail_jax.compilation.announcements import announced_to
 from esail_jax.errors import SimulationError
-from esail_jax.files.opening import RunFileError, open_run, open_single
+from esail_jax.files.opening import RunFileError, intact, open_run, open_single
 from esail_jax.files.run_file import (
     Content,
     RunWriter,
@@ -68,7 +68,7 @@ def saves_nodes(path: Path, going_on: str, nodes: bool) -> bool:
     Raises RunFileError if that is to change."""
     if going_on == "new":
         return nodes
-    with open_single(path) as file:
+    with open_single(path) as file, intact(path):
         held = NODES in file["observables"]
     if nodes and not held:
         raise RunFileError(f"`--nodes` must be left out to go on with {path}, but is given")
@@ -86,7 +86,7 @@ def resumed(compiled: CompiledScene, path: Path) -> HostRun:
     """The run that goes on from the checkpoint of a run file. Raises RunFileError unless that holds the
     arrays that this version of the package writes."""
     try:
-        with open_run(path) as file:
+        with open_run(path) as file, intact(path):
             checkpoint = load_checkpoint(file)
         return HostRun(compiled, checkpoint)
     except (KeyError, ValueError) as error:
@@ -145,7 +145,7 @@ def check_output(scene: Scene, path: Path, resume: bool) -> str:
         return "new"
     if not resume:
         raise RunFileError(f"`-o` must not exist yet (or use --resume), but {path} does")
-    with open_single(path) as file:
+    with open_single(path) as file, intact(path):
         before = parse(file["scene"][()].decode(), str(path))
         if scene_of_run(before) != scene_of_run(scene):
             raise RunFileError(

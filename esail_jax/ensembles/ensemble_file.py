@@ -25,7 +25,7 @@ from esail_jax.ensembles.ensemble import Ensemble
 from esail_jax.ensembles.member_program import system_of
 from esail_jax.ensembles.sampling import Inputs
 from esail_jax.files.hdf5 import atomic_hdf5, create_observables, create_quantity, versions
-from esail_jax.files.opening import SCHEMA_VERSION, RunFileError, open_run, to_python
+from esail_jax.files.opening import SCHEMA_VERSION, RunFileError, intact, open_run, to_python
 from esail_jax.observables import listed
 from esail_jax.scenes.method_choice import accuracy_of, with_method
 from esail_jax.scenes.scene import Scene, parse, to_toml
@@ -273,7 +273,7 @@ def load_ensemble(path: str | os.PathLike, observables: Sequence[str] | None = N
     """Reads an ensemble.h5, with all its observables or those of the given names that it has.
 
     Raises RunFileError."""
-    with open_run(path) as file:
+    with open_run(path) as file, intact(path):
         if "members" not in file:
             raise RunFileError(f"`{path}` must be a file of an ensemble, but is of one run")
         status = file["members/status"].asstr()[()]

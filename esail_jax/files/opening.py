@@ -1,7 +1,9 @@
 """Opening run files and files of ensembles, with the checks that every reader needs. This module needs no
 JAX, which takes longer to import than a file to read."""
 
+import contextlib
 import os
+from collections.abc import Iterator
 from typing import Any
 
 import h5py
@@ -51,6 +53,16 @@ def open_run(path: str | os.PathLike) -> h5py.File:
             "read it with the version of esail_jax that wrote it"
         )
     return file
+
+
+@contextlib.contextmanager
+def intact(path: str | os.PathLike) -> Iterator[None]:
+    """Context manager: raises RunFileError if HDF5 cannot read data of an open file, for example because
+    the checksum of a chunk is wrong."""
+    try:
+        yield
+    except OSError as error:
+        raise RunFileError(f"`{path}` must be an intact run file, but is damaged ({error})") from error
 
 
 def to_python(value: Any) -> Any:

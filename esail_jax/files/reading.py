@@ -8,7 +8,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from esail_jax.files.opening import RunFileError, open_run
+from esail_jax.files.opening import RunFileError, intact, open_run
 from esail_jax.scenes.scene import Scene, parse
 
 
@@ -45,7 +45,7 @@ def read_runs(path: Path, members: tuple[int, ...]) -> list[SavedRun]:
     """Returns the run in a file, or the members of an ensemble with these numbers.
 
     Raises RunFileError for a file that cannot be read or has no rows, and for members that it lacks."""
-    with open_run(path) as file:
+    with open_run(path) as file, intact(path):
         if "members" not in file:
             if members:
                 raise RunFileError(

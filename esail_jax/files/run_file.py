@@ -24,7 +24,7 @@ from esail_jax.files.hdf5 import (
     create_quantity,
     versions,
 )
-from esail_jax.files.opening import SCHEMA_VERSION, open_single, to_python
+from esail_jax.files.opening import SCHEMA_VERSION, intact, open_single, to_python
 from esail_jax.observables import Observable, described
 from esail_jax.observables.run_warning import run_warning
 from esail_jax.scenes.method_choice import accuracy_of, with_method
@@ -286,7 +286,7 @@ def load(path: str | os.PathLike) -> Solution:
     Raises RunFileError if the file is not that of one run, and RuntimeError in 32-bit mode.
     """
     require_64_bit()
-    with open_single(path) as file:
+    with open_single(path) as file, intact(path):
         scene = parse(file["scene"][()].decode(), str(path))
         rows = {name: data[()] for name, data in file["observables"].items()}
         numerics = {name: data[()] for name, data in file["numerics"].items()}

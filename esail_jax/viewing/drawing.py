@@ -74,7 +74,7 @@ class Drawing:
         self.wind_name = ax.text(0.0, 0.0, "solar wind", color=WIND, fontsize=8, va="top")
         self.wind_name.set_visible(motion.wind is not None)
         self.figure.text(0.015, 0.985, statement(motion, style), color=INK, fontsize=9, va="top")
-        self.figure.text(0.015, 0.945, remark(motion), color=SOFT, fontsize=7, va="top")
+        self.figure.text(0.015, 0.015, remark(motion), color=SOFT, fontsize=7, va="bottom")
         self.clock = self.figure.text(0.985, 0.985, "", color=INK, fontsize=9, va="top", ha="right")
         if self.quantity:
             self.add_key()
@@ -87,7 +87,7 @@ class Drawing:
         unit = "" if self.quantity.unit == "-" else f" [{self.quantity.unit}]"
         bar = self.figure.colorbar(
             ScalarMappable(Normalize(low, high if high > low else low + 1.0), scale),
-            cax=self.figure.add_axes((0.3, 0.085, 0.4, 0.02)),
+            cax=self.figure.add_axes((0.3, 0.125, 0.4, 0.02)),
             orientation="horizontal",
             ticks=np.linspace(low, high, 3) if high > low else [],
             format="%.4g",
