@@ -19,8 +19,8 @@ LINES = (
     (7.34e-3, "first bending as printed, 7.34e-3 Hz", PURPLE, ":"),
     (2.17e-2, "first axial 2.17e-2 Hz", GREY, "-."),
 )
-"""Vertical lines of the spectra: the frequencies of [PGV] Table 2; the second one is the correct value of the
-third (`experiments/paper_errata`)."""
+"""Vertical lines of the spectra: the frequencies of [PGV] Table 2. The second one is the correct value of
+the third (`experiments/paper_errata`)."""
 
 Runs = dict
 
@@ -154,7 +154,9 @@ def forces_on_sail(runs: Runs) -> Figure:
         rows.append(
             [
                 history(runs, f"{letter}1", rf"$\|F_{index}\|$ [mN]", norm_of(f"{name}_O", 1e3)),
-                history(runs, f"{letter}2", rf"$\|M_{index}\|$ [{unit}]", norm_of(f"{name}_moment_O", factor)),
+                history(
+                    runs, f"{letter}2", rf"$\|M_{index}\|$ [{unit}]", norm_of(f"{name}_moment_O", factor)
+                ),
                 history(runs, f"{letter}3", rf"$\Gamma_{index}$ [deg]", angle_of(f"{name}_angle")),
             ]
         )
@@ -162,7 +164,10 @@ def forces_on_sail(runs: Runs) -> Figure:
         rows.append(
             [
                 history(
-                    runs, f"{letter}{k + 1}", rf"$F_{{{index},{axis}}}^O$ [mN]", component(f"{name}_O", k, 1e3)
+                    runs,
+                    f"{letter}{k + 1}",
+                    rf"$F_{{{index},{axis}}}^O$ [mN]",
+                    component(f"{name}_O", k, 1e3),
                 )
                 for k, axis in enumerate("xyz")
             ]
@@ -202,7 +207,10 @@ def attitude(runs: Runs) -> Figure:
         [
             [
                 history(
-                    runs, f"a{k + 1}", rf"$\omega_{k + 1}^B$ [mrad/s]", component("angular_velocity_B", k, 1e3)
+                    runs,
+                    f"a{k + 1}",
+                    rf"$\omega_{k + 1}^B$ [mrad/s]",
+                    component("angular_velocity_B", k, 1e3),
                 )
                 for k in range(3)
             ],

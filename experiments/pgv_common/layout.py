@@ -42,7 +42,9 @@ class Panel(NamedTuple):
     """Vertical lines: (place, label, colour, dashes)."""
 
 
-def draw(title: str, rows: Sequence[Sequence[Panel | None]], width: float = 4.0, height: float = 1.8) -> Figure:
+def draw(
+    title: str, rows: Sequence[Sequence[Panel | None]], width: float = 4.0, height: float = 1.8
+) -> Figure:
     """Returns a figure with rows of panels, which may have different lengths. The legend below the panels
     names every label once. width, height: size of the panels of the longest row [inch]."""
     longest, columns = max(map(len, rows)), math.lcm(*map(len, rows))
@@ -56,9 +58,13 @@ def draw(title: str, rows: Sequence[Sequence[Panel | None]], width: float = 4.0,
                 fill(figure.add_subplot(grid[i, k * share : (k + 1) * share]), panel, known)
     figure.suptitle(title, fontsize="medium")
     figure.legend(
-        known.values(), known.keys(), loc="outside lower center", ncols=min(len(known), 5), fontsize="small",
+        known.values(),
+        known.keys(),
+        loc="outside lower center",
+        ncols=min(len(known), 5),
+        fontsize="small",
         frameon=False,
-    )  # fmt: skip
+    )
     figure.align_ylabels()
     return figure
 

@@ -1,13 +1,15 @@
 """Convergence of cables and trusses: Fig. 4 and 5 of [PGV].
 
     python experiments/pgv_convergence/run.py
+    python experiments/pgv_convergence/run.py --timing    # measures the run times again, on a quiet machine
 
 Runs the baseline at 10 deg over three spin periods with 1 to 9 elements per tether and three models of a
-tether, and writes convergence.csv and figures/*.png beside this file.
+tether, and writes convergence.csv and figures/*.png beside this file. Run times are those of run_times.csv.
 """
 
 import csv
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +17,11 @@ import numpy as np
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent / "pgv_common"))
 
-from kept_runs import ELEMENTS, MODELS, model_run
+from kept_runs import ELEMENTS, MODELS, PAPERS_METHOD, model_run
 from layout import BLACK, BLUE, GREEN, SKY, VERMILION, Line, Panel, draw, save
 from signals import DEGREES, norm, peak_frequency, turns
+
+import esail_jax as esail
 
 STYLES = {
     "cable": (BLUE, "-", "o"),
@@ -31,11 +35,45 @@ SHOWN = {1: (BLACK, ":"), 3: (GREEN, "-"), 5: (VERMILION, "-"), 7: (SKY, "-"), 9
 
 FINEST = max(ELEMENTS)
 
+REPETITIONS = 3
+"""Timed runs of each kind, after one that loads or compiles its programs. The shortest counts."""
+
+TIMES = HERE / "run_times.csv"
+
+
+def measure_times() -> None:
+    """Measures the processor time [s] of every kind of run, and writes it."""
+    rows = []
+    for model in MODELS:
+        for n in ELEMENTS:
+            overrides = PAPERS_METHOD | MODELS[model] | {"tethers.elements": n}
+            seconds = []
+            for _ in range(REPETITIONS + 1):
+                begin = time.process_time()
+                esail.simulate("baseline", overrides)
+                seconds.append(time.process_time() - begin)
+            rows.append({"model": model, "elements": n, "seconds": f"{min(seconds[1:]):.3f}"})
+            print(rows[-1], flush=True)
+    write(TIMES, rows)
+
+
+def write(path: Path, rows: list[dict]) -> None:
+    """Writes a table."""
+    with open(path, "w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, rows[0], lineterminator="\n")
+        writer.writeheader()
+        for row in rows:
+            writer.writerow({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()})
+
 
 def measures(runs: dict) -> list[dict]:
     """Returns one row per model and number of elements: the quantities of Fig. 4, and the errors relative
     to nine cables."""
     reference, rows = runs["cable", FINEST], []
+    with open(TIMES, encoding="utf-8") as file:
+        times = {
+            (row["model"], int(row["elements"])): float(row["seconds"]) for row in csv.DictReader(file)
+        }
     for (model, n), run in runs.items():
         rows.append(
             {
@@ -44,7 +82,7 @@ def measures(runs: dict) -> list[dict]:
                 "thrust_N": norm(run["thrust_O"]).mean(),
                 "thrust_angle_deg": DEGREES * run["thrust_angle"].mean(),
                 "max_strain": run["max_axial_strain"][:, 0].max(),
-                "run_time_s": run.stats["wall_time"],
+                "run_time_s": times[model, n],
                 "spin_range_rad_s": np.ptp(run["angular_velocity_B"][:, 0]),
                 "spin_line_hz": peak_frequency(run, run["angular_velocity_B"][:, 0], 2e-3, 0.02),
                 **{f"error_omega_{k + 1}": error(run, reference, k) for k in range(3)},
@@ -54,7 +92,7 @@ def measures(runs: dict) -> list[dict]:
 
 
 def error(run, reference, component: int) -> float:
-    """Returns the rms difference of an angular rate from the reference, relative to the reference's range."""
+    """Returns the rms difference of an angular rate from the reference, relative to its range."""
     mine, true = (r["angular_velocity_B"][:, component] for r in (run, reference))
     return float(np.sqrt(np.mean((mine - true) ** 2)) / np.ptp(true))
 
@@ -113,19 +151,24 @@ def rates(runs: dict):
             panels.append(Panel(f"{letter}{k + 1}, {model}", rf"$\omega_{k + 1}^B$ [mrad/s]", lines))
         return panels
 
-    rows = [row("a", "cable", False), row("b", "cable", True), row("c", "truss", False), row("d", "truss", True)]
-    return draw("[PGV] Fig. 5: angular rates of the hub for n elements per tether, 10 deg", rows, height=1.9)
+    rows = [
+        row("a", "cable", False),
+        row("b", "cable", True),
+        row("c", "truss", False),
+        row("d", "truss", True),
+    ]
+    return draw(
+        "[PGV] Fig. 5: angular rates of the hub for n elements per tether, 10 deg", rows, height=1.9
+    )
 
 
 def main() -> None:
-    """Runs everything, writes the table and the figures, prints the table."""
+    """Runs everything, writes the tables and the figures, prints the table."""
+    if "--timing" in sys.argv[1:]:
+        measure_times()
     runs = {(model, n): model_run(model, n) for model in MODELS for n in ELEMENTS}
     rows = measures(runs)
-    with open(HERE / "convergence.csv", "w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, rows[0], lineterminator="\n")
-        writer.writeheader()
-        for row in rows:
-            writer.writerow({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()})
+    write(HERE / "convergence.csv", rows)
     save(normalised(rows), HERE / "figures" / "fig-04.png")
     save(rates(runs), HERE / "figures" / "fig-05.png")
     for row in rows:

@@ -55,8 +55,12 @@ def motion(found: dict[str, dict]):
     return draw(
         "[PGV] Fig. 11: five cables and nine trusses per tether, 10 deg",
         [
-            panels(found, "a", ["coning_angle", "root_coning_angle"], [r"$\gamma$ [deg]", r"$\gamma'$ [deg]"]),
-            panels(found, "b", ["lagging_angle", "root_lagging_angle"], [r"$\beta$ [deg]", r"$\beta'$ [deg]"]),
+            panels(
+                found, "a", ["coning_angle", "root_coning_angle"], [r"$\gamma$ [deg]", r"$\gamma'$ [deg]"]
+            ),
+            panels(
+                found, "b", ["lagging_angle", "root_lagging_angle"], [r"$\beta$ [deg]", r"$\beta'$ [deg]"]
+            ),
             panels(
                 found,
                 "c",
