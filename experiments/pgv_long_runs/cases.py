@@ -51,7 +51,12 @@ LONG_CASES = {
     "long-alpha-10": Case(REFERENCE, "baseline", {}, LONG),
     "long-alpha-0": Case(REFERENCE, "sun-facing", {}, LONG),
     "long-alpha-0.01": Case(REFERENCE, "appendix-d", {}, LONG),
+    "longest-alpha-0": Case(REFERENCE, "sun-facing", {}, LONGEST),
+    "longest-alpha-0.01": Case(REFERENCE, "appendix-d", {}, LONGEST),
     "longest-alpha-10": Case(REFERENCE, "baseline", {}, LONGEST),
+    "longest-alpha-10-fine": Case(
+        "collocation, tolerance 1e-11", "baseline", {"integrator.tolerance": 1e-11}, LONGEST
+    ),
     "long-alpha-10-fine": Case(
         "collocation, tolerance 1e-11", "baseline", {"integrator.tolerance": 1e-11}, LONG
     ),
