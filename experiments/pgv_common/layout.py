@@ -84,7 +84,8 @@ def fill(ax: Any, panel: Panel, known: dict[str, Any]) -> None:
         ax.set_yscale("log")
     else:
         ax.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
-    ax.set_title(f"({panel.letter})", loc="left", fontsize="small", pad=3.0)
+    if panel.letter:
+        ax.set_title(f"({panel.letter})", loc="left", fontsize="small", pad=3.0)
     ax.set_ylabel(panel.ylabel)
     ax.set_xlabel(panel.xlabel, labelpad=1.0, fontsize="small")
     ax.grid(alpha=0.3)

@@ -80,8 +80,8 @@ def slow_lines(scene) -> np.ndarray:
 
     The hub (mass M) moves against the tethers. With q = p S^2 / (2 I (M + p m)), where S and I are the
     first and second moments of a tether with its remote unit about the root and m is their mass, and with
-    eps of [PGV] Eq. 84, the complex amplitude W of the first wave of lagging (`wave`) obeys, in units of the
-    spin rate,
+    eps of [PGV] Eq. 84, the complex amplitude W of the first wave of lagging (`wave`) obeys, in units of
+    the spin rate,
 
         W'' + eps W = q (d/dt - i)^2 W,
 

@@ -42,6 +42,28 @@ def histories(runs: dict) -> Figure:
     )
 
 
+def tilt(runs: dict) -> Figure:
+    """Returns the figure of 1000 spin periods: oscillation of the hub's axis and of the spin rate."""
+    left, right = [], []
+    for name, label, scale, colour, dashes in (
+        ("longest-alpha-10", "10 deg", 10.0, VERMILION, "-"),
+        ("longest-alpha-10-fine", "10 deg, tolerance 1e-11", 10.0, BLACK, ":"),
+        ("longest-alpha-0.01", "0.01 deg", 0.01, BLUE, "-"),
+    ):
+        times, rates = turns(runs[name]), 1e3 * np.asarray(runs[name]["angular_velocity_B"])
+        middle = np.arange(round(times[-1])) + 0.5
+        across = envelope(times, np.hypot(rates[:, 1], rates[:, 2]), np.max) / scale
+        left.append(Line(middle, across, label, colour, dashes, 0.7))
+        right.append(Line(middle, envelope(times, rates[:, 0]), label, colour, dashes, 0.7))
+    ylabel = r"largest $|\omega_{2,3}^B|$ / angle [mrad/s/deg]"
+    panels = [
+        Panel("a", ylabel, left, XLABEL, "y"),
+        Panel("b", "range of the spin rate [mrad/s]", right, XLABEL),
+    ]
+    title = "One thousand spin periods, largest values of each period"
+    return draw(title, [panels], width=5.2, height=2.8)
+
+
 def spectrum(signal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Returns frequencies [1 / spin period] in increasing order and amplitudes (Hann window)."""
     window = np.hanning(len(signal))

@@ -46,7 +46,7 @@ def growth_rows(runs: dict) -> list[dict]:
         signals = {
             "range of the spin rate [mrad/s]": (spin(solution), np.ptp),
             "largest lagging angle [deg]": (largest_lag(solution), np.max),
-            "range of the other rates [mrad/s]": (1e3 * np.hypot(rates[:, 1], rates[:, 2]), np.max),
+            "largest of the other rates [mrad/s]": (1e3 * np.hypot(rates[:, 1], rates[:, 2]), np.max),
             "range of the sailing angle [deg]": (DEGREES * np.asarray(solution["sailing_angle"]), np.ptp),
         }
         for what, (signal, measure) in signals.items():
@@ -114,6 +114,15 @@ def line_rows(runs: dict) -> list[dict]:
     add("10 deg: amplitude of the first [deg]", DEGREES * slow.amplitude[0], sizes[1], "start at rest")
     add("10 deg: amplitude of the second [deg]", DEGREES * slow.amplitude[1], sizes[0], "start at rest")
     add("10 deg: part of the wave outside these lines", slow.rest, 0.0, "")
+    for name in ("longest-alpha-0.01", "longest-alpha-10"):
+        rates = np.asarray(runs[name]["angular_velocity_B"])
+        tops = (
+            envelope(turns(runs[name]), np.hypot(rates[:, 1], rates[:, 2]), np.max).reshape(-1, 50).max(1)
+        )
+        for first, last in ((400, 700), (700, 1000)):
+            part = np.log(tops[first // 50 : last // 50])
+            slope = float(np.polyfit(50.0 * np.arange(len(part)), part, 1)[0])
+            add(f"{name}: growth of the other rates per spin period, {first} to {last}", slope, np.nan, "")
     add("fixed hub: line of one tether", np.nan, single_line(tilted.scene), "sqrt(eps)")
     return rows
 
@@ -142,9 +151,16 @@ def variation_rows(runs: dict) -> list[dict]:
     return rows
 
 
+def text_of(value) -> str:
+    """Returns a number with five digits, nothing for NaN, and other values as text."""
+    if isinstance(value, float):
+        return "" if np.isnan(value) else f"{value:.5g}"
+    return str(value)
+
+
 def write(name: str, rows: list[dict]) -> None:
     """Writes a table beside this file and prints it."""
-    rows = [{k: f"{v:.5g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows]
+    rows = [{k: text_of(v) for k, v in row.items()} for row in rows]
     with open(HERE / name, "w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, rows[0], lineterminator="\n")
         writer.writeheader()
@@ -162,6 +178,7 @@ def main() -> None:
     write("long.csv", growth_rows(runs))
     write("lines.csv", line_rows(runs))
     save(pictures.histories(runs), HERE / "figures" / "histories.png")
+    save(pictures.tilt(runs), HERE / "figures" / "tilt.png")
     save(pictures.spectra(runs), HERE / "figures" / "spectra.png")
     save(pictures.variations(varied), HERE / "figures" / "variations.png")
 

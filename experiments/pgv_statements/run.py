@@ -25,8 +25,8 @@ from measures import all_runs
 HEAD = """# Statements of [PGV] Sec. 4 and 5, judged by runs
 
 Written by `python experiments/pgv_statements/run.py`. Numbers are measured in runs of the baseline over
-three spin periods by the paper's method (generalized-alpha, 0.1 s), or in `pgv_long_runs` where the text says so.
-The conditions for a verdict are in the scripts of this folder. {counts}.
+three spin periods by the paper's method (generalized-alpha, 0.1 s), or in `pgv_long_runs` where the text
+says so. The conditions for a verdict are in the scripts of this folder. {counts}.
 
 | | section | figure | the paper says | verdict | measured |
 |---|---|---|---|---|---|
