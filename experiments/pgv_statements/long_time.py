@@ -62,6 +62,6 @@ def tilt_growth(runs):
     return Verdict(
         HOLDS if small > 0.005 else FAILS,
         "the growth of the first three periods is beating, but a slow instability follows: from 0.01 deg "
-        f"the rates grow e-fold in {1.0 / small:.0f} T_s until the end of 1000 periods. At 10 deg they stop "
+        f"they grow e-fold in {1.0 / small:.0f} T_s until the end of 1000 periods. At 10 deg they stop "
         f"growing after 600 periods ({large:+.1e} per period at the end)",
     )
