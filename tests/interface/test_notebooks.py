@@ -1,5 +1,5 @@
-"""Every notebook runs from its first to its last cell. The default tests check only the form of
-notebooks."""
+"""Every notebook runs from its first to its last cell and shows a picture. The default tests check only the
+form of notebooks."""
 
 from pathlib import Path
 
@@ -23,6 +23,11 @@ def test_notebook_runs(path, tmp_path):
         resources={"metadata": {"path": str(tmp_path)}},  # notebooks write their files there
     )
     client.execute()  # raises CellExecutionError, which shows the cell and its traceback
+    outputs = [output.get("data", {}) for cell in notebook.cells for output in cell.get("outputs", [])]
+    assert any("image/png" in data for data in outputs)
+    # Without an inline backend, IPython shows a figure as the text "<Figure size ...>".
+    figures = [data for data in outputs if data.get("text/plain", "").startswith("<Figure")]
+    assert all("image/png" in data for data in figures)
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
@@ -31,6 +36,7 @@ def test_notebook_is_stored_without_outputs(path):
     assert not any(cell.get("outputs") or cell.get("execution_count") for cell in cells)
 
 
-def test_there_is_a_first_notebook():
-    # Without this test an empty folder would pass.
-    assert any(path.name.startswith("01_") for path in NOTEBOOKS)
+def test_notebooks_are_numbered_without_gaps():
+    # Also, an empty folder would pass the other tests.
+    numbers = [int(path.name[:2]) for path in NOTEBOOKS]
+    assert numbers == list(range(1, len(numbers) + 1)) and numbers

@@ -1,31 +1,33 @@
-"""Simulates three spin periods of the baseline sail at 10 deg, facing the Sun, and without voltage.
+"""The baseline sail at 10 deg, facing the Sun, and without voltage: Fig. 6 to 10 of [PGV].
 
-    python experiments/baseline/run.py
+    python experiments/pgv_baseline/run.py
 
-Writes table.csv (smallest and largest value of every observable) and figures/alpha-10/*.png beside
-this file, and prints measures of the accuracy of the runs.
+Runs three spin periods, writes table.csv (smallest and largest value of every observable) and figures/*.png
+beside this file, and prints measures of the accuracy of the runs.
 """
 
-import argparse
 import csv
+import sys
 from pathlib import Path
 
 import numpy as np
 
 import esail_jax as esail
 from esail_jax import plotting
-from esail_jax.compilation import store
 from esail_jax.observables.sail import OBSERVABLES
 
 HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE.parent / "pgv_common"))
 
-CASES = {"alpha-10": "baseline", "alpha-0": "sun-facing", "voltage-off": "voltage-off"}
-"""Name of a case and its built-in scene."""
+from figures import FIGURES
+from kept_runs import case_run
+from layout import save
 
-DRAWN = ("alpha-10",)
-"""Cases whose figures are in the repository."""
+CASES = ("alpha-10", "alpha-0", "voltage-off")
+"""Names of the runs, in the order of the tables."""
 
-DOTS_PER_INCH = 80
+MORE = (plotting.all_tethers, plotting.sail_picture)
+"""Figures of the run at 10 deg that the paper does not have."""
 
 UNITS = {entry.name: entry.unit for entry in OBSERVABLES}
 
@@ -52,7 +54,6 @@ def summary(solution: esail.Solution) -> dict[str, float]:
         "steps": solution.steps,
         "iterations per step": np.nanmean(solution.numerics["iterations_per_step"][1:]),
         "run time [s]": stats["wall_time"],
-        "compile time [s]": stats["compile_time"],
         "largest constraint violation [m]": solution.numerics["constraint_violation"].max(),
         "largest energy balance error [J]": abs(solution["energy_balance_error"]).max(),
         "largest relative energy change [-]": abs(energy / energy[0] - 1.0).max(),
@@ -60,36 +61,23 @@ def summary(solution: esail.Solution) -> dict[str, float]:
     }
 
 
-def draw(solution: esail.Solution, directory: Path) -> None:
-    """Writes the figures of `plotting.plot_all`, small enough for the repository."""
-    directory.mkdir(parents=True, exist_ok=True)
-    for make in plotting.FIGURES:
-        make(solution).savefig(directory / f"{make.__name__}.png", dpi=DOTS_PER_INCH)
-
-
-def main(t_end: float | None) -> None:
+def main() -> None:
     """Runs all cases, writes the table and the figures, prints the summary."""
-    overrides = {"integrator.method": "generalized-alpha"}  # the paper's method
-    store.switch_off()  # compile times are measured
-    if t_end is not None:
-        overrides["integrator.t_end"] = t_end
-    rows, lines = [], {}
-    for case, scene in CASES.items():
-        solution = esail.simulate(scene, overrides)
-        rows += range_rows(case, solution)
-        lines[case] = summary(solution)
-        if case in DRAWN:
-            draw(solution, HERE / "figures" / case)
+    runs = {case: case_run(case) for case in CASES}
+    rows = [row for case, run in runs.items() for row in range_rows(case, run)]
     with open(HERE / "table.csv", "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["case", "observable", "component", "unit", "min", "max"])
         writer.writerows(rows)
+    for name, make in FIGURES.items():
+        save(make(runs), HERE / "figures" / f"{name}.png")
+    for make in MORE:
+        save(make(runs["alpha-10"]), HERE / "figures" / f"{make.__name__}.png")
+    lines = {case: summary(run) for case, run in runs.items()}
     print(f"{'':42s}" + "".join(f"{case:>14s}" for case in lines))
     for name in lines["alpha-10"]:
         print(f"{name:42s}" + "".join(f"{line[name]:14.5g}" for line in lines.values()))
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--t-end", type=float, help="end time of shorter runs [s]")
-    main(parser.parse_args().t_end)
+    main()
