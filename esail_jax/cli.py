@@ -42,7 +42,7 @@ def run(options: argparse.Namespace) -> ExitCode:
         raise UsageError("`--nodes` must be left out with a chain, but is given")
     from esail_jax.commands.run import run_scene
 
-    return run_scene(scene, options.output, options.resume, options.quiet, options.nodes)
+    return run_scene(scene, options.output, options.resume, options.quiet, options.nodes, options.stability)
 
 
 def scenes(_: argparse.Namespace) -> ExitCode:

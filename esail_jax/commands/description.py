@@ -29,10 +29,19 @@ def describe(path: Path) -> str:
         f"  speed      {steps} steps in {wall:.2f} s ({1e6 * wall / max(steps, 1):.0f} us a step, "
         f"{reached / wall:.0f} x real time), compiling {attributes['compile_time']:.2f} s",
         balance,
+        stability_text(attributes),
         f"  device     {attributes['device']}, jax {attributes['version_jax']}, "
         f"Python {attributes['version_python']}, esail_jax {attributes['version_esail_jax']}",
     ]
     return "\n".join(line for line in lines if line)
+
+
+def stability_text(attributes: Mapping[str, Any]) -> str:
+    """A line on the growth of a small perturbation; empty if it was not measured."""
+    if "growth_rate" not in attributes:
+        return ""
+    rate, growth = attributes["growth_rate"], attributes["growth"]
+    return f"  stability  a small perturbation grows {growth:.2g}-fold, at {rate:.2g} 1/s at the end"
 
 
 def heading(path: Path, attributes: Mapping[str, Any], scene: Scene, terms: str) -> list[str]:

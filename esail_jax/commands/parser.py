@@ -74,6 +74,11 @@ def add_run(commands: Any) -> None:
     run.add_argument(
         "--nodes", action="store_true", help="also save the positions of all nodes (node_position_I)"
     )
+    run.add_argument(
+        "--stability",
+        action="store_true",
+        help="also measure how a small perturbation of the start grows, and warn of chaotic motion",
+    )
     run.add_argument("--quiet", action="store_true", help="print no progress bar and no summary")
 
 

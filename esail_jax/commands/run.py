@@ -21,20 +21,24 @@ from esail_jax.files.run_file import (
     RunWriter,
     load_checkpoint,
     progress_of,
+    save_stability,
     scene_of_run,
 )
 from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.scene import Scene, parse
 from esail_jax.simulation.host import CompiledScene, HostRun, compile_scene
+from esail_jax.simulation.simulate import stability_along
 from esail_jax.steppers.results import RESULTS
 
 NODES = "node_position_I"
 """Observable that `--nodes` adds."""
 
 
-def run_scene(scene: Scene, path: Path, resume: bool, quiet: bool, nodes: bool = False) -> ExitCode:
-    """Runs `scene` into the run file `path`. nodes: also save the positions of all nodes. Returns the exit
-    code.
+def run_scene(
+    scene: Scene, path: Path, resume: bool, quiet: bool, nodes: bool = False, stability: bool = False
+) -> ExitCode:
+    """Runs `scene` into the run file `path`. nodes: also save the positions of all nodes; stability: also
+    measure how a small perturbation grows. Returns the exit code.
 
     Raises SceneError or RunFileError before anything is written.
     """
@@ -42,6 +46,8 @@ def run_scene(scene: Scene, path: Path, resume: bool, quiet: bool, nodes: bool =
     going_on = check_output(scene, path, resume)
     names = names_with_nodes(scene) if saves_nodes(path, going_on, nodes) else None
     if going_on == "complete":
+        if stability:
+            raise RunFileError(f"`--stability` must be given before a run is complete, but {path} is")
         return ExitCode.DONE
     progress = Progress(scene.integrator.t_end, functools.partial(progress_text, scene), quiet)
     try:
@@ -54,6 +60,8 @@ def run_scene(scene: Scene, path: Path, resume: bool, quiet: bool, nodes: bool =
             message, code = write_run(
                 run, writer, progress, interrupts, lambda: (ready - began, time.perf_counter() - ready)
             )
+        if stability and code == ExitCode.DONE:
+            save_stability(path, stability_along(scene, scene.integrator.t_end, run.steps))
     finally:
         progress.close()
     if code:

@@ -34,6 +34,7 @@ from esail_jax.simulation.problem import require_64_bit
 from esail_jax.simulation.results import Checkpoint, Chunk, join
 from esail_jax.simulation.simulate import observables_at
 from esail_jax.simulation.solution import Solution
+from esail_jax.simulation.stability import Stability
 from esail_jax.simulation.statistics import Pending
 from esail_jax.steppers.results import RESULTS, name_of
 from esail_jax.steppers.stepper import Point
@@ -244,6 +245,14 @@ def save_point(file: h5py.File, point: Point) -> None:
         file[f"final/{name}"] = np.asarray(leaf)
 
 
+def save_stability(path: Path, found: Stability) -> None:
+    """Adds the growth of a small perturbation to a finished run file: the attributes `growth_rate` [1/s]
+    and `growth`, and the warning in `message`."""
+    with atomic_hdf5(path, update=True) as file:
+        message = " ".join(filter(None, (str(file.attrs["message"]), found.warning)))
+        file.attrs.update({"growth_rate": found.growth_rate, "growth": found.growth, "message": message})
+
+
 def load_point(file: h5py.File) -> Point | None:
     """Returns the last saved instant of a run file; None if it has none."""
     if "final" not in file:
@@ -278,6 +287,8 @@ def save(solution: Solution, path: str | os.PathLike, overwrite: bool = False) -
         writer = RunWriter(temporary, Content.of_solution(solution), resume=False)
         writer.add(Chunk(solution.time, solution.observables, solution.numerics, reached))
         writer.write(Progress(solution.checkpoint, solution.final_state, *steps, times, *ended))
+        if "stability" in stats:
+            save_stability(temporary, stats["stability"])
 
 
 def load(path: str | os.PathLike) -> Solution:

@@ -22,6 +22,7 @@ from esail_jax.simulation.problem import require_64_bit
 from esail_jax.simulation.results import Checkpoint, Chunk
 from esail_jax.simulation.schedule import Schedule, save_times, switch_times
 from esail_jax.simulation.solution import Solution
+from esail_jax.simulation.stability import INSTANTS, Stability, stability_of
 from esail_jax.simulation.traced import traced_run
 from esail_jax.steppers.results import RESULTS
 from esail_jax.steppers.stepper import AbstractStepper, Point
@@ -42,6 +43,7 @@ def simulate(
     max_steps: int | None = None,
     throw: bool = True,
     stepper: AbstractStepper | None = None,
+    stability: bool = False,
 ) -> Solution:
     """Integrates the equations of motion of a scene and returns the observables at the saved instants.
 
@@ -59,7 +61,9 @@ def simulate(
     start from, instead of the scene's start, for example the `final_state` of another solution (its time is
     the start time); progress: a function that is called on the host with the time reached [s]; max_steps:
     the largest number of steps; throw: whether a failed run raises SimulationError; stepper: a method of
-    time integration, instead of the scene's.
+    time integration, instead of the scene's; stability: whether to carry a small perturbation along, which
+    takes some three times as long as the run: `stats["stability"]` is then a `Stability`
+    (`simulation/stability.py`), and the message warns of a motion on which accurate runs would not agree.
 
     Under a trace nothing can raise: `result` is not `RESULTS.successful`, and the observables are NaN from
     the failure on. A derivative records the steps in buffers of fixed size: WINDOWS_PER_TURN windows for
@@ -72,11 +76,41 @@ def simulate(
     check_names(scene, save)
     check_max_steps(max_steps)
     if under_trace(scene, start, stepper):
+        if stability:
+            raise SceneError("stability", "be False under a trace", "is True")
         return simulate_traced(
             scene, save=save, times=times, start=start, max_steps=max_steps, stepper=stepper
         )
     run = begin(scene, save, times, start, max_steps, stepper)
-    return collected(run, save, throw, progress)
+    solution = collected(run, save, throw, progress)
+    if stability and solution.result == RESULTS.successful:
+        found = stability_along(scene, float(solution.time[-1]), solution.steps, start, stepper)
+        solution.stats["stability"] = found
+        solution.stats["message"] = " ".join(filter(None, (solution.stats["message"], found.warning)))
+    return solution
+
+
+def stability_along(
+    scene: Scene,
+    end: float,
+    steps: int,
+    start: Point | None = None,
+    stepper: AbstractStepper | None = None,
+) -> Stability:
+    """Returns the growth of a small perturbation of the start of a run until the time `end` [s], measured
+    at the tips of a sail or the joints of a chain. steps: number of steps of the run; start, stepper: as
+    for `simulate`."""
+    name = "joint_position" if scene.chain is not None else "tip_position_I"
+    given = {"save": (name,), "stepper": stepper}
+    if start is None:
+        start = simulate(scene, times=[0.0], **given).final_state
+    times = np.linspace(float(start.time), end, INSTANTS)
+    room = 2 * 2 ** int(np.ceil(np.log2(steps + 100)))  # runs of similar length share a program
+
+    def positions(point):
+        return simulate_traced(scene, times=times.tolist(), start=point, max_steps=room, **given)[name]
+
+    return stability_of(positions, start, times)
 
 
 def run(
