@@ -59,7 +59,7 @@ class Ring(eqx.Module):
 
     # ---- coordinates ---------------------------------------------------------------------------
 
-    def joined(self, tips: Tips, own: OwnVectors) -> Float[Array, "3 *state vector tether"]:
+    def joined(self, tips: Tips, own: OwnVectors) -> Float[Array, "3 *state every tether"]:
         """All vectors of the segments in the order of the nodes: the ends are the tips."""
         first, last = (x[..., None, :] for x in (tips, jnp.roll(tips, -1, axis=-1)))
         if own is None:
@@ -72,7 +72,7 @@ class Ring(eqx.Module):
         vectors = self.joined(x.tether[0, ..., -1, :], x.ring)
         return self.to_nodal(vectors)
 
-    def to_nodal(self, vectors: Float[Array, "3 *state vector tether"]) -> Nodal:
+    def to_nodal(self, vectors: Float[Array, "3 *state every tether"]) -> Nodal:
         """Nodal vectors from all vectors in the order of the nodes, with slopes divided by l."""
         k = self.segments.coefs
         shape = (*vectors.shape[:-2], self.segments.elements + 1, k, vectors.shape[-1])
@@ -91,7 +91,7 @@ class Ring(eqx.Module):
             return tips, None
         return tips, self.own_of(vectors)
 
-    def own_of(self, vectors: Float[Array, "3 *state vector tether"]) -> Array:
+    def own_of(self, vectors: Float[Array, "3 *state every tether"]) -> Array:
         """The own vectors among all vectors in the order of the nodes."""
         if self.segments.coefs == 1:
             return vectors[..., 1:-1, :]
