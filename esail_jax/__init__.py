@@ -94,7 +94,14 @@ MODULES = {
     "scenes.common_tables": ("Gravity", "Integrator", "Output"),
     "scenes.rules": ("SceneError",),
     "scenes.sail_tables": (
-        "AuxiliaryTethers", "Event", "Hub", "Initial", "RemoteUnits", "SolarWind", "Tethers", "Voltage"
+        "AuxiliaryTethers",
+        "Event",
+        "Hub",
+        "Initial",
+        "RemoteUnits",
+        "SolarWind",
+        "Tethers",
+        "Voltage",
     ),
     "scenes.scene": ("Scene", "load_scene"),
     "simulation.simulate": ("run", "simulate"),

@@ -16,6 +16,7 @@ import numpy as np
 
 from esail_jax.array_types import Array, Float, Nodal, PerTether, Scalar
 from esail_jax.coordinates import Coordinates
+from esail_jax.elements.axial import AbstractAxialEnergy
 from esail_jax.elements.tether import TetherBatch
 from esail_jax.numerics.vectors import dot, norm
 from esail_jax.terms import Dissipation, PointFields, Term, inner_terms_of
@@ -39,7 +40,7 @@ class Ring(eqx.Module):
     """
 
     segments: TetherBatch
-    energies: tuple[Term, ...]
+    energies: tuple[AbstractAxialEnergy, ...]
     dissipations: tuple[Dissipation, ...]
 
     @property
@@ -159,4 +160,3 @@ class Ring(eqx.Module):
         """Integral over all segments of a quantity per undeformed length."""
         weights = self.segments.weights.reshape(-1, *(1,) * (density.ndim - 1))
         return ((weights * density).sum(0) * self.segments.lengths).sum(-1)
-

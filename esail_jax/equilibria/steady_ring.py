@@ -4,14 +4,14 @@ The forces of tethers and ring balance the centrifugal force in axes that turn w
 
     M (Omega x (Omega x q)) = Q(q),
 
-with the roots at their points of the hub. Tethers of unequal length, or segments of unequal length, pull the
-tips sideways, so that the tethers are not radial and, because of their own mass, not quite straight. Each
-tether stays in the plane through its root that touches its cone of the initial coning angle; no force is
-balanced normal to that plane. Without coning this is the spin plane, and every force is balanced.
+with the roots at their points of the hub. Tethers of unequal length, or segments of unequal length, pull
+the tips sideways, so that the tethers are not radial and, because of their own mass, not quite straight.
+Each tether stays in the plane through its root that touches its cone of the initial coning angle; no force
+is balanced normal to that plane. Without coning this is the spin plane, and every force is balanced.
 
-The equations are solved by Newton's method with the sparse solver of a run, in O(tethers * elements). A small
-multiple of the mass matrix is added to the stiffness: a ring at the centre of a turning frame may turn about
-the axis without any force, and that motion must not be amplified.
+The equations are solved by Newton's method with the sparse solver of a run, in O(tethers * elements). A
+small multiple of the mass matrix is added to the stiffness: a ring at the centre of a turning frame may
+turn about the axis without any force, and that motion must not be amplified.
 """
 
 from typing import NamedTuple
@@ -23,8 +23,9 @@ import numpy as np
 from jax import lax
 
 from esail_jax import iteration_matrix
-from esail_jax.array_types import Array, Float, Nodal, PerTether, Scalar
+from esail_jax.array_types import Array, Bool, Float, Nodal, PerTether, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
+from esail_jax.elements.axial import AbstractAxialEnergy
 from esail_jax.elements.ring import Ring
 from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.joints.roots import FrameRoots
@@ -32,6 +33,7 @@ from esail_jax.numerics import structured
 from esail_jax.numerics.bordered import Bordered
 from esail_jax.numerics.segments import END
 from esail_jax.system import System
+from esail_jax.terms import find_term
 
 MAX_ITERATIONS = 60
 """Largest number of Newton steps."""
@@ -47,6 +49,9 @@ follows, with the derivative of the solution."""
 MAX_SLOPE_CHANGE = 0.2
 """Largest change of r_x at any point in one step."""
 
+INWARDS = 1e-6
+"""Least sag towards the axis, relative to the distance from the axis, that counts as such."""
+
 LEAST_RATE = 1e-10
 """Least square of the rate that stands for Omega^2 in the share of the mass matrix, relative to that of the
 slowest axial vibration: a sail that does not spin needs one."""
@@ -61,7 +66,8 @@ class CentrifugalField(CircularOrbit):
 
 
 class Planes(NamedTuple):
-    """Right-handed unit vectors (3, tether) of every tether: along the cone, azimuthal, and normal to it."""
+    """Right-handed unit vectors (3, tether) of every tether: along the cone, azimuthal, and normal to
+    it."""
 
     along: Float[Array, "3 tether"]
     sideways: Float[Array, "3 tether"]
@@ -143,7 +149,8 @@ def steady_ring(
     left = jnp.abs(blocks.at[0, :END].set(0.0)).max((0, 1))
     if forces.ring is not None:
         left = jnp.maximum(left, jnp.abs(forces.ring).max((0, 1)))
-    return q.tether, q.ring, jnp.where(jnp.isnan(left), jnp.inf, left)
+    wrong = jnp.isnan(left) | bows_inwards(*lax.stop_gradient((frame.ring, q)))
+    return q.tether, q.ring, jnp.where(wrong, jnp.inf, left)
 
 
 def at_rest(system: System, outward: Float[Array, "3 tether"], radius: Scalar, spin: Scalar) -> System:
@@ -154,9 +161,7 @@ def at_rest(system: System, outward: Float[Array, "3 tether"], radius: Scalar, s
         sideways = planes_of(outward, jnp.zeros(())).sideways
         normals = jnp.stack([jnp.zeros_like(sideways).at[0].set(1.0), sideways])
     roots = FrameRoots(jnp.eye(3), jnp.zeros(()), radius * outward, normals)
-    return System(
-        system.tethers, roots, None, system.energies, (), (), None, CentrifugalField(spin), ring
-    )
+    return System(system.tethers, roots, None, system.energies, (), (), None, CentrifugalField(spin), ring)
 
 
 def balance(frame: System, q: Coordinates, lam: Multipliers) -> tuple[Coordinates, Multipliers]:
@@ -175,7 +180,7 @@ def stiffness(frame: System, q: Coordinates, lam: Multipliers, share: Scalar) ->
 
 def rate_squared(frame: System, spin: Scalar) -> Scalar:
     """Omega^2 [1/s^2], but at least what LEAST_RATE says."""
-    axial = frame.energies[0].stiffness.max()
+    axial = find_term(frame.energies, AbstractAxialEnergy).stiffness.max()
     tethers = frame.tethers
     masses = tethers.of_tethers(tethers.masses).sum(0) + tethers.tip_mass
     lengths = tethers.of_tethers(tethers.lengths).sum(0)
@@ -226,9 +231,20 @@ def constrained(matrix: Bordered, planes: Planes, share: Scalar) -> Bordered:
     )
 
 
+def bows_inwards(ring: Ring, q: Coordinates) -> Bool[Array, " tether"]:
+    """Tells which segments bow towards the axis: a balance of forces, but an unstable one."""
+    nodes = ring.nodal(q)[0]
+    first, last = nodes[:, :1], nodes[:, -1:]
+    x = jnp.arange(nodes.shape[1])[:, None] / (nodes.shape[1] - 1.0)
+    middle = (first + last).at[0].set(0.0)
+    size = jnp.linalg.norm(middle, axis=0)
+    outwards = ((nodes - first - x * (last - first)) * middle).sum(0) / size
+    return (outwards < -INWARDS * size).any(0)
+
+
 def hanging(ring: Ring, tips: Float[Array, "3 tether"]) -> Float[Array, "3 vector tether"] | None:
-    """Own vectors of segments between the tips: straight, or, where a segment is longer than the distance of
-    its tips, a parabola of about its length that bows away from the axis."""
+    """Own vectors of segments between the tips: straight, or, where a segment is longer than the distance
+    of its tips, a parabola of about its length that bows away from the axis."""
     if not ring.own_vectors:
         return None
     n, k = ring.segments.elements, ring.segments.coefs

@@ -8,8 +8,9 @@ they are local unknowns. If the ports are loose (only without a border), all row
 released chain is free, too.
 
 The chains are condensed on their ports in O(blocks), the local unknowns are eliminated chain by chain, and
-a small dense system in the border remains. Absent parts are `None` and cost nothing. Chains whose last blocks
-are joined by a ring of segments are solved in `ring.py`; `factor` and `solve` here are without segments.
+a small dense system in the border remains. Absent parts are `None` and cost nothing. Chains whose last
+blocks are joined by a ring of segments are solved in `ring.py`; `factor` and `solve` here are without
+segments.
 """
 
 from typing import NamedTuple

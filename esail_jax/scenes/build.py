@@ -116,7 +116,7 @@ def ring_of(structure: Structure, n: Numbers) -> Ring:
     """The ring of auxiliary tethers. Its strain is that of the tethers unless it has its own."""
     elements = structure["auxiliary_tethers.elements"]
     strain = structure["auxiliary_tethers.strain"] or structure["tethers.strain"]
-    length, area = n["auxiliary_tethers.length"], n["auxiliary_tethers.area"]
+    area = n["auxiliary_tethers.area"]
     axial = per_element(n["auxiliary_tethers.youngs_modulus"] * area, elements)
     energy: Energy = AxialEnergy(axial, strain)
     if structure.has("auxiliary_tethers.slack_strain"):
@@ -127,9 +127,9 @@ def ring_of(structure: Structure, n: Numbers) -> Ring:
         time = per_element(n["auxiliary_tethers.axial_damping_time"], elements)
         dissipations = (AxialDissipation(axial, time, strain),)
     segments = TetherBatch(
-        element_length=length / elements,
-        line_density=n["auxiliary_tethers.density"] * area,
-        tip_mass=jnp.zeros_like(length),
+        element_length=n["auxiliary_tethers.length"] / elements,
+        line_density=area * n["auxiliary_tethers.density"],
+        tip_mass=jnp.zeros_like(area),
         elements=elements,
         kind=structure["auxiliary_tethers.element"],
         fields_used=("r_x",),

@@ -23,7 +23,6 @@ from esail_jax.scenes.sail_tables import (
 )
 from esail_jax.scenes.tables import names_of, tables_of
 
-
 LEAST_RING = 3
 """Least number of tethers that can be joined in a ring."""
 

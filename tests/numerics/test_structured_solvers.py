@@ -154,7 +154,7 @@ def test_derivatives_by_the_right_hand_side(ring):
     )
     along, transposed = derivatives(*on_device(matrix, rhs, direction, weights))
     dense = Dense(matrix)
-    ends, tips = dense.ends
+    ends, _ = dense.ends
     own = np.setdiff1d(np.arange(dense.count), ends)
     inverse = dense.solver(matrix)(np.eye(dense.count))[:, own]
     assert relative_error(flat_solution(dense, along), inverse @ dense.flatten(direction)[own]) < TOLERANCE
@@ -167,9 +167,7 @@ def test_released_chains_of_a_ring(p):
     matrix, rhs = random_system(p, 2, 6, hub=True, ring=TRUSSES)
     released = np.arange(p) % 3 == 1
     matrix.weights[:, released] = 0.0
-    x = flat_solution(
-        dense := Dense(matrix), solved(*on_device(matrix._replace(released=released), rhs))
-    )
+    x = flat_solution(dense := Dense(matrix), solved(*on_device(matrix._replace(released=released), rhs)))
     e, free = dense.roots_held(matrix), dense.blocks[released, 0, :3].reshape(-1)
     e = np.concatenate([e, np.eye(dense.count)[:, free]], axis=1)
     exact = e @ np.linalg.solve(e.T @ dense.matrix(matrix) @ e, e.T @ dense.flatten(rhs))

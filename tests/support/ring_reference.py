@@ -1,8 +1,8 @@
 """An independent simulator of a sail with auxiliary tethers, in NumPy and SciPy alone.
 
-The module shares no code with the package. Unknowns are the hub's centre, its attitude as a unit quaternion,
-and all nodal vectors but the roots, which are eliminated from one dense mass matrix; there are no constraints
-and no structured solver. Time integration is explicit (Dormand & Prince 8(5,3)).
+The module shares no code with the package. Unknowns are the hub's centre, its attitude as a unit
+quaternion, and all nodal vectors but the roots, which are eliminated from one dense mass matrix; there are
+no constraints and no structured solver. Time integration is explicit (Dormand & Prince 8(5,3)).
 """
 
 from types import SimpleNamespace
@@ -42,7 +42,9 @@ class Sail:
         angle = 2 * np.pi * np.arange(self.p) / self.p
         self.outward = np.stack([0 * angle, np.cos(angle), np.sin(angle)], 1)
         self.count = 0
-        chains = [self.new_chain(tethers["kind"], tethers["elements"], 0, None, None) for _ in range(self.p)]
+        chains = [
+            self.new_chain(tethers["kind"], tethers["elements"], 0, None, None) for _ in range(self.p)
+        ]
         self.roots, self.tips = (np.array([chain[k][0] for chain in chains]) for k in (0, -1))
         after = np.roll(self.tips, -1)
         ends = zip(self.tips, after, strict=True)
@@ -69,7 +71,9 @@ class Sail:
 
     def group(self, table, chains, push):
         """The elements of all chains; also adds their mass."""
-        rows = {name: [] for name in ("index", "weight", "s", "d", "axial", "damping", "slack", "push", "l")}
+        rows = {
+            name: [] for name in ("index", "weight", "s", "d", "axial", "damping", "slack", "push", "l")
+        }
         for i, nodes in enumerate(chains):
             length = table["length"][i] / table["elements"]
             weight, s, d = shapes(table["kind"], length)
@@ -259,7 +263,7 @@ class Sail:
 
     def signals(self, y):
         """Signals of a state, by the names of the observables."""
-        turn, arms, spin, q, v = self.all_vectors(y)
+        turn, _, _, q, v = self.all_vectors(y)
         tethers, ring = (self.members(group, q, v) for group in self.groups)
         kinetic = 0.5 * np.einsum("ax,ab,bx->", v, self.mass, v)
         kinetic += 0.5 * self.hub_mass * y[7:10] @ y[7:10] + 0.5 * (self.inertia * y[10:13]) @ y[10:13]
@@ -282,8 +286,6 @@ class Sail:
         y = self.start()
         scale = np.full(y.size, 1e-9)
         scale[3:7] = scale[10:13] = 1e-13
-        found = solve_ivp(
-            self.derivative, (0.0, times[-1]), y, "DOP853", times, rtol=tolerance, atol=scale
-        )
+        found = solve_ivp(self.derivative, (0.0, times[-1]), y, "DOP853", times, rtol=tolerance, atol=scale)
         rows = [self.signals(y) for y in found.y.T]
         return {name: np.stack([row[name] for row in rows]) for name in rows[0]}

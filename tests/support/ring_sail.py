@@ -1,5 +1,5 @@
-"""A sail of five unequal tethers, joined by unequal auxiliary tethers, for the package and for the independent
-simulator `ring_reference.py`."""
+"""A sail of five unequal tethers, joined by unequal auxiliary tethers, for the package and for the
+independent simulator `ring_reference.py`."""
 
 import numpy as np
 

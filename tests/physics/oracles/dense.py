@@ -1,8 +1,8 @@
 """A bordered matrix written out in full, entry by entry, in NumPy.
 
 The module does not use chains, ports or rings. Every block row is written, also those of the roots and of
-both ends of a ring's segments; the roots are then expressed by the border's points, and the ends of segments
-by the last blocks of the chains, x = E z, E^T A E z = E^T b.
+both ends of a ring's segments; the roots are then expressed by the border's points, and the ends of
+segments by the last blocks of the chains, x = E z, E^T A E z = E^T b.
 """
 
 import itertools
