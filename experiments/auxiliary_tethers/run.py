@@ -91,7 +91,9 @@ def study():
             run = simulated(case, length)
             rows.append({"case": case, "ring": ring} | measures(run))
             curves[case, ring] = np.asarray(run.time) / TURN, np.rad2deg(np.asarray(run["lagging_angle"]))
-            print({k: v if isinstance(v, str) else float(f"{v:.4g}") for k, v in rows[-1].items()}, flush=True)
+            print(
+                {k: v if isinstance(v, str) else float(f"{v:.4g}") for k, v in rows[-1].items()}, flush=True
+            )
     write("table.csv", rows)
     figure = Figure((9.0, 6.0), layout="constrained")
     shown = ("voltages +-10 %", "sailing angle 35 deg"), ("none", "just closed")
