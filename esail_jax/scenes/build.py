@@ -169,7 +169,8 @@ def initial_state(
     x_axis = jnp.array([[1.0], [0.0], [0.0]])
     direction = jnp.cos(coning) * outward + jnp.sin(coning) * x_axis
     body = along(line, direction)
-    body, ring = body.at[0].add(radius * outward[:, None]), None
+    body = body.at[0].add(radius * outward[:, None])
+    ring = None
     if system.ring is not None and structure["initial.elongation"] == "paper":
         ring = hanging(system.ring, body[0, :, -1])
     elif system.ring is not None:

@@ -1,7 +1,7 @@
 """What a ring of auxiliary tethers does to the baseline with unequal voltages and lengths.
 
 python experiments/auxiliary_tethers/run.py    # minutes; writes table.csv, lagging.png
-python experiments/auxiliary_tethers/run.py --times    # time per step against the number of tethers: times.csv
+python experiments/auxiliary_tethers/run.py --times    # time per step by number of tethers: times.csv
 """
 
 import csv
