@@ -19,7 +19,7 @@ from esail_jax.coordinates import Coordinates
 from esail_jax.elements.axial import AbstractAxialEnergy
 from esail_jax.elements.tether import TetherBatch
 from esail_jax.numerics.vectors import dot, norm
-from esail_jax.terms import Dissipation, PointFields, Term, inner_terms_of
+from esail_jax.terms import Dissipation, PointFields, Term, find_term, inner_terms_of
 
 Tips = Float[Array, "3 *state tether"]
 OwnVectors = Float[Array, "3 *state vector tether"] | None
@@ -40,7 +40,7 @@ class Ring(eqx.Module):
     """
 
     segments: TetherBatch
-    energies: tuple[AbstractAxialEnergy, ...]
+    energies: tuple[Term, ...]
     dissipations: tuple[Dissipation, ...]
 
     @property
@@ -145,7 +145,7 @@ class Ring(eqx.Module):
     def elastic_energy(self, q: Coordinates) -> Scalar:
         """Elastic energy U [J] of all segments."""
         fields = self.segments.interpolate(self.nodal(q))
-        return sum(self.integrate(term.density(fields)) for term in self.energies)
+        return self.integrate(find_term(self.energies, AbstractAxialEnergy).density(fields))
 
     def tension(self, q: Coordinates, v: Coordinates) -> PerTether:
         """Axial force [N] of every segment, its mean over the undeformed length, with the dissipative part.
