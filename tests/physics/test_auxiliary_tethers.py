@@ -35,7 +35,9 @@ def range_errors(solution, exact):
     }
 
 
-@pytest.mark.parametrize("ring", RINGS)
+@pytest.mark.parametrize(
+    "ring", [ring if ring == "slack" else pytest.param(ring, marks=pytest.mark.slow) for ring in RINGS]
+)
 def test_run_follows_an_independent_integration(ring, validate):
     """Every signal of five unequal tethers with a ring agrees with the independent code to 1e-6 of its
     range.
@@ -52,9 +54,10 @@ def test_run_follows_an_independent_integration(ring, validate):
     )
 
 
+@pytest.mark.slow
 def test_methods_with_fixed_steps_are_of_second_order():
     """The errors of generalized-alpha and energy-momentum fall by 3.5 to 4.5 for half the step (order two:
-    4), with a tension-only ring of two trusses per segment."""
+    4), with a ring of two trusses per segment."""
     scene = {"auxiliary_tethers.elements": 2, "integrator.t_end": 16.0}
     exact = reference(ring_scene(scene | TIGHT)).run(np.arange(0.0, 17.0, 8.0))
     for method in ("generalized-alpha", "energy-momentum"):
@@ -143,7 +146,7 @@ def test_ring_of_point_masses_in_equilibrium(validate):
     assert tension > 0.1
 
 
-@pytest.mark.parametrize("element", ["truss", "cable"])
+@pytest.mark.parametrize("element", ["truss", pytest.param("cable", marks=pytest.mark.slow)])
 def test_breathing_of_a_ring_of_point_masses(element, validate):
     """The masses breathe with the frequency of springs and spin, if the spin is not that of the start.
 
