@@ -34,7 +34,16 @@ if TYPE_CHECKING:
     from esail_jax.scenes.chain_tables import Chain, ChainInitial, ChainVoltage, ChainWind, Orbit
     from esail_jax.scenes.common_tables import Gravity, Integrator, Output
     from esail_jax.scenes.rules import SceneError
-    from esail_jax.scenes.sail_tables import Event, Hub, Initial, RemoteUnits, SolarWind, Tethers, Voltage
+    from esail_jax.scenes.sail_tables import (
+        AuxiliaryTethers,
+        Event,
+        Hub,
+        Initial,
+        RemoteUnits,
+        SolarWind,
+        Tethers,
+        Voltage,
+    )
     from esail_jax.scenes.scene import Scene, load_scene
     from esail_jax.simulation.simulate import run, simulate
     from esail_jax.simulation.solution import Solution
@@ -44,6 +53,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "RESULTS",
+    "AuxiliaryTethers",
     "Chain",
     "ChainInitial",
     "ChainVoltage",
@@ -83,7 +93,16 @@ MODULES = {
     "scenes.chain_tables": ("Chain", "ChainInitial", "ChainVoltage", "ChainWind", "Orbit"),
     "scenes.common_tables": ("Gravity", "Integrator", "Output"),
     "scenes.rules": ("SceneError",),
-    "scenes.sail_tables": ("Event", "Hub", "Initial", "RemoteUnits", "SolarWind", "Tethers", "Voltage"),
+    "scenes.sail_tables": (
+        "AuxiliaryTethers",
+        "Event",
+        "Hub",
+        "Initial",
+        "RemoteUnits",
+        "SolarWind",
+        "Tethers",
+        "Voltage",
+    ),
     "scenes.scene": ("Scene", "load_scene"),
     "simulation.simulate": ("run", "simulate"),
     "simulation.solution": ("Solution",),

@@ -16,11 +16,13 @@ from esail_jax.numerics.small_matrices import matmul
 class Coordinates(NamedTuple):
     """q, v, vdot or generalized forces.
 
-    tether: nodal vectors. hub: base points of the hub; None without a hub.
+    tether: nodal vectors. hub: base points of the hub; None without a hub. ring: own vectors of the
+    auxiliary tethers (`elements/ring.py`); None if there are none.
     """
 
     tether: Nodal
     hub: HubPoints | None
+    ring: Float[Array, "3 *state vector tether"] | None = None
 
     def axpy(self, factor: Array | float, other: "Coordinates") -> "Coordinates":
         """self + factor * other."""
@@ -30,7 +32,8 @@ class Coordinates(NamedTuple):
         """Every vector rotated by `rotation`."""
         columns = rotation.T[:, None, :, None, None]
         tether = sum(columns[j] * self.tether[:, j : j + 1] for j in range(3))
-        return Coordinates(tether, None if self.hub is None else matmul(self.hub, rotation.T))
+        ring = None if self.ring is None else sum(columns[j, 0] * self.ring[j] for j in range(3))
+        return Coordinates(tether, None if self.hub is None else matmul(self.hub, rotation.T), ring)
 
 
 class Multipliers(NamedTuple):

@@ -16,14 +16,17 @@ import numpy as np
 
 from esail_jax.array_types import Array, Float, Nodal, Rotation, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
-from esail_jax.numerics import block_tridiagonal, bordered
+from esail_jax.elements.ring import Ring
+from esail_jax.elements.tether import TetherBatch
+from esail_jax.numerics import block_tridiagonal, bordered, structured
 from esail_jax.numerics.block_tridiagonal import ChainFactors
+from esail_jax.numerics.segments import Segments
 from esail_jax.system import System
 from esail_jax.terms import PointFields
 
 
 def point_jacobian(
-    system: System, time: Scalar, fields: PointFields, rates: PointFields, rate_factor: Scalar
+    system: System | Ring, time: Scalar, fields: PointFields, rates: PointFields, rate_factor: Scalar
 ) -> dict[tuple[str, str], Array]:
     """Jacobian of the point forces F with respect to the fields x, dF/dx + rate_factor dF/dx'.
 
@@ -76,19 +79,34 @@ def tangent(
     elements = stiffness_factor * tethers.tangent_elements(jacobian)
     elements = elements + tethers.mass_elements(axes)
     scaled = jax.tree.map(lambda x: stiffness_factor * x, lam)
-    return assemble(system, time, q, elements, tethers.point_masses(axes), scaled)
+    matrix = assemble(system, time, q, elements, tethers.point_masses(axes), scaled)
+    if system.ring is None:
+        return matrix
+    ring = system.ring
+    fields, rates = (ring.segments.interpolate(ring.nodal(x)) for x in (q, v))
+    jacobian = point_jacobian(ring, time, fields, rates, rate_factor)
+    elements = stiffness_factor * ring.segments.tangent_elements(jacobian)
+    return matrix._replace(segments=segments_of(ring, elements + ring.segments.mass_elements(axes)))
 
 
 def mass(system: System, time: Scalar, q: Coordinates) -> bordered.Bordered:
     """Mass matrix M with the constraint gradients: the matrix of consistent accelerations."""
-    tethers = system.tethers
-    return assemble(system, time, q, mass_elements(system), tethers.point_masses(), system.no_multipliers())
+    tethers, masses = system.tethers, mass_elements(system.tethers)
+    matrix = assemble(system, time, q, masses, tethers.point_masses(), system.no_multipliers())
+    if system.ring is None:
+        return matrix
+    return matrix._replace(segments=segments_of(system.ring, mass_elements(system.ring.segments)))
 
 
-def mass_elements(system: System) -> Float[Array, "row col elem tether"]:
+def segments_of(ring: Ring, elements: Float[Array, "row col elem tether"]) -> Segments:
+    """The segments of a ring in the solver's layout."""
+    return Segments(*ring.segments.blocks(elements))
+
+
+def mass_elements(tethers: TetherBatch) -> Float[Array, "row col elem tether"]:
     """Mass matrices of all elements, those of equal elements repeated."""
-    elements = system.tethers.mass_elements()
-    return jnp.broadcast_to(elements, (*elements.shape[:2], system.tethers.elements, elements.shape[-1]))
+    elements = tethers.mass_elements()
+    return jnp.broadcast_to(elements, (*elements.shape[:2], tethers.elements, elements.shape[-1]))
 
 
 class Inertia(NamedTuple):
@@ -104,9 +122,11 @@ class Inertia(NamedTuple):
     ports: bordered.PortFactors | None
 
 
-def inertia_of(system: System) -> Inertia:
-    """Computes the state-independent part of the factorisation of `mass`."""
-    elements, masses = mass_elements(system), system.tethers.point_masses()
+def inertia_of(system: System) -> Inertia | None:
+    """Computes the state-independent part of the factorisation of `mass`; None with a ring."""
+    if system.ring is not None:
+        return None
+    elements, masses = mass_elements(system.tethers), system.tethers.point_masses()
     chains, schur = block_tridiagonal.factor(*chain_blocks(system, elements, masses))
     if system.clamped or (system.roots is not None and system.roots.releases.released is not None):
         return Inertia(chains, schur, None)
@@ -116,7 +136,7 @@ def inertia_of(system: System) -> Inertia:
     return Inertia(chains, schur, bordered.factor_ports(mass(system, jnp.zeros(()), q), schur))
 
 
-FactoredMass = tuple[bordered.Bordered, bordered.Factors]
+FactoredMass = tuple[bordered.Bordered, structured.Factors]
 """The matrix `mass` of a state, and its factors."""
 
 
@@ -130,7 +150,7 @@ def factor_mass(
     """
     matrix = mass(system, time, q)
     if inertia is None:
-        return matrix, bordered.factor(matrix)
+        return matrix, structured.factor(matrix)
     chains, schur, ports = inertia
     if ports is None:
         ports = bordered.factor_ports(matrix, schur)
@@ -239,7 +259,8 @@ def to_vector(system: System, forces: Coordinates, constraints: Multipliers) -> 
         border = jnp.concatenate([forces.hub.reshape(-1), constraints.hub])
     if system.clamped:
         local = constraints.clamp
-    return bordered.Vector(to_blocks(system, forces.tether), local, border)
+    ring = None if forces.ring is None else system.ring.to_blocks(forces.ring)
+    return bordered.Vector(to_blocks(system, forces.tether), local, border, ring)
 
 
 def from_vector(system: System, x: bordered.Vector) -> tuple[Coordinates, Multipliers]:
@@ -252,7 +273,7 @@ def from_vector(system: System, x: bordered.Vector) -> tuple[Coordinates, Multip
     lam = Multipliers(
         x.border[12:] if system.hub is not None else None, x.local if system.clamped else None
     )
-    return Coordinates(nodal, hub), lam
+    return Coordinates(nodal, hub, None if x.ring is None else system.ring.from_blocks(x.ring)), lam
 
 
 def to_blocks(system: System, nodal: Nodal) -> Float[Array, "node row tether"]:

@@ -25,7 +25,9 @@ from esail_jax.array_types import (
     Vector,
 )
 from esail_jax.coordinates import Coordinates, Multipliers
+from esail_jax.elements.axial import TensionOnlyEnergy
 from esail_jax.elements.rigid_body import RigidBody
+from esail_jax.elements.ring import Ring
 from esail_jax.elements.tether import TetherBatch
 from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.joints.roots import FrameRoots, HubRoots
@@ -33,12 +35,11 @@ from esail_jax.measurements import Measurements
 from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import dot, stacked
 from esail_jax.terms import (
-    Deformation,
     Dissipation,
     Load,
     PointFields,
-    SummedDeformations,
     Term,
+    inner_terms_of,
     needs_command,
 )
 
@@ -66,7 +67,8 @@ class System(eqx.Module):
     """Tethers, the terms that act on them, and the roots that hold them.
 
     roots: None if nothing holds the tethers. hub: None for a turning frame or a chain. gravity: uniform
-    acceleration [m/s^2]. orbit: field of a circular orbit, in whose axes the chain then moves.
+    acceleration [m/s^2]. orbit: field of a circular orbit, in whose axes the chain then moves. ring:
+    auxiliary tethers between the tips.
     """
 
     tethers: TetherBatch
@@ -77,6 +79,7 @@ class System(eqx.Module):
     loads: tuple[Load, ...]
     gravity: Vector | None
     orbit: CircularOrbit | None = None
+    ring: Ring | None = None
 
     # ---- parts -----------------------------------------------------------------------------
 
@@ -102,6 +105,10 @@ class System(eqx.Module):
                 "clamped roots" if self.clamped else "pinned roots",
             ]
         names += [term.name for term in (*self.energies, *self.dissipations, *self.loads)]
+        if self.ring is not None:
+            slack = any(isinstance(term, TensionOnlyEnergy) for term in self.ring.energies)
+            names.append(f"auxiliary tethers ({self.ring.segments.kind}{', tension only' * slack})")
+            names += [f"auxiliary {term.name}" for term in self.ring.dissipations]
         names += [load.law_name for load in self.loads if needs_command(load)]
         names += ["gravity"] * (self.gravity is not None)
         return tuple(names + ["circular orbit"] * (self.orbit is not None))
@@ -123,18 +130,16 @@ class System(eqx.Module):
     @property
     def inner_terms(self) -> tuple[Term, ...]:
         """Energies and dissipations; those that are functions of the invariants as one summed term."""
-        terms = (*self.energies, *self.dissipations)
-        summed = tuple(term for term in terms if isinstance(term, Deformation))
-        others = tuple(term for term in terms if not isinstance(term, Deformation))
-        return (SummedDeformations(summed), *others) if summed else others
+        return inner_terms_of(self.energies, self.dissipations)
 
     def field(self, q: Coordinates, v: Coordinates) -> Coordinates:
         """Acceleration [m/s^2] of a free particle at every node and hub point, due to uniform gravity and
         the field of an orbit. Both are linear in position, so that interpolation between nodes is exact."""
         hub = None if q.hub is None else jnp.zeros_like(q.hub)
-        tether = jnp.zeros_like(q.tether)
+        tether, ring = jnp.zeros_like(q.tether), None if q.ring is None else jnp.zeros_like(q.ring)
         if self.gravity is not None:
             tether = tether + self.tethers.uniform(self.gravity)
+            ring = None if ring is None else ring + self.ring.uniform(self.gravity)
             hub = None if hub is None else hub + self.gravity
         if self.orbit is not None:
             toward = jnp.moveaxis(
@@ -142,7 +147,8 @@ class System(eqx.Module):
             )
             tether = tether + toward
             hub = None if hub is None else hub + self.orbit.acceleration(q.hub.T, v.hub.T).T
-        return Coordinates(tether, hub)
+            ring = None if ring is None else ring + self.orbit.acceleration(q.ring, v.ring)
+        return Coordinates(tether, hub, ring)
 
     def relative_to_free_fall(self, q: Coordinates, v: Coordinates, vdot: Coordinates) -> Coordinates:
         """vdot minus the acceleration field, so that weight is part of the inertia forces."""
@@ -154,8 +160,8 @@ class System(eqx.Module):
         """Residual of the equations of motion and constraints at one state, and the power of its forces."""
         inertial = self.relative_to_free_fall(q, v, vdot)
         commanded = self.with_commanded_loads(time, q)
-        tether, power = commanded.tether_forces(time, q.tether, v.tether, inertial.tether)
-        return self.complete_residual(time, q, v, Coordinates(tether, inertial.hub), lam, power)
+        forces, power = commanded.member_forces(time, q, v, inertial)
+        return self.complete_residual(time, q, v, forces, lam, power)
 
     def residuals(
         self,
@@ -170,12 +176,13 @@ class System(eqx.Module):
         The tethers' forces are evaluated once, with the states as a batch axis of the elements.
         """
         inertial = jax.vmap(self.relative_to_free_fall)(q, v, vdot)
-        nodal = (jnp.moveaxis(x.tether, 0, 2) for x in (q, v, inertial))
+        motion = (states_inside(x) for x in (q, v, inertial))
         system = self
         if self.controlled:
             system = self.with_commands(jax.vmap(self.commands)(times, q))
-        tether, power = system.tether_forces(times[:, None], *nodal)
-        forces = Coordinates(jnp.moveaxis(tether, 2, 0), inertial.hub)
+        found, power = system.member_forces(times[:, None], *motion)
+        ring = None if found.ring is None else jnp.moveaxis(found.ring, 1, 0)
+        forces = Coordinates(jnp.moveaxis(found.tether, 2, 0), inertial.hub, ring)
         return jax.vmap(self.complete_residual)(times, q, v, forces, lam, power)
 
     @property
@@ -206,6 +213,19 @@ class System(eqx.Module):
     def with_commanded_loads(self, time: Scalar, q: Coordinates) -> "System":
         """The system whose loads have the commands of a state."""
         return self.with_commands(self.commands(time, q)) if self.controlled else self
+
+    def member_forces(
+        self, time: Instants, q: Coordinates, v: Coordinates, inertial: Coordinates
+    ) -> tuple[Coordinates, Power]:
+        """M vdot - Q of tethers and ring, and the power of loads and dissipations, for one or several
+        states. The hub's part is that of `inertial`."""
+        tether, power = self.tether_forces(time, q.tether, v.tether, inertial.tether)
+        if self.ring is None:
+            return Coordinates(tether, inertial.hub), power
+        found = self.ring.forces(q, v, inertial)
+        tether = tether.at[0, ..., -1, :].add(found.tips)
+        power = power._replace(dissipated=power.dissipated + found.dissipated)
+        return Coordinates(tether, inertial.hub, found.own), power
 
     def tether_forces(self, time: Instants, q: Nodal, v: Nodal, inertial: Nodal) -> tuple[Nodal, Power]:
         """M vdot - Q of the tethers, and the power of loads and dissipations, for one or several states."""
@@ -274,12 +294,23 @@ class System(eqx.Module):
     def momenta(self, v: Coordinates) -> Coordinates:
         """Momenta M v [kg m/s] conjugate to the coordinates."""
         hub = None if self.hub is None else matmul(self.hub.mass_matrix, v.hub)
-        return Coordinates(self.tethers.inertia(v.tether), hub)
+        return self.member_inertia(v)._replace(hub=hub)
+
+    def member_inertia(self, acceleration: Coordinates) -> Coordinates:
+        """Inertia forces M `acceleration` of tethers and ring; the hub's part is its acceleration."""
+        tether, own = self.tethers.inertia(acceleration.tether), None
+        if self.ring is not None:
+            tips, own = self.ring.inertia(acceleration)
+            tether = tether.at[0, :, -1].add(tips)
+        return Coordinates(tether, acceleration.hub, own)
 
     def momentum(self, v: Coordinates) -> Vector:
         """Total linear momentum [kg m/s]."""
         momenta = self.momenta(v)
         total = momenta.tether[0].sum((1, 2))
+        if momenta.ring is not None:
+            points = self.ring.uniform(jnp.ones(3))
+            total = total + (points * momenta.ring).sum((1, 2))
         return total if momenta.hub is None else total + momenta.hub.sum(0)
 
     # ---- constraints -----------------------------------------------------------------------
@@ -347,6 +378,12 @@ class System(eqx.Module):
             root = self.roots.to_inertial(time, self.roots.anchors, derivative)
         root = self.roots.releases.where_released(q.tether[0, :, 0], root)
         return q._replace(tether=q.tether.at[0, :, 0].set(root))
+
+
+def states_inside(x: Coordinates) -> Coordinates:
+    """Coordinates of several states, the first axis, with this axis where elements expect it."""
+    ring = None if x.ring is None else jnp.moveaxis(x.ring, 0, 1)
+    return Coordinates(jnp.moveaxis(x.tether, 0, 2), x.hub, ring)
 
 
 def add_fields(parts: list[PointFields]) -> PointFields:

@@ -224,6 +224,14 @@ class SummedDeformations(Term):
         return jax.tree.map(lambda *x: sum(x), *by_fields), to_fields(by_rate)[0]
 
 
+def inner_terms_of(energies: tuple[Term, ...], dissipations: tuple[Term, ...]) -> tuple[Term, ...]:
+    """Energies and dissipations; those that are functions of the invariants as one summed term."""
+    terms = (*energies, *dissipations)
+    summed = tuple(term for term in terms if isinstance(term, Deformation))
+    others = tuple(term for term in terms if not isinstance(term, Deformation))
+    return (SummedDeformations(summed), *others) if summed else others
+
+
 class Load(Term):
     """External force per undeformed length."""
 

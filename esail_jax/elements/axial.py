@@ -57,11 +57,11 @@ class TensionOnlyEnergy(AbstractAxialEnergy):
     so that W is twice differentiable, as Newton's method requires. The force is zero below eps = -w/2, and
     exactly EA eps above w/2.
 
-    width: w [-].
+    width: w [-], one for all or that of every element.
     """
 
     stiffness: PerElement
-    width: Scalar
+    width: Scalar | PerElement
     strain: Strain = eqx.field(static=True)
 
     name: ClassVar[str] = "tension only"

@@ -29,7 +29,8 @@ class MovingFrame(eqx.Module):
     def turned(self, q: Coordinates) -> Coordinates:
         """Returns Omega x r for every vector r."""
         tether = jnp.cross(self.spin, q.tether, axisb=1, axisc=1)
-        return Coordinates(tether, None if q.hub is None else jnp.cross(self.spin, q.hub))
+        ring = None if q.ring is None else jnp.cross(self.spin, q.ring, axisb=0, axisc=0)
+        return Coordinates(tether, None if q.hub is None else jnp.cross(self.spin, q.hub), ring)
 
     def velocity(self, q: Coordinates, rate: Coordinates) -> Coordinates:
         """Returns v of a motion x, x' in the frame."""
@@ -37,17 +38,18 @@ class MovingFrame(eqx.Module):
 
     def vdot(self, q: Coordinates, rate: Coordinates, second: Coordinates) -> Coordinates:
         """Returns vdot of a motion x, x', x'' in the frame. The acceleration a acts on points, not on
-        slopes."""
+        slopes; that of a ring's own points is added by `forces`."""
         coriolis = second.axpy(2.0, self.turned(rate)).axpy(1.0, self.turned(self.turned(q)))
         tether = coriolis.tether.at[0].add(self.acceleration[:, None, None])
         hub = None if coriolis.hub is None else coriolis.hub + self.acceleration
-        return Coordinates(tether, hub)
+        return Coordinates(tether, hub, coriolis.ring)
 
 
 def independent(system: System, q: Coordinates) -> Float[Array, " n"]:
     """Returns the independent coordinates y [m] of given coordinates."""
     tether = system.tethers.scale_slopes(q.tether)
     parts = [tether[:, :, 1:], tether[1:, :, 0]] + ([] if q.hub is None else [q.hub])
+    parts += [] if q.ring is None else [q.ring]
     return jnp.concatenate([part.reshape(-1) for part in parts])
 
 
@@ -63,8 +65,10 @@ def expanded(system: System, y: Float[Array, " n"], derivative: int = 0) -> Coor
     tether = jnp.concatenate([root[:, :, None], nodes], axis=2)
     if k == 2:
         tether = jnp.stack([tether[0], tether[1] / tethers.element_length])
-    hub = y[cuts[1] :].reshape(4, 3) if system.hub is not None else None
-    q = Coordinates(tether, hub)
+    hub, last = None, y[cuts[1] :]
+    if system.hub is not None:
+        hub, last = last[:12].reshape(4, 3), last[12:]
+    q = Coordinates(tether, hub, last.reshape(3, -1, p) if last.size else None)
     if derivative and system.hub is None:
         return q
     return system.place_roots(jnp.zeros(()), q)
@@ -83,7 +87,10 @@ def forces(
     time = jnp.zeros(())
     q = expanded(system, y)
     x1, x2 = (expanded(system, d, derivative=1) for d in (rate, second))
-    residual, _ = system.residual(time, q, frame.velocity(q, x1), frame.vdot(q, x1, x2), lam)
+    vdot = frame.vdot(q, x1, x2)
+    if vdot.ring is not None:
+        vdot = vdot._replace(ring=vdot.ring + system.ring.uniform(frame.acceleration))
+    residual, _ = system.residual(time, q, frame.velocity(q, x1), vdot, lam)
     return conjugate(system, residual.forces), residual.constraints
 
 
@@ -96,14 +103,21 @@ def conjugate(system: System, forces: Coordinates) -> Float[Array, " n"]:
 def uniform_inertia(system: System, acceleration: Vector) -> Float[Array, " n"]:
     """Returns M times a uniform acceleration of a system with a hub, conjugate to y [N]."""
     hub = system.hub.mass_matrix @ jnp.broadcast_to(acceleration, (4, 3))
-    tether = system.tethers.inertia(system.tethers.uniform(acceleration))
-    return conjugate(system, Coordinates(tether, hub))
+    inertia = system.member_inertia(uniform(system, acceleration))
+    return conjugate(system, inertia._replace(hub=hub))
+
+
+def uniform(system: System, vector: Vector) -> Coordinates:
+    """Returns coordinates with `vector` as every position of tethers and ring, and zero slopes; without
+    the hub."""
+    ring = None if system.ring is None else system.ring.uniform(vector)
+    return Coordinates(system.tethers.uniform(vector), None, ring)
 
 
 def translation(system: System, direction: Vector) -> Float[Array, " n"]:
     """Returns the displacement of y in a uniform translation of a system with a hub."""
     hub = jnp.broadcast_to(direction, (4, 3))
-    return independent(system, Coordinates(system.tethers.uniform(direction), hub))
+    return independent(system, uniform(system, direction)._replace(hub=hub))
 
 
 def rotation_about(system: System, spin: Vector, y: Float[Array, " n"]) -> Float[Array, " n"]:

@@ -260,8 +260,8 @@ def load_point(file: h5py.File) -> Point | None:
     group = file["final"]
 
     def coordinates(name: str) -> Coordinates:
-        hub = group[f"{name}/hub"][()] if "hub" in group[name] else None
-        return Coordinates(group[f"{name}/tether"][()], hub)
+        hub, ring = (group[name][x][()] if x in group[name] else None for x in ("hub", "ring"))
+        return Coordinates(group[f"{name}/tether"][()], hub, ring)
 
     work = Power(*(group[f"work/{name}"][()] for name in Power._fields))
     return Point(group["time"][()], coordinates("q"), coordinates("v"), work, group["exact"][()])

@@ -8,7 +8,9 @@ they are local unknowns. If the ports are loose (only without a border), all row
 released chain is free, too.
 
 The chains are condensed on their ports in O(blocks), the local unknowns are eliminated chain by chain, and
-a small dense system in the border remains. Absent parts are `None` and cost nothing.
+a small dense system in the border remains. Absent parts are `None` and cost nothing. Chains whose last
+blocks are joined by a ring of segments are solved in `ring.py`; `factor` and `solve` here are without
+segments.
 """
 
 from typing import NamedTuple
@@ -17,6 +19,7 @@ import jax.numpy as jnp
 
 from esail_jax.array_types import Array, Bool, Inexact
 from esail_jax.numerics import block_tridiagonal as chains
+from esail_jax.numerics.segments import Segments
 from esail_jax.numerics.small_matrices import inverse, joined, matmul, matvec_transposed, transpose
 
 HELD_ROWS = 3
@@ -33,6 +36,7 @@ class Bordered(NamedTuple):
     border: added to the border's equations; its unknowns are the points' coordinates, then others
     loose: () if nothing holds the ports (only without a border), else None
     released: tells which chains are released, if chains can be; their weights must be zero
+    segments: segment i joins the last blocks of chain i and of the next one, in a ring
     """
 
     diag: Inexact[Array, "block row row tether"]
@@ -45,6 +49,7 @@ class Bordered(NamedTuple):
     border: Inexact[Array, "border border"] | None = None
     loose: tuple[()] | None = None
     released: Bool[Array, " tether"] | None = None
+    segments: Segments | None = None
 
     @property
     def held(self) -> int:
@@ -63,11 +68,13 @@ class Vector(NamedTuple):
     blocks: all rows of all chains; block 0 of a solution is the port's displacement
     local: rows of the local unknowns other than the free rows
     border: rows of the border
+    ring: rows of the ring's segments; those of their ends are zero, as they belong to the chains
     """
 
     blocks: Inexact[Array, "block row tether"]
     local: Inexact[Array, "local tether"] | None = None
     border: Inexact[Array, " border"] | None = None
+    ring: Inexact[Array, "block row segment"] | None = None
 
 
 class PortFactors(NamedTuple):
@@ -131,8 +138,18 @@ def equilibrated_inverse(a: Inexact[Array, "n n"]) -> Inexact[Array, "n n"]:
 
 def factor_ports(matrix: Bordered, schur: Inexact[Array, "row row tether"]) -> PortFactors:
     """Eliminates the local unknowns and inverts the dense matrix of the border."""
+    factors, border = eliminate_ports(matrix, schur)
+    if border is not None:
+        factors = factors._replace(border_inverse=equilibrated_inverse(border).T)
+    return factors
+
+
+def eliminate_ports(
+    matrix: Bordered, schur: Inexact[Array, "row row tether"]
+) -> tuple[PortFactors, Inexact[Array, "border border"] | None]:
+    """Eliminates the local unknowns. Returns their factors and the matrix of the border that is left."""
     local, local_border, border_local, border = project(matrix, schur)
-    local_inverse = from_border = from_local = border_inverse = released_inverse = None
+    local_inverse = from_border = from_local = released_inverse = None
     if matrix.released is not None:
         released_inverse = transpose(inverse(schur))
     if local is not None:
@@ -143,9 +160,7 @@ def factor_ports(matrix: Bordered, schur: Inexact[Array, "row row tether"]) -> P
             from_border = transpose(from_border)
             from_local = matmul(border_local, local_inverse).transpose(1, 2, 0)
         local_inverse = transpose(local_inverse)
-    if border is not None:
-        border_inverse = equilibrated_inverse(border).T
-    return PortFactors(local_inverse, from_border, from_local, border_inverse, released_inverse)
+    return PortFactors(local_inverse, from_border, from_local, None, released_inverse), border
 
 
 def factor(matrix: Bordered) -> Factors:
@@ -188,20 +203,51 @@ def solve_ports(
     sides."""
     local, border = port_loads(matrix, port, rhs)
     if border is not None:
-        if local is not None:
-            loads = factors.border_from_local.reshape(-1, border.shape[0])
-            border = border - matvec_transposed(loads, local.reshape(-1))
-        border = matvec_transposed(factors.border_inverse, border)
+        border = matvec_transposed(factors.border_inverse, without_local(factors, local, border))
     if local is not None:
         local = matvec_transposed(factors.local_inverse, local)
-        if border is not None:
-            shared = jnp.broadcast_to(border[:, None], (len(border), local.shape[1]))
-            local = local - matvec_transposed(factors.local_from_border, shared)
+    return moved_by_border(matrix, factors, port, local, border)
+
+
+def without_local(
+    factors: PortFactors, local: Inexact[Array, "local tether"] | None, border: Inexact[Array, " border"]
+) -> Inexact[Array, " border"]:
+    """Returns the border's right-hand side after the elimination of the local unknowns. local: their
+    right-hand side."""
+    if local is None:
+        return border
+    loads = factors.border_from_local.reshape(-1, border.shape[0])
+    return border - matvec_transposed(loads, local.reshape(-1))
+
+
+def moved_by_border(
+    matrix: Bordered,
+    factors: PortFactors,
+    port: Inexact[Array, "row tether"],
+    local: Inexact[Array, "local tether"] | None,
+    border: Inexact[Array, " border"] | None,
+) -> tuple[Array, Array | None, Array | None]:
+    """Returns the ports' displacements, the other local unknowns and the border for the solution `border`.
+
+    port: the reduced right-hand sides. local: the local unknowns if the border does not move."""
+    if local is not None and border is not None:
+        shared = jnp.broadcast_to(border[:, None], (len(border), local.shape[1]))
+        local = local - matvec_transposed(factors.local_from_border, shared)
     displacement, extra = port_displacement(matrix, port, local, border)
-    if matrix.released is not None:
-        alone = matvec_transposed(factors.released_inverse, port)
-        displacement = jnp.where(matrix.released, alone, displacement)
-    return displacement, extra, border
+    return with_released(matrix, factors, port, displacement), extra, border
+
+
+def with_released(
+    matrix: Bordered,
+    factors: PortFactors,
+    port: Inexact[Array, "row tether"],
+    displacement: Inexact[Array, "row tether"],
+) -> Inexact[Array, "row tether"]:
+    """Returns the displacements of the ports, with those of released chains in place of the given ones."""
+    if matrix.released is None:
+        return displacement
+    alone = matvec_transposed(factors.released_inverse, port)
+    return jnp.where(matrix.released, alone, displacement)
 
 
 def solve(matrix: Bordered, factors: Factors, rhs: Vector) -> Vector:

@@ -1,173 +1,171 @@
-"""Direct solver for a bordered system whose chains are also coupled tip to tip, in a ring.
+"""Direct solver for a bordered system of chains whose last blocks are also joined, neighbour to neighbour,
+by the segments of a ring.
 
-The matrix is that of `bordered` with additional couplings between the last blocks x_i of neighbouring
-chains,
+The segments are condensed on their ends (`segments.py`). Their diagonal parts are added to the last blocks
+of the chains; what remains couples the positions x_i of neighbouring tips,
 
-    row of tip i:    ... + U_i x_{i+1} + L_i x_{i-1},        i modulo the number of chains p.
+    force on tip i:    (R x)_i = U_i x_{i+1} + L_i x_{i-1}        (i modulo the number of chains p),
 
-The first stage eliminates all unknowns except the tips and the border y, chain by chain: the blocks between
-port and tip, then the local unknowns. A ring of blocks remains, with columns A_i and rows B_i of y,
+in addition to the matrix of `bordered`. Let D_i be the displacement of tip i for a unit force there and P_i
+that for unit displacements of the border, both without R; Q_i the reduced right-hand side of the border for
+a unit force at tip i; and S the border's matrix after the elimination of the chains. Then
 
-    T_i x_i + U_i x_{i+1} + L_i x_{i-1} + A_i y = r_i,      sum_i B_i x_i + C y = s.
+    (1 + D R) x = x_0 + P y,        S y = s - Q R x,
 
-The second stage opens the ring at the first tip, which becomes part of the border. The other tips form a
-chain that begins at the first tip, and the coupling that closes the ring leads from the end of this chain
-back to it. Both stages solve a chain with two ends (`Span`): its port, and a far end that is coupled to its
-last block. The far end is the tip in the first stage and again the first tip in the second stage. The cost
-is O(chains * elements).
+where x_0 and s belong to the chains alone. The first is a cyclic chain of blocks of three (`cyclic.py`),
+the second a small dense system. The cost is O(chains * elements).
 """
 
-from functools import partial
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 
-from esail_jax.array_types import Array, Float
+from esail_jax.array_types import Array, Inexact
 from esail_jax.numerics import block_tridiagonal as chains
-from esail_jax.numerics import bordered
-from esail_jax.numerics.bordered import HELD_ROWS, Bordered, Vector
-from esail_jax.numerics.small_matrices import inverse, matmul, matvec
+from esail_jax.numerics import bordered, cyclic, segments
+from esail_jax.numerics.bordered import Bordered, Vector
+from esail_jax.numerics.segments import END
+from esail_jax.numerics.small_matrices import matmul, matvec, matvec_transposed
 
-
-class Ring(NamedTuple):
-    """Couplings of the tips: upper[i] = U_i, lower[i] = L_i. With one or two chains both refer to the same
-    tip and add up."""
-
-    upper: Float[Array, "row row tether"]
-    lower: Float[Array, "row row tether"]
-
-
-class Span(NamedTuple):
-    """Factors of a chain between its ends.
-
-    response: the blocks (block, row, end, ...) for unit values of the ends, without load
-    far_row:  coupling (row, row, ...) of the far end's row to the last block
-    """
-
-    chain: chains.ChainFactors
-    response: Array
-    far_row: Array
-
-
-class LocalFactors(NamedTuple):
-    """Factors that eliminate the local unknowns z, D z + E (y, x) = ...: D^{-1}, D^{-1} E and F D^{-1}. F z
-    is their term in the equations of their edges (y, x), the border and the chain's tip."""
-
-    inverse: Float[Array, "local local tether"]
-    from_edges: Float[Array, "local edge tether"]
-    to_edges: Float[Array, "edge local tether"]
+PerTip = Inexact[Array, "3 tether"]
 
 
 class RingFactors(NamedTuple):
-    """All factors that `solve` needs. border_rows: B_i; corner: inverse in (border, first tip)."""
+    """All factors that `solve` needs.
 
-    interior: Span
-    local: LocalFactors
-    tips: Span
-    border_rows: Float[Array, "border row tether"]
-    corner: Float[Array, "corner corner"]
+    tethers: factors of the chains and their ports. segments: None if segments have no unknowns of their own
+    upper, lower: U_i and L_i. cyclic: factors of 1 + D R
+    tip_chain, tip_port: what a unit force at the tip leaves of a chain and of its port's right-hand side
+    border_force: Q_i. tip_border: (1 + D R)^{-1} P. border_inverse: inverse of S + Q R (1 + D R)^{-1} P.
+    These three are None without a border.
+    """
 
-
-def factor_span(
-    blocks: tuple[Array, Array, Array],
-    columns: Float[Array, "block row end *batch"],
-    port: Float[Array, "row end *batch"],
-    far_row: Float[Array, "row row *batch"],
-) -> tuple[Span, Array, Array]:
-    """Factors a chain (diag, upper, lower) whose ends act on its blocks through `columns` and displace its
-    port by `port`. Also returns the chain's terms (row, end, ...) in the rows of its port and its far
-    end."""
-    chain, schur = chains.factor(*blocks)
-    own, carried = jax.vmap(partial(chains.reduce_to_port, chain), 2, (2, 1))(-columns)
-    response = jax.vmap(partial(chains.substitute_from_port, chain), (2, 1), 2)(own, port)
-    return Span(chain, response, far_row), matmul(schur, port) - carried, matmul(far_row, response[-1])
+    tethers: bordered.Factors
+    segments: segments.SegmentFactors | None
+    upper: Inexact[Array, "3 3 tether"]
+    lower: Inexact[Array, "3 3 tether"]
+    cyclic: cyclic.CyclicFactors
+    tip_chain: Inexact[Array, "link row 3 tether"]
+    tip_port: Inexact[Array, "row 3 tether"]
+    border_force: Inexact[Array, "border 3 tether"] | None
+    tip_border: Inexact[Array, "3 border tether"] | None
+    border_inverse: Inexact[Array, "border border"] | None
 
 
-def solve_span(span: Span, rhs: Float[Array, "block row *batch"]) -> tuple[Array, Array, Array]:
-    """Returns the blocks if the ends are at zero, the port's reduced right-hand side, and what the blocks
-    subtract from the far end's right-hand side."""
-    own, port = chains.reduce_to_port(span.chain, rhs)
-    blocks = chains.substitute_from_port(span.chain, own, jnp.zeros_like(port))
-    return blocks, port, matvec(span.far_row, blocks[-1])
+def next_tip(x: Array) -> Array:
+    """The values of the following tips."""
+    return jnp.roll(x, -1, axis=-1)
 
 
-def factor_interior(matrix: Bordered) -> tuple[Span, Float[Array, "end end tether"]]:
-    """Eliminates the blocks 1 ... N-1. Returns their span and the Schur complement in (port, tip)."""
-    m, p = matrix.diag.shape[-2:]
-    port = jnp.broadcast_to(jnp.eye(m, 2 * m)[:, :, None], (m, 2 * m, p))
-    columns = jnp.zeros((matrix.upper.shape[0], m, 2 * m, p)).at[-1, :, m:].set(matrix.upper[-1])
-    blocks = matrix.diag[:-1], matrix.upper[:-1], matrix.lower[:-1]
-    span, port_row, tip_row = factor_span(blocks, columns, port, matrix.lower[-1])
-    return span, jnp.concatenate([port_row, tip_row.at[:, m:].add(matrix.diag[-1])])
+def previous_tip(x: Array) -> Array:
+    """The values of the preceding tips."""
+    return jnp.roll(x, 1, axis=-1)
 
 
-def project(matrix: Bordered, schur: Float[Array, "end end tether"]) -> tuple[Array, ...]:
-    """Returns `bordered.project` with the tip as the first local unknown. Without a border the border's
-    blocks are empty."""
-    m, p = matrix.diag.shape[-2:]
+def coupling(upper: Array, lower: Array, x: PerTip) -> PerTip:
+    """R x, the forces on the tips for displacements of their neighbours."""
+    return matvec(upper, next_tip(x)) + matvec(lower, previous_tip(x))
 
-    def behind_tip(part, *axes):
-        return part if part is None else jnp.pad(part, [(m * (i in axes), 0) for i in range(3)])
 
-    shifted = matrix._replace(
-        local=behind_tip(matrix.local, 0, 1),
-        local_border=behind_tip(matrix.local_border, 0),
-        border_local=behind_tip(matrix.border_local, 1),
+def ports_alone(
+    matrix: Bordered, factors: bordered.PortFactors, port: Array, local: Array | None
+) -> tuple[Array, Array | None]:
+    """Displacements of the ports and local unknowns if the border does not move. local: right-hand side of
+    the local unknowns, free rows included."""
+    if local is not None:
+        local = matvec_transposed(factors.local_inverse, local)
+    displacement, _ = bordered.port_displacement(matrix, port, local, None)
+    return bordered.with_released(matrix, factors, port, displacement), local
+
+
+def factor(matrix: Bordered) -> RingFactors:
+    """Computes the factors of the whole matrix, which has segments."""
+    inside, ends = segments.factor(matrix.segments)
+    upper, lower = ends[:END, END:], previous_tip(ends[END:, :END])
+    own = ends[:END, :END] + previous_tip(ends[END:, END:])
+    alone = matrix._replace(diag=matrix.diag.at[-1, :END, :END].add(own), segments=None)
+    chain, schur = chains.factor(alone.diag, alone.upper, alone.lower)
+    ports, border = bordered.eliminate_ports(alone, schur)
+
+    n, m, _, p = alone.diag.shape
+    force = jnp.broadcast_to(jnp.eye(m, END, dtype=schur.dtype)[:, :, None], (m, END, p))
+    force = jnp.concatenate([jnp.zeros((n - 1, m, END, p), schur.dtype), force[None]])
+    tip_chain, tip_port = jax.vmap(lambda x: chains.reduce_to_port(chain, x), 2, (2, 1))(force)
+
+    def tip_of(own, port):
+        """Displacements of the tips."""
+        return chains.substitute_from_port(chain, own, port)[-1, :END]
+
+    def by_force(own, port):
+        local = None
+        if ports.local_inverse is not None:
+            local = jnp.pad(port[alone.held :], ((0, len(ports.local_inverse) - alone.free), (0, 0)))
+        displacement, _ = ports_alone(alone, ports, port, local)
+        return tip_of(own, displacement), chainwise_border(alone, ports, port, local)
+
+    compliance, border_force = jax.vmap(by_force, (2, 1), (1, 1))(tip_chain, tip_port)
+    ring = cyclic.factor(matmul(compliance, upper), matmul(compliance, lower))
+    tip_border = border_inverse = None
+    if border is not None:
+
+        def by_border(column):
+            local = None if ports.local_inverse is None else -ports.local_from_border[column]
+            unit = jnp.zeros(len(border), schur.dtype).at[column].set(1.0)
+            displacement, _ = bordered.port_displacement(alone, tip_port[:, 0], local, unit)
+            return tip_of(jnp.zeros_like(tip_chain[:, :, 0]), displacement)
+
+        loose_ends = jax.vmap(by_border, out_axes=1)(jnp.arange(len(border)))
+        tip_border = jax.vmap(lambda x: cyclic.solve(ring, x), 1, 1)(loose_ends)
+        back = jax.vmap(lambda x: coupling(upper, lower, x), 1, 1)(tip_border)
+        corner = border + jnp.einsum("akt,kbt->ab", border_force, back)
+        border_inverse = bordered.equilibrated_inverse(corner)
+    tethers = bordered.Factors(chain, ports)
+    return RingFactors(
+        tethers, inside, upper, lower, ring, tip_chain, tip_port, border_force, tip_border, border_inverse
     )
-    order = np.r_[:HELD_ROWS, m : 2 * m, HELD_ROWS:m]
-    local, *rest = bordered.project(shifted, schur[order][:, order])
+
+
+def chainwise_border(
+    matrix: Bordered, factors: bordered.PortFactors, port: Array, local: Array | None
+) -> Inexact[Array, "border tether"] | None:
+    """Right-hand sides of the border after the elimination of the local unknowns, one for each chain."""
     if matrix.border is None:
-        n = local.shape[0]
-        rest = [jnp.zeros((n, 0, p)), jnp.zeros((0, n, p)), jnp.zeros((0, 0))]
-    return local, *rest
-
-
-def factor(matrix: Bordered, ring: Ring) -> RingFactors:
-    """Computes the block LU factors of the whole matrix."""
-    interior, schur = factor_interior(matrix)
-    local, local_border, border_local, border = project(matrix, schur)
-    m, n = matrix.diag.shape[1], border.shape[0]
-
-    own = local[m:, m:]
-    own_inverse = inverse(own) if own.size else own  # a pinned truss has no local unknowns
-    from_edges = matmul(own_inverse, jnp.concatenate([local_border[m:], local[m:, :m]], axis=1))
-    to_local = jnp.concatenate([border_local[:, m:], local[:m, m:]])
-    change = matmul(to_local, from_edges)
-    border_rows = border_local[:, :m] - change[:n, n:]
-    tip_rows = jnp.concatenate([local_border[:m], local[:m, :m]], axis=1) - change[n:]
-
-    tip_rows, upper, lower = (jnp.moveaxis(x, -1, 0) for x in (tip_rows, *ring))
-    columns = tip_rows.at[:, :, n:].set(0.0).at[-1, :, n:].set(upper[-1])
-    blocks = tip_rows[:, :, n:], upper[:-1], lower[1:]
-    tips, *first_row = factor_span(blocks, columns, jnp.eye(m, n + m, n), lower[0])
-    border_row = jnp.einsum("bmt,tmc->bc", border_rows, tips.response)
-    border_row = border_row.at[:, :n].add(border - change[:n, :n].sum(-1))
-    corner = bordered.equilibrated_inverse(jnp.concatenate([border_row, sum(first_row)]))
-    eliminated = LocalFactors(own_inverse, from_edges, matmul(to_local, own_inverse))
-    return RingFactors(interior, eliminated, tips, border_rows, corner)
+        return None
+    points = (matrix.weights[:, None] * port[None, : bordered.HELD_ROWS]).reshape(-1, port.shape[-1])
+    border = jnp.pad(points, ((0, len(matrix.border) - len(points)), (0, 0)))
+    if local is not None:
+        border = border - jnp.einsum("ltb,lt->bt", factors.border_from_local, local)
+    return border
 
 
 def solve(matrix: Bordered, factors: RingFactors, rhs: Vector) -> Vector:
     """Returns the solution of matrix x = rhs. Of `matrix` only weights and shapes are read."""
-    n, _, p = factors.border_rows.shape
-    interior, port, from_tip = solve_span(factors.interior, rhs.blocks[:-1])
+    blocks, inside = rhs.blocks, None
+    if factors.segments is not None:
+        inside = segments.solve_own(factors.segments, rhs.ring)
+        ends = segments.end_rows(factors.segments, inside)
+        blocks = blocks.at[-1, :END].add(-ends[:END] - previous_tip(ends[END:]))
+    chain, ports = factors.tethers
+    own, port = chains.reduce_to_port(chain, blocks)
     local, border = bordered.port_loads(matrix, port, rhs)
-    local = jnp.zeros((0, p)) if local is None else local
-    border = jnp.zeros(0) if border is None else border
-    from_edges = matvec(factors.local.to_edges, local)
-
-    tip_rhs = rhs.blocks[-1] - from_tip - from_edges[n:]
-    tips, first, closing = solve_span(factors.tips, tip_rhs.T)
-    border = border - from_edges[:n].sum(1) - jnp.einsum("bmt,tm->b", factors.border_rows, tips)
-    corner = factors.corner @ jnp.concatenate([border, first - closing])
-    border, tips = corner[:n], (tips + factors.tips.response @ corner).T
-
-    edges = jnp.concatenate([jnp.broadcast_to(border[:, None], (n, p)), tips])
-    local = matvec(factors.local.inverse, local) - matvec(factors.local.from_edges, edges)
-    present = local if matrix.free else None, border if n else None
-    displacement, extra = bordered.port_displacement(matrix, port, *present)
-    ends = jnp.concatenate([displacement, tips])
-    blocks = interior + (factors.interior.response * ends[None, None]).sum(2)
-    return Vector(jnp.concatenate([blocks, tips[None]]), extra, present[1])
+    displacement, _ = ports_alone(matrix, ports, port, local)
+    tips = chains.substitute_from_port(chain, own, displacement)[-1, :END]
+    tips = cyclic.solve(factors.cyclic, tips)
+    if border is not None:
+        border = bordered.without_local(ports, local, border)
+        force = coupling(factors.upper, factors.lower, tips)
+        border = factors.border_inverse @ (border - jnp.einsum("bkt,kt->b", factors.border_force, force))
+        tips = tips + jnp.einsum("kbt,b->kt", factors.tip_border, border)
+    force = coupling(factors.upper, factors.lower, tips)
+    port = port - (factors.tip_port * force).sum(1)
+    own = own - (factors.tip_chain * force).sum(2)
+    local, _ = bordered.port_loads(matrix, port, rhs)
+    _, local = ports_alone(matrix, ports, port, local)
+    displacement, extra, _ = bordered.moved_by_border(matrix, ports, port, local, border)
+    ring = None
+    blocks = chains.substitute_from_port(chain, own, displacement)
+    if factors.segments is not None:
+        ends = jnp.concatenate([tips, next_tip(tips)])
+        ring = segments.with_ends(factors.segments, inside, ends)
+    return Vector(blocks, extra, border, ring)

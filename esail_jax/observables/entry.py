@@ -31,8 +31,11 @@ class Observable:
 
 
 def kinetic_energy(system: System, v: Coordinates) -> Scalar:
-    """Returns the kinetic energy T [J] of tethers, remote units and hub ([PGV] Eq. 21, 51)."""
-    energy = 0.5 * (v.tether * system.tethers.inertia(v.tether)).sum()
+    """Returns the kinetic energy T [J] of tethers, remote units, hub and ring ([PGV] Eq. 21, 51)."""
+    momenta = system.member_inertia(v)
+    energy = 0.5 * (v.tether * momenta.tether).sum()
+    if momenta.ring is not None:
+        energy = energy + 0.5 * (v.ring * momenta.ring).sum()
     if system.hub is not None:
         energy = energy + 0.5 * (v.hub * matmul(system.hub.mass_matrix, v.hub)).sum()
     return energy
@@ -41,7 +44,8 @@ def kinetic_energy(system: System, v: Coordinates) -> Scalar:
 def elastic_energy(system: System, q: Coordinates) -> Scalar:
     """Returns the elastic energy U [J] ([PGV] Eq. 23)."""
     fields = system.tethers.interpolate(q.tether)
-    return sum(system.integrate(term.density(fields)) for term in system.energies)
+    energy = sum(system.integrate(term.density(fields)) for term in system.energies)
+    return energy if system.ring is None else energy + system.ring.elastic_energy(q)
 
 
 def shape_of(axes: tuple[str, ...], sizes: Mapping[str, int]) -> tuple[int, ...]:

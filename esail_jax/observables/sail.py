@@ -157,6 +157,8 @@ OBSERVABLES = (
                lambda i: total_energy(i) - i.start_energy - i.work.external + i.work.dissipated),
     Observable("smallest_tether_distance", "m", "d_min", (), "remote units to other tethers",
                tether_distance),
+    Observable("auxiliary_tension", "N", "T_aux", TETHER, "mean axial force of a segment",
+               lambda i: i.system.ring.tension(i.q, i.v), needs="ring"),
     Observable("voltage", "V", "V_i", TETHER, "voltage law", voltage, needs="wind"),
 )  # fmt: skip
 
@@ -168,7 +170,7 @@ ON_REQUEST = (
 
 
 def listed(system: System) -> list[Observable]:
-    """The observables of a sail. Those that need a hub or the wind are left out without it."""
-    present = {"": True, "hub": system.hub is not None}
+    """The observables of a sail. Those that need a hub, a ring or the wind are left out without it."""
+    present = {"": True, "hub": system.hub is not None, "ring": system.ring is not None}
     present["wind"] = find_term(system.loads, CoulombThrust) is not None
     return [entry for entry in OBSERVABLES if present[entry.needs]]

@@ -17,8 +17,10 @@ from esail_jax.elements.axial import AxialDissipation, AxialEnergy, TensionOnlyE
 from esail_jax.elements.bending import STRAIGHT_TURN, BendingDissipation, BendingEnergy
 from esail_jax.elements.hinges import Hinges
 from esail_jax.elements.rigid_body import RigidBody
+from esail_jax.elements.ring import Ring
 from esail_jax.elements.tether import TetherBatch, per_element
 from esail_jax.environment.circular_orbit import CircularOrbit
+from esail_jax.equilibria.steady_ring import hanging, steady_ring
 from esail_jax.equilibria.steady_stretch import Line, along, steady_line, unstretched_line
 from esail_jax.joints import roots as joints
 from esail_jax.loads.coulomb import CoulombThrust
@@ -69,6 +71,7 @@ def build(structure: Structure, numbers: Numbers) -> Model:
         dissipations=terms[1],
         loads=loads,
         gravity=n.get("gravity.acceleration"),
+        ring=ring_of(structure, n) if structure.has("auxiliary_tethers") else None,
     )
     q, v, unbalanced = initial_state(structure, n, system, azimuth, start)
     return Model(system, q, v, unbalanced)
@@ -109,6 +112,31 @@ def tethers_of(structure: Structure, n: Numbers, loaded: bool) -> TetherBatch:
     )
 
 
+def ring_of(structure: Structure, n: Numbers) -> Ring:
+    """The ring of auxiliary tethers. Its strain is that of the tethers unless it has its own."""
+    elements = structure["auxiliary_tethers.elements"]
+    strain = structure["auxiliary_tethers.strain"] or structure["tethers.strain"]
+    area = n["auxiliary_tethers.area"]
+    axial = per_element(n["auxiliary_tethers.youngs_modulus"] * area, elements)
+    energy: Energy = AxialEnergy(axial, strain)
+    if structure.has("auxiliary_tethers.slack_strain"):
+        width = per_element(n["auxiliary_tethers.slack_strain"], elements)
+        energy = TensionOnlyEnergy(axial, width, strain)
+    dissipations: tuple[Dissipation, ...] = ()
+    if structure.has("auxiliary_tethers.axial_damping_time"):
+        time = per_element(n["auxiliary_tethers.axial_damping_time"], elements)
+        dissipations = (AxialDissipation(axial, time, strain),)
+    segments = TetherBatch(
+        element_length=n["auxiliary_tethers.length"] / elements,
+        line_density=area * n["auxiliary_tethers.density"],
+        tip_mass=jnp.zeros_like(area),
+        elements=elements,
+        kind=structure["auxiliary_tethers.element"],
+        fields_used=("r_x",),
+    )
+    return Ring(segments, (energy,), dissipations)
+
+
 def roots_of(
     structure: Structure, n: Numbers, hub: RigidBody | None, azimuth: PerTether, start: Rotation
 ) -> joints.HubRoots | joints.FrameRoots:
@@ -142,7 +170,15 @@ def initial_state(
     direction = jnp.cos(coning) * outward + jnp.sin(coning) * x_axis
     body = along(line, direction)
     body = body.at[0].add(radius * outward[:, None])
+    ring = None
+    if system.ring is not None and structure["initial.elongation"] == "paper":
+        ring = hanging(system.ring, body[0, :, -1])
+    elif system.ring is not None:
+        alone = unbalanced
+        body, ring, unbalanced = steady_ring(system, body, outward, radius, spin, coning)
+        unbalanced = jnp.where(jnp.isinf(alone), alone, unbalanced)
     tether = jnp.einsum("ib,kbnt->kint", start, body)
+    ring = None if ring is None else jnp.einsum("ib,bnt->int", start, ring)
     omega = joints.spin_vector(start, spin)
 
     def turned(vectors, axis):
@@ -152,7 +188,8 @@ def initial_state(
     if system.hub is not None:
         hub = system.hub.base_points @ start.T
         hub_velocity = turned(hub, 1)
-    q, v = Coordinates(tether, hub), Coordinates(turned(tether, 1), hub_velocity)
+    ring_velocity = None if ring is None else turned(ring, 0)
+    q, v = Coordinates(tether, hub, ring), Coordinates(turned(tether, 1), hub_velocity, ring_velocity)
     zero = jnp.zeros(())
     return system.place_roots(zero, q), system.place_roots(zero, v, derivative=1), unbalanced
 

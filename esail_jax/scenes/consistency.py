@@ -13,6 +13,7 @@ from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.sail_tables import (
     LAWS,
     OPTIONAL_LAW_KEYS,
+    AuxiliaryTethers,
     Event,
     Hub,
     Initial,
@@ -21,6 +22,9 @@ from esail_jax.scenes.sail_tables import (
     Voltage,
 )
 from esail_jax.scenes.tables import names_of, tables_of
+
+LEAST_RING = 3
+"""Least number of tethers that can be joined in a ring."""
 
 
 @runtime_checkable
@@ -36,6 +40,7 @@ class Parts(Protocol):
     solar_wind: SolarWind | ChainWind | None
     voltage: Voltage | ChainVoltage | None
     event: Event | None
+    auxiliary_tethers: AuxiliaryTethers | None
 
 
 def method_name(scene: Parts) -> str | None:
@@ -102,6 +107,9 @@ def check_sail(scene: Parts) -> None:
     if tethers.straight_turn is not None and tethers.bending_damping_time is None:
         must = "be left out without `tethers.bending_damping_time`"
         raise SceneError("tethers.straight_turn", must, "is given")
+    if scene.auxiliary_tethers is not None and tethers.count < LEAST_RING:
+        must = f"be {LEAST_RING} or more with [auxiliary_tethers]"
+        raise SceneError("tethers.count", must, f"is {tethers.count}")
     name = method_name(scene)
     method = METHODS.get(name)
     if method is not None and not method.sails:

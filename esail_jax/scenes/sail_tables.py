@@ -79,6 +79,41 @@ class Tethers:
 
 
 @table
+class AuxiliaryTethers:
+    """Tethers that join the tips of neighbouring main tethers into a ring: segment i those of the tethers i
+    and i + 1, the last one those of the last tether and the first. A number holds for all segments, a list
+    has one number per segment."""
+
+    length: PerMember = per_member(positive, unit="m", doc="Undeformed length of a segment.")
+    area: PerMember = declarations.area_of_section()
+    density: PerMember = per_member(positive, unit="kg/m^3", doc="Density of a segment's material.")
+    youngs_modulus: PerMember = per_member(
+        positive, unit="Pa", doc="Young's modulus of a segment's material."
+    )
+    axial_damping_time: PerMember | None = declarations.time_of_axial_damping(default=None)
+    element: ElementName = declare(
+        choice(ElementName),
+        unit="-",
+        doc="Kind of finite element: linear truss or cubic ANCF cable.",
+        default="truss",
+    )
+    elements: int = declare(positive_integer, unit="-", doc="Number of elements per segment.", default=1)
+    strain: StrainName | None = declare(
+        choice(StrainName),
+        unit="-",
+        doc="Measure of axial strain; without it that of the main tethers.",
+        default=None,
+    )
+    slack_strain: PerMember | None = per_member(
+        between("(0, 1)"),
+        unit="-",
+        doc="Strain over which the stiffness of a slack segment rises from 0 to EA; without it segments "
+        "can push.",
+        default=None,
+    )
+
+
+@table
 class RemoteUnits:
     """Point masses at the tips of the tethers."""
 

@@ -12,6 +12,7 @@ from esail_jax.scenes import chain_tables, common_tables, sail_tables
 SAIL_TABLES = {
     "hub": sail_tables.Hub,
     "tethers": sail_tables.Tethers,
+    "auxiliary_tethers": sail_tables.AuxiliaryTethers,
     "remote_units": sail_tables.RemoteUnits,
     "solar_wind": sail_tables.SolarWind,
     "voltage": sail_tables.Voltage,

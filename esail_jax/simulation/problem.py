@@ -146,6 +146,12 @@ def check_steady(scene: Scene, begun: Start) -> None:
     positions = np.asarray(q)
     radial = np.linalg.norm(positions[0, :, -1] - positions[0, :, 0], axis=0)
     bad = ~(unbalanced <= allowed) | ~np.isfinite(radial)
+    if bad.any() and begun.problem.system.ring is not None:
+        raise SceneError(
+            "auxiliary_tethers.length",
+            "leave the sail a steady start",
+            f"none was found at a spin rate of {spin} rad/s",
+        )
     if bad.any():
         raise SceneError(
             "initial.spin_rate",

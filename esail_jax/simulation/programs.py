@@ -133,4 +133,6 @@ def motion_log(motion: Motion) -> Log:
 def degrees_of_freedom(system: System) -> int:
     """Returns the number of coordinates; it depends on shapes only."""
     tethers = system.tethers
-    return 3 * tethers.coefs * (tethers.elements + 1) * tethers.count + 12 * (system.hub is not None)
+    vectors = tethers.coefs * (tethers.elements + 1)
+    vectors += 0 if system.ring is None else system.ring.own_vectors
+    return 3 * vectors * tethers.count + 12 * (system.hub is not None)

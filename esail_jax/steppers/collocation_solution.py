@@ -75,8 +75,9 @@ def solve_stages(
 
     infinite = jnp.asarray(jnp.inf)
     # All nodes of all tethers are on one axis: the compiler's loops over short axes are slow.
-    nodes = guess.vdot.tether.reshape(*guess.vdot.tether.shape[:-2], -1)
-    carried = guess._replace(vdot=guess.vdot._replace(tether=nodes))
+    flat = {"tether": guess.vdot.tether, "ring": guess.vdot.ring}
+    flat = {name: x.reshape(*x.shape[:-2], -1) for name, x in flat.items() if x is not None}
+    carried = guess._replace(vdot=guess.vdot._replace(**flat))
     carry = (carried, jnp.zeros((), int), infinite, infinite)
     unknowns, count, _, left = lax.while_loop(unfinished, iterate, carry)
     return jax.tree.map(reshaped, unknowns, guess), count, left

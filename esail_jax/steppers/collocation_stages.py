@@ -28,7 +28,7 @@ from jax import lax
 from esail_jax import iteration_matrix
 from esail_jax.array_types import Array, Complex, Float, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
-from esail_jax.numerics import bordered
+from esail_jax.numerics import bordered, structured
 from esail_jax.numerics.lobatto import Lobatto
 from esail_jax.numerics.lockstep import per_member_table
 from esail_jax.numerics.small_matrices import matmul
@@ -81,8 +81,8 @@ class FrozenFactors(NamedTuple):
     """The factors that serve for several steps: those of every mu (leading axis), those of the mass matrix
     for the projection, and the axes in which they were made. shape: one of the matrices, for its layout."""
 
-    stages: bordered.Factors
-    mass: bordered.Factors
+    stages: structured.Factors
+    mass: structured.Factors
     shape: bordered.Bordered
     axes: Axes
 
@@ -169,7 +169,7 @@ def factor(system: System, start: StepEnd, h: Scalar, lam: Multipliers) -> Froze
             return m + s**2 * (mk - m) + s * (mkc - mk)
 
         matrices = (x._replace(weights=None, released=None) for x in (inert, stiff, moving))
-        return bordered.factor(jax.tree.map(combined, *matrices)._replace(**layout))
+        return structured.factor(jax.tree.map(combined, *matrices)._replace(**layout))
 
     # The mass matrix is that of mu = 0.
     factors = jax.vmap(of_rate)(jnp.asarray(np.append(TABLE.rates, 0.0)))
@@ -191,7 +191,7 @@ def correction(system: System, residual: Residual, turns: Turn, factors: FrozenF
 
     member = factors.axes.hub
     rhs = jax.tree.map(lambda x: split(x, member), jax.vmap(to_rhs)(residual, turns))
-    solution = jax.vmap(lambda one, rhs: bordered.solve(factors.shape, one, rhs))(factors.stages, rhs)
+    solution = jax.vmap(lambda one, rhs: structured.solve(factors.shape, one, rhs))(factors.stages, rhs)
     solution = jax.tree.map(lambda z: mix(z, member), solution)
 
     def from_solution(solution, turn):
@@ -230,7 +230,7 @@ def on_constraints(
 
         def corrected(x, defect):
             rhs = iteration_matrix.to_vector(system, nothing, jax.tree.map(jnp.negative, defect))
-            solution = bordered.solve(factors.shape, factors.mass, rhs)
+            solution = structured.solve(factors.shape, factors.mass, rhs)
             change, _ = iteration_matrix.from_vector(system, solution)
             return jax.tree.map(jnp.add, x, change.rotate(turned))
 
@@ -275,5 +275,8 @@ def rounding(q: Coordinates) -> Float[Array, "2"]:
 def largest(system: System, change: Coordinates, unit: Float[Array, "2"]) -> Scalar:
     """Returns the largest change of a position (slopes times l), in units for tethers and for the hub."""
     nodes = greatest(greatest(system.tethers.scale_slopes(change.tether)))
-    size = nodes.max() / unit[0]
+    size = nodes.max()
+    if change.ring is not None:
+        size = jnp.maximum(size, jnp.abs(change.ring).max())
+    size = size / unit[0]
     return size if change.hub is None else jnp.maximum(size, jnp.abs(change.hub).max() / unit[1])

@@ -16,7 +16,7 @@ from esail_jax import iteration_matrix
 from esail_jax.array_types import Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.iteration_matrix import FactoredMass
-from esail_jax.numerics import bordered
+from esail_jax.numerics import structured
 from esail_jax.system import Power, System
 
 
@@ -44,14 +44,13 @@ def consistent_motion(
         rest = system.place_roots(time, rest, derivative=2)
     at_rest = system.relative_to_free_fall(q, v, rest)
     commanded = system.with_commanded_loads(time, q)
-    tether, power = commanded.tether_forces(time, q.tether, v.tether, at_rest.tether)
-    loads = Coordinates(tether, at_rest.hub)
+    loads, power = commanded.member_forces(time, q, v, at_rest)
     residual, _ = system.complete_residual(time, q, v, loads, system.no_multipliers(), power)
     phi_ddot = system.constraint_acceleration(time, q, v, rest)
     matrix, factors = iteration_matrix.factor_mass(system, time, q) if mass is None else mass
     rhs = iteration_matrix.to_vector(system, *jax.tree.map(jnp.negative, (residual.forces, phi_ddot)))
-    vdot, lam = iteration_matrix.from_vector(system, bordered.solve(matrix, factors, rhs))
-    moving = loads.axpy(1.0, Coordinates(system.tethers.inertia(vdot.tether), vdot.hub))
+    vdot, lam = iteration_matrix.from_vector(system, structured.solve(matrix, factors, rhs))
+    moving = loads.axpy(1.0, system.member_inertia(vdot))
     residual, power = system.complete_residual(time, q, v, moving, lam, power)
     return ConsistentMotion(jax.tree.map(jnp.add, rest, vdot), lam, residual.forces, power)
 
@@ -82,7 +81,7 @@ def project(
 
     def corrected(x, defect):
         rhs = iteration_matrix.to_vector(system, nothing, jax.tree.map(jnp.negative, defect))
-        step, _ = iteration_matrix.from_vector(system, bordered.solve(matrix, factors, rhs))
+        step, _ = iteration_matrix.from_vector(system, structured.solve(matrix, factors, rhs))
         return jax.tree.map(jnp.add, x, step)
 
     q = corrected(q, system.constraints(time, q))

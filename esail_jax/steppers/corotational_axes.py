@@ -42,7 +42,8 @@ class Turn(NamedTuple):
 
         R x + sum_k far_k (near_k . x).
 
-    The position of a held root rotates with the hub only: free_mask is 0 for it and 1 for all others."""
+    The position of a held root rotates with the hub only: free_mask is 0 for it and 1 for all others. So do
+    the own vectors of auxiliary tethers, which are soft."""
 
     hub: Rotation
     near: tuple[Directions, Directions]
@@ -56,7 +57,8 @@ class Turn(NamedTuple):
         for near, far in zip(self.near, self.far, strict=True):
             turned = turned + far * (self.free_mask * (near * flat).sum(1))[:, None]
         hub = None if x.hub is None else matmul(x.hub, self.hub.T)
-        return Coordinates(turned.reshape(x.tether.shape), hub)
+        ring = None if x.ring is None else (self.hub[:, :, None, None] * x.ring[None]).sum(1)
+        return Coordinates(turned.reshape(x.tether.shape), hub, ring)
 
     def to_reference(self, x: Coordinates) -> Coordinates:
         """Returns vectors rotated from the current axes to the reference ones."""

@@ -24,7 +24,7 @@ from jax import lax
 from esail_jax import iteration_matrix
 from esail_jax.array_types import Float, Instants, Rotation, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
-from esail_jax.numerics import bordered
+from esail_jax.numerics import bordered, structured
 from esail_jax.numerics.quadrature import gauss_legendre
 from esail_jax.steppers.fixed_step import FixedStep
 from esail_jax.steppers.fixed_step_solution import solve_step
@@ -121,7 +121,7 @@ class EnergyMomentum(FixedStep):
         h = self.step_size
         middle, end = q.axpy(0.5 * h, v), q.axpy(h, v)
         matrix = self.matrix(system, time + 0.5 * h, middle, v, lam, time + h, end)
-        return FrozenFactors(matrix, bordered.factor(matrix), system.rotation(time, q))
+        return FrozenFactors(matrix, structured.factor(matrix), system.rotation(time, q))
 
     def matrix(
         self,
@@ -174,6 +174,10 @@ class EnergyMomentum(FixedStep):
         start = system.tethers.interpolate(q0.tether)
         secants = tuple(Secant(term, start) for term in system.energies)
         system = dataclasses.replace(system, energies=secants)
+        if system.ring is not None:
+            begun = system.ring.segments.interpolate(system.ring.nodal(q0))
+            secants = tuple(Secant(term, begun) for term in system.ring.energies)
+            system = dataclasses.replace(system, ring=dataclasses.replace(system.ring, energies=secants))
         return Middle(system, end - 0.5 * h, q0.axpy(0.5 * h, u), u, w)
 
     def residual(
@@ -218,7 +222,7 @@ class EnergyMomentum(FixedStep):
         made, time, q, u, _ = self.middle(system, end, q0, v0, unknowns.vdot)
         q1, _ = self.end_of_step(system, end, q0, v0, unknowns.vdot)
         matrix = self.matrix(made, time, q, u, unknowns.lam, end, q1)
-        return FrozenFactors(matrix, bordered.factor(matrix), jnp.eye(3))
+        return FrozenFactors(matrix, structured.factor(matrix), jnp.eye(3))
 
     def tolerances(self, system: System, q: Coordinates) -> Float[jax.Array, "2"]:
         """Returns the largest last increments [m] of a converged step, of tether nodes and of the hub."""

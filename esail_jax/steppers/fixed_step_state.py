@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from esail_jax import iteration_matrix
 from esail_jax.array_types import Array, Float, Int, Rotation, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
-from esail_jax.numerics import bordered
+from esail_jax.numerics import bordered, structured
 from esail_jax.steppers.results import RESULTS
 from esail_jax.steppers.step_error import StepErrors
 from esail_jax.steppers.stepper import AbstractState
@@ -101,7 +101,7 @@ class FrozenFactors(NamedTuple):
     """An iteration matrix, its factors, and the attitude at which it was assembled."""
 
     matrix: bordered.Bordered
-    factors: bordered.Factors
+    factors: structured.Factors
     rotation: Rotation
 
     def solve(
@@ -110,5 +110,5 @@ class FrozenFactors(NamedTuple):
         """Returns (dq, s dlam) for a right-hand side in inertial axes. turned: the rotation from the
         attitude of the factors to the present one."""
         rhs = iteration_matrix.to_vector(system, forces.rotate(turned.T), constraints)
-        dq, dlam = iteration_matrix.from_vector(system, bordered.solve(self.matrix, self.factors, rhs))
+        dq, dlam = iteration_matrix.from_vector(system, structured.solve(self.matrix, self.factors, rhs))
         return dq.rotate(turned), dlam

@@ -18,7 +18,7 @@ from jax import lax
 from esail_jax import iteration_matrix
 from esail_jax.array_types import Float, Rotation, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
-from esail_jax.numerics import bordered
+from esail_jax.numerics import structured
 from esail_jax.numerics.lockstep import select
 from esail_jax.steppers.fixed_step import FixedStep
 from esail_jax.steppers.fixed_step_solution import solve_step
@@ -98,7 +98,7 @@ class GeneralizedAlpha(FixedStep):
         c = self.parameters
         rate_factor = c.gamma / (self.step_size * c.beta)
         matrix = iteration_matrix.tangent(system, time, q, v, lam, self._q_share, rate_factor)
-        return FrozenFactors(matrix, bordered.factor(matrix), system.rotation(time, q))
+        return FrozenFactors(matrix, structured.factor(matrix), system.rotation(time, q))
 
     def predict(self, state: StepState) -> tuple[Coordinates, Coordinates, Coordinates]:
         """Returns q, v and a at the end of the step without the contribution of vdot_{n+1}."""

@@ -25,6 +25,7 @@ STRUCTURE = (
     "tethers.count", "tethers.elements", "tethers.element", "tethers.strain", "tethers.bending",
     "tethers.root", "integrator.method", "integrator.step", "integrator.t_end", "output.interval",
     "initial.elongation", "event.time", "event.release", "voltage.law",
+    "auxiliary_tethers.element", "auxiliary_tethers.elements", "auxiliary_tethers.strain",
 )  # fmt: skip
 """Keys that determine the structure, the saved instants or the events, and so cannot be traced."""
 
@@ -45,11 +46,19 @@ LAW_OF = {
 """The overrides that a key of [voltage] requires."""
 
 
+RING = {"tethers.count": 3} | {
+    f"auxiliary_tethers.{name}": 1.0 for name in ("length", "area", "density", "youngs_modulus")
+}
+"""A ring of auxiliary tethers with the keys that it requires."""
+
+
 def beside(key: str) -> dict:
     """Returns the overrides that a key requires."""
     table, name = key.split(".")
     if table == "event":
         return EVENT
+    if table == "auxiliary_tethers":
+        return RING
     if name == "straight_turn":
         return {"tethers.bending_damping_time": 1.0}
     return LAW_OF.get(name, {}) if table == "voltage" else {}
@@ -176,6 +185,8 @@ def test_every_key_can_be_overridden(key, sail):
         "event.time": (5.0,), "event.release": (2,), "solar_wind.time": (0.0, 1e9),
         "voltage.law": "harmonic", "voltage.cosine": (0.5,), "voltage.sine": (0.5,),
         "voltage.time": (0.0, 1.0), "voltage.table": (0.5, 0.25),
+        "auxiliary_tethers.element": "cable", "auxiliary_tethers.elements": 2,
+        "auxiliary_tethers.strain": "engineering",
     }  # fmt: skip
     value = values.get(key, 0.125)
     extra = {"tethers.second_moment": 2e-18} if key == "tethers.bending" else {}
@@ -247,7 +258,8 @@ def test_physical_numbers_may_be_lists_one_per_tether(key, sail):
 @pytest.mark.parametrize("key", STRUCTURE)
 def test_a_tracer_is_refused_for_structure_by_name(key, sail):
     def program(x):
-        sail.replace((EVENT if key.startswith("event") else {}) | {key: x})
+        parts = {"event": EVENT, "auxiliary_tethers": RING}
+        sail.replace(parts.get(key.partition(".")[0], {}) | {key: x})
         return x
 
     with pytest.raises(esail.SceneError, match=f"`{key}` must be a plain Python value"):

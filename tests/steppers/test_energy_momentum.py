@@ -109,7 +109,7 @@ def kicked(overrides):
 def kept(system, q, v):
     """Returns energy [J], momentum [kg m/s] and angular momentum about the origin [kg m^2/s]."""
     momenta = system.momenta(v)
-    kinetic = 0.5 * sum(jnp.vdot(x, p) for x, p in zip(v, momenta, strict=True))
+    kinetic = 0.5 * sum(jnp.vdot(x, p) for x, p in zip(*map(jax.tree.leaves, (v, momenta)), strict=True))
     fields = system.tethers.interpolate(q.tether)
     energy = kinetic + system.integrate(sum(term.density(fields) for term in system.energies))
     moment = jnp.cross(q.tether, momenta.tether, axis=1).sum((0, 2, 3))

@@ -1,7 +1,8 @@
 """A bordered matrix written out in full, entry by entry, in NumPy.
 
-The module does not use chains, ports or rings. Every block row is written, also those of the roots; the
-roots are then expressed by the border's points, x = E z, E^T A E z = E^T b.
+The module does not use chains, ports or rings. Every block row is written, also those of the roots and of
+both ends of a ring's segments; the roots are then expressed by the border's points, and the ends of
+segments by the last blocks of the chains, x = E z, E^T A E z = E^T b.
 """
 
 import itertools
@@ -12,21 +13,24 @@ from esail_jax.numerics.bordered import Vector
 
 
 class Dense:
-    """Numbering of all unknowns, (tether, block, row), then the extra ones, then the border; and the
-    matrices made with it."""
+    """Numbering of all unknowns, (tether, block, row), then the extra ones, then those of the segments
+    (segment, block, row), then the border; and the matrices made with it."""
 
     def __init__(self, matrix):
         blocks, size, _, p = matrix.diag.shape
         extra = 0 if matrix.local is None else matrix.local.shape[0] - (size - 3)
         border = 0 if matrix.border is None else len(matrix.border)
-        count = p * (blocks * size + extra) + border
+        ring = (0, 0) if matrix.segments is None else matrix.segments.diag.shape[:2]
+        count = p * (blocks * size + extra + ring[0] * ring[1]) + border
         numbers = np.arange(count)
-        self.blocks = numbers[: p * blocks * size].reshape(p, blocks, size)
-        self.extra = numbers[p * blocks * size : count - border].reshape(p, extra)
+        cuts = p * blocks * size, p * (blocks * size + extra)
+        self.blocks = numbers[: cuts[0]].reshape(p, blocks, size)
+        self.extra = numbers[cuts[0] : cuts[1]].reshape(p, extra)
+        self.ring = numbers[cuts[1] : count - border].reshape(p, *ring)
         self.border = numbers[count - border :]
         self.count = count
 
-    def matrix(self, matrix, tips):
+    def matrix(self, matrix):
         """A in all rows and columns."""
         a = np.zeros((self.count, self.count))
         p, last = self.blocks.shape[0], self.blocks.shape[1] - 1
@@ -43,22 +47,35 @@ class Dense:
             if matrix.local_border is not None:
                 a[np.ix_(local, self.border)] += matrix.local_border[:, :, i]
                 a[np.ix_(self.border, local)] += matrix.border_local[:, :, i]
-            if tips is not None:
-                after, before = self.blocks[(i + 1) % p, last], self.blocks[(i - 1) % p, last]
-                a[np.ix_(rows[last], after)] += tips.upper[:, :, i]
-                a[np.ix_(rows[last], before)] += tips.lower[:, :, i]
+            for k, here in enumerate(self.ring[i]):
+                a[np.ix_(here, here)] += matrix.segments.diag[k, :, :, i]
+            for k, pair in enumerate(itertools.pairwise(self.ring[i])):
+                a[np.ix_(*pair)] += matrix.segments.upper[k, :, :, i]
+                a[np.ix_(*pair[::-1])] += matrix.segments.lower[k, :, :, i]
         if matrix.border is not None:
             a[np.ix_(self.border, self.border)] += matrix.border
         return a
 
     @property
+    def ends(self):
+        """The positions of both ends of all segments, and those of the tips that they are."""
+        ends = np.concatenate([self.ring[:, :1, :3].reshape(-1), self.ring[:, -1:, :3].reshape(-1)])
+        tips = self.blocks[:, -1, :3]
+        both = np.concatenate([tips.reshape(-1), np.roll(tips, -1, axis=0).reshape(-1)])
+        return ends, both[: len(ends)]
+
+    @property
     def held(self):
-        """The positions of the roots."""
-        return self.blocks[:, 0, :3].reshape(-1)
+        """The positions of the roots and of the ends of segments."""
+        return np.concatenate([self.blocks[:, 0, :3].reshape(-1), self.ends[0]])
 
     def roots_held(self, matrix):
-        """E: the held rows follow the border's points, or stay where they are."""
+        """E: the held rows follow the border's points, or stay where they are; ends of segments follow the
+        tips."""
         e = np.eye(self.count)
+        ends, tips = self.ends
+        e[ends, ends] = 0.0
+        e[ends, tips] = 1.0
         for i, root in enumerate(self.blocks[:, 0, :3]):
             e[root, root] = 0.0
             if matrix.weights is not None:
@@ -73,20 +90,23 @@ class Dense:
             flat[self.extra] = np.transpose(vector.local)
         if vector.border is not None:
             flat[self.border] = vector.border
+        if vector.ring is not None:
+            flat[self.ring] = np.moveaxis(vector.ring, -1, 0)
         return flat
 
     def unflatten(self, flat):
         """The inverse of `flatten`, of the last axis of an array."""
         blocks = np.moveaxis(flat[..., self.blocks], -3, -1)
         local = np.swapaxes(flat[..., self.extra], -1, -2) if self.extra.size else None
-        return Vector(blocks, local, flat[..., self.border] if self.border.size else None)
+        ring = np.moveaxis(flat[..., self.ring], -3, -1) if self.ring.size else None
+        return Vector(blocks, local, flat[..., self.border] if self.border.size else None, ring)
 
-    def independent(self, matrix, tips=None):
+    def independent(self, matrix):
         """E^T A E."""
         e = self.roots_held(matrix)
-        return e.T @ self.matrix(matrix, tips) @ e
+        return e.T @ self.matrix(matrix) @ e
 
-    def solver(self, matrix, tips):
+    def solver(self, matrix):
         """The map from right-hand sides to solutions, in all rows."""
-        e, a = self.roots_held(matrix), self.independent(matrix, tips)
+        e, a = self.roots_held(matrix), self.independent(matrix)
         return lambda rhs: e @ np.linalg.solve(a, e.T @ rhs)

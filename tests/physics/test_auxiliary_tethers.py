@@ -1,0 +1,404 @@
+"""Auxiliary tethers: exact cases, an independent simulator, conservation, and derivatives."""
+
+import numpy as np
+import pytest
+
+import esail_jax as esail
+from support.ring_sail import TIGHT, reference, ring_scene
+
+REFERENCE = "independent NumPy code (`support/ring_reference.py`), Dormand & Prince 8(5,3)"
+
+RINGS = {
+    "trusses": {"auxiliary_tethers.elements": 2},
+    "cables": {
+        "auxiliary_tethers.element": "cable",
+        "tethers.element": "cable",
+        "tethers.elements": 1,
+        # Less damping: the explicit reference keeps overdamped slopes at its stability limit.
+        "tethers.axial_damping_time": 0.02,
+        "auxiliary_tethers.axial_damping_time": [0.02, 0.03, 0.02, 0.01, 0.02],
+    },
+    "slack": {
+        # Voltages that pull the tips apart by metres: two segments go slack and taut again.
+        "auxiliary_tethers.slack_strain": [1e-4, 2e-4, 1e-4, 3e-4, 1e-4],
+        "auxiliary_tethers.length": [1174.0, 1180.0, 1176.0, 1181.0, 1174.5],
+        "auxiliary_tethers.strain": "green-lagrange",
+    },
+}
+
+
+def range_errors(solution, exact):
+    """Largest error of every signal over the range of that signal, over time and components."""
+    return {
+        name: np.abs(np.asarray(solution[name]) - values).max() / np.ptp(values)
+        for name, values in exact.items()
+    }
+
+
+@pytest.mark.parametrize(
+    "ring", [ring if ring == "slack" else pytest.param(ring, marks=pytest.mark.slow) for ring in RINGS]
+)
+def test_run_follows_an_independent_integration(ring, validate):
+    """Every signal of five unequal tethers with a ring agrees with the independent code to 1e-6 of its
+    range.
+
+    Measured: positions 1e-13, tensions 1e-7, dissipated power, which is small, 1e-7."""
+    scene = ring_scene(RINGS[ring] | TIGHT)
+    solution = esail.simulate(scene)
+    exact = reference(scene).run(np.asarray(solution.time))
+    found = range_errors(solution, exact)
+    worst = max(found, key=found.get)
+    quantity = f"worst of {len(found)} signals / range"
+    validate(
+        f"RING-{ring}", f"five unequal tethers, ring of {ring}", REFERENCE, quantity, found[worst], 1e-6
+    )
+
+
+@pytest.mark.slow
+def test_methods_with_fixed_steps_are_of_second_order():
+    """The errors of generalized-alpha and energy-momentum fall by 3.5 to 4.5 for half the step (order two:
+    4), with a ring of two trusses per segment."""
+    scene = {"auxiliary_tethers.elements": 2, "integrator.t_end": 16.0}
+    exact = reference(ring_scene(scene | TIGHT)).run(np.arange(0.0, 17.0, 8.0))
+    for method in ("generalized-alpha", "energy-momentum"):
+        found = []
+        for step, stride in ((0.1, 1), (0.05, 2)):
+            # The same number of steps between saved instants, so that both runs share one program.
+            settings = {"integrator.method": method, "integrator.step": step, "output.interval": 80 * step}
+            run = esail.simulate(ring_scene(scene | settings))
+            tips, tension = (np.asarray(run[x])[::stride] for x in ("tip_position_I", "auxiliary_tension"))
+            size = np.abs(tips - exact["tip_position_I"]).max()
+            found.append((size, np.abs(tension - exact["auxiliary_tension"]).max()))
+        ratios = np.divide(*found)
+        assert ((ratios > 3.5) & (ratios < 4.5)).all(), (method, ratios)
+
+
+# ---- exact cases --------------------------------------------------------------------------------
+
+EQUAL = {
+    "tethers.count": 6,
+    "tethers.length": 1000.0,
+    "tethers.elements": 1,
+    "tethers.density": 1e-3,
+    "tethers.axial_damping_time": None,
+    "auxiliary_tethers.length": 990.0,
+    "auxiliary_tethers.area": 3e-9,
+    "auxiliary_tethers.density": 1e-3,
+    "auxiliary_tethers.axial_damping_time": None,
+    "remote_units.mass": 0.5,
+    "solar_wind.speed": None,
+    "solar_wind.number_density": None,
+    "solar_wind.cutoff_voltage": None,
+    "voltage.value": None,
+    "initial.spin_rate": 0.05,
+    "integrator.t_end": 40.0,
+    "output.interval": 0.5,
+}
+"""Six equal point masses on all but massless springs: an exact ring. EA of the tethers is 29.96 N, that of
+the ring 15 N."""
+
+
+def ring_of_points(scene):
+    """Radius [m] of the masses, tension [N] of the segments and breathing frequency [rad/s] about it.
+
+    With rho the radius, chord c = 2 rho sin(pi/p) and Green-Lagrange springs, N(x, L) = EA ((x/L)^2 - 1)/2
+    (x/L) is the force of a spring of length x. Balance: N_t(rho - R) + 2 N_a(c) sin(pi/p) = m rho w^2.
+    Breathing with constant angular momentum per mass: m s'' = -(dN_t + 4 dN_a sin^2(pi/p) + 3 m w^2) s."""
+    import scipy.optimize
+
+    t, a = scene.tethers, scene.auxiliary_tethers
+    p, m, w = t.count, scene.remote_units.mass, scene.initial.spin_rate
+    sine, radius = np.sin(np.pi / p), scene.hub.radius
+
+    def force(x, length, axial):
+        return 0.5 * axial * ((x / length) ** 2 - 1.0) * x / length
+
+    def slope(x, length, axial):
+        return 0.5 * axial * (3.0 * (x / length) ** 2 - 1.0) / length
+
+    stiff = (t.youngs_modulus * t.area, a.youngs_modulus * a.area)
+
+    def left(rho):
+        pull = force(rho - radius, t.length, stiff[0]) + 2.0 * sine * force(
+            2 * rho * sine, a.length, stiff[1]
+        )
+        return pull - m * rho * w**2
+
+    rho = scipy.optimize.brentq(left, 500.0, 2000.0, xtol=1e-12)
+    breathing = slope(rho - radius, t.length, stiff[0]) + 4.0 * sine**2 * slope(
+        2 * rho * sine, a.length, stiff[1]
+    )
+    return rho, force(2 * rho * sine, a.length, stiff[1]), np.sqrt(breathing / m + 3.0 * w**2)
+
+
+def test_ring_of_point_masses_in_equilibrium(validate):
+    """Equal masses on springs stay at the radius at which tethers and ring balance the centrifugal force.
+
+    1e-8 allows for the springs' own mass, 1e-9 of that of the units."""
+    scene = ring_scene(EQUAL)
+    rho, tension, _ = ring_of_points(scene)
+    run = esail.simulate(scene)
+    distance = np.linalg.norm(np.asarray(run["tip_position_I"]), axis=-1)
+    case, exact = "six equal masses joined by springs", "closed form: N_t + 2 N_a sin(pi/p) = m r w^2"
+    validate("RING-1", case, exact, "radius, relative", np.abs(distance / rho - 1.0).max(), 1e-8)
+    error = np.abs(np.asarray(run["auxiliary_tension"]) / tension - 1.0).max()
+    validate("RING-2", case, exact, "tension, relative", error, 1e-7)
+    assert tension > 0.1
+
+
+@pytest.mark.parametrize("element", ["truss", pytest.param("cable", marks=pytest.mark.slow)])
+def test_breathing_of_a_ring_of_point_masses(element, validate):
+    """The masses breathe with the frequency of springs and spin, if the spin is not that of the start.
+
+    The hub is heavy and turns on at the changed rate, so that the tethers lag a little: each keeps its
+    angular momentum but for the moment N R / rho of the hub's radius R = 1 mm. The amplitude is 1e-6 of the
+    radius; 2e-4 allows for the frequency from crossings of a sampled curve."""
+    from esail_jax.scenes.build import build_jitted
+    from esail_jax.scenes.structure import split
+    from esail_jax.steppers.stepper import Point
+    from esail_jax.system import Power
+
+    scene = ring_scene(EQUAL | {"auxiliary_tethers.element": element, "hub.radius": 1e-3})
+    rho, _, rate = ring_of_points(scene)
+    model = build_jitted(*split(scene))
+    zero = np.zeros(())
+    v = model.v._replace(**{k: 1.00001 * x for k, x in model.v._asdict().items() if x is not None})
+    start = Point(zero, model.q, v, Power(zero, zero), np.asarray(True))
+    run = esail.simulate(scene, start=start)
+    distance = np.linalg.norm(np.asarray(run["tip_position_I"])[:, 0], axis=-1)
+    # Least squares for the frequency: mean, cosine and sine.
+    import scipy.optimize
+
+    def rest(omega):
+        phase = omega * np.asarray(run.time)
+        basis = np.stack([np.ones_like(phase), np.cos(phase), np.sin(phase)], 1)
+        return np.linalg.norm(distance - basis @ np.linalg.lstsq(basis, distance, rcond=None)[0])
+
+    found = scipy.optimize.minimize_scalar(rest, bounds=(0.8 * rate, 1.2 * rate), method="bounded",
+                                           options={"xatol": 1e-9}).x  # fmt: skip
+    case, exact = f"breathing of six masses, ring of {element} elements", "closed form"
+    validate(f"RING-3-{element}", case, exact, "frequency, relative", abs(found / rate - 1.0), 2e-4)
+    assert np.ptp(distance) > 1e-7 * rho
+
+
+# ---- conservation -------------------------------------------------------------------------------
+
+
+def test_free_sail_with_a_ring_keeps_energy_and_momenta(validate):
+    """Without wind and damping energy-momentum keeps energy, momentum and angular momentum of an unequal
+    sail with a tension-only ring of cables, to rounding of the iterations."""
+    import jax
+
+    from esail_jax.simulation.host import compile_scene
+
+    quiet = {key: None for key in EQUAL if EQUAL[key] is None}
+    changes = {
+        "auxiliary_tethers.element": "cable",
+        "auxiliary_tethers.elements": 2,
+        "auxiliary_tethers.slack_strain": 1e-4,
+        "initial.coning_angle_deg": 10.0,
+        "integrator.method": "energy-momentum",
+        "integrator.step": 0.1,
+        "integrator.t_end": 20.0,
+        "output.interval": 20.0,
+    }
+    scene = ring_scene(quiet | changes)
+    system, run = compile_scene(scene).problem.system, esail.simulate(scene)
+    energy = np.asarray(run["kinetic_energy"] + run["elastic_energy"])
+    case, what = "free unequal sail with a ring", "conservation"
+    validate("RING-4", case, what, "energy, relative", np.abs(energy / energy[0] - 1.0).max(), 1e-11)
+
+    @jax.jit
+    def momenta(q, v):
+        m = system.momenta(v)
+        turning = jax.numpy.cross(q.hub, m.hub).sum(0)
+        turning += jax.numpy.cross(q.tether, m.tether, axis=1).sum((0, 2, 3))
+        turning += jax.numpy.cross(q.ring, m.ring, axis=0).sum((1, 2))
+        return system.momentum(v), turning
+
+    final = run.final_state
+    start = esail.simulate(scene, {"integrator.t_end": 1e-6, "output.interval": 20.0}).final_state
+    before, after = (momenta(x.q, x.v) for x in (start, final))
+    size = np.abs(before[1]).max()
+    validate("RING-5", case, what, "angular momentum", np.abs(before[1] - after[1]).max() / size, 1e-10)
+    speed = np.abs(np.asarray(final.v.tether)).max()
+    assert np.abs(before[0] - after[0]).max() < 1e-11 * speed
+
+
+# ---- derivatives and batches ----------------------------------------------------------------------
+
+RING_NUMBERS = {
+    "auxiliary_tethers.length": (1175.0, 0.1),
+    "auxiliary_tethers.area": (3e-9, 1e-11),
+    "auxiliary_tethers.density": (1400.0, 10.0),
+    "auxiliary_tethers.youngs_modulus": (5e9, 2e7),
+    "auxiliary_tethers.axial_damping_time": (0.5, 0.02),
+    "auxiliary_tethers.slack_strain": (0.03, 2e-4),
+}
+"""Numbers of the ring, and their changes in a difference quotient. The strain of the ring is about 6e-3,
+less than half the width of the tension-only law, so that the width matters too."""
+
+SHORT = {
+    "auxiliary_tethers.elements": 2,
+    "integrator.t_end": 5.0,
+    "output.interval": 5.0,
+    "initial.coning_angle_deg": 5.0,
+}
+LISTS = (
+    "tethers.length",
+    "tethers.axial_damping_time",
+    "auxiliary_tethers.length",
+    "auxiliary_tethers.area",
+    "auxiliary_tethers.axial_damping_time",
+    "remote_units.mass",
+    "voltage.value",
+)
+"""Keys whose lists have five entries in `ring_sail.SAIL`."""
+
+EACH = np.array([1.0, 0.5, -0.7, 0.3, 0.9])
+"""Direction in which the five segments change."""
+
+
+def ring_signals(numbers):
+    """Signals at the end of a short run."""
+    run = esail.simulate(ring_scene(SHORT | TIGHT), numbers)
+    names = ("tip_position_I", "auxiliary_tension", "kinetic_energy", "dissipated_energy")
+    return {name: run[name][-1] for name in names}
+
+
+def ring_numbers(key=None, change=0.0):
+    """The numbers, with those of one key moved along EACH."""
+    found = {k: value + 0.0 * EACH for k, (value, _) in RING_NUMBERS.items()}
+    if key is not None:
+        found[key] = found[key] + change * RING_NUMBERS[key][1] * EACH
+    return found
+
+
+@pytest.mark.slow
+def test_derivatives_by_every_number_of_the_ring(validate):
+    """Forward derivatives by every number equal difference quotients of fourth order to 1e-6, and reverse
+    mode agrees with forward mode to 1e-8."""
+    import jax
+    import jax.numpy as jnp
+
+    from support.quick import jit
+
+    at = {k: jnp.asarray(x) for k, x in ring_numbers().items()}
+    forward = jit(lambda x, dx: jax.jvp(ring_signals, (x,), (dx,))[1])
+    tangents, worst = {}, 0.0
+    for key, (_, size) in RING_NUMBERS.items():
+        direction = {k: jnp.asarray(size * EACH if k == key else 0.0 * EACH) for k in at}
+        tangents[key] = forward(at, direction)
+        runs = {c: ring_signals({k: x.tolist() for k, x in ring_numbers(key, c).items()})
+                for c in (-2.0, -1.0, 1.0, 2.0)}  # fmt: skip
+        for name, found in tangents[key].items():
+            value = {c: np.asarray(run[name]) for c, run in runs.items()}
+            quotient = (8.0 * (value[1.0] - value[-1.0]) - (value[2.0] - value[-2.0])) / 12.0
+            error = np.abs(quotient - found).max() / np.abs(quotient).max()
+            worst = max(worst, error)
+    validate("RING-6", "derivatives by six numbers of the ring", "differences", "relative", worst, 1e-6)
+
+    pull = jit(lambda x, w: jax.vjp(ring_signals, x)[1](w)[0])
+    weights = jax.tree.map(lambda t: 1.0 / jnp.abs(t).max() * jnp.ones_like(t),
+                           tangents["auxiliary_tethers.length"])  # fmt: skip
+    back = pull(at, weights)
+    for key, (_, size) in RING_NUMBERS.items():
+        parts = jax.tree.map(lambda w, t: (w * t).sum(), weights, tangents[key])
+        along = sum(jax.tree.leaves(parts))
+        magnitude = sum(abs(x) for x in jax.tree.leaves(parts))
+        assert abs(back[key] @ (size * EACH) - along) < 1e-8 * magnitude, key
+
+
+def test_batch_of_lengths_equals_a_loop():
+    """Members of a batch with other segment lengths do not influence each other, also through the steady
+    start."""
+    import jax
+    import jax.numpy as jnp
+
+    from support.quick import jit
+
+    lengths = jnp.array([1174.0, 1176.0])[:, None] + jnp.asarray(EACH)
+    batch = jit(jax.vmap(lambda x: ring_signals({"auxiliary_tethers.length": x})["tip_position_I"]))(
+        lengths
+    )
+    for member, length in zip(batch, lengths, strict=True):
+        alone = ring_signals({"auxiliary_tethers.length": length.tolist()})["tip_position_I"]
+        np.testing.assert_allclose(member, alone, rtol=0, atol=1e-8)
+
+
+# ---- events, resuming, bad input --------------------------------------------------------------------
+
+
+def command_line(scene, *more):
+    """Arguments of the command `run` for a scene and other values."""
+    return [str(x) for x in ("run", scene, *more, "--quiet")]
+
+
+@pytest.mark.parametrize(
+    "method", ["collocation", pytest.param("generalized-alpha", marks=pytest.mark.slow)]
+)
+def test_resumed_run_is_bit_identical_and_the_ring_holds_a_released_tether(method, tmp_path):
+    """A run with a ring of cables and a release that is continued from its file is that of one run, bit for
+    bit; and the released tether stays joined to its neighbours by the ring."""
+    from esail_jax.cli import main
+    from esail_jax.scenes.scene import to_toml
+
+    scene = ring_scene({
+        "auxiliary_tethers.element": "cable",
+        "integrator.method": method,
+        "integrator.step": 0.1 if method == "generalized-alpha" else None,
+        "output.interval": 2.0,
+    })  # fmt: skip
+    file = tmp_path / "scene.toml"
+    file.write_text(to_toml(scene) + "\n[[event]]\ntime = 3.3\nrelease = 2\n")
+    once, twice = tmp_path / "once.h5", tmp_path / "twice.h5"
+    assert main(command_line(file, "-o", once, "--t-end", 12)) == 0
+    assert main(command_line(file, "-o", twice, "--t-end", 6)) == 0
+    assert main(command_line(file, "-o", twice, "--t-end", 12, "--resume")) == 0
+    one, other = esail.load(once), esail.load(twice)
+    assert np.array_equal(one.time, other.time)
+    for name in one.observables:
+        assert np.array_equal(one[name], other[name], equal_nan=True), name
+    tips = np.asarray(one["tip_position_I"])
+    chords = np.linalg.norm(np.roll(tips, -1, axis=1) - tips, axis=-1)
+    lengths = np.array(scene.auxiliary_tethers.length)
+    tension = np.asarray(one["auxiliary_tension"])
+    reaction = np.linalg.norm(np.asarray(one["reaction_B"]), axis=-1)
+    assert reaction[0, 1] > 0.1 and (reaction[2:, 1] < 1e-9).all()
+    assert (np.abs(chords / lengths - 1.0) < 0.05).all()
+    assert tension[-1, 0] > 0.02 and tension[-1, 1] > 0.02
+    error = np.abs(np.asarray(one["energy_balance_error"])).max()
+    assert error < 1e-4 * np.asarray(one["kinetic_energy"])[0]
+
+
+REFUSED = {
+    "count": ("tethers.count", 2, "be 3 or more with [auxiliary_tethers], but is 2"),
+    "list": ("auxiliary_tethers.length", [1.0, 2.0], "be a number or a list of 5"),
+    "area": ("auxiliary_tethers.area", -1.0, "be positive, but is -1.0"),
+    "slack": ("auxiliary_tethers.slack_strain", 0.0, "lie in (0, 1), but is 0.0"),
+    "elements": ("auxiliary_tethers.elements", 0, "be a positive integer, but is 0"),
+    "kind": ("auxiliary_tethers.element", "rod", 'be "cable" or "truss"'),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_bad_ring_is_refused_in_one_line(case):
+    """Every wrong value of the ring is refused before anything is built, by a line that names the key."""
+    key, value, must = REFUSED[case]
+    others = dict.fromkeys(LISTS, 1.0) if case == "count" else {}
+    with pytest.raises(esail.SceneError) as refused:
+        ring_scene(others | {key: value})
+    assert f"`{key}` must {must}" in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_ring_without_a_steady_start_is_refused():
+    """Segments whose force grows more slowly with length than the centrifugal force leave no steady
+    start."""
+    weak = {
+        "auxiliary_tethers.youngs_modulus": 1e3,
+        "auxiliary_tethers.elements": 2,
+        "auxiliary_tethers.strain": "engineering",
+    }
+    with pytest.raises(esail.SceneError, match=r"`auxiliary_tethers\.length` must leave the sail a steady"):
+        esail.simulate(ring_scene(weak))

@@ -1,0 +1,291 @@
+"""An independent simulator of a sail with auxiliary tethers, in NumPy and SciPy alone.
+
+The module shares no code with the package. Unknowns are the hub's centre, its attitude as a unit
+quaternion, and all nodal vectors but the roots, which are eliminated from one dense mass matrix; there are
+no constraints and no structured solver. Time integration is explicit (Dormand & Prince 8(5,3)).
+"""
+
+from types import SimpleNamespace
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+AU, SPEED, DENSITY, CUTOFF = 1.495978707e11, 4e5, 7.3e6, 1e3
+WIND_FACTOR = 0.18 * np.sqrt(8.854e-12 * 1.67e-27 * DENSITY)
+
+
+def shapes(kind, length):
+    """Gauss weights on an element, shape functions and their derivatives by x at the Gauss points."""
+    gauss, weights = np.polynomial.legendre.leggauss({"truss": 2, "cable": 5}[kind])
+    x = 0.5 * (gauss + 1.0)
+    if kind == "truss":
+        s, d = np.stack([1 - x, x], 1), np.stack([-np.ones_like(x), np.ones_like(x)], 1) / length
+    else:
+        s = [1 - 3 * x**2 + 2 * x**3, length * (x - 2 * x**2 + x**3)]
+        s = np.stack([*s, 3 * x**2 - 2 * x**3, length * (x**3 - x**2)], 1)
+        d = [(6 * x**2 - 6 * x) / length, 1 - 4 * x + 3 * x**2]
+        d = np.stack([*d, (6 * x - 6 * x**2) / length, 3 * x**2 - 2 * x], 1)
+    return 0.5 * weights * length, s, d
+
+
+class Sail:
+    """A sail. tethers, ring: mappings with `kind, elements, length, area, density, modulus, damping`, each
+    number an array with one entry per member; `slack` of the ring is the width of the tension-only law or
+    None. mass, voltage: arrays. hub: (height, radius, density). strain: of tethers and ring."""
+
+    def __init__(self, tethers, ring, mass, voltage, hub, spin, alpha, strain):
+        self.p, self.spin, self.alpha, self.strain = len(mass), spin, alpha, strain
+        height, self.radius, density = hub
+        self.hub_mass = density * np.pi * self.radius**2 * height
+        cross = (3 * self.radius**2 + height**2) / 12
+        self.inertia = self.hub_mass * np.array([self.radius**2 / 2, cross, cross])
+        angle = 2 * np.pi * np.arange(self.p) / self.p
+        self.outward = np.stack([0 * angle, np.cos(angle), np.sin(angle)], 1)
+        self.count = 0
+        chains = [
+            self.new_chain(tethers["kind"], tethers["elements"], 0, None, None) for _ in range(self.p)
+        ]
+        self.roots, self.tips = (np.array([chain[k][0] for chain in chains]) for k in (0, -1))
+        after = np.roll(self.tips, -1)
+        ends = zip(self.tips, after, strict=True)
+        segments = [self.new_chain(ring["kind"], ring["elements"], 1, *pair) for pair in ends]
+        self.chains, self.segments = chains, segments
+        self.mass = np.zeros((self.count, self.count))
+        self.mass[self.tips, self.tips] += mass
+        push = WIND_FACTOR * np.maximum(0.0, voltage - CUTOFF)
+        self.groups = [self.group(tethers, chains, push), self.group(ring, segments, 0.0 * push)]
+        self.free = np.setdiff1d(np.arange(self.count), self.roots)
+        self.origin = AU * np.array([0.7071067811865476, 0.7071067811865476, 0.0])
+
+    def new_chain(self, kind, elements, skip, first, last):
+        """Numbers of the vectors of every node, new ones except for given ends."""
+        nodes = []
+        for k in range(elements + 1):
+            given = first if k == 0 else last if k == elements else None
+            own = [] if given is None else [given]
+            while len(own) < (1 if kind == "truss" else 2):
+                own.append(self.count)
+                self.count += 1
+            nodes.append(own)
+        return nodes
+
+    def group(self, table, chains, push):
+        """The elements of all chains; also adds their mass."""
+        rows = {
+            name: [] for name in ("index", "weight", "s", "d", "axial", "damping", "slack", "push", "l")
+        }
+        for i, nodes in enumerate(chains):
+            length = table["length"][i] / table["elements"]
+            weight, s, d = shapes(table["kind"], length)
+            gauss, full = np.polynomial.legendre.leggauss(4)
+            exact = self.exact_mass(table["kind"], length, 0.5 * (gauss + 1), 0.5 * full * length)
+            for k in range(table["elements"]):
+                index = np.array(nodes[k] + nodes[k + 1])
+                self.mass[np.ix_(index, index)] += table["density"][i] * table["area"][i] * exact
+                slack = np.nan if table.get("slack") is None else table["slack"][i]
+                axial = table["modulus"][i] * table["area"][i]
+                new = (index, weight, s, d, axial, table["damping"][i], slack, push[i], i)
+                for name, value in zip(rows, new, strict=True):
+                    rows[name].append(value)
+        found = SimpleNamespace(**{name: np.array(value) for name, value in rows.items()})
+        found.gather = np.zeros((self.count, found.index.size))
+        found.gather[found.index.reshape(-1), np.arange(found.index.size)] = 1.0
+        return found
+
+    @staticmethod
+    def exact_mass(kind, length, x, weight):
+        if kind == "truss":
+            s = np.stack([1 - x, x], 1)
+        else:
+            s = [1 - 3 * x**2 + 2 * x**3, length * (x - 2 * x**2 + x**3)]
+            s = np.stack([*s, 3 * x**2 - 2 * x**3, length * (x**3 - x**2)], 1)
+        return np.einsum("g,ga,gb->ab", weight, s, s)
+
+    # ---- forces ----------------------------------------------------------------------------------
+
+    def stress(self, group, strain):
+        """Energy per length and force W'(strain)."""
+        e, axial = strain, group.axial[:, None]
+        if np.isnan(group.slack).all():
+            return 0.5 * axial * e**2, axial * e
+        w = group.slack[:, None]
+        x = np.clip((e + w / 2) / w, 0.0, 1.0)
+        above = np.maximum(e - w / 2, 0.0)
+        energy = axial * (w**2 * x**3 / 6 + np.where(x < 1, 0.0, above * w / 2 + above**2 / 2))
+        return energy, axial * (w * x**2 / 2 + above)
+
+    def members(self, group, q, v):
+        """Forces on the vectors, elastic energy, dissipated power, thrust and axial force at the points."""
+        at, rate = q[group.index], v[group.index]
+        slope, turned = (np.einsum("egk,ekx->egx", group.d, a) for a in (at, rate))
+        square = (slope**2).sum(-1)
+        stretch = np.sqrt(square)
+        along = (slope * turned).sum(-1)
+        if self.strain == "green-lagrange":
+            strain, strain_rate, scale = 0.5 * (square - 1), along, 1.0
+        else:
+            strain, strain_rate, scale = stretch - 1, along / stretch, 1 / stretch
+        energy, force = self.stress(group, strain)
+        force = (force + group.axial[:, None] * group.damping[:, None] * strain_rate) * scale
+        nodal = -np.einsum("eg,egk,eg,egx->ekx", group.weight, group.d, force, slope)
+        place = self.origin + np.einsum("egk,ekx->egx", group.s, at)
+        wind = SPEED * place / np.linalg.norm(place, axis=-1, keepdims=True)
+        normal = wind - ((slope * wind).sum(-1) / square)[..., None] * slope
+        thrust = group.push[:, None, None] * normal
+        nodal = nodal + np.einsum("eg,egk,egx->ekx", group.weight, group.s, thrust)
+        lost = group.weight * group.axial[:, None] * group.damping[:, None] * strain_rate**2
+        return SimpleNamespace(
+            nodal=group.gather @ nodal.reshape(-1, 3),
+            energy=(group.weight * energy).sum(),
+            dissipated=lost.sum(),
+            thrust=np.einsum("eg,egx->x", group.weight, thrust),
+            axial=(group.weight * force * stretch).sum(1) / group.weight.sum(1),
+            length=(group.weight * stretch).sum(1),
+        )
+
+    def all_vectors(self, y):
+        """Attitude, hub's centre and rates, and all vectors with their rates from a state."""
+        centre, quaternion, velocity, omega = y[:3], y[3:7], y[7:10], y[10:13]
+        q, v = (y[13:].reshape(2, -1, 3)[k] for k in (0, 1))
+        a, b, c, d = quaternion / np.linalg.norm(quaternion)
+        turn = np.array([
+            [a * a + b * b - c * c - d * d, 2 * (b * c - a * d), 2 * (b * d + a * c)],
+            [2 * (b * c + a * d), a * a - b * b + c * c - d * d, 2 * (c * d - a * b)],
+            [2 * (b * d - a * c), 2 * (c * d + a * b), a * a - b * b - c * c + d * d],
+        ])  # fmt: skip
+        arms, spin = self.radius * self.outward @ turn.T, turn @ omega
+        full, rate = np.zeros((self.count, 3)), np.zeros((self.count, 3))
+        full[self.free], rate[self.free] = q, v
+        full[self.roots], rate[self.roots] = centre + arms, velocity + np.cross(spin, arms)
+        return turn, arms, spin, full, rate
+
+    def derivative(self, _, y):
+        """dy/dt."""
+        turn, arms, spin, q, v = self.all_vectors(y)
+        load = sum(self.members(group, q, v).nodal for group in self.groups)
+        # The roots' accelerations are T u + bias, u = (hub's acceleration, angular acceleration).
+        bias = np.cross(spin, np.cross(spin, arms))
+        rows = np.zeros((self.p, 3, 6))
+        rows[:, :, :3] = np.eye(3)
+        for k in range(3):
+            rows[:, :, 3 + k] = np.cross(np.eye(3)[k], arms)
+        free, roots = self.free, self.roots
+        inner = self.mass[np.ix_(free, free)]
+        across = self.mass[np.ix_(free, roots)]
+        alone = np.linalg.solve(inner, load[free] - across @ bias)
+        follow = np.linalg.solve(inner, across)
+        own = self.mass[np.ix_(roots, roots)] - across.T @ follow
+        force = load[roots] - across.T @ alone - self.mass[np.ix_(roots, roots)] @ bias
+        matrix = np.einsum("ika,ij,jkb->ab", rows, own, rows)
+        matrix[:3, :3] += self.hub_mass * np.eye(3)
+        matrix[3:, 3:] += turn @ np.diag(self.inertia) @ turn.T
+        right = np.einsum("ika,ik->a", rows, force)
+        omega = y[10:13]
+        right[3:] -= turn @ np.cross(omega, self.inertia * omega)
+        u = np.linalg.solve(matrix, right)
+        root = np.einsum("ika,a->ik", rows, u)
+        inside = alone - follow @ root
+        a, (b, c, d) = y[3], y[4:7]
+        x, s, z = omega
+        quaternion = 0.5 * np.array(
+            [-b * x - c * s - d * z, a * x + c * z - d * s, a * s + d * x - b * z, a * z + b * s - c * x]
+        )
+        rate = turn.T @ u[3:]
+        return np.concatenate([y[7:10], quaternion, u[:3], rate, v[free].reshape(-1), inside.reshape(-1)])
+
+    # ---- start and run ------------------------------------------------------------------------------
+
+    def start(self):
+        """The steady shape, by Newton's method with differences, in the spin plane; then the attitude."""
+        q = np.zeros((self.count, 3))
+        for chain, out, (weight, length) in zip(
+            self.chains, self.outward, self.spans(self.groups[0], len(self.chains[0]) - 1), strict=True
+        ):
+            del weight
+            for k, node in enumerate(chain):
+                q[node[0]] = (self.radius + k * length) * out
+                q[node[1:]] = out
+        for nodes, (_, length) in zip(
+            self.segments, self.spans(self.groups[1], len(self.segments[0]) - 1), strict=True
+        ):
+            n = len(nodes) - 1
+            first, last = q[nodes[0][0]], q[nodes[-1][0]]
+            middle = first + last
+            bow = 0.02 * n * length * middle / np.linalg.norm(middle) * (n * length > 1.0)
+            for k, node in enumerate(nodes):
+                x = k / n
+                if 0 < k < n:
+                    q[node[0]] = first + x * (last - first) + 4 * x * (1 - x) * bow
+                for slope in node[1:]:
+                    q[slope] = (last - first + 4 * (1 - 2 * x) * bow) / (n * length)
+        free, still = self.free, np.zeros_like(q)
+        plane = np.diag([0.0, 1.0, 1.0])
+
+        def left(flat):
+            q[free, 1:] = flat.reshape(-1, 2)
+            # The stiffness does not see the wind: it is switched off by a zero push.
+            load = sum(self.members(group, q, still).nodal for group in calm)
+            return (load + self.spin**2 * self.mass @ q @ plane)[free, 1:].reshape(-1)
+
+        calm = [SimpleNamespace(**(vars(group) | {"push": 0 * group.push})) for group in self.groups]
+        x = q[free, 1:].reshape(-1).copy()
+        size = np.maximum(np.abs(x).max() * 1e-7, 1e-7)
+        slopes = np.ones(self.count, bool)
+        slopes[[node[0] for chain in (*self.chains, *self.segments) for node in chain]] = False
+        steps = np.where(np.repeat(slopes[free], 2), 1e-7, size)
+        for attempt in range(80):
+            matrix = np.stack([(left(x + h * e) - left(x - h * e)) / (2 * h)
+                               for h, e in zip(steps, np.eye(len(x)), strict=True)], 1)  # fmt: skip
+            step = -np.linalg.solve(matrix, left(x))
+            largest = np.abs(step[~np.repeat(slopes[free], 2)]).max()
+            x = x + step * min(1.0, 100.0 / largest)
+            if largest < 1e-9 and attempt > 2:
+                break
+        left(x)
+        k = self.origin / np.linalg.norm(self.origin)
+        i = np.cross([0.0, 0.0, 1.0], k)
+        i /= np.linalg.norm(i)
+        angle = self.alpha - np.pi / 2
+        c, s = np.cos(angle), np.sin(angle)
+        turn = np.stack([i, np.cross(k, i), k], 1) @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
+        q = q @ turn.T
+        v = np.cross(turn[:, 0] * self.spin, q)
+        w = np.sqrt(max(0.0, 1 + np.trace(turn))) / 2
+        skew = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+        quaternion = np.concatenate([[w], skew / (4 * w)])
+        rest = np.concatenate([np.zeros(3), quaternion, np.zeros(3), [self.spin, 0.0, 0.0]])
+        return np.concatenate([rest, q[free].reshape(-1), v[free].reshape(-1)])
+
+    @staticmethod
+    def spans(group, elements):
+        """Of every chain a number and the length of an element."""
+        return [(i, group.weight[group.l == i][0].sum()) for i in range(group.l.max() + 1)]
+
+    def signals(self, y):
+        """Signals of a state, by the names of the observables."""
+        turn, _, _, q, v = self.all_vectors(y)
+        tethers, ring = (self.members(group, q, v) for group in self.groups)
+        kinetic = 0.5 * np.einsum("ax,ab,bx->", v, self.mass, v)
+        kinetic += 0.5 * self.hub_mass * y[7:10] @ y[7:10] + 0.5 * (self.inertia * y[10:13]) @ y[10:13]
+        per = [group.l for group in self.groups]
+        tension = np.bincount(per[1], ring.axial) / (per[1] == 0).sum()
+        return {
+            "tip_position_I": q[self.tips],
+            "hub_position_I": y[:3],
+            "rotation_IB": turn,
+            "angular_velocity_B": y[10:13],
+            "auxiliary_tension": tension,
+            "tether_length": np.bincount(per[0], tethers.length),
+            "kinetic_energy": kinetic,
+            "elastic_energy": tethers.energy + ring.energy,
+            "dissipated_power": tethers.dissipated + ring.dissipated,
+        }
+
+    def run(self, times, tolerance=1e-12):
+        """Signals at the given times, by name, time first."""
+        y = self.start()
+        scale = np.full(y.size, 1e-9)
+        scale[3:7] = scale[10:13] = 1e-13
+        found = solve_ivp(self.derivative, (0.0, times[-1]), y, "DOP853", times, rtol=tolerance, atol=scale)
+        rows = [self.signals(y) for y in found.y.T]
+        return {name: np.stack([row[name] for row in rows]) for name in rows[0]}

@@ -1,0 +1,90 @@
+"""A sail of five unequal tethers, joined by unequal auxiliary tethers, for the package and for the
+independent simulator `ring_reference.py`."""
+
+import numpy as np
+
+import esail_jax as esail
+from support.ring_reference import CUTOFF, DENSITY, SPEED, Sail
+
+SAIL = {
+    "hub.height": 2.0,
+    "hub.radius": 1.0,
+    "hub.density": 100.0,
+    "tethers.count": 5,
+    "tethers.length": [1000.0, 1004.0, 997.0, 1002.0, 999.0],
+    "tethers.area": 4.28e-9,
+    "tethers.density": 7653.0,
+    "tethers.youngs_modulus": 7e9,
+    "tethers.element": "truss",
+    "tethers.elements": 2,
+    "tethers.axial_damping_time": [0.3, 0.4, 0.5, 0.3, 0.4],
+    "auxiliary_tethers.length": [1174.0, 1175.0, 1176.0, 1175.5, 1174.5],
+    "auxiliary_tethers.area": [3e-9, 4e-9, 3e-9, 5e-9, 3e-9],
+    "auxiliary_tethers.density": 1400.0,
+    "auxiliary_tethers.youngs_modulus": 5e9,
+    "auxiliary_tethers.axial_damping_time": [0.5, 0.6, 0.5, 0.4, 0.5],
+    "remote_units.mass": [0.5, 0.6, 0.4, 0.55, 0.45],
+    "solar_wind.speed": SPEED,
+    "solar_wind.number_density": DENSITY,
+    "solar_wind.cutoff_voltage": CUTOFF,
+    "voltage.value": [20e3, 10e3, 15e3, 22e3, 18e3],
+    "initial.spin_rate": 0.02,
+    "initial.sailing_angle_deg": 20.0,
+    "integrator.t_end": 60.0,
+    "output.interval": 5.0,
+}
+
+TIGHT = {"integrator.tolerance": 1e-13}
+
+
+def ring_scene(changes=()):
+    """The scene with other values by key."""
+    values = SAIL | dict(changes)
+    tables = {}
+    for key, value in values.items():
+        table, name = key.split(".")
+        if value is not None:
+            tables.setdefault(table, {})[name] = value
+    return esail.load_scene(esail.Scene(
+        hub=esail.Hub(**tables["hub"]) if "hub" in tables else None,
+        tethers=esail.Tethers(**tables["tethers"]),
+        auxiliary_tethers=esail.AuxiliaryTethers(**tables["auxiliary_tethers"]),
+        remote_units=esail.RemoteUnits(**tables["remote_units"]),
+        solar_wind=esail.SolarWind(**tables["solar_wind"]) if "solar_wind" in tables else None,
+        voltage=esail.Voltage(**tables["voltage"]) if "voltage" in tables else None,
+        initial=esail.Initial(**tables["initial"]),
+        integrator=esail.Integrator(**tables["integrator"]),
+        output=esail.Output(**tables["output"]),
+    ))  # fmt: skip
+
+
+def reference(scene):
+    """The independent simulator of a scene."""
+    p = scene.tethers.count
+
+    def each(value):
+        return np.broadcast_to(np.asarray(value, float), (p,)).copy()
+
+    def chain(table):
+        return {
+            "kind": table.element,
+            "elements": table.elements,
+            "length": each(table.length),
+            "area": each(table.area),
+            "density": each(table.density),
+            "modulus": each(table.youngs_modulus),
+            "damping": each(table.axial_damping_time or 0.0),
+        }
+
+    ring, hub = scene.auxiliary_tethers, scene.hub
+    slack = None if ring.slack_strain is None else each(ring.slack_strain)
+    return Sail(
+        chain(scene.tethers),
+        chain(ring) | {"slack": slack},
+        each(scene.remote_units.mass),
+        each(scene.voltage.value),
+        (hub.height, hub.radius, hub.density),
+        scene.initial.spin_rate,
+        np.deg2rad(scene.initial.sailing_angle_deg),
+        scene.tethers.strain,
+    )
