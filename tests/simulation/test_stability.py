@@ -65,8 +65,8 @@ def test_a_failed_estimate_is_said():
 def test_growth_in_a_double_pendulum_is_that_of_two_runs():
     """The tangent is the difference of two runs whose starts differ by 1e-7 m/s, while that is small.
 
-    The difference grows to 1e-4 m and is curved by as much; a growth of 10^2 to 10^4 is measured to 1 %.
-    The same pendulum near its rest is regular."""
+    The difference stays below 1e-5 m, so that second-order terms are below 1e-4 of it; the growth, some 25,
+    is compared to 1 %. Near its rest the two modes of the pendulum exchange the perturbation, which grows 3-fold."""
     scene = parse(PENDULUM, "pendulum")
     found = esail.simulate(scene, stability=True).stats["stability"]
     times = np.linspace(0.0, 6.0, INSTANTS)
@@ -79,12 +79,12 @@ def test_growth_in_a_double_pendulum_is_that_of_two_runs():
     )
     size = np.sqrt(np.square((other - one) / step).reshape(INSTANTS, -1).sum(1))
     expected = measured(size, times)
-    assert found.growth > 100.0
+    assert found.growth > 10.0
     assert abs(found.growth / expected.growth - 1.0) < 0.01
     assert abs(found.growth_rate - expected.growth_rate) < 0.01 * abs(expected.growth_rate)
     calm = scene.replace({"initial.rod_vector": [[0.01, -0.99995, 0.0]] * 2})
     regular = esail.simulate(calm, stability=True)
-    assert regular.stats["stability"].growth < 10.0 and not regular.stats["message"]
+    assert regular.stats["stability"].growth < 5.0 and not regular.stats["message"]
 
 
 def test_the_command_writes_the_growth_and_warns(tmp_path, capsys):
@@ -96,7 +96,7 @@ def test_the_command_writes_the_growth_and_warns(tmp_path, capsys):
     assert main(command) == 0
     assert "The motion is unstable or chaotic" in capsys.readouterr().out
     with h5py.File(path) as file:
-        assert file.attrs["growth"] > WARN_GROWTH and file.attrs["growth_rate"] > 0.5
+        assert file.attrs["growth"] > WARN_GROWTH and file.attrs["growth_rate"] > 0.1
         assert "accurate runs part after" in file.attrs["message"]
     assert status_of(path) == "complete"
     before = path.read_bytes()
