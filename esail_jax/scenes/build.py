@@ -191,7 +191,8 @@ def build_chain(structure: Structure, n: Numbers) -> tuple[RodChain, RodState]:
     if structure.has("solar_wind"):
         origin = n["initial.heliocentric_position_au"] * ASTRONOMICAL_UNIT
         # A chain has a voltage for every rod.
-        loads = (CoulombThrust.of(wind_of(n, origin), Constant(n["voltage.value"]), 1),)
+        law, relative = Constant(n["voltage.value"]), structure["solar_wind.relative"]
+        loads = (CoulombThrust.of(wind_of(n, origin), law, 1, relative),)
     tethers = TetherBatch(
         element_length=length,
         line_density=column["chain.mass"] / length,

@@ -17,7 +17,8 @@ def coulomb_thrust(
 ) -> CoulombThrust:
     """The load of [solar_wind] and [voltage]. origin: R_0 [m]; elements: number of elements of a tether."""
     wind = wind_of(n, origin)
-    return CoulombThrust.of(wind, voltage_law(structure, n, wind), elements)
+    law = voltage_law(structure, n, wind)
+    return CoulombThrust.of(wind, law, elements, structure["solar_wind.relative"])
 
 
 def wind_of(n: Numbers, origin: Float[Array, "3"]) -> SteadyWind | WindSeries:

@@ -6,7 +6,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from esail_jax.scenes import rules
-from esail_jax.scenes.chain_tables import Chain, ChainInitial, ChainVoltage, ChainWind
+from esail_jax.scenes.chain_tables import Chain, ChainInitial, ChainVoltage, ChainWind, Orbit
 from esail_jax.scenes.common_tables import Integrator
 from esail_jax.scenes.methods import METHODS, SAIL_METHOD, SAIL_STEP_METHOD, takes
 from esail_jax.scenes.rules import SceneError
@@ -36,6 +36,7 @@ class Parts(Protocol):
     solar_wind: SolarWind | ChainWind | None
     voltage: Voltage | ChainVoltage | None
     event: Event | None
+    orbit: Orbit | None
 
 
 def method_name(scene: Parts) -> str | None:
@@ -219,3 +220,6 @@ def check_chain(scene: Parts) -> None:
         raise SceneError("initial.heliocentric_position_au", "be given with [solar_wind]", "is missing")
     if scene.solar_wind is None and start.heliocentric_position_au is not None:
         raise SceneError("initial.heliocentric_position_au", "be left out without [solar_wind]", "is given")
+    if scene.solar_wind is not None and scene.solar_wind.relative and scene.orbit is not None:
+        # The axes of the orbit turn: velocities in them are not those in inertial axes.
+        raise SceneError("solar_wind.relative", "be false with [orbit]", "is true")

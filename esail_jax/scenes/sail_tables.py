@@ -103,6 +103,7 @@ class SolarWind:
         doc="Instants at which lists of `speed` and `number_density` are given.",
         default=None,
     )
+    relative: bool = declarations.wind_relative_to_point()
 
 
 LAWS: dict[LawName, tuple[str, ...]] = {
