@@ -18,6 +18,7 @@ from esail_jax.scenes.sail_tables import (
     Initial,
     SolarWind,
     Tethers,
+    TipThrust,
     Voltage,
 )
 from esail_jax.scenes.tables import names_of, tables_of
@@ -37,6 +38,7 @@ class Parts(Protocol):
     voltage: Voltage | ChainVoltage | None
     event: Event | None
     orbit: Orbit | None
+    tip_thrust: TipThrust | None
 
 
 def method_name(scene: Parts) -> str | None:
@@ -119,6 +121,8 @@ def check_sail(scene: Parts) -> None:
         )
     if scene.event is not None:
         check_events(scene)
+    if scene.tip_thrust is not None:
+        check_tip_thrust(scene.tip_thrust)
 
 
 def check_voltage(scene: Parts) -> None:
@@ -192,6 +196,19 @@ def check_events(scene: Parts) -> None:
             raise SceneError("event.release", "name a tether once", f"names {tether} again")
     if scene.tethers.root == "clamped":
         raise SceneError("tethers.root", 'be "pinned" with `event.release`', 'is "clamped"')
+
+
+def check_tip_thrust(table: TipThrust) -> None:
+    """Checks that a force at the tips is switched by three keys or by none, and on before off. Raises
+    SceneError."""
+    given = [name for name in ("on", "off", "rise_time") if getattr(table, name) is not None]
+    for name in ("on", "off", "rise_time") if given else ():
+        if name not in given:
+            raise SceneError(f"tip_thrust.{name}", f"be given with `tip_thrust.{given[0]}`", "is missing")
+    on, off = (None if x is None else rules.known(x) for x in (table.on, table.off))
+    if on is not None and off is not None and (on >= off).any():
+        must = f"be after `tip_thrust.on` ({rules.describe(table.on).removeprefix('is ')})"
+        raise SceneError("tip_thrust.off", must, rules.describe(table.off))
 
 
 def check_chain(scene: Parts) -> None:

@@ -20,7 +20,16 @@ from esail_jax.scenes.common_tables import Gravity, Integrator, Output
 from esail_jax.scenes.consistency import check_together, method_name
 from esail_jax.scenes.declarations import rule_of
 from esail_jax.scenes.rules import SceneError
-from esail_jax.scenes.sail_tables import Event, Hub, Initial, RemoteUnits, SolarWind, Tethers, Voltage
+from esail_jax.scenes.sail_tables import (
+    Event,
+    Hub,
+    Initial,
+    RemoteUnits,
+    SolarWind,
+    Tethers,
+    TipThrust,
+    Voltage,
+)
 from esail_jax.scenes.tables import REPEATED, TABLES, given, names_of, tables_of
 from esail_jax.scenes.wind_file import with_wind_file
 
@@ -46,6 +55,7 @@ class Scene:
     remote_units: RemoteUnits | None = None
     solar_wind: SolarWind | ChainWind | None = None
     voltage: Voltage | ChainVoltage | None = None
+    tip_thrust: TipThrust | None = None
     gravity: Gravity | None = None
     orbit: Orbit | None = None
     event: Event | None = None
@@ -117,7 +127,7 @@ class Scene:
             tethers = self.tethers
             elements = count_of(tethers.elements, f"{tethers.element} element")
             names = [f"{count_of(tethers.count, 'tether')} of {elements}"]
-        others = ("hub", "remote_units", "solar_wind", "voltage", "gravity", "orbit")
+        others = ("hub", "remote_units", "solar_wind", "voltage", "tip_thrust", "gravity", "orbit")
         names += [name.replace("_", " ") for name in others if getattr(self, name) is not None]
         if self.event is not None:
             names.append(count_of(len(self.event.time), "event"))

@@ -30,8 +30,9 @@ def test_spin_of_a_straight_tether_decays(stepper, validate):
     (sigma/u) r x w, because what is left out of w is along the tether, and r is too. With r = (x/L) r_tip,
     and u and the root's heliocentric position along the axis, the moment about the axis is
     -(sigma/u) (L/3) (r_tip x r_tip')_x. The angular momentum is (m_u + rho A L/3) (r_tip x r_tip')_x. No
-    angle is assumed to be small: the wind also drives the tether out of the spin plane, and stretches it. Accepted is (omega h)^2
-    = 1.7e-4, the error of methods of second order, and 1e-8 for collocation, whose tolerance is 1e-11.
+    angle is assumed to be small: the wind also drives the tether out of the spin plane, and stretches it.
+    Accepted is (omega h)^2 = 1.7e-4, the error of methods of second order, and 1e-8 for collocation, whose
+    tolerance is 1e-11.
     """
     drag, speed, spin, axis = 0.3, 1.0, 1.3, jnp.array([1e3, 0.0, 0.0])
     wind = SteadyWind(jnp.asarray(speed), jnp.asarray(1e6), jnp.zeros(()), axis)
