@@ -31,6 +31,7 @@ from esail_jax.elements.ring import Ring
 from esail_jax.elements.tether import TetherBatch
 from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.joints.roots import FrameRoots, HubRoots
+from esail_jax.loads.tip_thrust import TipThrust
 from esail_jax.measurements import Measurements
 from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import dot, stacked
@@ -68,7 +69,7 @@ class System(eqx.Module):
 
     roots: None if nothing holds the tethers. hub: None for a turning frame or a chain. gravity: uniform
     acceleration [m/s^2]. orbit: field of a circular orbit, in whose axes the chain then moves. ring:
-    auxiliary tethers between the tips.
+    auxiliary tethers between the tips. tip_thrust: forces on the remote units. Absent parts are None.
     """
 
     tethers: TetherBatch
@@ -80,6 +81,7 @@ class System(eqx.Module):
     gravity: Vector | None
     orbit: CircularOrbit | None = None
     ring: Ring | None = None
+    tip_thrust: TipThrust | None = None
 
     # ---- parts -----------------------------------------------------------------------------
 
@@ -110,6 +112,7 @@ class System(eqx.Module):
             names.append(f"auxiliary tethers ({self.ring.segments.kind}{', tension only' * slack})")
             names += [f"auxiliary {term.name}" for term in self.ring.dissipations]
         names += [load.law_name for load in self.loads if needs_command(load)]
+        names += [] if self.tip_thrust is None else [self.tip_thrust.name]
         names += ["gravity"] * (self.gravity is not None)
         return tuple(names + ["circular orbit"] * (self.orbit is not None))
 
@@ -257,16 +260,21 @@ class System(eqx.Module):
     ) -> tuple[Residual, Power]:
         """The residual, from the tethers' forces and the hub's accelerations in `forces`.
 
-        Adds the inertia of the hub, the constraints and their forces, and the power of the turning frame
-        and of the acceleration field.
+        Adds the inertia of the hub, the forces on the remote units, the constraints and their forces, and
+        the power of the remote units' forces, of the turning frame and of the acceleration field.
         """
         if self.hub is not None:
             forces = forces._replace(hub=matmul(self.hub.mass_matrix, forces.hub))
+        external = power.external
+        if self.tip_thrust is not None:
+            pushed = self.tip_thrust.at(self.measurements(time, q))
+            forces = forces._replace(tether=forces.tether.at[0, :, -1].add(-pushed))
+            external = external + (pushed * v.tether[0, :, -1]).sum()
         constraints = Multipliers(None, None)
         if self.has_constraints:
             constraints, pull_back = jax.vjp(lambda q: self.constraints(time, q), q)
             forces = jax.tree.map(jnp.add, forces, pull_back(lam)[0])
-        external = power.external + self.frame_power(time, q, v, forces, lam)
+        external = external + self.frame_power(time, q, v, forces, lam)
         if self.has_field:
             momentum = self.momenta(v)
             parts = jax.tree.map(lambda a, p: (a * p).sum(), self.field(q, v), momentum)

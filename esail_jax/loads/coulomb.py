@@ -3,6 +3,7 @@
 import dataclasses
 from typing import ClassVar
 
+import equinox as eqx
 import jax.numpy as jnp
 
 from esail_jax.array_types import Array, Float, Instants, PerElement, PerTether, VectorPerPoint
@@ -16,23 +17,34 @@ from esail_jax.terms import ControlledLoad, PointFields
 
 class CoulombThrust(ControlledLoad):
     """Coulomb thrust per undeformed length, f = (sigma/u) u_perp, u_perp = u - (i_t . u) i_t, i_t =
-    r_x/|r_x| ([PGV] Eq. 27-30). The wind's velocity u is not relative to the tether's own velocity.
+    r_x/|r_x| ([PGV] Eq. 27-30).
 
-    voltage: V [V] of every element; None until the voltage law has commanded it.
+    relative: whether u is the wind's velocity relative to the point of the tether, u - dr/dt, in place of
+    the wind's velocity itself ([PGV]). sigma/u is then that of the wind's own speed, so that the thrust is
+    linear in the velocity of the tether, and of order |dr/dt|/u = 1e-4. voltage: V [V] of every element;
+    None until the voltage law has commanded it.
     """
 
     wind: SteadyWind | WindSeries
     voltage_law: VoltageLaw
     voltage: PerElement | None = None
+    relative: bool = eqx.field(static=True, default=False)
 
     name: ClassVar[str] = "coulomb"
     depends_on: ClassVar[tuple[str, ...]] = ("r", "r_x")
 
     @classmethod
-    def of(cls, wind: SteadyWind | WindSeries, voltage_law: VoltageLaw, elements: int) -> "CoulombThrust":
+    def of(
+        cls,
+        wind: SteadyWind | WindSeries,
+        voltage_law: VoltageLaw,
+        elements: int,
+        relative: bool = False,
+    ) -> "CoulombThrust":
         """The load on tethers of `elements` elements each. A constant voltage is set here, once."""
         constant = isinstance(voltage_law, Constant)
-        return cls(wind, voltage_law, per_element(voltage_law.value, elements) if constant else None)
+        voltage = per_element(voltage_law.value, elements) if constant else None
+        return cls(wind, voltage_law, voltage, relative)
 
     @property
     def constant(self) -> bool:
@@ -57,5 +69,7 @@ class CoulombThrust(ControlledLoad):
     def force(self, time: Instants, fields: PointFields, rates: PointFields) -> VectorPerPoint:
         wind = self.wind.at(time)
         u = wind.velocity(fields.r)
+        if self.relative:
+            u = u - rates.r
         along = dot(fields.r_x, u) * reciprocal(dot(fields.r_x, fields.r_x))
         return wind.thrust_per_speed(self.voltage) * (u - along * fields.r_x)

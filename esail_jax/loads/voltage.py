@@ -14,12 +14,10 @@ from jax import lax
 
 from esail_jax.array_types import Array, Float, PerTether, Scalar, Vector
 from esail_jax.measurements import Measurements
+from esail_jax.numerics.smooth_step import MAX_STEP_SLOPE, pulse
 
 BLEND = 0.02
 """Half width, as a fraction of V_max, of the range in which a limit is approached smoothly."""
-
-MAX_STEP_SLOPE = 1.875
-"""Largest slope of `smooth_step`; a straight ramp has 1."""
 
 NEWTON_STEPS = 6
 """Newton steps of `modulation`."""
@@ -135,10 +133,7 @@ class OnOff(VoltageLaw):
         rise = self.rise_time
         if self.slew_rate is not None:
             rise = jnp.maximum(rise, MAX_STEP_SLOPE * jnp.abs(self.value) / self.slew_rate)
-        part = smooth_step((measurements.time - self.on) / rise)
-        if self.off is not None:
-            part = part * smooth_step(1.0 - (measurements.time - self.off) / rise)
-        return self.value * part
+        return self.value * pulse(measurements.time, self.on, self.off, rise)
 
 
 class Feedback(VoltageLaw):
@@ -269,9 +264,3 @@ def limit(voltage: Volts, maximum: Scalar | None, smooth: bool) -> Volts:
 def smooth_positive_part(x: Volts, width: Scalar | float) -> Volts:
     """Smoothed max(x, 0): 0 below -width, x above width, and a parabola in between."""
     return jnp.where(x > width, x, jnp.maximum(x + width, 0.0) ** 2 / (4.0 * width))
-
-
-def smooth_step(x: Float[Array, "*any"]) -> Float[Array, "*any"]:
-    """The polynomial 6 x^5 - 15 x^4 + 10 x^3 on [0, 1]; 0 below and 1 above."""
-    x = jnp.clip(x, 0.0, 1.0)
-    return x**3 * (10.0 + x * (6.0 * x - 15.0))

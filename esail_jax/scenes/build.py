@@ -26,7 +26,7 @@ from esail_jax.joints import roots as joints
 from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.loads.voltage import Constant
 from esail_jax.rod_chain import RodChain, RodState
-from esail_jax.scenes.build_loads import coulomb_thrust, starting_attitude, wind_of
+from esail_jax.scenes.build_loads import coulomb_thrust, starting_attitude, tip_thrust_of, wind_of
 from esail_jax.scenes.structure import Numbers, Structure
 from esail_jax.system import Power, System
 from esail_jax.terms import Dissipation, Energy
@@ -72,6 +72,7 @@ def build(structure: Structure, numbers: Numbers) -> Model:
         loads=loads,
         gravity=n.get("gravity.acceleration"),
         ring=ring_of(structure, n) if structure.has("auxiliary_tethers") else None,
+        tip_thrust=tip_thrust_of(structure, n),
     )
     q, v, unbalanced = initial_state(structure, n, system, azimuth, start)
     return Model(system, q, v, unbalanced)
@@ -228,7 +229,8 @@ def build_chain(structure: Structure, n: Numbers) -> tuple[RodChain, RodState]:
     if structure.has("solar_wind"):
         origin = n["initial.heliocentric_position_au"] * ASTRONOMICAL_UNIT
         # A chain has a voltage for every rod.
-        loads = (CoulombThrust.of(wind_of(n, origin), Constant(n["voltage.value"]), 1),)
+        law, relative = Constant(n["voltage.value"]), structure["solar_wind.relative"]
+        loads = (CoulombThrust.of(wind_of(n, origin), law, 1, relative),)
     tethers = TetherBatch(
         element_length=length,
         line_density=column["chain.mass"] / length,

@@ -9,6 +9,7 @@ from esail_jax.environment.solar_wind import SteadyWind, WindSeries
 from esail_jax.joints import roots as joints
 from esail_jax.loads import voltage
 from esail_jax.loads.coulomb import CoulombThrust
+from esail_jax.loads.tip_thrust import Switching, TipThrust
 from esail_jax.scenes.structure import Numbers, Structure
 
 
@@ -17,7 +18,18 @@ def coulomb_thrust(
 ) -> CoulombThrust:
     """The load of [solar_wind] and [voltage]. origin: R_0 [m]; elements: number of elements of a tether."""
     wind = wind_of(n, origin)
-    return CoulombThrust.of(wind, voltage_law(structure, n, wind), elements)
+    law = voltage_law(structure, n, wind)
+    return CoulombThrust.of(wind, law, elements, structure["solar_wind.relative"])
+
+
+def tip_thrust_of(structure: Structure, n: Numbers) -> TipThrust | None:
+    """The forces of [tip_thrust] on the remote units; None without that table."""
+    if not structure.has("tip_thrust"):
+        return None
+    switching = None
+    if structure.has("tip_thrust.on"):
+        switching = Switching(*(n[f"tip_thrust.{key}"] for key in ("on", "off", "rise_time")))
+    return TipThrust(n["tip_thrust.force"], switching, structure["tip_thrust.direction"])
 
 
 def wind_of(n: Numbers, origin: Float[Array, "3"]) -> SteadyWind | WindSeries:

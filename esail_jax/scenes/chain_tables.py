@@ -73,6 +73,7 @@ class ChainWind:
     cutoff_voltage: Number = declare(
         any_number, unit="V", doc="Voltage V_1 below which a rod has no thrust."
     )
+    relative: bool = declarations.wind_relative_to_point()
 
 
 @table

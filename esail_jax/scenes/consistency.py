@@ -6,7 +6,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from esail_jax.scenes import rules
-from esail_jax.scenes.chain_tables import Chain, ChainInitial, ChainVoltage, ChainWind
+from esail_jax.scenes.chain_tables import Chain, ChainInitial, ChainVoltage, ChainWind, Orbit
 from esail_jax.scenes.common_tables import Integrator
 from esail_jax.scenes.methods import METHODS, SAIL_METHOD, SAIL_STEP_METHOD, takes
 from esail_jax.scenes.rules import SceneError
@@ -19,6 +19,7 @@ from esail_jax.scenes.sail_tables import (
     Initial,
     SolarWind,
     Tethers,
+    TipThrust,
     Voltage,
 )
 from esail_jax.scenes.tables import names_of, tables_of
@@ -41,6 +42,8 @@ class Parts(Protocol):
     voltage: Voltage | ChainVoltage | None
     event: Event | None
     auxiliary_tethers: AuxiliaryTethers | None
+    orbit: Orbit | None
+    tip_thrust: TipThrust | None
 
 
 def method_name(scene: Parts) -> str | None:
@@ -126,6 +129,8 @@ def check_sail(scene: Parts) -> None:
         )
     if scene.event is not None:
         check_events(scene)
+    if scene.tip_thrust is not None:
+        check_tip_thrust(scene.tip_thrust)
 
 
 def check_voltage(scene: Parts) -> None:
@@ -201,6 +206,19 @@ def check_events(scene: Parts) -> None:
         raise SceneError("tethers.root", 'be "pinned" with `event.release`', 'is "clamped"')
 
 
+def check_tip_thrust(table: TipThrust) -> None:
+    """Checks that a force at the tips is switched by three keys or by none, and on before off. Raises
+    SceneError."""
+    given = [name for name in ("on", "off", "rise_time") if getattr(table, name) is not None]
+    for name in ("on", "off", "rise_time") if given else ():
+        if name not in given:
+            raise SceneError(f"tip_thrust.{name}", f"be given with `tip_thrust.{given[0]}`", "is missing")
+    on, off = (None if x is None else rules.known(x) for x in (table.on, table.off))
+    if on is not None and off is not None and (on >= off).any():
+        must = f"be after `tip_thrust.on` ({rules.describe(table.on).removeprefix('is ')})"
+        raise SceneError("tip_thrust.off", must, rules.describe(table.off))
+
+
 def check_chain(scene: Parts) -> None:
     """Checks the keys of a chain. Raises SceneError."""
     chain, start, free = scene.chain, scene.initial, scene.chain.anchor == "free"
@@ -227,3 +245,6 @@ def check_chain(scene: Parts) -> None:
         raise SceneError("initial.heliocentric_position_au", "be given with [solar_wind]", "is missing")
     if scene.solar_wind is None and start.heliocentric_position_au is not None:
         raise SceneError("initial.heliocentric_position_au", "be left out without [solar_wind]", "is given")
+    if scene.solar_wind is not None and scene.solar_wind.relative and scene.orbit is not None:
+        # The axes of the orbit turn: velocities in them are not those in inertial axes.
+        raise SceneError("solar_wind.relative", "be false with [orbit]", "is true")

@@ -8,7 +8,7 @@ import dataclasses
 import typing
 from typing import Any, Literal, TypeVar
 
-from esail_jax.scenes.rules import Rule, any_number, choice, non_negative, positive
+from esail_jax.scenes.rules import Rule, any_number, choice, non_negative, positive, true_or_false
 from esail_jax.scenes.value_types import Shape
 
 T = TypeVar("T")
@@ -81,9 +81,23 @@ def density_of_wind(shape: Shape) -> Any:
     return declare(non_negative, shape=shape, unit="1/m^3", doc="Number density n_0 of the wind.")
 
 
+def wind_relative_to_point() -> Any:
+    """Declares whether the wind is felt relative to the moving tether or rod."""
+    doc = "Whether the wind is felt relative to each moving point, u - dr/dt in place of u."
+    return declare(true_or_false, unit="-", doc=doc, default=False)
+
+
 @typing.dataclass_transform(
     frozen_default=True,
-    field_specifiers=(declare, per_member, vector, area_of_section, speed_of_wind, density_of_wind),
+    field_specifiers=(
+        declare,
+        per_member,
+        vector,
+        area_of_section,
+        speed_of_wind,
+        density_of_wind,
+        wind_relative_to_point,
+    ),
 )
 def table(cls: type[T]) -> type[T]:
     """Makes a frozen dataclass of a table.

@@ -19,6 +19,7 @@ from esail_jax.scenes.value_types import Grid, Number, PerMember, Series, Shape,
 
 ElementName = Literal["cable", "truss"]
 ElongationName = Literal["steady", "paper"]
+DirectionName = Literal["tangential", "axial", "radial"]
 LawName = Literal["constant", "harmonic", "piecewise-linear", "on-off", "feedback", "planar-cone"]
 
 
@@ -138,6 +139,7 @@ class SolarWind:
         doc="Instants at which lists of `speed` and `number_density` are given.",
         default=None,
     )
+    relative: bool = declarations.wind_relative_to_point()
 
 
 LAWS: dict[LawName, tuple[str, ...]] = {
@@ -214,6 +216,30 @@ class Voltage:
         unit="rad/s",
         doc="Law planar-cone: mean spin rate omega_0 of the tethers.",
         default=None,
+    )
+
+
+@table
+class TipThrust:
+    """Thrust at the tips: a force on every remote unit (`loads/tip_thrust.py`). With X_B the spin axis and
+    d the unit vector along the chord from root to tip, less its part along X_B, a tangential force is along
+    X_B x d, an axial one along X_B and a radial one along d. Without `on`, `off` and `rise_time` it always
+    acts."""
+
+    force: PerMember = per_member(
+        any_number, unit="N", doc="Force on a remote unit; a negative one has the opposite direction."
+    )
+    direction: DirectionName = declare(
+        choice(DirectionName), unit="-", doc="Direction of the force.", default="tangential"
+    )
+    on: PerMember | None = per_member(
+        any_number, unit="s", doc="Instant at which the force begins to rise.", default=None
+    )
+    off: PerMember | None = per_member(
+        any_number, unit="s", doc="Instant at which the force begins to fall, after `on`.", default=None
+    )
+    rise_time: Number | None = declare(
+        positive, unit="s", doc="Duration of the rise and of the fall.", default=None
     )
 
 

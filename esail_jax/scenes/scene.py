@@ -28,6 +28,7 @@ from esail_jax.scenes.sail_tables import (
     RemoteUnits,
     SolarWind,
     Tethers,
+    TipThrust,
     Voltage,
 )
 from esail_jax.scenes.tables import REPEATED, TABLES, given, names_of, tables_of
@@ -56,6 +57,7 @@ class Scene:
     remote_units: RemoteUnits | None = None
     solar_wind: SolarWind | ChainWind | None = None
     voltage: Voltage | ChainVoltage | None = None
+    tip_thrust: TipThrust | None = None
     gravity: Gravity | None = None
     orbit: Orbit | None = None
     event: Event | None = None
@@ -127,7 +129,10 @@ class Scene:
             tethers = self.tethers
             elements = count_of(tethers.elements, f"{tethers.element} element")
             names = [f"{count_of(tethers.count, 'tether')} of {elements}"]
-        others = ("hub", "auxiliary_tethers", "remote_units", "solar_wind", "voltage", "gravity", "orbit")
+        others = (
+            "hub", "auxiliary_tethers", "remote_units", "solar_wind", "voltage", "tip_thrust", "gravity",
+            "orbit",
+        )  # fmt: skip
         names += [name.replace("_", " ") for name in others if getattr(self, name) is not None]
         if self.event is not None:
             names.append(count_of(len(self.event.time), "event"))

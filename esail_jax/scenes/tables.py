@@ -16,6 +16,7 @@ SAIL_TABLES = {
     "remote_units": sail_tables.RemoteUnits,
     "solar_wind": sail_tables.SolarWind,
     "voltage": sail_tables.Voltage,
+    "tip_thrust": sail_tables.TipThrust,
     "gravity": common_tables.Gravity,
     "initial": sail_tables.Initial,
     "integrator": common_tables.Integrator,

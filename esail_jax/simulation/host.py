@@ -92,7 +92,7 @@ class HostRun:
         self.interval = scene.output.interval if times is None else None
         self.times = save_times(scene.integrator.t_end, scene.output.interval) if times is None else times
         restarts = compiled.programs.restart is not None
-        switches = switch_times(scene.event, scene.voltage) if restarts else ()
+        switches = switch_times(scene.event, scene.voltage, scene.tip_thrust) if restarts else ()
         self.segments = segments(compiled.begin, float(self.times[-1]), switches)
 
     @property

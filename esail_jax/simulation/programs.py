@@ -99,7 +99,7 @@ def _compiled(structure: Structure, tree: Any, types: tuple, names: tuple[str, .
         arguments = problem, points, integer
         looking, looks = ready("the observables", look_at_points, (names,), arguments, LOOK_OPTIONS)
         restarting = None
-        if structure.has("event") or structure.has("voltage.on"):
+        if any(structure.has(key) for key in ("event", "voltage.on", "tip_thrust.on")):
             one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), points)
             arguments = problem, motion, one, number
             restarting, restarts = ready("switch times", restart, (), arguments, START_OPTIONS, fused=False)

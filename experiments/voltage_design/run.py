@@ -18,7 +18,7 @@ import numpy as np
 import esail_jax as esail
 from esail_jax.design import Design, Variable, objectives
 from esail_jax.environment.solar_wind import SteadyWind
-from esail_jax.loads import voltage
+from esail_jax.numerics import smooth_step as steps
 from esail_jax.plotting.design import design_figure
 from esail_jax.scenes.scene import to_toml
 
@@ -66,7 +66,7 @@ def planar_cone_harmonic(scene: esail.Scene) -> dict[str, list[float]]:
 def smooth_step(scene: esail.Scene) -> dict[str, list[float]]:
     """Returns the table of a switch-on without optimisation: a smooth step over the same time."""
     time = np.asarray(scene.voltage.time)
-    return {"voltage.table": np.asarray(voltage.smooth_step(time / time[-1])).tolist()}
+    return {"voltage.table": np.asarray(steps.smooth_step(time / time[-1])).tolist()}
 
 
 def switch_on() -> Design:

@@ -19,10 +19,10 @@ from esail_jax.loads.voltage import (
     limit,
     modulation,
     smooth_positive_part,
-    smooth_step,
     within_slew_rate,
 )
 from esail_jax.measurements import Measurements
+from esail_jax.numerics.smooth_step import smooth_step
 from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.builtin_scenes import builtin_text
 from esail_jax.scenes.scene import parse, to_toml

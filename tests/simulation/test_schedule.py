@@ -96,6 +96,9 @@ def test_switch_times_are_events_and_the_edges_of_the_voltage():
     assert switch_times(scene.event, scene.voltage) == (10.0, 30.0)
     assert switch_times(scene.event, None) == (10.0, 30.0) and switch_times(None, scene.voltage) == (10.0,)
     assert switch_times(None, None) == ()
+    thrust = {"tip_thrust.force": 1e-3, "tip_thrust.on": 10.0, "tip_thrust.off": 50.0}
+    scene = scene.replace(thrust | {"tip_thrust.rise_time": 5.0})
+    assert switch_times(scene.event, scene.voltage, scene.tip_thrust) == (10.0, 30.0, 50.0)
 
 
 def test_segments_follow_each_other_from_switch_to_switch():

@@ -66,7 +66,8 @@ def test_growth_in_a_double_pendulum_is_that_of_two_runs():
     """The tangent is the difference of two runs whose starts differ by 1e-7 m/s, while that is small.
 
     The difference stays below 1e-5 m, so that second-order terms are below 1e-4 of it; the growth, some 25,
-    is compared to 1 %. Near its rest the two modes of the pendulum exchange the perturbation, which grows 3-fold."""
+    is compared to 1 %. Near its rest the two modes of the pendulum exchange the perturbation, which grows
+    3-fold."""
     scene = parse(PENDULUM, "pendulum")
     found = esail.simulate(scene, stability=True).stats["stability"]
     times = np.linspace(0.0, 6.0, INSTANTS)
