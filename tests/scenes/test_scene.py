@@ -25,12 +25,14 @@ STRUCTURE = (
     "tethers.count", "tethers.elements", "tethers.element", "tethers.strain", "tethers.bending",
     "tethers.root", "integrator.method", "integrator.step", "integrator.t_end", "output.interval",
     "initial.elongation", "event.time", "event.release", "voltage.law",
+    "tethers.wires", "solar_wind.relative", "tip_thrust.direction",
 )  # fmt: skip
 """Keys that determine the structure, the saved instants or the events, and so cannot be traced."""
 
 EVENT = {"event.time": (5.0,), "event.release": (1,)}
 """Keys that require each other."""
 
+PULSE = {"tip_thrust.force": 1e-3, "tip_thrust.on": 0.0, "tip_thrust.off": 5.0, "tip_thrust.rise_time": 1.0}
 WAVES = {"voltage.law": "harmonic", "voltage.cosine": (0.1,)}
 TABLE = {"voltage.law": "piecewise-linear", "voltage.time": (0.0, 5.0), "voltage.table": (0.5, 1.0)}
 SWITCH = {"voltage.law": "on-off", "voltage.on": 1.0, "voltage.rise_time": 1.0}
@@ -41,6 +43,7 @@ LAW_OF = {
     "cosine": WAVES, "sine": WAVES, "slew_rate": WAVES, "maximum": WAVES, "law": WAVES, "time": TABLE,
     "table": TABLE, "on": SWITCH, "off": SWITCH, "rise_time": SWITCH, "gain": FEEDBACK,
     "target_sailing_angle_deg": FEEDBACK, "coning_angle_deg": CONE, "spin_rate": CONE,
+    "power_limit": {"tethers.wire_radius": 1e-5},
 }  # fmt: skip
 """The overrides that a key of [voltage] requires."""
 
@@ -50,6 +53,10 @@ def beside(key: str) -> dict:
     table, name = key.split(".")
     if table == "event":
         return EVENT
+    if table == "tip_thrust":
+        return PULSE
+    if name == "wires":
+        return {"tethers.wire_radius": 1e-5}
     if name == "straight_turn":
         return {"tethers.bending_damping_time": 1.0}
     return LAW_OF.get(name, {}) if table == "voltage" else {}
@@ -176,6 +183,7 @@ def test_every_key_can_be_overridden(key, sail):
         "event.time": (5.0,), "event.release": (2,), "solar_wind.time": (0.0, 1e9),
         "voltage.law": "harmonic", "voltage.cosine": (0.5,), "voltage.sine": (0.5,),
         "voltage.time": (0.0, 1.0), "voltage.table": (0.5, 0.25),
+        "tethers.wires": 4, "solar_wind.relative": True, "tip_thrust.direction": "radial",
     }  # fmt: skip
     value = values.get(key, 0.125)
     extra = {"tethers.second_moment": 2e-18} if key == "tethers.bending" else {}
@@ -247,7 +255,7 @@ def test_physical_numbers_may_be_lists_one_per_tether(key, sail):
 @pytest.mark.parametrize("key", STRUCTURE)
 def test_a_tracer_is_refused_for_structure_by_name(key, sail):
     def program(x):
-        sail.replace((EVENT if key.startswith("event") else {}) | {key: x})
+        sail.replace((beside(key) if key.startswith(("event", "tip_thrust")) else {}) | {key: x})
         return x
 
     with pytest.raises(esail.SceneError, match=f"`{key}` must be a plain Python value"):
