@@ -1,10 +1,17 @@
-"""Physical constants in SI units, with the values that [PGV] prints, not with CODATA's latest digits."""
+"""Physical constants in SI units, with the values that [PGV] prints, not with CODATA's latest digits.
+Numbers that it does not need are CODATA's."""
 
 PROTON_MASS = 1.67e-27
 """m_i [kg]: mass of a solar-wind proton, [PGV] after Eq. 28."""
 
 VACUUM_PERMITTIVITY = 8.854e-12
 """eps_0 [F/m]: vacuum permittivity, [PGV] after Eq. 27."""
+
+ELEMENTARY_CHARGE = 1.602176634e-19
+"""e [C]: elementary charge, exact in the SI since 2019."""
+
+ELECTRON_MASS = 9.1093837139e-31
+"""m_e [kg]: mass of an electron, CODATA 2022."""
 
 THRUST_FACTOR = 0.18
 """Coefficient [-] of the Coulomb thrust per unit length, [PGV] Eq. 27 (Janhunen et al. 2010)."""

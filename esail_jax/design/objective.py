@@ -15,6 +15,9 @@ from esail_jax.scenes.scene import Scene
 from esail_jax.simulation.simulate import simulate
 from esail_jax.simulation.solution import Solution
 
+KEPT = ("value", "law", "power_limit")
+"""Keys of [voltage] that the reference run has, too."""
+
 
 class Objective:
     """The weighted sum of objectives of a run, as a function of parameters: J(p).
@@ -99,8 +102,8 @@ class Objective:
         return {name: x if name in retained else np.full(count, x.mean()) for name, x in rows.items()}
 
     def simulate_reference(self, circumstance: Mapping[str, Any] | None = None) -> Solution:
-        """The run with constant voltage, in the scene itself or in one circumstance."""
-        law = {f"voltage.{x}": None for x in vars(self.scene.voltage) if x not in ("value", "law")}
+        """The run with constant voltage, within the power limit, in the scene or in one circumstance."""
+        law = {f"voltage.{x}": None for x in vars(self.scene.voltage) if x not in KEPT}
         constant = self.scene.replace(law | {"voltage.law": "constant"})
         return simulate(constant, circumstance)
 

@@ -100,8 +100,10 @@ def hub_torque(run: Solution) -> Scalar:
 
 
 def power(run: Solution) -> Scalar:
-    """Mean of V^(3/2) [V^(3/2)], proportional to the electric power: the current grows with the root of
-    V."""
+    """Mean electric power [W] if the scene has `tethers.wire_radius`. Otherwise the mean of V^(3/2)
+    [V^(3/2)], which is proportional to it in a steady wind: the current grows with the root of V."""
+    if "electric_power" in run.observables:
+        return mean(run, run["electric_power"])
     return mean(run, run["voltage"] ** 1.5).mean()
 
 

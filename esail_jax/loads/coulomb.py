@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from esail_jax.array_types import Array, Float, Instants, PerElement, PerTether, VectorPerPoint
 from esail_jax.elements.tether import per_element
 from esail_jax.environment.solar_wind import SteadyWind, WindSeries
+from esail_jax.loads.electron_current import Collector
 from esail_jax.loads.voltage import Constant, VoltageLaw
 from esail_jax.measurements import Measurements
 from esail_jax.numerics.vectors import dot, reciprocal
@@ -22,13 +23,15 @@ class CoulombThrust(ControlledLoad):
     relative: whether u is the wind's velocity relative to the point of the tether, u - dr/dt, in place of
     the wind's velocity itself ([PGV]). sigma/u is then that of the wind's own speed, so that the thrust is
     linear in the velocity of the tether, and of order |dr/dt|/u = 1e-4. voltage: V [V] of every element;
-    None until the voltage law has commanded it.
+    None until the voltage law has commanded it. collector: the wires that collect electrons; None if the
+    scene does not describe them.
     """
 
     wind: SteadyWind | WindSeries
     voltage_law: VoltageLaw
     voltage: PerElement | None = None
     relative: bool = eqx.field(static=True, default=False)
+    collector: Collector | None = None
 
     name: ClassVar[str] = "coulomb"
     depends_on: ClassVar[tuple[str, ...]] = ("r", "r_x")
@@ -40,11 +43,12 @@ class CoulombThrust(ControlledLoad):
         voltage_law: VoltageLaw,
         elements: int,
         relative: bool = False,
+        collector: Collector | None = None,
     ) -> "CoulombThrust":
         """The load on tethers of `elements` elements each. A constant voltage is set here, once."""
         constant = isinstance(voltage_law, Constant)
         voltage = per_element(voltage_law.value, elements) if constant else None
-        return cls(wind, voltage_law, voltage, relative)
+        return cls(wind, voltage_law, voltage, relative, collector)
 
     @property
     def constant(self) -> bool:

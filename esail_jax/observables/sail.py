@@ -86,6 +86,16 @@ def voltage(i: Instant) -> Float[Array, " tether"]:
     return load.commanded(i.system.measurements(i.time, i.q))
 
 
+def electron_current(i: Instant) -> Float[Array, " tether"]:
+    """Electron current [A] that every tether collects at its voltage."""
+    return find_term(i.system.loads, CoulombThrust).collector.current(i.time, voltage(i))
+
+
+def electric_power(i: Instant) -> Scalar:
+    """Electric power [W] of all tethers, the sum of voltage times current."""
+    return find_term(i.system.loads, CoulombThrust).collector.power(i.time, voltage(i))
+
+
 def total_energy(i: Instant) -> Scalar:
     """Kinetic plus elastic energy [J]."""
     return kinetic_energy(i.system, i.v) + elastic_energy(i.system, i.q)
@@ -160,6 +170,9 @@ OBSERVABLES = (
     Observable("auxiliary_tension", "N", "T_aux", TETHER, "mean axial force of a segment",
                lambda i: i.system.ring.tension(i.q, i.v), needs="ring"),
     Observable("voltage", "V", "V_i", TETHER, "voltage law", voltage, needs="wind"),
+    Observable("electron_current", "A", "I_i", TETHER, "2 r_w e n_0 sqrt(2 e V/m_e) per length of a wire",
+               electron_current, needs="wires"),
+    Observable("electric_power", "W", "P_el", (), "sum of V_i I_i", electric_power, needs="wires"),
 )  # fmt: skip
 
 ON_REQUEST = (
@@ -170,7 +183,10 @@ ON_REQUEST = (
 
 
 def listed(system: System) -> list[Observable]:
-    """The observables of a sail. Those that need a hub, a ring or the wind are left out without it."""
+    """The observables of a sail. Those that need a hub, a ring, the wind or its wires are left out without
+    them."""
     present = {"": True, "hub": system.hub is not None, "ring": system.ring is not None}
-    present["wind"] = find_term(system.loads, CoulombThrust) is not None
+    thrust = find_term(system.loads, CoulombThrust)
+    present["wind"] = thrust is not None
+    present["wires"] = thrust is not None and thrust.collector is not None
     return [entry for entry in OBSERVABLES if present[entry.needs]]

@@ -9,6 +9,7 @@ from esail_jax.environment.solar_wind import SteadyWind, WindSeries
 from esail_jax.joints import roots as joints
 from esail_jax.loads import voltage
 from esail_jax.loads.coulomb import CoulombThrust
+from esail_jax.loads.electron_current import Collector, power_limited
 from esail_jax.loads.tip_thrust import Switching, TipThrust
 from esail_jax.scenes.structure import Numbers, Structure
 
@@ -18,8 +19,13 @@ def coulomb_thrust(
 ) -> CoulombThrust:
     """The load of [solar_wind] and [voltage]. origin: R_0 [m]; elements: number of elements of a tether."""
     wind = wind_of(n, origin)
-    law = voltage_law(structure, n, wind)
-    return CoulombThrust.of(wind, law, elements, structure["solar_wind.relative"])
+    law, collector = voltage_law(structure, n, wind), None
+    if structure.has("tethers.wire_radius"):
+        width = 2.0 * n["tethers.wire_radius"] * (structure["tethers.wires"] or 1)
+        collector = Collector(width * n["tethers.length"], wind)
+    if collector is not None and structure.has("voltage.power_limit"):
+        law = power_limited(law, collector, n["voltage.power_limit"])
+    return CoulombThrust.of(wind, law, elements, structure["solar_wind.relative"], collector)
 
 
 def tip_thrust_of(structure: Structure, n: Numbers) -> TipThrust | None:

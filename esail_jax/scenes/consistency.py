@@ -129,6 +129,10 @@ def check_sail(scene: Parts) -> None:
         )
     if scene.event is not None:
         check_events(scene)
+    if tethers.wire_radius is not None and scene.solar_wind is None:
+        raise SceneError("tethers.wire_radius", "be left out without [solar_wind]", "is given")
+    if tethers.wires is not None and tethers.wire_radius is None:
+        raise SceneError("tethers.wires", "be left out without `tethers.wire_radius`", "is given")
     if scene.tip_thrust is not None:
         check_tip_thrust(scene.tip_thrust)
 
@@ -143,8 +147,10 @@ def check_voltage(scene: Parts) -> None:
             with_law = "" if table.law == "constant" else f" with the law {table.law}"
             raise SceneError(f"voltage.{name}", "be given" + with_law, "is missing")
     for name in names_of(type(table)):
-        if name not in (*used, "law") and getattr(table, name) is not None:
+        if name not in (*used, "law", "power_limit") and getattr(table, name) is not None:
             raise SceneError(f"voltage.{name}", f"be left out with the law {table.law}", "is given")
+    if table.power_limit is not None and scene.tethers.wire_radius is None:
+        raise SceneError("tethers.wire_radius", "be given with `voltage.power_limit`", "is missing")
     if table.law == "harmonic":
         rows = {name: np.shape(getattr(table, name)) for name in ("cosine", "sine")}
         if not rows["cosine"] and not rows["sine"]:

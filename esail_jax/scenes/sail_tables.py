@@ -77,6 +77,18 @@ class Tethers:
     root: RootName = declarations.joint_at_root(
         "Joint at a tether's root: spherical, or clamped (cables only).", default="pinned"
     )
+    wire_radius: PerMember | None = per_member(
+        positive,
+        unit="m",
+        doc="Radius of one wire of a tether; with it current and electric power are reported.",
+        default=None,
+    )
+    wires: int | None = declare(
+        positive_integer,
+        unit="-",
+        doc="Number of wires of a tether, 1 if left out; used with `wire_radius`.",
+        default=None,
+    )
 
 
 @table
@@ -169,6 +181,12 @@ class Voltage:
         positive,
         unit="V/s",
         doc="Upper limit of the voltage's rate; without it there is none.",
+        default=None,
+    )
+    power_limit: Number | None = declare(
+        positive,
+        unit="W",
+        doc="Upper limit of the electric power of all tethers; all voltages are reduced alike to keep it.",
         default=None,
     )
     cosine: Grid | None = amplitudes("cosine")

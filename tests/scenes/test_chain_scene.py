@@ -40,6 +40,7 @@ NEEDS = {
     "integrator.spectral_radius": {"integrator.method": "generalized-alpha"},
     "solar_wind.speed": {"voltage.value": 1e3}, "solar_wind.number_density": {"voltage.value": 1e3},
     "solar_wind.cutoff_voltage": {"voltage.value": 1e3}, "voltage.value": {},
+    "solar_wind.relative": {"voltage.value": 1e3},
     "initial.heliocentric_position_au": {"voltage.value": 1e3},
 }  # fmt: skip
 """The keys that a key requires."""
@@ -64,6 +65,7 @@ def test_every_key_can_be_given_and_written(key, chain):
     values = {
         "chain.rods": 3, "chain.anchor": "free", "chain.strain": "green-lagrange", "chain.bending": True,
         "chain.root": "clamped", "integrator.method": "dopri5", "integrator.tolerance": 0.125,
+        "solar_wind.relative": True,
     }  # fmt: skip
     shape = (1.0, 2.0, 0.5) if FIELDS[key].shape in (Shape.VECTOR, Shape.VECTORS) else 0.125
     value = values.get(key, shape)

@@ -26,12 +26,14 @@ STRUCTURE = (
     "tethers.root", "integrator.method", "integrator.step", "integrator.t_end", "output.interval",
     "initial.elongation", "event.time", "event.release", "voltage.law",
     "auxiliary_tethers.element", "auxiliary_tethers.elements", "auxiliary_tethers.strain",
+    "tethers.wires", "solar_wind.relative", "tip_thrust.direction",
 )  # fmt: skip
 """Keys that determine the structure, the saved instants or the events, and so cannot be traced."""
 
 EVENT = {"event.time": (5.0,), "event.release": (1,)}
 """Keys that require each other."""
 
+PULSE = {"tip_thrust.force": 1e-3, "tip_thrust.on": 0.0, "tip_thrust.off": 5.0, "tip_thrust.rise_time": 1.0}
 WAVES = {"voltage.law": "harmonic", "voltage.cosine": (0.1,)}
 TABLE = {"voltage.law": "piecewise-linear", "voltage.time": (0.0, 5.0), "voltage.table": (0.5, 1.0)}
 SWITCH = {"voltage.law": "on-off", "voltage.on": 1.0, "voltage.rise_time": 1.0}
@@ -42,6 +44,7 @@ LAW_OF = {
     "cosine": WAVES, "sine": WAVES, "slew_rate": WAVES, "maximum": WAVES, "law": WAVES, "time": TABLE,
     "table": TABLE, "on": SWITCH, "off": SWITCH, "rise_time": SWITCH, "gain": FEEDBACK,
     "target_sailing_angle_deg": FEEDBACK, "coning_angle_deg": CONE, "spin_rate": CONE,
+    "power_limit": {"tethers.wire_radius": 1e-5},
 }  # fmt: skip
 """The overrides that a key of [voltage] requires."""
 
@@ -59,6 +62,10 @@ def beside(key: str) -> dict:
         return EVENT
     if table == "auxiliary_tethers":
         return RING
+    if table == "tip_thrust":
+        return PULSE
+    if name == "wires":
+        return {"tethers.wire_radius": 1e-5}
     if name == "straight_turn":
         return {"tethers.bending_damping_time": 1.0}
     return LAW_OF.get(name, {}) if table == "voltage" else {}
@@ -187,6 +194,7 @@ def test_every_key_can_be_overridden(key, sail):
         "voltage.time": (0.0, 1.0), "voltage.table": (0.5, 0.25),
         "auxiliary_tethers.element": "cable", "auxiliary_tethers.elements": 2,
         "auxiliary_tethers.strain": "engineering",
+        "tethers.wires": 4, "solar_wind.relative": True, "tip_thrust.direction": "radial",
     }  # fmt: skip
     value = values.get(key, 0.125)
     extra = {"tethers.second_moment": 2e-18} if key == "tethers.bending" else {}
@@ -258,8 +266,8 @@ def test_physical_numbers_may_be_lists_one_per_tether(key, sail):
 @pytest.mark.parametrize("key", STRUCTURE)
 def test_a_tracer_is_refused_for_structure_by_name(key, sail):
     def program(x):
-        parts = {"event": EVENT, "auxiliary_tethers": RING}
-        sail.replace(parts.get(key.partition(".")[0], {}) | {key: x})
+        parts = ("event", "auxiliary_tethers", "tip_thrust")
+        sail.replace((beside(key) if key.startswith(parts) else {}) | {key: x})
         return x
 
     with pytest.raises(esail.SceneError, match=f"`{key}` must be a plain Python value"):

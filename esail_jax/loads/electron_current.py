@@ -1,0 +1,73 @@
+"""Electron current and electric power of charged wires in the solar wind, and a limit of the power."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from esail_jax.array_types import PerTether, Scalar
+from esail_jax.constants import ELECTRON_MASS, ELEMENTARY_CHARGE
+from esail_jax.environment.solar_wind import SteadyWind, WindSeries
+from esail_jax.loads.voltage import Constant, VoltageLaw
+from esail_jax.measurements import Measurements
+
+
+class Collector(eqx.Module):
+    """The wires of the tethers as collectors of electrons: thin cylinders whose current is limited by the
+    orbital motion of the electrons, far above their temperature (Mott-Smith & Langmuir 1926; Janhunen &
+    Sandroos 2007). Per length of a wire of radius r_w,
+
+        dI/dx = 2 r_w e n_0 sqrt(2 e V / m_e)
+
+    and the electric power is the sum of V I over the tethers. The voltage is the same along the tether.
+
+    width_times_length: 2 r_w times the number of wires and the undeformed length of a tether [m^2]. wind:
+    its number density n_0 is also that of the electrons.
+    """
+
+    width_times_length: PerTether
+    wind: SteadyWind | WindSeries
+
+    def current(self, time: Scalar, voltage: PerTether) -> PerTether:
+        """Current I [A] of every tether; zero at a voltage [V] that is not positive."""
+        positive = voltage > 0.0
+        # The root has no derivative at zero.
+        volts = jnp.where(positive, voltage, 1.0)
+        speed = jnp.sqrt(2.0 * ELEMENTARY_CHARGE * volts / ELECTRON_MASS)
+        charge = ELEMENTARY_CHARGE * self.wind.at(time).number_density
+        return jnp.where(positive, self.width_times_length * charge * speed, 0.0)
+
+    def power(self, time: Scalar, voltage: PerTether) -> Scalar:
+        """Electric power [W] of all tethers together."""
+        return (voltage * self.current(time, voltage)).sum()
+
+    def within_power(self, time: Scalar, voltage: PerTether, limit: Scalar) -> PerTether:
+        """The voltages, all multiplied by the same factor if they would need more than `limit` [W].
+
+        Power grows with V^(3/2), so that the factor is (limit / power)^(2/3)."""
+        return voltage * jnp.maximum(self.power(time, voltage) / limit, 1.0) ** (-2.0 / 3.0)
+
+
+class PowerLimited(VoltageLaw):
+    """A voltage law whose voltages are scaled down together where they would need more than the power
+    limit, after the law's own limits. limit: largest electric power of all tethers [W]."""
+
+    law: VoltageLaw
+    collector: Collector
+    limit: Scalar
+
+    maximum: ClassVar[None] = None
+    name: ClassVar[str] = "voltage of limited power"
+
+    def commanded(self, measurements: Measurements) -> PerTether:
+        return self.law.voltage(measurements)
+
+    def voltage(self, measurements: Measurements) -> PerTether:
+        return self.collector.within_power(measurements.time, self.commanded(measurements), self.limit)
+
+
+def power_limited(law: VoltageLaw, collector: Collector, limit: Scalar) -> VoltageLaw:
+    """The law within the power limit [W]. A constant voltage in a steady wind stays constant."""
+    if isinstance(law, Constant) and isinstance(collector.wind, SteadyWind):
+        return Constant(collector.within_power(jnp.zeros(()), law.value, limit))
+    return PowerLimited(law, collector, limit)
