@@ -1,4 +1,5 @@
-"""The command `esail`: run, scenes, info, plot, ensemble, design, bench, cache.
+"""The command `esail`: run, scenes, info, plot, modes, ensemble, design,
+bench, cache.
 
 The options are those of `commands/parser.py`, the exit codes those of `commands/exit_codes.py`. Errors are
 one line on stderr.
@@ -15,6 +16,7 @@ from esail_jax.commands.options import (
     UsageError,
     check_design,
     check_ensemble,
+    check_modes,
     objective_weights,
     observable_names,
     settings,
@@ -62,6 +64,16 @@ def plot(options: argparse.Namespace) -> ExitCode:
     from esail_jax.commands.plot import draw_file
 
     draw_file(options.run, options.output)
+    return ExitCode.DONE
+
+
+def modes(options: argparse.Namespace) -> ExitCode:
+    """`esail modes`."""
+    check_modes(options)
+    scene = scene_of(options)
+    from esail_jax.commands.modes import print_modes
+
+    print_modes(scene, options.json, options.output, options.count)
     return ExitCode.DONE
 
 
@@ -129,7 +141,7 @@ def cache(options: argparse.Namespace) -> ExitCode:
 
 
 COMMANDS = {
-    "run": run, "scenes": scenes, "info": info, "plot": plot, "ensemble": ensemble, "design": design,
+    "run": run, "scenes": scenes, "info": info, "plot": plot, "modes": modes, "ensemble": ensemble, "design": design,
     "bench": bench, "cache": cache,
 }  # fmt: skip
 

@@ -32,7 +32,10 @@ def parser() -> Parser:
         allow_abbrev=False,
     )
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for add in (add_run, add_scenes, add_info, add_plot, add_design, add_ensemble, add_bench, add_cache):
+    for add in (
+        add_run, add_scenes, add_info, add_plot, add_modes, add_design, add_ensemble, add_bench,
+        add_cache,
+    ):  # fmt: skip
         add(commands)
     return top
 
@@ -91,6 +94,21 @@ def add_plot(commands: Any) -> None:
     plot.add_argument(
         "-o", "--output", required=True, type=Path, metavar="DIR", help="folder for the PNG files"
     )
+
+
+def add_modes(commands: Any) -> None:
+    """Adds `esail modes`."""
+    modes = add_command(
+        commands, "modes", "frequencies, damping and names of a sail's modes about its spinning equilibrium"
+    )
+    add_scene(modes)
+    modes.add_argument("--json", type=Path, metavar="FILE", help="also write all modes as a JSON list")
+    modes.add_argument("-o", "--output", type=Path, metavar="DIR", help="folder for figures of the shapes")
+    modes.add_argument(
+        "--count", type=int, metavar="N",
+        help="number of modes, those of the lowest frequencies (default: all; of large sails with unequal "
+        "tethers the lowest 100)",
+    )  # fmt: skip
 
 
 def add_design(commands: Any) -> None:
