@@ -1,5 +1,5 @@
-"""The command `esail`: run, scenes, info, plot, modes, ensemble, design,
-bench, cache.
+"""The command `esail`: run, scenes, info, plot, modes, ensemble, design, bench,
+cache.
 
 The options are those of `commands/parser.py`, the exit codes those of `commands/exit_codes.py`. Errors are
 one line on stderr.
@@ -141,8 +141,8 @@ def cache(options: argparse.Namespace) -> ExitCode:
 
 
 COMMANDS = {
-    "run": run, "scenes": scenes, "info": info, "plot": plot, "modes": modes, "ensemble": ensemble, "design": design,
-    "bench": bench, "cache": cache,
+    "run": run, "scenes": scenes, "info": info, "plot": plot, "modes": modes, "ensemble": ensemble,
+    "design": design, "bench": bench, "cache": cache,
 }  # fmt: skip
 
 

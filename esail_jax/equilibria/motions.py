@@ -14,8 +14,8 @@ translation and rotation across it; at all other n it rests.
 import numpy as np
 import scipy.sparse as sp
 
-from esail_jax.array_types import Array, Float
-from esail_jax.equilibria.sparse import SparseMatrices, indices
+from esail_jax.array_types import Float, Inexact
+from esail_jax.equilibria.sparse import Sparse, SparseMatrices, indices
 from esail_jax.equilibria.steady_state import translations
 from esail_jax.system import System
 
@@ -43,7 +43,7 @@ def hub_motions(system: System, y: Float[Host, " n"], axes: Float[Host, "3 3"]) 
     return found
 
 
-def rigid_hub_basis(system: System, y: Float[Host, " n"], axes: Float[Host, "3 3"]) -> sp.csc_matrix:
+def rigid_hub_basis(system: System, y: Float[Host, " n"], axes: Float[Host, "3 3"]) -> Sparse:
     """Returns the basis of all motions with a rigid hub: the tethers' coordinates, in the axes of each
     tether (along the spin axis, radial, azimuthal), and the hub's six motions.
 
@@ -76,7 +76,7 @@ def rotation_about_x(angle: float) -> Float[Host, "3 3"]:
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
 
 
-def waves(count: int, coordinates: int, hub: bool, n: int) -> sp.csc_matrix:
+def waves(count: int, coordinates: int, hub: bool, n: int) -> Sparse:
     """Returns the waves of number n, in the coordinates of `rigid_hub_basis`.
 
     count: number of tethers p; coordinates: number of coordinates of a tether."""
@@ -85,11 +85,12 @@ def waves(count: int, coordinates: int, hub: bool, n: int) -> sp.csc_matrix:
     if not hub:
         return columns
     chosen = [k for k, m in enumerate((0, 1, -1)) if (n - m) % count == 0]
-    helical = sp.kron(sp.eye(2), sp.csc_matrix(HELICAL[:, chosen]), format="csc")
+    vectors = HELICAL if count > 2 else np.eye(3)  # of one or two tethers both directions have the same n
+    helical = sp.kron(sp.eye(2), sp.csc_matrix(vectors[:, chosen]), format="csc")
     return sp.block_diag([columns, helical], format="csc")
 
 
-def one_tether_further(count: int, coordinates: int, hub: bool) -> sp.csc_matrix:
+def one_tether_further(count: int, coordinates: int, hub: bool) -> Sparse:
     """Returns the rotation of a motion by the angle between two tethers, in the coordinates of
     `rigid_hub_basis`."""
     shift = sp.csc_matrix(np.roll(np.eye(count), 1, axis=0))
@@ -100,7 +101,7 @@ def one_tether_further(count: int, coordinates: int, hub: bool) -> sp.csc_matrix
     return sp.block_diag([turned, rotation, rotation], format="csc")
 
 
-def tethers_are_equal(reduced: list[sp.csc_matrix], count: int, hub: bool) -> bool:
+def tethers_are_equal(reduced: list[Sparse], count: int, hub: bool) -> bool:
     """Tells whether the matrices, in the coordinates of `rigid_hub_basis`, stay the same if the sail is
     turned by one tether."""
     size = reduced[0].shape[0]
@@ -108,7 +109,7 @@ def tethers_are_equal(reduced: list[sp.csc_matrix], count: int, hub: bool) -> bo
     return all(abs(turn @ a @ turn.T - a).max() <= EQUAL * abs(a).max() for a in reduced if a.nnz)
 
 
-def conditions(system: System, matrices: SparseMatrices) -> sp.csr_matrix:
+def conditions(system: System, matrices: SparseMatrices) -> Sparse:
     """Returns the conditions on small motions, one a row with unit length: the constraints and, with a
     hub, a resting centre of mass.
 
@@ -123,7 +124,7 @@ def conditions(system: System, matrices: SparseMatrices) -> sp.csr_matrix:
     return sp.csr_matrix(sp.diags(1.0 / np.maximum(length, 1e-300)) @ found)
 
 
-def allowed(rows: Array | np.ndarray) -> np.ndarray:
+def allowed(rows: Inexact[Host, "c n"]) -> Inexact[Host, "n m"]:
     """Returns an orthonormal basis, in columns, of the vectors on which all rows vanish."""
     import scipy.linalg
 

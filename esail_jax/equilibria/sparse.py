@@ -7,7 +7,7 @@ directions gives all their columns (Curtis, Powell and Reid 1974). A cable needs
 hub twelve columns and twelve rows more, whatever the number of tethers and elements.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -18,10 +18,13 @@ from esail_jax.array_types import Array, Float
 from esail_jax.compilation.options import START_OPTIONS
 from esail_jax.compilation.program import program_of
 from esail_jax.coordinates import Multipliers
-from esail_jax.equilibria.moving_frame import MovingFrame, forces, independent
+from esail_jax.equilibria.moving_frame import MovingFrame, forces
 from esail_jax.system import System
 
 Host = np.ndarray
+
+Sparse: TypeAlias = sp.sparray | sp.spmatrix
+"""A sparse matrix of any format."""
 
 NODE_COLOURS = 3
 """Number of groups of nodes along a tether: nodes of a group have no common neighbour."""
@@ -35,10 +38,10 @@ class SparseMatrices(NamedTuple):
     (`moving_frame.py`), constraint Phi_y [-]; balance [N] conjugate to y; violation Phi [m].
     """
 
-    mass: sp.csr_matrix
-    rate: sp.csr_matrix
-    stiffness: sp.csr_matrix
-    constraint: sp.csr_matrix
+    mass: Sparse
+    rate: Sparse
+    stiffness: Sparse
+    constraint: Sparse
     balance: Float[Host, " n"]
     violation: Float[Host, " c"]
 
@@ -106,15 +109,17 @@ def linearised_sparse(
     k, _, nodes, _ = places.shape
     size, groups = len(y), min(NODE_COLOURS, nodes)
     probe = np.random.default_rng(0).standard_normal(size)
-    directions = [np.zeros(size) for _ in range(groups * k * 3)]
-    for c, direction in enumerate(directions):
+    seeds = [np.zeros(size) for _ in range(groups * k * 3)]
+    for c, direction in enumerate(seeds):
         group, coef, axis = np.unravel_index(c, (groups, k, 3))
         chosen = places[coef, axis, group::NODE_COLOURS]
         direction[chosen[chosen >= 0]] = 1.0
     units = np.eye(size)[hub] if len(hub) else np.zeros((0, size))
-    directions = np.stack([*directions, *units, probe])
+    directions = np.stack([*seeds, *units, probe])
     arguments = jax.tree.map(jnp.asarray, (system, frame, y, lam, directions, units))
-    samples = jax.tree.map(np.asarray, program_of(sampled, (), arguments, START_OPTIONS, fused=False)(*arguments))
+    samples = jax.tree.map(
+        np.asarray, program_of(sampled, (), arguments, START_OPTIONS, fused=False)(*arguments)
+    )
     parts = []
     for columns, rows in zip(samples.columns, samples.rows, strict=True):
         matrix = assembled(places, hub, columns[:-1], rows)
@@ -127,7 +132,7 @@ def linearised_sparse(
     return SparseMatrices(parts[2], parts[1], parts[0], constraint, samples.balance, samples.violation)
 
 
-def assembled(places: Host, hub: Host, columns: Host, rows: Host) -> sp.csr_matrix:
+def assembled(places: Host, hub: Host, columns: Host, rows: Host) -> Sparse:
     """Returns a sparse matrix from its derivatives along the directions of `linearised_sparse`."""
     coefs, _, nodes, _ = places.shape
     groups = min(NODE_COLOURS, nodes)
@@ -152,7 +157,7 @@ def assembled(places: Host, hub: Host, columns: Host, rows: Host) -> sp.csr_matr
     return sp.csr_matrix((data, (row, column)), shape=(size, size))
 
 
-def assembled_constraints(places: Host, hub: Host, columns: Host) -> sp.csr_matrix:
+def assembled_constraints(places: Host, hub: Host, columns: Host) -> Sparse:
     """Returns Phi_y. A hub's conditions read the hub's coordinates; those of a clamped root read them and
     the coordinates of its own tether."""
     coefs, _, nodes, count = places.shape
@@ -173,8 +178,3 @@ def assembled_constraints(places: Host, hub: Host, columns: Host) -> sp.csr_matr
         found.append((values[row], row, np.full(len(row), place)))
     data, row, column = (np.concatenate(part) for part in zip(*found, strict=True))
     return sp.csr_matrix((data, (row, column)), shape=(held, size))
-
-
-def start_of(system: System, q: "Array") -> Float[Host, " n"]:
-    """Returns the independent coordinates y of given coordinates on the host."""
-    return np.asarray(independent(system, q))

@@ -3,7 +3,8 @@
 The eigenvalues of a sail differ by nine orders of magnitude, from swinging in the spin plane to damped
 stretching of one element. The matrix whose eigenvalues are computed is therefore the inverse
 
-    (A - sigma)^{-1} (u, u') = (x, sigma x + u),    (sigma^2 M + sigma (G + C) + K) x = -(G + C + sigma M) u - M u',
+    (A - sigma)^{-1} (u, u') = (x, sigma x + u),
+    (sigma^2 M + sigma (G + C) + K) x = -(G + C + sigma M) u - M u',
 
 with a real shift sigma > 0 below the spin rate: its largest eigenvalues 1 / (s - sigma), which are the most
 accurate ones, belong to the slowest motions. Nothing is lost at the other end: 3600 / s is exact to 1e-9.
@@ -16,6 +17,7 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import LinearOperator, eigs, splu
 
 from esail_jax.array_types import Complex, Inexact
+from esail_jax.equilibria.sparse import Sparse
 
 Host = np.ndarray
 
@@ -51,10 +53,10 @@ def dense_spectrum(
 
 
 def sparse_spectrum(
-    mass: sp.csr_matrix,
-    rate: sp.csr_matrix,
-    stiffness: sp.csr_matrix,
-    conditions: sp.csr_matrix,
+    mass: Sparse,
+    rate: Sparse,
+    stiffness: Sparse,
+    conditions: Sparse,
     spin: float,
     count: int,
 ) -> tuple[Spectrum, float]:
@@ -64,7 +66,7 @@ def sparse_spectrum(
     Arnoldi's method finds one copy of a multiple eigenvalue for certain. It is therefore repeated on the
     complement of the motions found, until nothing within the radius is left."""
     shift, size, held = SHIFT * abs(spin), mass.shape[0], conditions.shape[0]
-    pencil = shift**2 * mass + shift * rate + stiffness
+    pencil: Sparse = shift**2 * mass + shift * rate + stiffness
     scale = 1.0 / np.sqrt(np.maximum(abs(pencil).max(axis=1).toarray().ravel(), 1e-300))
     scaled = sp.diags(scale) @ pencil @ sp.diags(scale)
     border = conditions @ sp.diags(scale)
@@ -93,7 +95,9 @@ def sparse_spectrum(
         start = np.concatenate([solved(random.standard_normal(size)) for _ in range(2)])
         operator = LinearOperator((2 * size, 2 * size), matvec=deflated, dtype=float)
         k = wanted if not found.size else min(wanted, max(16, wanted // 8))
-        values, vectors = eigs(operator, k=k, v0=deflated(start), tol=1e-12, ncv=min(2 * size - 1, 2 * k + 20))
+        values, vectors = eigs(
+            operator, k=k, v0=deflated(start), tol=1e-12, ncv=min(2 * size - 1, 2 * k + 20)
+        )
         if not found.size:
             radius = 1.0 / np.abs(values).min()
         near = np.abs(values) >= (1.0 - 1e-9) / radius

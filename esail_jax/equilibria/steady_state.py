@@ -29,7 +29,7 @@ from esail_jax.equilibria.equilibrium import (
     Equilibrium,
 )
 from esail_jax.equilibria.moving_frame import MovingFrame, expanded, independent, rotation_about
-from esail_jax.equilibria.sparse import SparseMatrices, indices, linearised_sparse
+from esail_jax.equilibria.sparse import Sparse, SparseMatrices, indices, linearised_sparse
 from esail_jax.system import System
 
 Host = np.ndarray
@@ -93,7 +93,7 @@ def newton_step(
     return step[:size], step[size : size + held], float(step[size + held : size + held + len(along)].sum())
 
 
-def scaled_solve(matrix: sp.csc_matrix, right: Float[Host, " n"]) -> Float[Host, " n"]:
+def scaled_solve(matrix: Sparse, right: Float[Host, " n"]) -> Float[Host, " n"]:
     """Solves with rows and columns scaled by their largest entries; NaN if the matrix is singular."""
     rows = 1.0 / np.maximum(abs(matrix).max(axis=1).toarray().ravel(), 1e-300)
     scaled = sp.diags(rows) @ matrix
@@ -119,9 +119,7 @@ def translations(system: System) -> Float[Host, "n 3"]:
     return found
 
 
-def neutral_turns(
-    system: System, y: Float[Host, " n"], axis: Float[Host, "3"]
-) -> list[Float[Host, " n"]]:
+def neutral_turns(system: System, y: Float[Host, " n"], axis: Float[Host, "3"]) -> list[Float[Host, " n"]]:
     """Returns the rotations about the axis that no force opposes, with unit length."""
     turn = np.asarray(rotation_about(system, jnp.asarray(axis), jnp.asarray(y)))
     if system.hub is not None:
@@ -155,5 +153,3 @@ def added(lam: Multipliers, change: Float[Host, " c"]) -> Multipliers:
         parts.append(x + jnp.asarray(change[at : at + x.size].reshape(x.shape)))
         at += x.size
     return jax.tree.unflatten(tree, parts)
-
-

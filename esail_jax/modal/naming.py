@@ -6,7 +6,7 @@ import numpy as np
 
 from esail_jax.modal import names
 from esail_jax.modal.selection import Vibration
-from esail_jax.modal.shapes import Places, shape_of
+from esail_jax.modal.shapes import Places, Shape, shape_of
 from esail_jax.modal.solving import Motions
 from esail_jax.system import System
 
@@ -31,16 +31,21 @@ class NamedMode(NamedTuple):
     conjugate: bool
 
 
-def named_group(system: System, group: Motions, places: Places, spin: float) -> list[NamedMode]:
-    """Returns the modes of a group."""
+def named_group(
+    system: System, group: Motions, places: Places, spin: float, known: dict[int, Shape]
+) -> list[NamedMode]:
+    """Returns the modes of a group. known: shapes of the groups so far, by the identity of their motions,
+    which several wave numbers may share."""
     shapes, count = group.shapes, system.tethers.count
-    chosen = [vibration.motion for vibration in group.vibrations]
-    shape = shape_of(system, places, shapes.local[:, :, chosen], shapes.hub[:, chosen])
+    shape = known.get(id(shapes.local))
+    if shape is None:
+        shape = known[id(shapes.local)] = shape_of(system, places, shapes.local, shapes.hub)
     copies = 1 if shapes.n is None else count
+    every = names.characters(shape, places, copies)
     found = []
-    for k, (vibration, character) in enumerate(
-        zip(group.vibrations, names.characters(shape, places, copies), strict=True)
-    ):
+    for vibration in group.vibrations:
+        k = vibration.motion
+        character = every[k]
         hub, value = shape.hub[:, k], vibration.eigenvalue
         conjugate = vibration.wave < 0
         turning = names.backward_rotation(hub.conj() if conjugate else hub, value, spin)
@@ -59,9 +64,16 @@ def named_group(system: System, group: Motions, places: Places, spin: float) -> 
         n = -1 if shapes.n is None else shapes.n
         found.append(
             NamedMode(
-                vibration.natural_frequency, vibration.damping_ratio, value, name, n,
-                character.kind, character.nodes, vibration.motion, conjugate,
-            )  # fmt: skip
+                vibration.natural_frequency,
+                vibration.damping_ratio,
+                value,
+                name,
+                n,
+                character.kind,
+                character.nodes,
+                vibration.motion,
+                conjugate,
+            )
         )
     return found
 
@@ -101,5 +113,5 @@ def among_unequal(character: names.Character, tether: Host, value: complex, spin
     if not 0 < 2 * n < count or value.imag == 0.0:
         return names.around_circle(n, count, None).replace(", ", ", mainly ", 1)
     share = waves[n] / both[n]
-    forward = None if 1.0 - MAINLY < share < MAINLY else (share < 0.5) == (spin > 0.0)
+    forward = None if 1.0 - MAINLY < share < MAINLY else bool((share < 0.5) == (spin > 0.0))
     return names.around_circle(n, count, forward).replace(", ", ", mainly ", 1)

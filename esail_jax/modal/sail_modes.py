@@ -13,6 +13,7 @@ from esail_jax.compilation.program import program_of
 from esail_jax.errors import SimulationError
 from esail_jax.modal.naming import named_group
 from esail_jax.modal.notes import notes_of
+from esail_jax.modal.shapes import Shape
 from esail_jax.modal.solving import Solved, solve
 from esail_jax.modal.steady_load import check_has_modes, with_mean_loads
 from esail_jax.modal.table import ModeTable
@@ -33,7 +34,8 @@ def modes(
     count: int | None = None,
     converge: bool = True,
 ) -> ModeTable:
-    """Returns the modes of a sail about its spinning equilibrium, as seen in the frame B that turns with it.
+    """Returns the modes of a sail about its spinning equilibrium, as seen in the frame B that turns with
+    it.
 
     With wind, the equilibrium is the steady cone that accelerates uniformly along the spin axis, under the
     load averaged over a turn; at a sailing angle of 0 that is the load itself. Unequal tethers are allowed.
@@ -64,7 +66,7 @@ def solved_scene(scene: Scene, count: int | None) -> Solved:
     model: Model = program(numbers)
     system: System = model.system
     axes = system.rotation(jnp.zeros(()), model.q)
-    spin = float(scene.initial.spin_rate)
+    spin = float(np.asarray(scene.initial.spin_rate))
     found = solve(with_mean_loads(system, axes), model.q, np.asarray(axes), spin, count)
     if not bool(found.at.converged):
         left = float(found.at.unbalanced)
@@ -78,10 +80,11 @@ def solved_scene(scene: Scene, count: int | None) -> Solved:
 
 def assembled(scene: Scene, found: Solved, count: int | None) -> ModeTable:
     """Returns the table of modes from the spectra of all groups of motions."""
+    known: dict[int, Shape] = {}
     entries = [
         (entry, place)
         for place, group in enumerate(found.groups)
-        for entry in named_group(found.system, group, found.places, found.spin)
+        for entry in named_group(found.system, group, found.places, found.spin, known)
     ]
     entries.sort(key=lambda pair: (pair[0].natural_frequency, pair[0].n, pair[0].name))
     entries = entries[:count]

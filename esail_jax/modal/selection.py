@@ -14,8 +14,9 @@ from esail_jax.array_types import Complex, Inexact
 
 Host = np.ndarray
 
-AT_REST = 1e-6
-"""Eigenvalues below this fraction of the spin rate are those of a neutral motion, the spin angle."""
+AT_REST = 1e-4
+"""Eigenvalues of a neutral motion, the spin angle, are zero but for rounding, which splits the double zero
+by the square root: up to this fraction of the spin rate. How many there are is known beforehand."""
 
 REAL = 1e-3
 """Largest |Im s| / |s| of an overdamped motion among waves of both directions: their coupling by the hub
@@ -38,13 +39,21 @@ class Vibration(NamedTuple):
 
 
 def vibrations(
-    values: Complex[Host, " mode"], motions: Inexact[Host, "n mode"], mass: Host, spin: float, waves: bool
+    values: Complex[Host, " mode"],
+    motions: Inexact[Host, "n mode"],
+    mass: Host,
+    spin: float,
+    waves: bool,
+    neutral: int,
 ) -> tuple[list[Vibration], int]:
     """Returns the vibrations, and the number of eigenvalues left out because they are zero.
 
     waves: the motions are waves of one number, whose conjugates are those of the opposite number: every
-    eigenvalue is a vibration of its own, and an overdamped one stands for both numbers."""
-    at_rest = np.abs(values) < AT_REST * abs(spin)
+    eigenvalue is a vibration of its own, and an overdamped one stands for both numbers. neutral: number of
+    eigenvalues that are zero, two for each neutral motion."""
+    at_rest = np.zeros(len(values), bool)
+    at_rest[np.argsort(np.abs(values))[:neutral]] = True
+    at_rest &= np.abs(values) < AT_REST * abs(spin)
     real = ~at_rest & (np.abs(values.imag) <= (REAL if waves else 0.0) * np.abs(values))
     found = []
     for k in np.flatnonzero(~at_rest & ~real & ((values.imag > 0.0) | waves)):

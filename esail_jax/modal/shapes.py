@@ -96,9 +96,7 @@ def places_of(system: System, steady: Host) -> Places:
     chord = tip / np.linalg.norm(tip, axis=0)
     azimuthal = np.cross(np.array([[1.0], [0.0], [0.0]]), chord, axis=0)
     azimuthal /= np.linalg.norm(azimuthal, axis=0)
-    return Places(
-        distance, mass, inertia, np.stack([chord, azimuthal, np.cross(chord, azimuthal, axis=0)])
-    )
+    return Places(distance, mass, inertia, np.stack([chord, azimuthal, np.cross(chord, azimuthal, axis=0)]))
 
 
 def shape_of(system: System, places: Places, local: Host, hub: Host) -> Shape:

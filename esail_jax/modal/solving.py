@@ -4,13 +4,12 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-import scipy.sparse as sp
 
 from esail_jax.array_types import Complex, Float
 from esail_jax.coordinates import Coordinates
 from esail_jax.equilibria import motions
 from esail_jax.equilibria.equilibrium import Equilibrium
-from esail_jax.equilibria.sparse import SparseMatrices
+from esail_jax.equilibria.sparse import Sparse, SparseMatrices
 from esail_jax.equilibria.spectrum import dense_spectrum, sparse_spectrum
 from esail_jax.equilibria.steady_state import steady_state
 from esail_jax.modal.selection import Vibration, vibrations
@@ -71,20 +70,23 @@ def solve(
     if bool(at.converged):
         reduced = [(basis.T @ a @ basis).tocsc() for a in matrices[:3]]
         conditions = motions.conditions(system, matrices)
+        # Zero eigenvalues: two of the spin angle; without a hub two of the angle of each pinned tether.
+        each = 0 if system.clamped and not hub else 2
+        every = each if hub else each * tethers
         if motions.tethers_are_equal(reduced, tethers, hub):
-            groups, at_rest = by_waves(reduced, conditions @ basis, tethers, own, hub, spin)
+            groups, at_rest = by_waves(reduced, conditions @ basis, tethers, own, hub, spin, each)
         elif 2 * basis.shape[1] <= DENSE_STATES:
-            groups, at_rest = all_at_once(reduced, conditions @ basis, tethers, own, hub, spin)
+            groups, at_rest = all_at_once(reduced, conditions @ basis, tethers, own, hub, spin, every)
         else:
-            groups, at_rest = lowest(matrices, basis, conditions, tethers, own, hub, spin, count or LOWEST)
+            groups, at_rest = lowest(
+                matrices, basis, conditions, tethers, own, hub, spin, every, count or LOWEST
+            )
             complete = False
     acceleration = float(np.asarray(at.frame.acceleration) @ axes[:, 0])
-    return Solved(
-        system, at, groups, places, np.arcsin(tip), acceleration, spin, hub, at_rest, complete
-    )
+    return Solved(system, at, groups, places, np.arcsin(tip), acceleration, spin, hub, at_rest, complete)
 
 
-def from_centre(basis: sp.csc_matrix, y: Host, system: System, axes: Host) -> Host:
+def from_centre(basis: Sparse, y: Host, system: System, axes: Host) -> Host:
     """Returns the coordinates of y in the axes of the tethers, from the hub's centre, less its position."""
     if system.hub is None:
         return basis.T @ y
@@ -96,53 +98,88 @@ def from_centre(basis: sp.csc_matrix, y: Host, system: System, axes: Host) -> Ho
 
 
 def by_waves(
-    reduced: list[sp.csc_matrix], conditions: sp.csr_matrix, count: int, own: int, hub: bool, spin: float
+    reduced: list[Sparse],
+    conditions: Sparse,
+    count: int,
+    own: int,
+    hub: bool,
+    spin: float,
+    neutral: int,
 ) -> tuple[list[Motions], int]:
-    """Returns the vibrations of equal tethers, and the number of zero eigenvalues."""
-    groups, at_rest = [], 0
+    """Returns the vibrations of equal tethers, and the number of zero eigenvalues.
+
+    count: number of tethers; own: number of coordinates of each; neutral: number of zero eigenvalues of a
+    wave, with a hub of n = 0 only."""
+    groups: list[Motions] = []
+    at_rest, alone = 0, None
     for n in range(count // 2 + 1):
-        wave = motions.waves(count, own, hub, n)
         standing = n == 0 or 2 * n == count
-        blocks = [(wave.conj().T @ a @ wave).toarray() for a in reduced]
-        free = motions.allowed((conditions @ wave).toarray())
-        blocks = [free.conj().T @ a @ free for a in blocks]
-        spectrum = dense_spectrum(*blocks, spin)
-        found, zero = vibrations(spectrum.eigenvalue, spectrum.motion, blocks[0], spin, not standing)
+        with_hub = hub and (n in (0, 1) or count <= 2)
+        if with_hub or alone is None:
+            # A wave with n = 0 or n = p / 2 is real, and so are the matrices if the hub rests.
+            wave = motions.waves(count, own, hub, n)
+            wave = wave.real if standing else wave
+            blocks = [(wave.conj().T @ a @ wave).toarray() for a in reduced]
+            free = motions.allowed((conditions @ wave).toarray())
+            blocks = [free.conj().T @ a @ free for a in blocks]
+            if not with_hub:
+                blocks = [a.real for a in blocks]
+            spectrum = dense_spectrum(*blocks, spin=spin)
+            motion = wave @ (free @ spectrum.motion)
+            local = motion[:own, None]
+            six = motion[own * count :] if with_hub else np.zeros((6, local.shape[2]))
+            solved = (spectrum, blocks[0], local, six)
+            alone = None if with_hub else solved
+        else:
+            solved = alone  # tethers on a resting hub do not influence each other: equal for all n
+        spectrum, mass, local, six = solved
+        found, zero = vibrations(
+            spectrum.eigenvalue,
+            spectrum.motion,
+            mass,
+            spin,
+            not standing,
+            neutral if n == 0 or not hub else 0,
+        )
         # A zero of a travelling wave is one of the opposite number, too.
         at_rest += zero * (1 if standing else 2)
-        motion = wave @ (free @ spectrum.motion)
-        local = motion[:own, None]
-        shapes = Group(n, local, motion[own * count :] if hub else np.zeros((6, local.shape[2])))
-        groups.append(Motions(found, shapes))
+        groups.append(Motions(found, Group(n, local, six)))
     return groups, at_rest
 
 
 def all_at_once(
-    reduced: list[sp.csc_matrix], conditions: sp.csr_matrix, count: int, own: int, hub: bool, spin: float
+    reduced: list[Sparse],
+    conditions: Sparse,
+    count: int,
+    own: int,
+    hub: bool,
+    spin: float,
+    neutral: int,
 ) -> tuple[list[Motions], int]:
     """Returns the vibrations of unequal tethers, and the number of zero eigenvalues."""
     free = motions.allowed(conditions.toarray())
     blocks = [free.T @ (a @ free) for a in reduced]
-    spectrum = dense_spectrum(*blocks, spin)
-    found, at_rest = vibrations(spectrum.eigenvalue, spectrum.motion, blocks[0], spin, False)
+    spectrum = dense_spectrum(*blocks, spin=spin)
+    found, at_rest = vibrations(spectrum.eigenvalue, spectrum.motion, blocks[0], spin, False, neutral)
     return [Motions(found, of_all_tethers(free @ spectrum.motion, count, own, hub))], at_rest
 
 
 def lowest(
     matrices: SparseMatrices,
-    basis: sp.csc_matrix,
-    conditions: sp.csr_matrix,
+    basis: Sparse,
+    conditions: Sparse,
     count: int,
     own: int,
     hub: bool,
     spin: float,
+    neutral: int,
     number: int,
 ) -> tuple[list[Motions], int]:
     """Returns the lowest vibrations of unequal tethers, and the number of zero eigenvalues among them."""
     spectrum, radius = sparse_spectrum(*matrices[:3], conditions, spin, number)
     keep = np.abs(spectrum.eigenvalue) <= radius
     values, motion = spectrum.eigenvalue[keep], spectrum.motion[:, keep]
-    found, at_rest = vibrations(values, motion, matrices.mass, spin, False)
+    found, at_rest = vibrations(values, motion, matrices.mass, spin, False, neutral)
     coordinates = basis.T @ motion
     if hub:
         rigid = basis[:, -6:].toarray()
@@ -150,9 +187,7 @@ def lowest(
     return [Motions(found, of_all_tethers(coordinates, count, own, hub))], at_rest
 
 
-def of_all_tethers(
-    coordinates: Complex[Host, "n mode"], count: int, own: int, hub: bool
-) -> Group:
+def of_all_tethers(coordinates: Complex[Host, "n mode"], count: int, own: int, hub: bool) -> Group:
     """Returns motions, in the coordinates of `rigid_hub_basis`, as a group."""
     local = coordinates[: own * count].reshape(count, own, -1).transpose(1, 0, 2)
     return Group(None, local, coordinates[own * count :] if hub else np.zeros((6, local.shape[2])))

@@ -10,9 +10,11 @@ import dataclasses
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 
 from esail_jax.array_types import Rotation
 from esail_jax.environment.solar_wind import SteadyWind
+from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
 from esail_jax.system import System
@@ -30,15 +32,19 @@ def check_has_modes(scene: Scene) -> None:
         raise SceneError(
             "voltage.law", 'be "constant", as modes need a steady load', f'is "{scene.voltage.law}"'
         )
-    if float(scene.initial.spin_rate) == 0.0:
+    if float(np.asarray(scene.initial.spin_rate)) == 0.0:
         raise SceneError("initial.spin_rate", "not be zero, as modes refer to a spinning sail", "is 0")
 
 
 def with_mean_loads(system: System, axes: Rotation) -> System:
-    """Returns the system under the mean of its loads over a turn about X_B, the first column of `axes`."""
+    """Returns the system under the mean of its loads over a turn about X_B, the first column of `axes`.
+
+    Raises SceneError for a load whose mean is not known."""
     axis = axes[:, 0]
     loads = []
     for load in system.loads:
+        if not isinstance(load, CoulombThrust):
+            raise SceneError(load.name, "be left out of a scene whose modes are asked for", "is given")
         wind = load.wind
         distance = jnp.linalg.norm(wind.origin)
         cosine = axis @ wind.origin / distance

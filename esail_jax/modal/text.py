@@ -1,15 +1,15 @@
 """The table of modes as text."""
 
 import textwrap
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from esail_jax.modal.table import ModeTable
-
 ROWS = 40
-"""Largest number of lines of the table."""
+"""Number of lines of the lowest frequencies that are shown in any case."""
+
+RESOLVED = 1e-2
+"""Above them a line is shown if twice as many elements change it by at most this."""
 
 SAME = 1e-7
 """Largest relative difference of eigenvalues in one line of the table."""
@@ -18,31 +18,35 @@ WIDTH = 108
 """Width of the notes."""
 
 
-def table_text(table: "ModeTable") -> str:
-    """Returns notes and table; modes with equal frequency and motion share a line."""
+def table_text(table: Any) -> str:
+    """Returns notes and table of a `ModeTable`; modes with equal frequency and motion share a line."""
     lines = [line for note in table.notes for line in textwrap.wrap(note, WIDTH)]
     lines += ["", "  frequency [Hz]   per spin   damping ratio   change    modes  motion"]
     rows = rows_of(table)
-    for first, members in rows[:ROWS]:
+    hidden = 0
+    for k, (first, members) in enumerate(rows):
         change = table.relative_change[members]
+        if k >= ROWS and not (change <= RESOLVED).any():
+            hidden += 1
+            continue
         shown = f"{np.nanmax(change):.1e}" if np.isfinite(change).any() else "-"
         per_spin = table.frequency_hz[first] * 2.0 * np.pi / abs(table.spin_rate)
         lines.append(
             f"  {table.frequency_hz[first]:<15.8g}  {per_spin:<9.6g}  {table.damping_ratio[first]:<14.4e}"
             f"  {shown:<9} {len(members):<5}  {row_name(table, first, members)}"
         )
-    if len(rows) > ROWS:
-        lines.append(f"  ... and {len(rows) - ROWS} more lines of higher frequency")
-    lines += [
-        "",
-        "frequency: |s| / (2 pi) in the rotating frame B; damping ratio: -Re s / |s|; change: |change of s| /"
-        " |s|",
-        "with twice as many elements (- : not found there, or not computed); modes: number of modes in the line",
-    ]
+    if hidden:
+        lines.append(f"  ... and {hidden} more lines that these elements do not resolve to 1 %")
+    legend = (
+        "frequency: |s| / (2 pi) in the rotating frame B; damping ratio: -Re s / |s|; change: that of s "
+        "over |s| with twice as many elements (-: not found there, or not computed); modes: number of "
+        "modes in the line. The JSON file has all modes, one by one."
+    )
+    lines += ["", *textwrap.wrap(legend, WIDTH)]
     return "\n".join(lines)
 
 
-def rows_of(table: "ModeTable") -> list[tuple[int, list[int]]]:
+def rows_of(table: Any) -> list[tuple[int, list[int]]]:
     """Returns the lines: the first mode of each and all its modes."""
     rows: list[tuple[int, list[int]]] = []
     for k, value in enumerate(table.eigenvalue):
@@ -61,11 +65,14 @@ def motion_of(name: str) -> str:
     return name.partition(", ")[0]
 
 
-def row_name(table: "ModeTable", first: int, members: list[int]) -> str:
+def row_name(table: Any, first: int, members: list[int]) -> str:
     """Returns the name of a line."""
     if len(members) == 1 or table.wave_number[first] < 0:
         return table.name[first]
     numbers = sorted({int(table.wave_number[k]) for k in members})
-    span = f"n = {numbers[0]}" if len(numbers) == 1 else f"n = {numbers[0]} to {numbers[-1]}"
+    listed = ", ".join(map(str, numbers))
+    if len(numbers) > 2 and numbers[-1] - numbers[0] == len(numbers) - 1:
+        listed = f"{numbers[0]} to {numbers[-1]}"
+    span = f"n = {listed}"
     tail = ", overdamped" if table.name[first].endswith("overdamped") else ""
     return f"{motion_of(table.name[first])}, {span} around the circle{tail}"
