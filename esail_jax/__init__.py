@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from esail_jax.errors import SimulationError
     from esail_jax.files.opening import RunFileError
     from esail_jax.files.run_file import load, save
+    from esail_jax.modal.sail_modes import modes
+    from esail_jax.modal.table import ModeTable
     from esail_jax.plotting import plot
     from esail_jax.scenes.chain_tables import Chain, ChainInitial, ChainVoltage, ChainWind, Orbit
     from esail_jax.scenes.common_tables import Gravity, Integrator, Output
@@ -63,6 +65,7 @@ __all__ = [
     "Hub",
     "Initial",
     "Integrator",
+    "ModeTable",
     "Orbit",
     "Output",
     "RemoteUnits",
@@ -78,6 +81,7 @@ __all__ = [
     "jit",
     "load",
     "load_scene",
+    "modes",
     "plot",
     "run",
     "save",
@@ -90,6 +94,8 @@ MODULES = {
     "errors": ("SimulationError",),
     "files.opening": ("RunFileError",),
     "files.run_file": ("load", "save"),
+    "modal.sail_modes": ("modes",),
+    "modal.table": ("ModeTable",),
     "plotting": ("plot",),
     "scenes.chain_tables": ("Chain", "ChainInitial", "ChainVoltage", "ChainWind", "Orbit"),
     "scenes.common_tables": ("Gravity", "Integrator", "Output"),

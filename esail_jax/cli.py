@@ -1,4 +1,5 @@
-"""The command `esail`: run, scenes, init, info, plot, animate, view, ensemble, design, bench, cache.
+"""The command `esail`: run, scenes, init, info, plot, animate, view, modes, ensemble, design, bench,
+cache.
 
 The options are those of `commands/parser.py`, the exit codes those of `commands/exit_codes.py`. Errors are
 one line on stderr.
@@ -16,6 +17,7 @@ from esail_jax.commands.options import (
     check_animate,
     check_design,
     check_ensemble,
+    check_modes,
     check_view,
     objective_weights,
     observable_names,
@@ -95,6 +97,16 @@ def view(options: argparse.Namespace) -> ExitCode:
     return ExitCode.DONE
 
 
+def modes(options: argparse.Namespace) -> ExitCode:
+    """`esail modes`."""
+    check_modes(options)
+    scene = scene_of(options)
+    from esail_jax.commands.modes import print_modes
+
+    print_modes(scene, options.json, options.output, options.count)
+    return ExitCode.DONE
+
+
 def design(options: argparse.Namespace) -> ExitCode:
     """`esail design`."""
     check_design(options)
@@ -160,7 +172,7 @@ def cache(options: argparse.Namespace) -> ExitCode:
 
 COMMANDS = {
     "run": run, "scenes": scenes, "init": init, "info": info, "plot": plot, "animate": animate,
-    "view": view, "ensemble": ensemble, "design": design, "bench": bench, "cache": cache,
+    "view": view, "modes": modes, "ensemble": ensemble, "design": design, "bench": bench, "cache": cache,
 }  # fmt: skip
 
 

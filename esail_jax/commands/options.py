@@ -121,6 +121,15 @@ def refuse_existing(path: Path, overwrite: bool | None = None) -> None:
         raise UsageError(f"`{path}` must not exist{hint}, but does")
 
 
+def check_modes(options: argparse.Namespace) -> None:
+    """Raises UsageError for options of `esail modes` that are out of range, or a result that would
+    be overwritten."""
+    if options.count is not None and options.count < 1:
+        raise UsageError(f"`--count` must be positive, but is {options.count}")
+    if options.json is not None and options.json.exists() and options.json.stat().st_size:
+        raise UsageError(f"`--json` must be a new or an empty file, but {options.json} has content")
+
+
 def check_ensemble(options: argparse.Namespace) -> None:
     """Raises UsageError for options of `esail ensemble` that are out of range or do not fit together."""
     for name, least in (("members", 1), ("seed", 0), ("processes", 1), ("process", 0)):

@@ -33,8 +33,8 @@ def parser() -> Parser:
     )
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for add in (
-        add_run, add_scenes, add_init, add_info, add_plot, add_animate, add_view, add_design, add_ensemble,
-        add_bench, add_cache,
+        add_run, add_scenes, add_init, add_info, add_plot, add_animate, add_view, add_modes, add_design,
+        add_ensemble, add_bench, add_cache,
     ):  # fmt: skip
         add(commands)
     return top
@@ -172,6 +172,21 @@ def add_view(commands: Any) -> None:
     )
     view.add_argument("-o", "--output", required=True, type=Path, metavar="FILE.html", help="page to write")
     add_looks(view)
+
+
+def add_modes(commands: Any) -> None:
+    """Adds `esail modes`."""
+    modes = add_command(
+        commands, "modes", "frequencies, damping and names of a sail's modes about its spinning equilibrium"
+    )
+    add_scene(modes)
+    modes.add_argument("--json", type=Path, metavar="FILE", help="also write all modes as a JSON list")
+    modes.add_argument("-o", "--output", type=Path, metavar="DIR", help="folder for figures of the shapes")
+    modes.add_argument(
+        "--count", type=int, metavar="N",
+        help="number of modes, those of the lowest frequencies (default: all; of large sails with unequal "
+        "tethers the lowest 100)",
+    )  # fmt: skip
 
 
 def add_design(commands: Any) -> None:

@@ -1,0 +1,65 @@
+"""Sentences that say what the modes of a scene refer to, and what is left out of them."""
+
+import numpy as np
+
+from esail_jax.modal.solving import Solved
+from esail_jax.scenes.scene import Scene
+
+ALONG_WIND_DEG = 1e-6
+"""Largest sailing angle [deg] of a sail that counts as facing the wind."""
+
+
+def notes_of(scene: Scene, found: Solved) -> tuple[str, ...]:
+    """Returns the sentences, one for each note."""
+    return (state_of(scene, found), *left_out(found), *selection_of(found))
+
+
+def state_of(scene: Scene, found: Solved) -> str:
+    """Returns the sentence about the equilibrium."""
+    spin, angle = found.spin, float(np.asarray(scene.initial.sailing_angle_deg))
+    period = f"spin {spin:g} rad/s ({abs(spin) / (2.0 * np.pi):.4e} Hz)"
+    if scene.solar_wind is None:
+        return f"Equilibrium: the free spinning sail, {period}."
+    coning = np.degrees(found.coning_angle)
+    cone = (
+        f"{coning.min():.4f} deg"
+        if np.ptp(coning) < 1e-4
+        else f"{coning.min():.4f} to {coning.max():.4f} deg"
+    )
+    moving = (
+        f"accelerating uniformly at {found.acceleration:.4e} m/s^2 along the spin axis"
+        if found.hub
+        else "on a frame that is fixed in space"
+    )
+    shape = f"the steady cone of {cone}, {moving}, {period}."
+    if min(abs(angle), 180.0 - abs(angle)) <= ALONG_WIND_DEG:
+        return f"Equilibrium: {shape}"
+    return (
+        f"At the sailing angle of {angle:g} deg there is no equilibrium: the load changes during a turn. "
+        f"The modes are those under the mean load over a turn, that of the wind's part along the spin "
+        f"axis, u cos(alpha): {shape}"
+    )
+
+
+def left_out(found: Solved) -> list[str]:
+    """Returns the sentences about motions that are no vibrations."""
+    if found.hub:
+        return [
+            "Left out: the motions of the centre of mass (as seen in B, frequency 0 along the spin axis "
+            "and the spin frequency across it) and the angle about the spin axis (frequency 0). Kept: the "
+            "precession of the spin axis; an axis that is tilted and at rest in space turns in B once a "
+            "turn, at the spin frequency."
+        ]
+    if found.at_rest:
+        return [
+            f"Left out: the angle of {found.at_rest // 2} tethers about the spin axis (frequency 0), as "
+            "their roots are on it."
+        ]
+    return []
+
+
+def selection_of(found: Solved) -> list[str]:
+    """Returns the sentence about modes that were not computed."""
+    if found.complete:
+        return []
+    return ["The tethers are unequal and many: only the modes of the lowest frequencies are computed."]

@@ -1,0 +1,122 @@
+"""`modes`: the modes of a scene's sail about its spinning equilibrium, with their names."""
+
+import dataclasses
+import os
+from collections.abc import Mapping
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from esail_jax.compilation.options import START_OPTIONS
+from esail_jax.compilation.program import program_of
+from esail_jax.errors import SimulationError
+from esail_jax.modal.naming import named_group
+from esail_jax.modal.notes import notes_of
+from esail_jax.modal.shapes import Shape
+from esail_jax.modal.solving import Solved, solve
+from esail_jax.modal.steady_load import check_has_modes, with_mean_loads
+from esail_jax.modal.table import ModeTable
+from esail_jax.scenes.build import Model, build
+from esail_jax.scenes.method_choice import with_method
+from esail_jax.scenes.scene import Scene, load_scene
+from esail_jax.scenes.structure import split
+from esail_jax.steppers.results import RESULTS
+from esail_jax.system import System
+
+Host = np.ndarray
+
+
+def modes(
+    source: "str | os.PathLike | Scene",
+    overrides: Mapping[str, Any] | None = None,
+    *,
+    count: int | None = None,
+    converge: bool = True,
+) -> ModeTable:
+    """Returns the modes of a sail about its spinning equilibrium, as seen in the frame B that turns with
+    it.
+
+    With wind, the equilibrium is the steady cone that accelerates uniformly along the spin axis, under the
+    load averaged over a turn; at a sailing angle of 0 that is the load itself. Unequal tethers are allowed.
+    The sailing angle does not matter without wind.
+
+    source, overrides: the scene, as for `simulate`. count: number of modes, those of the lowest
+    frequencies; None: all, of large sails with unequal tethers the lowest LOWEST (`solving.py`). converge:
+    also solve with twice as many elements, for `relative_change`.
+
+    The result is not differentiable. Raises SceneError if the scene has no steady spinning state, and
+    SimulationError if none is found.
+    """
+    scene = load_scene(source, overrides)
+    check_has_modes(scene)
+    found = solved_scene(scene, count)
+    table = assembled(scene, found, count)
+    if not converge:
+        return table
+    elements = 2 * scene.tethers.elements
+    finer = assembled(scene, solved_scene(scene.replace({"tethers.elements": elements}), count), None)
+    return with_changes(table, finer)
+
+
+def solved_scene(scene: Scene, count: int | None) -> Solved:
+    """Returns the equilibrium and the spectrum of a scene. Raises SimulationError without equilibrium."""
+    structure, numbers = split(with_method(scene))
+    program = program_of(build, (structure,), (numbers,), START_OPTIONS, fused=False)
+    model: Model = program(numbers)
+    system: System = model.system
+    axes = system.rotation(jnp.zeros(()), model.q)
+    spin = float(np.asarray(scene.initial.spin_rate))
+    found = solve(with_mean_loads(system, axes), model.q, np.asarray(axes), spin, count)
+    if not bool(found.at.converged):
+        left = float(found.at.unbalanced)
+        raise SimulationError(
+            f"No steady spinning state was found: a force of {left:.1e} N is left. "
+            "Try a faster spin, a weaker load or tethers under tension.",
+            RESULTS.nonfinite,
+        )
+    return found
+
+
+def assembled(scene: Scene, found: Solved, count: int | None) -> ModeTable:
+    """Returns the table of modes from the spectra of all groups of motions."""
+    known: dict[int, Shape] = {}
+    entries = [
+        (entry, place)
+        for place, group in enumerate(found.groups)
+        for entry in named_group(found.system, group, found.places, found.spin, known)
+    ]
+    entries.sort(key=lambda pair: (pair[0].natural_frequency, pair[0].n, pair[0].name))
+    entries = entries[:count]
+    each = [entry for entry, _ in entries]
+    return ModeTable(
+        frequency_hz=np.array([e.natural_frequency for e in each]) / (2.0 * np.pi),
+        damping_ratio=np.array([e.damping_ratio for e in each]),
+        name=tuple(e.name for e in each),
+        eigenvalue=np.array([e.eigenvalue for e in each], complex),
+        wave_number=np.array([e.n for e in each], int),
+        kind=tuple(e.kind for e in each),
+        nodes=np.array([e.nodes for e in each], int),
+        relative_change=np.full(len(each), np.nan),
+        notes=notes_of(scene, found),
+        coning_angle=found.coning_angle,
+        acceleration=found.acceleration,
+        spin_rate=found.spin,
+        motions=tuple((place, entry.motion, entry.conjugate) for entry, place in entries),
+        groups=tuple(group.shapes for group in found.groups),
+        places=found.places,
+        system=found.system,
+    )
+
+
+def with_changes(table: ModeTable, finer: ModeTable) -> ModeTable:
+    """Returns the table with the change of every mode to the nearest one of the same name in a finer
+    discretisation."""
+    by_name: dict[str, list[complex]] = {}
+    for name, value in zip(finer.name, finer.eigenvalue, strict=True):
+        by_name.setdefault(name, []).append(value)
+    change = np.full(len(table), np.nan)
+    for k, (name, value) in enumerate(zip(table.name, table.eigenvalue, strict=True)):
+        if name in by_name:
+            change[k] = np.abs(np.array(by_name[name]) - value).min() / abs(value)
+    return dataclasses.replace(table, relative_change=change)

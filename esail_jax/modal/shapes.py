@@ -1,0 +1,107 @@
+"""Shapes of modes: displacements along every tether, in the axes of that tether, and of the hub."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from esail_jax.array_types import Complex, Float
+from esail_jax.equilibria.motions import rotation_about_x
+from esail_jax.system import System
+
+Host = np.ndarray
+
+POINTS = 8
+"""Number of points per element at which a shape is evaluated. The highest vibration that a cubic element
+can have changes its sign three times in it."""
+
+DIRECTIONS = ("axial", "in-plane", "out-of-plane")
+"""Directions of a displacement: along the chord of the steady tether, along the azimuth, and normal to
+both. The names of the first two axes of `Shape.tether`."""
+
+
+class Shape(NamedTuple):
+    """Displacements in one or several modes, the last axis, in any common unit of length.
+
+    tether: at the points of `Places`, in the directions of DIRECTIONS; the first point is the root.
+    hub: translation along, and rotation [1/m of the unit] about, the axes of B; zero without a hub."""
+
+    tether: Complex[Host, "3 point tether mode"]
+    hub: Complex[Host, "6 mode"]
+
+
+class Places(NamedTuple):
+    """The points at which shapes are evaluated.
+
+    distance: from the root along the undeformed tether [m], (point, tether); mass: what each point stands
+    for [kg], (point, tether), the remote units at the last one; hub: mass and moments of inertia of the hub
+    for its six motions; axes: unit vectors of DIRECTIONS (direction, component, tether), in the axes of
+    each tether (along the spin axis, radial, azimuthal)."""
+
+    distance: Float[Host, "point tether"]
+    mass: Float[Host, "point tether"]
+    hub: Float[Host, "6"]
+    axes: Float[Host, "3 3 tether"]
+
+
+def nodal(system: System, local: Host, hub: Host) -> Host:
+    """Returns the nodal vectors (coef, node, component, tether, mode) of motions with a rigid hub.
+
+    local: coordinates of the tethers (coordinate, tether, mode) in their own axes; hub: (6, mode)."""
+    tethers = system.tethers
+    k, n = tethers.coefs, tethers.elements
+    count, modes = local.shape[1:]
+    free = local[: 3 * n].reshape(n, 3, count, modes)
+    root = np.zeros((1, 3, count, modes), local.dtype)
+    if system.hub is not None:
+        radius = float(system.hub.radius)
+        for i in range(count):
+            turned = rotation_about_x(-2.0 * np.pi * i / tethers.count)
+            arm = radius * turned.T @ np.array([0.0, 1.0, 0.0])
+            root[0, :, i] = turned @ (hub[:3] + np.cross(hub[3:], arm, axis=0))
+    found = np.concatenate([root, free])[None]
+    if k == 1:
+        return found
+    return np.concatenate([found, local[3 * n :].reshape(1, n + 1, 3, count, modes)])
+
+
+def along_tethers(system: System, nodes: Host) -> Host:
+    """Returns vectors (component, point, tether, mode) at the points of `Places` from nodal vectors."""
+    tethers = system.tethers
+    xi = (np.arange(POINTS) + 0.5) / POINTS
+    table = tethers.shape_table(xi, 0)
+    ends = [nodes[c, here] for here in (slice(-1), slice(1, None)) for c in range(tethers.coefs)]
+    inside = np.einsum("qa,aeitm->ieqtm", table, np.stack(ends))
+    inside = inside.reshape(3, -1, *nodes.shape[-2:])
+    first, last = (np.moveaxis(nodes[0, node], 0, 0)[:, None] for node in (0, -1))
+    return np.concatenate([first, inside, last], axis=1)
+
+
+def places_of(system: System, steady: Host) -> Places:
+    """Returns the points of shapes. steady: coordinates of the tethers in the equilibrium, (coordinate,
+    tether), in their own axes with respect to the hub's centre."""
+    tethers = system.tethers
+    n, count = tethers.elements, tethers.count
+    length = np.broadcast_to(np.asarray(tethers.element_length), (count,))
+    inside = (np.arange(n * POINTS) + 0.5) / POINTS
+    distance = np.concatenate([[0.0], inside, [n]])[:, None] * length
+    share = np.asarray(tethers.line_density) * length / POINTS
+    mass = np.concatenate([np.zeros((1, count)), np.tile(share, (n * POINTS, 1)), [tethers.tip_mass]])
+    inertia = np.zeros(6)
+    radius = 0.0
+    if system.hub is not None:
+        m, radius, height = (float(x) for x in (system.hub.mass, system.hub.radius, system.hub.height))
+        across = m * (3.0 * radius**2 + height**2) / 12.0
+        inertia = np.array([m, m, m, 0.5 * m * radius**2, across, across])
+    tip = steady[3 * (n - 1) : 3 * n] - np.array([[0.0], [radius], [0.0]])
+    chord = tip / np.linalg.norm(tip, axis=0)
+    azimuthal = np.cross(np.array([[1.0], [0.0], [0.0]]), chord, axis=0)
+    azimuthal /= np.linalg.norm(azimuthal, axis=0)
+    return Places(distance, mass, inertia, np.stack([chord, azimuthal, np.cross(chord, azimuthal, axis=0)]))
+
+
+def shape_of(system: System, places: Places, local: Host, hub: Host) -> Shape:
+    """Returns the shapes of motions with a rigid hub. local: (coordinate, tether, mode) for the first
+    tethers of the sail; hub: (6, mode)."""
+    vectors = along_tethers(system, nodal(system, local, hub))
+    axes = places.axes[:, :, : local.shape[1]]
+    return Shape(np.einsum("dit,iptm->dptm", axes, vectors), hub)

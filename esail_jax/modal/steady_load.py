@@ -1,0 +1,59 @@
+"""The system whose equilibrium the modes of a scene refer to: its loads, averaged over one turn.
+
+In the frame that turns with the sail, the part of a uniform wind across the spin axis rotates once a turn.
+The thrust is linear in the wind's velocity, hence its mean over a turn at a fixed shape is that of the part
+along the axis, u cos(alpha). At alpha = 0 nothing is left out. Weight accelerates a free sail as a whole
+and has no effect on its shape; of the weight on a sail without a hub the part along the axis is kept.
+"""
+
+import dataclasses
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from esail_jax.array_types import Rotation
+from esail_jax.environment.solar_wind import SteadyWind
+from esail_jax.loads.coulomb import CoulombThrust
+from esail_jax.scenes.rules import SceneError
+from esail_jax.scenes.scene import Scene
+from esail_jax.system import System
+
+
+def check_has_modes(scene: Scene) -> None:
+    """Raises SceneError, with one line, if the scene has no steady spinning state."""
+    if scene.chain is not None:
+        raise SceneError("chain", "be left out of a scene whose modes are asked for", "is given")
+    if scene.event is not None:
+        raise SceneError("event", "be left out of a scene whose modes are asked for", "is given")
+    if scene.solar_wind is not None and scene.solar_wind.time is not None:
+        raise SceneError("solar_wind.time", "be absent, as modes need a steady wind", "is given")
+    if scene.voltage is not None and scene.voltage.law != "constant":
+        raise SceneError(
+            "voltage.law", 'be "constant", as modes need a steady load', f'is "{scene.voltage.law}"'
+        )
+    if float(np.asarray(scene.initial.spin_rate)) == 0.0:
+        raise SceneError("initial.spin_rate", "not be zero, as modes refer to a spinning sail", "is 0")
+
+
+def with_mean_loads(system: System, axes: Rotation) -> System:
+    """Returns the system under the mean of its loads over a turn about X_B, the first column of `axes`.
+
+    Raises SceneError for a load whose mean is not known."""
+    axis = axes[:, 0]
+    loads = []
+    for load in system.loads:
+        if not isinstance(load, CoulombThrust):
+            raise SceneError(load.name, "be left out of a scene whose modes are asked for", "is given")
+        wind = load.wind
+        distance = jnp.linalg.norm(wind.origin)
+        cosine = axis @ wind.origin / distance
+        origin = jnp.where(cosine < 0.0, -distance, distance) * axis
+        mean = SteadyWind(wind.speed * jnp.abs(cosine), wind.number_density, wind.cutoff_voltage, origin)
+        loads.append(dataclasses.replace(load, wind=mean))
+    gravity = None
+    if system.gravity is not None and system.hub is None:
+        gravity = (system.gravity @ axis) * axis
+    return eqx.tree_at(
+        lambda s: (s.loads, s.gravity), system, (tuple(loads), gravity), is_leaf=lambda x: x is None
+    )

@@ -1,0 +1,105 @@
+"""The modes of a sail as a table."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from esail_jax.array_types import Complex, Float, Int
+from esail_jax.modal.shapes import Places, Shape
+
+Host = np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
+class Group:
+    """Motions that were found together: waves of number n, given for tether 1 (local has one tether), or
+    motions of all tethers (n is None). local: (coordinate, tether, mode); hub: (6, mode)."""
+
+    n: int | None
+    local: Host
+    hub: Host
+
+
+@dataclasses.dataclass(frozen=True, repr=False)
+class ModeTable:
+    """Modes of a sail about its spinning equilibrium, sorted by frequency: M u'' + (G + C) u' + K u = 0,
+    u ~ exp(s t) in the frame that turns with the sail.
+
+    Every vibration of the discrete sail is one entry; equal tethers give several with the same frequency.
+    Motions of the centre of mass and the spin angle are no vibrations and are left out.
+
+    frequency_hz: natural frequency |s| / (2 pi) [Hz], as seen in the rotating frame B; of an overdamped
+        vibration the geometric mean of its two rates
+    damping_ratio: -Re s / |s|; above 1 for an overdamped vibration, below 0 for a growing one
+    name: what moves, derived from the shape
+    eigenvalue: s [1/s] with Im s >= 0; its imaginary part is the frequency at which the sail rings
+    wave_number: number n of waves around the circle; -1 if the tethers are unequal
+    relative_change: change of s, relative to |s|, with twice as many elements; NaN where not computed
+    notes: what the modes refer to, and what is left out, in sentences
+    coning_angle: of every tether in the equilibrium [rad]; acceleration: along the spin axis [m/s^2]
+    spin_rate: [rad/s]
+    """
+
+    frequency_hz: Float[Host, " mode"]
+    damping_ratio: Float[Host, " mode"]
+    name: tuple[str, ...]
+    eigenvalue: Complex[Host, " mode"]
+    wave_number: Int[Host, " mode"]
+    kind: tuple[str, ...]
+    nodes: Int[Host, " mode"]
+    relative_change: Float[Host, " mode"]
+    notes: tuple[str, ...]
+    coning_angle: Float[Host, " tether"]
+    acceleration: float
+    spin_rate: float
+    motions: tuple[tuple[int, int, bool], ...]
+    groups: tuple[Group, ...]
+    places: Places
+    system: Any
+
+    def __len__(self) -> int:
+        return len(self.name)
+
+    def shape(self, mode: int) -> Shape:
+        """Returns the shape of a mode: displacements at the points of `places`, along every tether in its
+        axes, and of the hub. The largest displacement of a tether is 1."""
+        from esail_jax.modal.shapes import shape_of
+
+        group, column, conjugate = self.motions[mode]
+        found = self.groups[group]
+        local, hub = found.local[:, :, column : column + 1], found.hub[:, column : column + 1]
+        if found.n is not None:
+            count = self.places.mass.shape[1]
+            phase = np.exp(2j * np.pi * found.n * np.arange(count) / count)
+            local = local * phase[:, None]
+        tether, hub = shape_of(self.system, self.places, local, hub)
+        if conjugate:
+            tether, hub = tether.conj(), hub.conj()
+        largest = tether.ravel()[np.abs(tether).argmax()]
+        return Shape(tether[..., 0] / largest, hub[:, 0] / largest)
+
+    def records(self) -> list[dict[str, Any]]:
+        """Returns the modes as dictionaries that JSON can hold."""
+        found = []
+        for k, name in enumerate(self.name):
+            change = float(self.relative_change[k])
+            found.append(
+                {
+                    "frequency_hz": float(self.frequency_hz[k]),
+                    "damping_ratio": float(self.damping_ratio[k]),
+                    "name": name,
+                    "damped_frequency_hz": float(self.eigenvalue[k].imag / (2.0 * np.pi)),
+                    "eigenvalue": [float(self.eigenvalue[k].real), float(self.eigenvalue[k].imag)],
+                    "wave_number": int(self.wave_number[k]) if self.wave_number[k] >= 0 else None,
+                    "kind": self.kind[k],
+                    "nodes": int(self.nodes[k]) if self.nodes[k] >= 0 else None,
+                    "relative_change": change if np.isfinite(change) else None,
+                }
+            )
+        return found
+
+    def __repr__(self) -> str:
+        from esail_jax.modal.text import table_text
+
+        return table_text(self)

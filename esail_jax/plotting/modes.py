@@ -1,0 +1,91 @@
+"""Figures of the modes of a sail: their frequencies by motion, and their shapes along the tether."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from esail_jax.plotting.data import KILOMETRE
+
+COLOURS = {"in-plane": "tab:blue", "out-of-plane": "tab:orange", "axial": "tab:green", "hub": "black"}
+"""Colour of every kind of motion."""
+
+SHOWN = 4
+"""Number of shapes of each kind."""
+
+RESOLVED = 1e-2
+"""A mode is drawn if twice as many elements change it by at most this, or if that was not computed."""
+
+
+def mode_frequencies(table: Any) -> Figure:
+    """Returns the figure of all resolved modes: frequency against damping ratio, and against the number of
+    waves around the circle. table: an `esail_jax.ModeTable`."""
+    figure = Figure(figsize=(9.0, 4.5), layout="constrained")
+    left, right = figure.subplots(1, 2, sharey=True)
+    drawn = ~(table.relative_change > RESOLVED)
+    kinds = np.array(table.kind)
+    for kind, colour in COLOURS.items():
+        chosen = drawn & (kinds == kind)
+        if not chosen.any():
+            continue
+        frequency = table.frequency_hz[chosen]
+        left.plot(np.maximum(table.damping_ratio[chosen], 1e-12), frequency, ".", color=colour, label=kind)
+        right.plot(table.wave_number[chosen], frequency, "_", color=colour, markersize=9)
+    for ax in (left, right):
+        ax.axhline(abs(table.spin_rate) / (2.0 * np.pi), color="black", linestyle="--", linewidth=0.8)
+        ax.grid(alpha=0.3)
+    left.loglog()
+    left.set_xlabel(r"damping ratio $\zeta$ [-] (at least $10^{-12}$)")
+    left.set_ylabel("frequency in B [Hz] (dashed: spin)")
+    left.legend(frameon=False, fontsize="small")
+    right.set_xlabel("waves around the circle $n$ [-] (-1: unequal tethers)")
+    figure.suptitle("Modes about the spinning equilibrium", fontsize="medium")
+    return figure
+
+
+def mode_shapes(table: Any) -> Figure:
+    """Returns the figure of the shapes along the tether that moves most, for the lowest orders of every
+    kind; the displacement relative to its largest value at the phase at which it is largest."""
+    from esail_jax.modal.names import strongest_line
+    from esail_jax.modal.shapes import DIRECTIONS
+
+    figure = Figure(figsize=(10.0, 3.6), layout="constrained")
+    axes = figure.subplots(1, len(DIRECTIONS), sharex=True, sharey=True)
+    for direction, (kind, ax) in enumerate(zip(DIRECTIONS, axes, strict=True)):
+        for nodes in range(SHOWN):
+            mode = lowest_of(table, kind, nodes)
+            if mode is None:
+                continue
+            moving = table.shape(mode).tether[direction]
+            strongest = (np.abs(moving - moving[:1]) ** 2).sum(0).argmax()
+            line = strongest_line(moving[:, strongest : strongest + 1])
+            line = line / line[np.abs(line).argmax()]
+            distance = table.places.distance[:, strongest] / KILOMETRE
+            ax.plot(distance, line, linewidth=1.2, label=f"{table.frequency_hz[mode]:.4g} Hz")
+        ax.set_title(kind, fontsize="medium")
+        ax.set_xlabel("distance from the root [km]")
+        ax.grid(alpha=0.3)
+        if ax.lines:
+            ax.legend(frameon=False, fontsize="small")
+    axes[0].set_ylabel("displacement [-]")
+    figure.suptitle("Shapes along the tether, relative to its root", fontsize="medium")
+    return figure
+
+
+def lowest_of(table: Any, kind: str, nodes: int) -> int | None:
+    """Returns the mode of the lowest frequency with this motion along the tether; None without one."""
+    pairs = enumerate(zip(table.kind, table.nodes, strict=True))
+    return next((k for k, pair in pairs if pair == (kind, nodes)), None)
+
+
+def plot_modes(table: Any, directory: str | Path) -> list[Path]:
+    """Writes mode_frequencies.png and mode_shapes.png to a directory, which is created; returns their
+    paths. Raises OSError."""
+    directory = Path(directory)
+    directory.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for make in (mode_frequencies, mode_shapes):
+        paths.append(directory / f"{make.__name__}.png")
+        make(table).savefig(paths[-1], dpi=150)
+    return paths
