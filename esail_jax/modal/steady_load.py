@@ -22,10 +22,11 @@ from esail_jax.system import System
 
 def check_has_modes(scene: Scene) -> None:
     """Raises SceneError, with one line, if the scene has no steady spinning state."""
-    if scene.chain is not None:
-        raise SceneError("chain", "be left out of a scene whose modes are asked for", "is given")
-    if scene.event is not None:
-        raise SceneError("event", "be left out of a scene whose modes are asked for", "is given")
+    for name in ("chain", "event", "auxiliary_tethers", "tip_thrust"):
+        if getattr(scene, name) is not None:
+            raise SceneError(name, "be left out of a scene whose modes are asked for", "is given")
+    if scene.solar_wind is not None and scene.solar_wind.relative:
+        raise SceneError("solar_wind.relative", "be false in a scene whose modes are asked for", "is true")
     if scene.solar_wind is not None and scene.solar_wind.time is not None:
         raise SceneError("solar_wind.time", "be absent, as modes need a steady wind", "is given")
     if scene.voltage is not None and scene.voltage.law != "constant":

@@ -163,6 +163,9 @@ def test_command(tmp_path, capsys):
     assert main([*given, "--json", str(file)]) == 2
 
 
+RING = [f"auxiliary_tethers.{key}" for key in (
+    "length=5176.0", "area=3e-9", "density=1400.0", "youngs_modulus=5e9", 'element="truss"', "elements=1"
+)]  # fmt: skip
 ON_OFF = ['voltage.law="on-off"', "voltage.on=0", "voltage.rise_time=10"]
 
 
@@ -172,6 +175,9 @@ ON_OFF = ['voltage.law="on-off"', "voltage.on=0", "voltage.rise_time=10"]
         ("hanging-chain", [], "`chain` must be left out"),
         ("voltage-off", ["initial.spin_rate=0"], "`initial.spin_rate` must not be zero"),
         ("baseline", ON_OFF, "`voltage.law` must be"),
+        ("voltage-off", ["tip_thrust.force=1e-3"], "`tip_thrust` must be left out"),
+        ("sun-facing", ["solar_wind.relative=true"], "`solar_wind.relative` must be false"),
+        ("voltage-off", RING, "`auxiliary_tethers` must be left out"),
         ("voltage-off", ["event.time=[1.0]", "event.release=[1]"], "`event` must be left out"),
     ],
 )
