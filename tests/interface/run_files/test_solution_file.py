@@ -76,7 +76,7 @@ def test_load_refuses_a_file_that_is_no_run(tmp_path):
 def test_a_damaged_chunk_is_refused(scene, solution, tmp_path, capsys):
     """One changed byte in a compressed chunk of an observable is found by its checksum, and no row is read.
 
-    Neither `load` nor `--resume` goes on with wrong numbers, and the file stays as it is."""
+    `--resume` has nothing to compute, because the run is complete, and leaves the file as it is."""
     path = tmp_path / "a.h5"
     esail.save(solution, path)
     with h5py.File(path) as file:
