@@ -22,6 +22,9 @@ from esail_jax.steppers.stepper import Point
 INSTANTS = 201
 """Number of instants, equally spaced over the run, at which the perturbation is measured."""
 
+LEAST_INSTANTS = 50
+"""Least number of instants from which a growth is measured: five in each of the parts below."""
+
 EARLY, MIDDLE, LATE = (0.0, 0.1), (0.45, 0.55), (0.9, 1.0)
 """Parts of the run in which the largest perturbation is taken: a single instant may lie near a zero of an
 oscillation."""
@@ -38,24 +41,32 @@ class Stability(NamedTuple):
     growth_rate: finite-time Lyapunov exponent [1/s], the mean logarithmic growth rate of the perturbation
     in the second half of the run; about 1.4 over the duration where the perturbation grows in proportion to
     time; growth: largest perturbation in the last tenth of the run, relative to that in the first tenth;
-    parted: the time [s] at which the growth exceeds WARN_GROWTH, infinite if it does not."""
+    parted: the time [s] at which the growth exceeds WARN_GROWTH, infinite if it does not; failed: the time
+    [s] of the last instant before the differentiated run failed, which ends what is measured; infinite if
+    that run did not fail."""
 
     growth_rate: float
     growth: float
     parted: float
+    failed: float = np.inf
 
     @property
     def warning(self) -> str:
-        """A sentence for a run that two accurate computations would not agree on, otherwise empty."""
-        if np.isnan(self.growth_rate):
-            return "The growth of a small perturbation could not be computed: the run with it failed."
-        if np.isinf(self.parted):
-            return ""
-        return (
-            f"The motion is unstable or chaotic: a small perturbation grows {self.growth:.1e}-fold, at "
-            f"{self.growth_rate:.2e} 1/s in the second half, so that accurate runs part after about "
-            f"{self.parted:.0f} s."
-        )
+        """Sentences for a run that two accurate computations would not agree on, and for one whose
+        perturbation could not be followed to the end; otherwise empty."""
+        sentences = []
+        if np.isfinite(self.parted):
+            sentences.append(
+                f"The motion is unstable or chaotic: a small perturbation grows {self.growth:.1e}-fold, at "
+                f"{self.growth_rate:.2e} 1/s in the second half, so that accurate runs part after about "
+                f"{self.parted:.0f} s."
+            )
+        if np.isfinite(self.failed):
+            sentences.append(
+                "The growth of a small perturbation could not be computed to the end: the run with it "
+                f"failed after {self.failed:.0f} s."
+            )
+        return " ".join(sentences)
 
 
 def perturbation(point: Point, seed: int = 0) -> Coordinates:
@@ -78,16 +89,25 @@ def stability_of(
 
     positions: a function that JAX can differentiate, of the start of the run, with the positions [m] of
     tips or joints at `times`; start: the start of the run; times: instants [s], the first one is that of
-    the start. If the differentiated run fails, all numbers are NaN."""
+    the start. If the differentiated run fails, the instants before its failure count; all numbers are NaN
+    if they are fewer than LEAST_INSTANTS. A run in chaotic motion may fail where another one, with rounding
+    errors of its own, goes on."""
 
     def tangent(point, direction):
         return jax.jvp(lambda v: positions(point._replace(v=v)), (point.v,), (direction,))
 
     found, change = (np.asarray(x) for x in jit(tangent)(start, perturbation(start)))
-    if not np.isfinite(found).all():
-        return Stability(np.nan, np.nan, np.nan)
     size = np.sqrt(np.square(change).reshape(len(times), -1).sum(1))
-    return measured(size, times)
+    good = np.isfinite(found).reshape(len(times), -1).all(1) & np.isfinite(size)
+    return measured(size, times) if good.all() else cut_short(size, times, int(np.argmin(good)))
+
+
+def cut_short(size: Float[np.ndarray, " time"], times: Float[np.ndarray, " time"], count: int) -> Stability:
+    """Returns the stability from the first `count` sizes of a perturbation, after which its run failed."""
+    failed = float(times[max(count - 1, 0)])
+    if count < LEAST_INSTANTS:
+        return Stability(np.nan, np.nan, np.nan, failed)
+    return measured(size[:count], times[:count])._replace(failed=failed)
 
 
 def measured(size: Float[np.ndarray, " time"], times: Float[np.ndarray, " time"]) -> Stability:

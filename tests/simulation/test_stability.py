@@ -2,13 +2,17 @@
 
 import h5py
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import esail_jax as esail
 from esail_jax.cli import main
+from esail_jax.coordinates import Coordinates
 from esail_jax.scenes.scene import parse
-from esail_jax.simulation.stability import INSTANTS, WARN_GROWTH, measured, perturbation
+from esail_jax.simulation.stability import INSTANTS, WARN_GROWTH, measured, perturbation, stability_of
+from esail_jax.steppers.stepper import Point
+from esail_jax.system import Power
 from support.bits import status_of
 
 PENDULUM = """
@@ -58,8 +62,27 @@ def test_growth_of_known_curves(size, rate, chaotic):
         assert abs(found.parted - (10.0 + np.log(WARN_GROWTH) / 0.3)) <= 0.5
 
 
-def test_a_failed_estimate_is_said():
-    assert "could not be computed" in measured(np.full(201, np.nan), TIMES)._replace(parted=np.nan).warning
+@pytest.mark.parametrize("count", [1, 30, 120])
+def test_a_perturbed_run_that_fails_counts_until_its_failure(count):
+    """The run is NaN from one of its instants on. The instants before give the rate of exp(0.3 t) if there
+    are enough of them: 30 are too few, and 1 is only the start. From the first tenth of 60 s to their end the
+    curve grows by exp(0.3 * 54), 1.1e7: more than the 10^6 of unstable motion."""
+    times = jnp.asarray(TIMES)
+
+    def positions(point):
+        size = jnp.where(jnp.arange(201) < count, jnp.exp(0.3 * times), jnp.nan)
+        return size[:, None, None] * jnp.sum(point.v.tether) * jnp.ones(3)
+
+    rest = Coordinates(jnp.zeros((2, 3, 2, 3)), None)
+    work = Power(jnp.asarray(0.0), jnp.asarray(0.0))
+    start = Point(jnp.asarray(0.0), rest, rest, work, jnp.asarray(True))
+    found = stability_of(positions, start, TIMES)
+    assert found.failed == TIMES[count - 1]
+    assert f"the run with it failed after {TIMES[count - 1]:.0f} s" in found.warning
+    assert np.isnan(found.growth_rate) == (count < 50)
+    assert ("unstable or chaotic" in found.warning) == (count == 120)
+    if count == 120:
+        assert abs(found.growth_rate / 0.3 - 1.0) < 0.02
 
 
 def test_growth_in_a_double_pendulum_is_that_of_two_runs():
@@ -118,8 +141,9 @@ def test_a_traced_run_has_no_stability():
 
 @pytest.mark.slow
 def test_a_sail_blown_over_by_the_wind_is_unstable():
-    """Without remote units and with a tenth of the spin, the wind folds the tethers. The regular sail's
-    perturbation grows in proportion to time: about 1.4 over the duration."""
+    """Without remote units and with a tenth of the spin, the wind folds the tethers. The perturbation
+    exceeds 10^6 between 3,400 and 4,500 s, whatever the rounding errors are. The regular sail's perturbation
+    grows in proportion to time: about 1.4 over the duration."""
     small = {"tethers.count": 3, "tethers.elements": 2, "output.interval": 100.0}
     weak = {"remote_units.mass": 0.0, "initial.spin_rate": 4e-4, "integrator.t_end": 6000.0}
     blown = esail.simulate("baseline", small | weak, stability=True)
