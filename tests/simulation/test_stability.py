@@ -65,8 +65,8 @@ def test_growth_of_known_curves(size, rate, chaotic):
 @pytest.mark.parametrize("count", [1, 30, 120])
 def test_a_perturbed_run_that_fails_counts_until_its_failure(count):
     """The run is NaN from one of its instants on. The instants before give the rate of exp(0.3 t) if there
-    are enough of them: 30 are too few, and 1 is only the start. From the first tenth of 60 s to their end the
-    curve grows by exp(0.3 * 54), 1.1e7: more than the 10^6 of unstable motion."""
+    are enough of them: 30 are too few, and 1 is only the start. From the first tenth of 60 s to their end
+    the curve grows by exp(0.3 * 54), 1.1e7: more than the 10^6 of unstable motion."""
     times = jnp.asarray(TIMES)
 
     def positions(point):
@@ -142,8 +142,8 @@ def test_a_traced_run_has_no_stability():
 @pytest.mark.slow
 def test_a_sail_blown_over_by_the_wind_is_unstable():
     """Without remote units and with a tenth of the spin, the wind folds the tethers. The perturbation
-    exceeds 10^6 between 3,400 and 4,500 s, whatever the rounding errors are. The regular sail's perturbation
-    grows in proportion to time: about 1.4 over the duration."""
+    exceeds 10^6 between 3,400 and 4,500 s, whatever the rounding errors are. The regular sail's
+    perturbation grows in proportion to time: about 1.4 over the duration."""
     small = {"tethers.count": 3, "tethers.elements": 2, "output.interval": 100.0}
     weak = {"remote_units.mass": 0.0, "initial.spin_rate": 4e-4, "integrator.t_end": 6000.0}
     blown = esail.simulate("baseline", small | weak, stability=True)
