@@ -1,0 +1,32 @@
+"""The README: its example prints what it shows, its links lead somewhere, and it is short."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_links_and_pictures_exist():
+    links = [link for link in re.findall(r"\]\(([^)#]+)[^)]*\)", README) if "://" not in link]
+    assert len(links) > 10
+    assert not [link for link in links if not (ROOT / link).exists()]
+
+
+def test_it_is_short():
+    assert len(README.splitlines()) <= 120
+
+
+@pytest.mark.slow
+def test_the_example_prints_what_is_shown(capsys):
+    """The numbers are printed with six digits, of which the gradient and the difference quotient share all.
+    Times differ from machine to machine, and are not compared."""
+    program, shown = re.search(r"```python\n(.*?)```\n\n```text\n(.*?)```", README, re.DOTALL).groups()
+    exec(compile(program, "README.md", "exec"), {})
+
+    def without_times(text):
+        return re.sub(r"[\d.]+ s, compiling [\d.]+ s", "", text)
+
+    assert without_times(capsys.readouterr().out) == without_times(shown)
