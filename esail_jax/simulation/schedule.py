@@ -9,7 +9,8 @@ import numpy as np
 from esail_jax.array_types import Array, Bool, Float, Int
 from esail_jax.scenes.chain_tables import ChainVoltage
 from esail_jax.scenes.rules import known
-from esail_jax.scenes.sail_tables import Event, TipThrust, Voltage
+from esail_jax.scenes.sail_tables import Event, Voltage
+from esail_jax.scenes.tip_tables import TipThrust
 
 SNAP = 1e-9
 """Fraction of an interval by which a time may miss a multiple of it: multiples of decimal fractions are
