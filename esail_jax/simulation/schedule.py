@@ -104,7 +104,8 @@ class Schedule:
     def windows(self) -> tuple[Windows, np.ndarray, np.ndarray]:
         """Returns the windows, and for every saved time the index of its window and its place in that
         window (both with the axis `time`)."""
-        rows, where = [], {}
+        rows: list[tuple] = []
+        where: dict = {}
         end = self.times[-1]
         for segment in segments(self.begin, end, self.switches):
             share = (segment.stop - segment.start) / max(end - self.begin, 1e-300)
