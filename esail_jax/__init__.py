@@ -36,17 +36,9 @@ if TYPE_CHECKING:
     from esail_jax.scenes.chain_tables import Chain, ChainInitial, ChainVoltage, ChainWind, Orbit
     from esail_jax.scenes.common_tables import Gravity, Integrator, Output
     from esail_jax.scenes.rules import SceneError
-    from esail_jax.scenes.sail_tables import (
-        AuxiliaryTethers,
-        Event,
-        Hub,
-        Initial,
-        RemoteUnits,
-        SolarWind,
-        Tethers,
-        Voltage,
-    )
+    from esail_jax.scenes.sail_tables import Event, Hub, Initial, SolarWind, Tethers, Voltage
     from esail_jax.scenes.scene import Scene, load_scene
+    from esail_jax.scenes.tip_tables import AuxiliaryTethers, RemoteUnits, TipThrust
     from esail_jax.simulation.simulate import run, simulate
     from esail_jax.simulation.solution import Solution
     from esail_jax.steppers.results import RESULTS
@@ -100,18 +92,9 @@ MODULES = {
     "scenes.chain_tables": ("Chain", "ChainInitial", "ChainVoltage", "ChainWind", "Orbit"),
     "scenes.common_tables": ("Gravity", "Integrator", "Output"),
     "scenes.rules": ("SceneError",),
-    "scenes.sail_tables": (
-        "AuxiliaryTethers",
-        "Event",
-        "Hub",
-        "Initial",
-        "RemoteUnits",
-        "SolarWind",
-        "Tethers",
-        "TipThrust",
-        "Voltage",
-    ),
+    "scenes.sail_tables": ("Event", "Hub", "Initial", "SolarWind", "Tethers", "Voltage"),
     "scenes.scene": ("Scene", "load_scene"),
+    "scenes.tip_tables": ("AuxiliaryTethers", "RemoteUnits", "TipThrust"),
     "simulation.simulate": ("run", "simulate"),
     "simulation.solution": ("Solution",),
     "steppers.results": ("RESULTS",),

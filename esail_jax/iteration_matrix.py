@@ -33,7 +33,7 @@ def point_jacobian(
     The result has an entry for every (row, column) pair of field names that a term couples, (direction,
     component, point, element). Each component that a term depends on takes one forward derivative.
     """
-    blocks = {}
+    blocks: dict[tuple[str, str], Array] = {}
     for term in (*system.inner_terms, *system.loads):
         names = term.depends_on
 

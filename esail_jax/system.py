@@ -1,4 +1,4 @@
-"""The system: sum of the terms of a scene, with its residual, constraints and attitude. Holds no physics.
+"""The system: sum of the terms of a scene, with their forces, power and residual. Holds no physics.
 
     M v' + Phi_q^T lam - Q(t, q, v) = 0,      Phi(t, q) = 0
 
@@ -20,24 +20,14 @@ from esail_jax.array_types import (
     Nodal,
     PerPoint,
     PerTether,
-    Rotation,
     Scalar,
-    Vector,
 )
+from esail_jax.assembly import Assembly
 from esail_jax.coordinates import Coordinates, Multipliers
-from esail_jax.elements.axial import TensionOnlyEnergy
-from esail_jax.elements.rigid_body import RigidBody
-from esail_jax.elements.ring import Ring
-from esail_jax.elements.tether import TetherBatch
-from esail_jax.environment.circular_orbit import CircularOrbit
-from esail_jax.joints.roots import FrameRoots, HubRoots
-from esail_jax.loads.tip_thrust import TipThrust
 from esail_jax.measurements import Measurements
 from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import dot, stacked
 from esail_jax.terms import (
-    Dissipation,
-    Load,
     PointFields,
     Term,
     inner_terms_of,
@@ -64,57 +54,14 @@ class Residual(NamedTuple):
     constraints: Multipliers
 
 
-class System(eqx.Module):
-    """Tethers, the terms that act on them, and the roots that hold them.
+class System(Assembly):
+    """The equations of motion of an assembly: its forces, power and residual."""
 
-    roots: None if nothing holds the tethers. hub: None for a turning frame or a chain. gravity: uniform
-    acceleration [m/s^2]. orbit: field of a circular orbit, in whose axes the chain then moves. ring:
-    auxiliary tethers between the tips. tip_thrust: forces on the remote units. Absent parts are None.
-    """
-
-    tethers: TetherBatch
-    roots: HubRoots | FrameRoots | None
-    hub: RigidBody | None
-    energies: tuple[Term, ...]
-    dissipations: tuple[Dissipation, ...]
-    loads: tuple[Load, ...]
-    gravity: Vector | None
-    orbit: CircularOrbit | None = None
-    ring: Ring | None = None
-    tip_thrust: TipThrust | None = None
-
-    # ---- parts -----------------------------------------------------------------------------
-
-    @property
-    def clamped(self) -> bool:
-        """Tells whether the roots are clamped."""
-        return self.roots is not None and self.roots.normals is not None
-
-    @property
-    def has_field(self) -> bool:
-        """Tells whether there is an acceleration field: gravity or that of an orbit."""
-        return self.gravity is not None or self.orbit is not None
-
-    @property
-    def terms(self) -> tuple[str, ...]:
-        """Names of all parts that were built. Run files and `esail info` list them."""
-        if self.tethers.kind == "rod":
-            names = ["free chain" if self.roots is None else "fixed anchor", "rods"]
-        else:
-            names = [
-                "hub" if self.hub is not None else "turning frame",
-                f"{self.tethers.kind} elements",
-                "clamped roots" if self.clamped else "pinned roots",
-            ]
-        names += [term.name for term in (*self.energies, *self.dissipations, *self.loads)]
-        if self.ring is not None:
-            slack = any(isinstance(term, TensionOnlyEnergy) for term in self.ring.energies)
-            names.append(f"auxiliary tethers ({self.ring.segments.kind}{', tension only' * slack})")
-            names += [f"auxiliary {term.name}" for term in self.ring.dissipations]
-        names += [load.law_name for load in self.loads if needs_command(load)]
-        names += [] if self.tip_thrust is None else [self.tip_thrust.name]
-        names += ["gravity"] * (self.gravity is not None)
-        return tuple(names + ["circular orbit"] * (self.orbit is not None))
+    def with_events_until(self, time: Scalar | np.ndarray) -> "System":
+        """The system after all events up to `time`: roots that are released by then are free."""
+        if self.roots is None or self.roots.releases.release_time is None:
+            return self
+        return eqx.tree_at(lambda s: s.roots.releases, self, self.roots.releases.with_events_until(time))
 
     # ---- forces ----------------------------------------------------------------------------
 
@@ -298,94 +245,6 @@ class System(eqx.Module):
         """Integral over all tethers of a quantity per undeformed length."""
         weights = self.tethers.weights.reshape(-1, *(1,) * (density.ndim - 1))
         return ((weights * density).sum(0) * self.tethers.lengths).sum(-1)
-
-    def momenta(self, v: Coordinates) -> Coordinates:
-        """Momenta M v [kg m/s] conjugate to the coordinates."""
-        hub = None if self.hub is None else matmul(self.hub.mass_matrix, v.hub)
-        return self.member_inertia(v)._replace(hub=hub)
-
-    def member_inertia(self, acceleration: Coordinates) -> Coordinates:
-        """Inertia forces M `acceleration` of tethers and ring; the hub's part is its acceleration."""
-        tether, own = self.tethers.inertia(acceleration.tether), None
-        if self.ring is not None:
-            tips, own = self.ring.inertia(acceleration)
-            tether = tether.at[0, :, -1].add(tips)
-        return Coordinates(tether, acceleration.hub, own)
-
-    def momentum(self, v: Coordinates) -> Vector:
-        """Total linear momentum [kg m/s]."""
-        momenta = self.momenta(v)
-        total = momenta.tether[0].sum((1, 2))
-        if momenta.ring is not None:
-            points = self.ring.uniform(jnp.ones(3))
-            total = total + (points * momenta.ring).sum((1, 2))
-        return total if momenta.hub is None else total + momenta.hub.sum(0)
-
-    # ---- constraints -----------------------------------------------------------------------
-
-    @property
-    def has_constraints(self) -> bool:
-        """Tells whether there are multipliers: those of a hub or of clamped roots."""
-        return self.hub is not None or self.clamped
-
-    def constraints(self, time: Scalar, q: Coordinates) -> Multipliers:
-        """Constraints Phi(t, q) [m], in the layout of their multipliers."""
-        hub = self.hub.constraints(q.hub) if self.hub is not None else None
-        clamp = None
-        if self.clamped:
-            if self.hub is not None:
-                normals = self.roots.clamp_directions(q.hub)
-            else:
-                normals = self.roots.to_inertial(time, self.roots.normals)
-            clamp = (normals * q.tether[1, :, 0]).sum(1) * self.tethers.element_length
-        return Multipliers(hub, clamp)
-
-    def no_multipliers(self) -> Multipliers:
-        """Multipliers lam = 0, in the layout of this system."""
-        p = self.tethers.count
-        hub = jnp.zeros(6) if self.hub is not None else None
-        return Multipliers(hub, jnp.zeros((2, p)) if self.clamped else None)
-
-    def constraint_acceleration(
-        self, time: Scalar, q: Coordinates, v: Coordinates, vdot: Coordinates
-    ) -> Multipliers:
-        """Second time derivative d^2 Phi / dt^2 [m/s^2] of the constraints. At zero acceleration it is
-        minus the right-hand side of Phi_q vdot = Q_lam ([PGV] Eq. 1-2)."""
-
-        def along(tau):
-            return self.constraints(time + tau, q.axpy(tau, v).axpy(0.5 * tau**2, vdot))
-
-        def rate(tau):
-            return jax.jvp(along, (tau,), (jnp.ones_like(tau),))[1]
-
-        zero = jnp.zeros(())
-        return jax.jvp(rate, (zero,), (jnp.ones(()),))[1]
-
-    # ---- attitude and roots ----------------------------------------------------------------
-
-    def rotation(self, time: Scalar, q: Coordinates) -> Rotation:
-        """Attitude C_B^I of the hub or of the turning frame; the identity if nothing holds the tethers."""
-        if self.roots is None:
-            return jnp.eye(3)
-        return self.roots.rotation(time) if self.hub is None else self.hub.rotation(q.hub)
-
-    def with_events_until(self, time: Scalar | np.ndarray) -> "System":
-        """The system after all events up to `time`: roots that are released by then are free."""
-        if self.roots is None or self.roots.releases.release_time is None:
-            return self
-        return eqx.tree_at(lambda s: s.roots.releases, self, self.roots.releases.with_events_until(time))
-
-    def place_roots(self, time: Scalar, q: Coordinates, derivative: int = 0) -> Coordinates:
-        """q with the root nodes at their points of the hub or of the frame. derivative: 1 or 2 if `q` holds
-        velocities or accelerations. Released roots keep their own."""
-        if self.roots is None:
-            return q
-        if self.hub is not None:
-            root = self.roots.positions(q.hub)
-        else:
-            root = self.roots.to_inertial(time, self.roots.anchors, derivative)
-        root = self.roots.releases.where_released(q.tether[0, :, 0], root)
-        return q._replace(tether=q.tether.at[0, :, 0].set(root))
 
 
 def states_inside(x: Coordinates) -> Coordinates:

@@ -11,7 +11,7 @@ once. Forces and tangents are derivatives of that code (`jax.grad`, `jax.jvp`); 
 
 from abc import abstractmethod
 from collections.abc import Iterable
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, TypeGuard
 
 import equinox as eqx
 import jax
@@ -279,7 +279,7 @@ class ControlledLoad(Load):
         """The load with a given command."""
 
 
-def needs_command(load: Load) -> bool:
+def needs_command(load: Load) -> TypeGuard[ControlledLoad]:
     """Tells whether the system has to ask a control law before the load's forces can be evaluated."""
     return isinstance(load, ControlledLoad) and not load.constant
 

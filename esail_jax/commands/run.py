@@ -19,11 +19,11 @@ from esail_jax.files.opening import RunFileError, intact, open_run, open_single
 from esail_jax.files.run_file import (
     Content,
     RunWriter,
-    load_checkpoint,
     progress_of,
     save_stability,
     scene_of_run,
 )
+from esail_jax.files.state import load_checkpoint
 from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.scene import Scene, parse
 from esail_jax.simulation.host import CompiledScene, HostRun, compile_scene

@@ -22,7 +22,7 @@ from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.structure import split
-from esail_jax.simulation.simulate import simulate_traced
+from esail_jax.simulation.under_trace import simulate_traced
 from esail_jax.steppers.results import RESULTS
 from esail_jax.system import System
 

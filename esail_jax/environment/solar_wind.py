@@ -52,5 +52,5 @@ class WindSeries(eqx.Module):
 
     def at(self, time: Instants) -> SteadyWind:
         """The wind at one or several instants."""
-        now = (jnp.interp(time, self.time, x) for x in (self.speed, self.number_density))
-        return SteadyWind(*now, self.cutoff_voltage, self.origin)
+        speed, density = (jnp.interp(time, self.time, x) for x in (self.speed, self.number_density))
+        return SteadyWind(speed, density, self.cutoff_voltage, self.origin)

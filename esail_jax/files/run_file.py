@@ -16,7 +16,6 @@ import jax
 import numpy as np
 
 from esail_jax.atomic_file import atomic_file
-from esail_jax.coordinates import Coordinates
 from esail_jax.files.hdf5 import (
     append,
     atomic_hdf5,
@@ -25,20 +24,19 @@ from esail_jax.files.hdf5 import (
     versions,
 )
 from esail_jax.files.opening import SCHEMA_VERSION, intact, open_single, to_python
+from esail_jax.files.state import load_checkpoint, load_point, save_checkpoint, save_point
 from esail_jax.observables import Observable, described
 from esail_jax.observables.run_warning import run_warning
 from esail_jax.scenes.method_choice import accuracy_of, with_method
 from esail_jax.scenes.scene import Scene, parse, to_toml
-from esail_jax.simulation.host import CompiledScene, HostRun, paths
+from esail_jax.simulation.host import CompiledScene, HostRun
 from esail_jax.simulation.problem import require_64_bit
 from esail_jax.simulation.results import Checkpoint, Chunk, join
 from esail_jax.simulation.simulate import observables_at
 from esail_jax.simulation.solution import Solution
 from esail_jax.simulation.stability import Stability
-from esail_jax.simulation.statistics import Pending
 from esail_jax.steppers.results import RESULTS, name_of
 from esail_jax.steppers.stepper import Point
-from esail_jax.system import Power
 
 CHECKPOINT_SECONDS = 1.0
 """Least time between two writes [s]."""
@@ -209,62 +207,12 @@ def rows_of(file: h5py.File) -> list[h5py.Dataset]:
     return [file["time"], *file["observables"].values(), *file["numerics"].values()]
 
 
-def save_checkpoint(file: h5py.File, checkpoint: Checkpoint) -> None:
-    """Writes /state: the arrays of the motion by path, and what belongs to it."""
-    if "state" in file:
-        del file["state"]
-    group = file.create_group("state")
-    arrays = checkpoint.motion if isinstance(checkpoint.motion, dict) else paths(checkpoint.motion)
-    for name, leaf in arrays.items():
-        group[f"motion/{name}"] = np.asarray(leaf)
-    group["pending"] = checkpoint.pending.table
-    group["energy"] = np.array(checkpoint.energy)
-    group.attrs.update({"rows": checkpoint.rows, "segment": checkpoint.segment})
-
-
-def load_checkpoint(file: h5py.File) -> Checkpoint:
-    """Returns the checkpoint of a run file. Its motion is a mapping of arrays by path, which
-    `simulation.host.restored` reads."""
-    group, motion = file["state"], {}
-
-    def visit(name, data):
-        if isinstance(data, h5py.Dataset):
-            motion[name] = data[()]
-
-    group["motion"].visititems(visit)
-    rows, segment = (int(group.attrs[name]) for name in ("rows", "segment"))
-    energy = tuple(float(x) for x in group["energy"][()])
-    return Checkpoint(motion, rows, segment, Pending(group["pending"][()]), energy)
-
-
-def save_point(file: h5py.File, point: Point) -> None:
-    """Writes /final: the last saved instant, from which another run may start."""
-    if "final" in file:
-        del file["final"]
-    for name, leaf in paths(point).items():
-        file[f"final/{name}"] = np.asarray(leaf)
-
-
 def save_stability(path: Path, found: Stability) -> None:
     """Adds the growth of a small perturbation to a finished run file: the attributes `growth_rate` [1/s]
     and `growth`, and the warning in `message`."""
     with atomic_hdf5(path, update=True) as file:
         message = " ".join(filter(None, (str(file.attrs["message"]), found.warning)))
         file.attrs.update({"growth_rate": found.growth_rate, "growth": found.growth, "message": message})
-
-
-def load_point(file: h5py.File) -> Point | None:
-    """Returns the last saved instant of a run file; None if it has none."""
-    if "final" not in file:
-        return None
-    group = file["final"]
-
-    def coordinates(name: str) -> Coordinates:
-        hub, ring = (group[name][x][()] if x in group[name] else None for x in ("hub", "ring"))
-        return Coordinates(group[f"{name}/tether"][()], hub, ring)
-
-    work = Power(*(group[f"work/{name}"][()] for name in Power._fields))
-    return Point(group["time"][()], coordinates("q"), coordinates("v"), work, group["exact"][()])
 
 
 def save(solution: Solution, path: str | os.PathLike, overwrite: bool = False) -> None:

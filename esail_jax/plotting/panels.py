@@ -159,7 +159,8 @@ def assemble(title: str, rows: Sequence[Sequence[Panel | None]], symbols: str = 
 def add_column(figure: Figure, column: Sequence[Panel | None], k: int, columns: int) -> None:
     """Adds one column of panels. Panels with the same xlabel share the x axis, which the lowest one
     labels."""
-    leader, lowest = {}, {panel.xlabel: i for i, panel in enumerate(column) if panel}
+    leader: dict[str, Any] = {}
+    lowest = {panel.xlabel: i for i, panel in enumerate(column) if panel}
     for i, panel in enumerate(column):
         if panel is None:
             continue

@@ -26,7 +26,7 @@ def sail_picture(run: Any, instants: int = 3) -> Figure:
     """Returns pictures of the sail at equally spaced instants in the inertial frame: straight lines from
     the hub to the tips, the paths of the tips up to the instant, and the direction of the wind, Z_O."""
     tips = observable(run, "tip_position_I")
-    frames = []
+    frames = np.zeros(0, int)
     if tips is not None:
         last = leading_finite(tips) - 1
         frames = np.unique(np.linspace(0, last, instants).round().astype(int))

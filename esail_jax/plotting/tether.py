@@ -27,10 +27,9 @@ def tether_motion(run: Any, tether: int = 0) -> Figure:
     rigid = rigid_pendulum(run, tether)
     coning = lagging = None
     if rigid is not None:
-        times, coning, lagging = rigid
+        times, *angles = rigid
         coning, lagging = (
-            Curve(DEGREES * angle, "rigid pendulum", "tab:orange", "--", times=times)
-            for angle in (coning, lagging)
+            Curve(DEGREES * angle, "rigid pendulum", "tab:orange", "--", times=times) for angle in angles
         )
     rows = [
         angle_row(run, tether, "coning_angle", rf"\gamma_{{{number}}}", coning),

@@ -38,7 +38,7 @@ def commented(text: str) -> str:
     known = [key for key in describe_keys() if model in key.models]
     title, *lines = text.rstrip().splitlines()
     result = [title, *block(HOW_TO_READ)]
-    table, given = "", {}
+    table, given = "", dict[str, str]()
     for line in [*lines, ""]:
         heading, entry = HEADING.match(line), ENTRY.match(line)
         if heading:

@@ -13,16 +13,15 @@ from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.sail_tables import (
     LAWS,
     OPTIONAL_LAW_KEYS,
-    AuxiliaryTethers,
     Event,
     Hub,
     Initial,
     SolarWind,
     Tethers,
-    TipThrust,
     Voltage,
 )
 from esail_jax.scenes.tables import names_of, tables_of
+from esail_jax.scenes.tip_tables import AuxiliaryTethers, TipThrust
 
 LEAST_RING = 3
 """Least number of tethers that can be joined in a ring."""

@@ -13,6 +13,7 @@ from esail_jax.scenes.value_types import Shape
 
 T = TypeVar("T")
 
+ElementName = Literal["cable", "truss"]
 RootName = Literal["pinned", "clamped"]
 StrainName = Literal["green-lagrange", "engineering"]
 

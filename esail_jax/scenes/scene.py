@@ -5,7 +5,6 @@ not; values that decide which program is compiled must be plain Python values.
 """
 
 import dataclasses
-import difflib
 import os
 import tomllib
 from collections.abc import Mapping
@@ -19,19 +18,11 @@ from esail_jax.scenes.chain_tables import Chain, ChainInitial, ChainVoltage, Cha
 from esail_jax.scenes.common_tables import Gravity, Integrator, Output
 from esail_jax.scenes.consistency import check_together, method_name
 from esail_jax.scenes.declarations import rule_of
+from esail_jax.scenes.merging import merged, unknown
 from esail_jax.scenes.rules import SceneError
-from esail_jax.scenes.sail_tables import (
-    AuxiliaryTethers,
-    Event,
-    Hub,
-    Initial,
-    RemoteUnits,
-    SolarWind,
-    Tethers,
-    TipThrust,
-    Voltage,
-)
+from esail_jax.scenes.sail_tables import Event, Hub, Initial, SolarWind, Tethers, Voltage
 from esail_jax.scenes.tables import REPEATED, TABLES, given, names_of, tables_of
+from esail_jax.scenes.tip_tables import AuxiliaryTethers, RemoteUnits, TipThrust
 from esail_jax.scenes.wind_file import with_wind_file
 
 
@@ -144,16 +135,6 @@ def count_of(number: int, name: str) -> str:
     return f"{number} {name}" + "s" * (number != 1)
 
 
-def unknown(key: str, tables: Mapping[str, type]) -> SceneError:
-    """The error for a key that these tables do not have; it names the nearest key that they do have."""
-    known = [f"{table}.{name}" for table, content in tables.items() for name in names_of(content)]
-    if key in tables:
-        return SceneError(key, "be followed by a key of the table", "is the table's name")
-    near = difflib.get_close_matches(key, known + list(tables), 1)
-    hint = f" (perhaps `{near[0]}`)" if near else ""
-    return SceneError(key, "be a known key" + hint, "is not")
-
-
 def checked(table: str, content: Any, members: rules.Members | None) -> Any:
     """The table with every value in the form that the scene stores. Raises SceneError."""
     values = {}
@@ -191,49 +172,6 @@ def from_tables(tables: Mapping[str, Any]) -> Scene:
         if table in kinds and table not in parts:
             raise SceneError(f"{table}.{names_of(kinds[table])[0]}", "be given", "is missing")
     return Scene(**parts)
-
-
-def with_lists(tables: Mapping[str, Any]) -> dict[str, Any]:
-    """The tables of a file, with each table that stands there several times as one table whose keys are
-    lists. Raises SceneError."""
-    result = dict(tables)
-    for table in REPEATED:
-        entries = tables.get(table)
-        if not isinstance(entries, list) or not all(isinstance(x, Mapping) for x in entries):
-            continue
-        names = list(dict.fromkeys(name for entry in entries for name in entry))
-        for name in names:
-            if not all(name in entry for entry in entries):
-                raise SceneError(f"{table}.{name}", f"be given in every [[{table}]]", "is missing in one")
-        result[table] = {name: [entry[name] for entry in entries] for name in names}
-    return result
-
-
-def merged(tables: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, Any]:
-    """The tables with other values, by key.
-
-    None removes a key, and with its last key the table. An interval that neither gives stays that of the
-    tables' own t_end, so that a run can be continued to a later one. Raises SceneError."""
-    result = {name: dict(x) if isinstance(x, Mapping) else x for name, x in with_lists(tables).items()}
-    kinds = tables_of([*tables, *(key.partition(".")[0] for key in overrides)])
-    for key, value in overrides.items():
-        table, _, name = key.partition(".")
-        if table not in kinds or name not in names_of(kinds[table]):
-            raise unknown(key, kinds)
-        content = result.setdefault(table, {})
-        if not isinstance(content, dict):
-            raise SceneError(table, "be a table", rules.describe(content))
-        content[name] = value
-        if value is None:
-            del content[name]
-        if not content:
-            del result[table]
-    schedule = tables.get("integrator")
-    if "output" not in result and isinstance(schedule, Mapping) and "t_end" in schedule:
-        rule = rule_of(Integrator.__dataclass_fields__["t_end"])
-        t_end = rules.check_value("integrator.t_end", schedule["t_end"], rule, None)
-        result["output"] = {"interval": t_end / 1000.0}
-    return result
 
 
 def scene_of(tables: Mapping[str, Any], overrides: Mapping[str, Any], folder: Path) -> Scene:

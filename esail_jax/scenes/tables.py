@@ -7,16 +7,16 @@ import dataclasses
 from collections.abc import Container
 from typing import Any
 
-from esail_jax.scenes import chain_tables, common_tables, sail_tables
+from esail_jax.scenes import chain_tables, common_tables, sail_tables, tip_tables
 
 SAIL_TABLES = {
     "hub": sail_tables.Hub,
     "tethers": sail_tables.Tethers,
-    "auxiliary_tethers": sail_tables.AuxiliaryTethers,
-    "remote_units": sail_tables.RemoteUnits,
+    "auxiliary_tethers": tip_tables.AuxiliaryTethers,
+    "remote_units": tip_tables.RemoteUnits,
     "solar_wind": sail_tables.SolarWind,
     "voltage": sail_tables.Voltage,
-    "tip_thrust": sail_tables.TipThrust,
+    "tip_thrust": tip_tables.TipThrust,
     "gravity": common_tables.Gravity,
     "initial": sail_tables.Initial,
     "integrator": common_tables.Integrator,

@@ -18,8 +18,9 @@ from esail_jax.simulation.programs import Programs, compile_programs
 from esail_jax.simulation.results import Checkpoint, Chunk, join
 from esail_jax.simulation.schedule import is_multiple, save_times, segments, switch_times
 from esail_jax.simulation.statistics import COUNTS, Pending
+from esail_jax.steppers.log import Log
 from esail_jax.steppers.results import RESULTS, name_of
-from esail_jax.steppers.stepper import AbstractStepper, Log, Motion, Point
+from esail_jax.steppers.stepper import AbstractStepper, Motion, Point
 
 NO_LIMIT = np.inf
 """Default of `max_steps` on the host."""

@@ -20,7 +20,8 @@ from esail_jax.scenes.structure import Numbers, Structure
 from esail_jax.simulation.advance import Advanced, Window, advance
 from esail_jax.simulation.look import look_at_window
 from esail_jax.simulation.problem import Problem, restart, start
-from esail_jax.steppers.stepper import AbstractStepper, Log, Motion, Point
+from esail_jax.steppers.log import Log
+from esail_jax.steppers.stepper import AbstractStepper, Motion, Point
 from esail_jax.system import System
 
 MAX_ATTEMPTS = 16384

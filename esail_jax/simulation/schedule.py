@@ -9,7 +9,8 @@ import numpy as np
 from esail_jax.array_types import Array, Bool, Float, Int
 from esail_jax.scenes.chain_tables import ChainVoltage
 from esail_jax.scenes.rules import known
-from esail_jax.scenes.sail_tables import Event, TipThrust, Voltage
+from esail_jax.scenes.sail_tables import Event, Voltage
+from esail_jax.scenes.tip_tables import TipThrust
 
 SNAP = 1e-9
 """Fraction of an interval by which a time may miss a multiple of it: multiples of decimal fractions are
@@ -103,7 +104,8 @@ class Schedule:
     def windows(self) -> tuple[Windows, np.ndarray, np.ndarray]:
         """Returns the windows, and for every saved time the index of its window and its place in that
         window (both with the axis `time`)."""
-        rows, where = [], {}
+        rows: list[tuple] = []
+        where: dict = {}
         end = self.times[-1]
         for segment in segments(self.begin, end, self.switches):
             share = (segment.stop - segment.start) / max(end - self.begin, 1e-300)

@@ -11,25 +11,17 @@ import numpy as np
 
 from esail_jax.errors import SimulationError
 from esail_jax.observables import known_names
-from esail_jax.observables.run_warning import STEP_ERRORS, run_warning
-from esail_jax.scenes.method_choice import with_method
-from esail_jax.scenes.rules import SceneError, known
+from esail_jax.observables.run_warning import run_warning
+from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene, load_scene
-from esail_jax.scenes.stepper_choice import stepper_class
-from esail_jax.scenes.structure import split
 from esail_jax.simulation.host import HostRun, all_rows, compile_scene
-from esail_jax.simulation.problem import require_64_bit
 from esail_jax.simulation.results import Checkpoint, Chunk
-from esail_jax.simulation.schedule import Schedule, save_times, switch_times
+from esail_jax.simulation.schedule import save_times
 from esail_jax.simulation.solution import Solution
 from esail_jax.simulation.stability import INSTANTS, Stability, stability_of
-from esail_jax.simulation.traced import traced_run
+from esail_jax.simulation.under_trace import simulate_traced, under_trace
 from esail_jax.steppers.results import RESULTS
 from esail_jax.steppers.stepper import AbstractStepper, Point
-
-LEAST_WINDOWS, WINDOWS_PER_TURN = 16, 4
-"""Least number of windows, and so of checkpoints, in a traced run, and in a turn of the sail. The baseline
-needs up to 45 blocks of steps in a turn, three windows."""
 
 
 def simulate(
@@ -143,13 +135,6 @@ def run(
     return begin(scene, save, times, start, max_steps, stepper).host.chunks()
 
 
-def under_trace(scene: Scene, start: Any, stepper: Any) -> bool:
-    """Tells whether any number is a tracer, or whether `jax.jit` or the like traces this call."""
-    leaves = [x for table in vars(scene).values() if table is not None for x in vars(table).values()]
-    leaves += jax.tree.leaves((start, stepper))
-    return any(isinstance(leaf, jax.core.Tracer) for leaf in (*leaves, jax.device_put(0.0)))
-
-
 # ---- on the host --------------------------------------------------------------------------------
 
 
@@ -243,64 +228,6 @@ def observables_at(solution: Solution, time: float) -> dict[str, np.ndarray]:
     before = solution.time if solution.scene.chain is not None else solution.time[:0]
     found = simulate(solution.scene, times=[*before[before < time], time], **given)
     return {name: np.asarray(found[name][-1]) for name in solution}
-
-
-# ---- under a trace ------------------------------------------------------------------------------
-
-
-def simulate_traced(
-    scene: Scene,
-    *,
-    save: Sequence[str] | None = None,
-    times: Sequence[float] | None = None,
-    start: Point | None = None,
-    max_steps: int | None = None,
-    stepper: AbstractStepper | None = None,
-) -> Solution:
-    """Returns the solution of a run that is part of a traced program, for `jit`, `grad`, `jvp` and `vmap`.
-    The arguments are those of `simulate`. Raises RuntimeError in 32-bit mode."""
-    require_64_bit()
-    resolved = scene if stepper is not None else with_method(scene)
-    structure, numbers = split(resolved)
-    kind = type(stepper) if stepper is not None else stepper_class(resolved.integrator.method)
-    if times is None:
-        saved = save_times(scene.integrator.t_end, scene.output.interval)
-        if start is not None and not isinstance(start.time, jax.core.Tracer):
-            saved = saved[saved >= float(start.time)]
-    else:
-        saved = np.asarray(times, float)
-    begin = 0.0 if start is None else float(saved[0])
-    step = resolved.integrator.step
-    wanted = max_steps
-    if step is not None and stepper is None:
-        wanted = np.ceil((saved[-1] - begin) / step) + 1
-    room = kind.blocks_per_window * kind.blocks_per_batch * kind.steps_per_block
-    if wanted is None:
-        least = max(LEAST_WINDOWS, int(np.ceil(WINDOWS_PER_TURN * turns(scene, saved[-1] - begin))))
-    else:
-        least = max(1, int(np.ceil(wanted / room * (UNEVEN if step is None else MARGIN))))
-    switches = switch_times(scene.event, scene.voltage, scene.tip_thrust)
-    schedule = Schedule(tuple(saved.tolist()), switches, begin, kind.instants_per_window, least)
-    names = None if save is None or scene.chain is not None else tuple(save)
-    limit = jnp.asarray(jnp.inf if max_steps is None else float(max_steps))
-    found = traced_run(structure, schedule, names, numbers, limit, stepper, start)
-    stats = {"steps": found.counts[0], "rejected_steps": found.counts[1]}
-    if found.errors:
-        stats["step_errors"] = jnp.stack([found.errors[name] for name in STEP_ERRORS])
-    rows = found.rows if save is None else {name: found.rows[name] for name in save}
-    return Solution(jnp.asarray(saved), rows, found.result, found.point, stats)
-
-
-MARGIN, UNEVEN = 1.25, 4.0
-"""Safety factors for the number of windows, because some blocks end early: with steps of a given size, and
-with error control, where blocks of 7 steps alternate with blocks of 24 in a long run of the baseline."""
-
-
-def turns(scene: Scene, duration: float) -> float:
-    """Returns the number of turns of a sail in a duration [s]; 0 if the spin rate is a tracer, and for a
-    chain."""
-    spin = None if scene.chain is not None else known(scene.initial.spin_rate)
-    return 0.0 if spin is None else float(np.max(np.abs(spin))) * duration / (2.0 * np.pi)
 
 
 # ---- checks of the arguments ----------------------------------------------------------------------

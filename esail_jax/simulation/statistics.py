@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from esail_jax.steppers.stepper import Log, Statistic
+from esail_jax.steppers.log import Log, Statistic
 
 COUNTS = {"steps": "-", "rejected_steps": "-", "last_step": "s"}
 """Names and units of what every method reports for a saved instant: the steps that ended since the instant

@@ -49,8 +49,9 @@ from esail_jax.steppers.collocation_steps import (
     zero_length_steps,
 )
 from esail_jax.steppers.consistent import consistent_motion
+from esail_jax.steppers.log import Log, Statistic
 from esail_jax.steppers.results import RESULTS
-from esail_jax.steppers.stepper import AbstractStepper, Log, Motion, Point, Statistic
+from esail_jax.steppers.stepper import AbstractStepper, Motion, Point
 from esail_jax.system import System
 
 STEPS_PER_FACTORISATION = 24

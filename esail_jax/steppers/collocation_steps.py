@@ -10,8 +10,9 @@ import numpy as np
 
 from esail_jax.array_types import Array, Bool, Float, Int, Scalar
 from esail_jax.steppers.collocation_stages import STAGES, TABLE, StageUnknowns, StepEnd
+from esail_jax.steppers.log import Log
 from esail_jax.steppers.results import RESULTS
-from esail_jax.steppers.stepper import AbstractState, AbstractSteps, Log
+from esail_jax.steppers.stepper import AbstractState, AbstractSteps
 from esail_jax.system import Power
 
 

@@ -9,7 +9,8 @@ from esail_jax.array_types import Array, Bool, Float, Int, Scalar
 from esail_jax.coordinates import Coordinates
 from esail_jax.numerics.lockstep import select
 from esail_jax.steppers.fixed_step_state import IterationInfo, StepState
-from esail_jax.steppers.stepper import AbstractSteps, Log, Point
+from esail_jax.steppers.log import Log
+from esail_jax.steppers.stepper import AbstractSteps, Point
 from esail_jax.system import Power
 
 SNAP = 1e-9

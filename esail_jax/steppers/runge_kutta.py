@@ -22,16 +22,9 @@ from jax import lax
 from esail_jax.array_types import Array, Bool, Float, Int, Scalar
 from esail_jax.numerics.lockstep import any_member, select
 from esail_jax.rod_chain import RodChain, RodState
+from esail_jax.steppers.log import Log, Statistic
 from esail_jax.steppers.results import RESULTS, name_of
-from esail_jax.steppers.stepper import (
-    AbstractState,
-    AbstractStepper,
-    AbstractSteps,
-    Log,
-    Motion,
-    Point,
-    Statistic,
-)
+from esail_jax.steppers.stepper import AbstractState, AbstractStepper, AbstractSteps, Motion, Point
 from esail_jax.system import Power
 
 METHODS = {"tsit5": "Tsit5", "dopri5": "Dopri5", "dopri8": "Dopri8"}

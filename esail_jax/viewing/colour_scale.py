@@ -26,7 +26,8 @@ def colours_of(values: np.ndarray, low: float, high: float) -> np.ndarray:
 
 def channels(colour: str) -> tuple[int, int, int]:
     """Returns red, green and blue of a colour #rrggbb."""
-    return tuple(int(colour[i : i + 2], 16) for i in (1, 3, 5))
+    red, green, blue = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
+    return red, green, blue
 
 
 def locked_range(*signals: np.ndarray) -> tuple[float, float]:

@@ -17,7 +17,7 @@ LAYERS = (
     ("numerics", "environment"),
     ("coordinates", "measurements", "terms"),
     ("elements", "loads", "joints"),
-    ("system",),
+    ("assembly", "system"),
     ("iteration_matrix", "rod_chain"),
     ("steppers", "equilibria"),
     ("observables", "scenes"),

@@ -1,7 +1,6 @@
 """Scenes of rod chains, from scene file to run file: keys, refused input, resuming, and `esail info`."""
 
 import dataclasses
-import importlib
 
 import jax
 import jax.numpy as jnp
@@ -85,9 +84,7 @@ def test_every_number_may_be_traced(key, chain, monkeypatch):
         seen.append(numbers[key])
         raise StopIteration
 
-    # In the package the name `simulate` is the function, not the module.
-    module = importlib.import_module("esail_jax.simulation.simulate")
-    monkeypatch.setattr(module, "traced_run", run)
+    monkeypatch.setattr("esail_jax.simulation.under_trace.traced_run", run)
     with pytest.raises(StopIteration):
         jax.make_jaxpr(lambda x: esail.simulate(chain, with_key(key, x)).time)(like)
     assert isinstance(seen[0], jax.core.Tracer)

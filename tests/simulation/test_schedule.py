@@ -12,7 +12,7 @@ import pytest
 from esail_jax.scenes.scene import load_scene
 from esail_jax.simulation.schedule import SNAP, Schedule, is_multiple, save_times, segments, switch_times
 from esail_jax.simulation.statistics import COUNTS, Pending
-from esail_jax.steppers.stepper import Log, Statistic
+from esail_jax.steppers.log import Log, Statistic
 
 RNG = np.random.default_rng(7)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from esail_jax.simulation.statistics import Pending
-from esail_jax.steppers.stepper import Statistic
+from esail_jax.steppers.log import Statistic
 
 STATISTICS = {
     "iterations": Statistic("-", "mean"),

@@ -14,8 +14,9 @@ from esail_jax.array_types import Array, Scalar
 from esail_jax.scenes.chain_tables import ChainVoltage
 from esail_jax.simulation.schedule import switch_times
 from esail_jax.steppers.consistent import consistent_motion, project
+from esail_jax.steppers.log import Log
 from esail_jax.steppers.results import RESULTS
-from esail_jax.steppers.stepper import AbstractState, AbstractStepper, AbstractSteps, Log, Point
+from esail_jax.steppers.stepper import AbstractState, AbstractStepper, AbstractSteps, Point
 
 SHORT = {"integrator.t_end": 8.0, "output.interval": 4.0, "tethers.elements": 2}
 

@@ -17,8 +17,9 @@ from jax import lax
 from esail_jax.array_types import Array, Bool, Float, Scalar
 from esail_jax.coordinates import Coordinates
 from esail_jax.steppers.consistent import consistent_motion, project
+from esail_jax.steppers.log import Log
 from esail_jax.steppers.results import RESULTS
-from esail_jax.steppers.stepper import AbstractState, AbstractStepper, AbstractSteps, Log, Point
+from esail_jax.steppers.stepper import AbstractState, AbstractStepper, AbstractSteps, Point
 from esail_jax.system import Power, System
 
 STEPS = 8

@@ -1,0 +1,61 @@
+"""The state of a run in its file: the checkpoint from which it goes on, and its last saved instant."""
+
+import h5py
+import numpy as np
+
+from esail_jax.coordinates import Coordinates
+from esail_jax.simulation.host import paths
+from esail_jax.simulation.results import Checkpoint
+from esail_jax.simulation.statistics import Pending
+from esail_jax.steppers.stepper import Point
+from esail_jax.system import Power
+
+
+def save_checkpoint(file: h5py.File, checkpoint: Checkpoint) -> None:
+    """Writes /state: the arrays of the motion by path, and what belongs to it."""
+    if "state" in file:
+        del file["state"]
+    group = file.create_group("state")
+    arrays = checkpoint.motion if isinstance(checkpoint.motion, dict) else paths(checkpoint.motion)
+    for name, leaf in arrays.items():
+        group[f"motion/{name}"] = np.asarray(leaf)
+    group["pending"] = checkpoint.pending.table
+    group["energy"] = np.array(checkpoint.energy)
+    group.attrs.update({"rows": checkpoint.rows, "segment": checkpoint.segment})
+
+
+def load_checkpoint(file: h5py.File) -> Checkpoint:
+    """Returns the checkpoint of a run file. Its motion is a mapping of arrays by path, which
+    `simulation.host.restored` reads."""
+    group, motion = file["state"], {}
+
+    def visit(name, data):
+        if isinstance(data, h5py.Dataset):
+            motion[name] = data[()]
+
+    group["motion"].visititems(visit)
+    rows, segment = (int(group.attrs[name]) for name in ("rows", "segment"))
+    energy = tuple(float(x) for x in group["energy"][()])
+    return Checkpoint(motion, rows, segment, Pending(group["pending"][()]), energy)
+
+
+def save_point(file: h5py.File, point: Point) -> None:
+    """Writes /final: the last saved instant, from which another run may start."""
+    if "final" in file:
+        del file["final"]
+    for name, leaf in paths(point).items():
+        file[f"final/{name}"] = np.asarray(leaf)
+
+
+def load_point(file: h5py.File) -> Point | None:
+    """Returns the last saved instant of a run file; None if it has none."""
+    if "final" not in file:
+        return None
+    group = file["final"]
+
+    def coordinates(name: str) -> Coordinates:
+        hub, ring = (group[name][x][()] if x in group[name] else None for x in ("hub", "ring"))
+        return Coordinates(group[f"{name}/tether"][()], hub, ring)
+
+    work = Power(*(group[f"work/{name}"][()] for name in Power._fields))
+    return Point(group["time"][()], coordinates("q"), coordinates("v"), work, group["exact"][()])
