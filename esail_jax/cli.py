@@ -185,6 +185,8 @@ def main(arguments: list[str] | None = None) -> ExitCode:
     """Runs a command line (None: that of the process). Returns the exit code."""
     try:
         options = parser().parse_args(arguments)
+        if options.command is None:
+            raise UsageError("esail: COMMAND must be given (`esail --help` shows what there is)")
     except UsageError as error:
         complain(error)
         return ExitCode.BAD_INPUT

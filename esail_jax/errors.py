@@ -1,5 +1,7 @@
 """The errors that users meet. This module imports no library: the command line needs it before JAX."""
 
+import difflib
+from collections.abc import Iterable
 from typing import Any
 
 
@@ -16,3 +18,10 @@ class SimulationError(RuntimeError):
     def __init__(self, message: str, result: Any):
         super().__init__(message)
         self.result = result
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Returns the hint ` (perhaps `...`)` with the known name that is nearest to an unknown one; empty if
+    none is near."""
+    near = difflib.get_close_matches(name, list(known), 1)
+    return f" (perhaps `{near[0]}`)" if near else ""

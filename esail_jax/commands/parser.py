@@ -19,7 +19,7 @@ class Parser(argparse.ArgumentParser):
     """A parser whose errors are one line."""
 
     def error(self, message: str):
-        raise UsageError(f"{self.prog}: {message}")
+        raise UsageError(f"{self.prog}: {message} (`{self.prog} --help` shows what there is)")
 
 
 def parser() -> Parser:
@@ -31,7 +31,7 @@ def parser() -> Parser:
         "(the file holds everything before the failure); 130 interrupted (--resume continues).",
         allow_abbrev=False,
     )
-    commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    commands = top.add_subparsers(dest="command", metavar="COMMAND")
     for add in (
         add_run, add_scenes, add_init, add_info, add_plot, add_animate, add_view, add_modes, add_design,
         add_ensemble, add_bench, add_cache,

@@ -17,6 +17,7 @@ import h5py
 import numpy as np
 
 from esail_jax.atomic_file import atomic_file
+from esail_jax.files.seal import USER_BLOCK, write_seal
 from esail_jax.observables import Observable, shape_of
 
 ROWS_PER_CHUNK = 64
@@ -28,16 +29,22 @@ of every chunk, so that damaged numbers are not read. Runs of the baseline are a
 
 
 @contextlib.contextmanager
-def atomic_hdf5(path: str | os.PathLike, update: bool = False, unique: bool = False) -> Iterator[h5py.File]:
+def atomic_hdf5(
+    path: str | os.PathLike, update: bool = False, unique: bool = False, sealed: bool = False
+) -> Iterator[h5py.File]:
     """Context manager: gives an HDF5 file to write, which replaces `path` when the block ends.
 
-    update: start from a copy of `path` instead of an empty file; unique: as for `atomic_file`.
+    update: start from a copy of `path` instead of an empty file; unique: as for `atomic_file`; sealed:
+    write the checksum of the whole file to its user block (`files/seal.py`).
     """
     with atomic_file(path, unique) as part:
         if update:
             shutil.copyfile(path, part)
-        with h5py.File(part, "r+" if update else "w") as file:
+        block = {"userblock_size": USER_BLOCK} if sealed and not update else {}
+        with h5py.File(part, "r+" if update else "w", **block) as file:
             yield file
+        if sealed:
+            write_seal(part)
 
 
 def create_quantity(

@@ -9,8 +9,9 @@ from typing import Any
 import h5py
 
 from esail_jax.errors import InputError
+from esail_jax.files.seal import has_seal, is_sealed
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 """Version of the layout of run files and ensemble files. Files of another version are refused: their
 checkpoints and results have other names."""
 
@@ -36,7 +37,10 @@ def open_single(path: str | os.PathLike) -> h5py.File:
 
 
 def open_run(path: str | os.PathLike) -> h5py.File:
-    """Opens the file of a run or an ensemble for reading. Raises RunFileError for any other file."""
+    """Opens the file of a run or an ensemble for reading. Raises RunFileError for any other file, and for
+    the file of one run whose checksum is wrong."""
+    if has_seal(path) and not is_sealed(path):
+        raise damaged(path, "its checksum is wrong")
     try:
         file = h5py.File(path)
     except OSError as error:
@@ -52,7 +56,15 @@ def open_run(path: str | os.PathLike) -> h5py.File:
             f"`{path}` must have schema version {SCHEMA_VERSION}, but has {found}: "
             "read it with the version of esail_jax that wrote it"
         )
+    if "members" not in file and not has_seal(path):
+        file.close()
+        raise damaged(path, "its checksum is missing")
     return file
+
+
+def damaged(path: str | os.PathLike, reason: Any) -> RunFileError:
+    """The error for a file that was damaged, or changed by another program, after it was written."""
+    return RunFileError(f"`{path}` must be an intact run file, but is damaged ({reason})")
 
 
 @contextlib.contextmanager
@@ -62,7 +74,7 @@ def intact(path: str | os.PathLike) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise RunFileError(f"`{path}` must be an intact run file, but is damaged ({error})") from error
+        raise damaged(path, error) from error
 
 
 def to_python(value: Any) -> Any:

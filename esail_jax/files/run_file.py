@@ -154,7 +154,7 @@ class RunWriter:
                 self._dropped_to = int(file["state"].attrs["rows"])
                 self._before = (float(file.attrs["compile_time"]), float(file.attrs["wall_time"]))
         else:
-            with atomic_hdf5(path) as file:
+            with atomic_hdf5(path, sealed=True) as file:
                 create(file, content)
 
     def add(self, chunk: Chunk) -> bool:
@@ -165,7 +165,7 @@ class RunWriter:
     def write(self, progress: Progress) -> None:
         """Writes the chunks in memory and the progress."""
         began = time.perf_counter()
-        with atomic_hdf5(self.path, update=True) as file:
+        with atomic_hdf5(self.path, update=True, sealed=True) as file:
             if self._dropped_to is not None:
                 for data in rows_of(file):
                     data.resize(self._dropped_to, axis=0)
@@ -210,7 +210,7 @@ def rows_of(file: h5py.File) -> list[h5py.Dataset]:
 def save_stability(path: Path, found: Stability) -> None:
     """Adds the growth of a small perturbation to a finished run file: the attributes `growth_rate` [1/s]
     and `growth`, and the warning in `message`."""
-    with atomic_hdf5(path, update=True) as file:
+    with atomic_hdf5(path, update=True, sealed=True) as file:
         message = " ".join(filter(None, (str(file.attrs["message"]), found.warning)))
         file.attrs.update({"growth_rate": found.growth_rate, "growth": found.growth, "message": message})
 

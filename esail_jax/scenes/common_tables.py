@@ -35,7 +35,10 @@ class Integrator:
         default=None,
     )
     tolerance: Number | None = declare(
-        between("(0, 1)"), unit="-", doc="Relative local error of methods with error control.", default=None
+        between("[1e-16, 1)"),
+        unit="-",
+        doc="Relative local error of methods with error control.",
+        default=None,
     )
 
 

@@ -1,9 +1,9 @@
 """The tables of a scene's file, merged with overrides by key."""
 
-import difflib
 from collections.abc import Mapping
 from typing import Any
 
+from esail_jax.errors import nearest
 from esail_jax.scenes import rules
 from esail_jax.scenes.common_tables import Integrator
 from esail_jax.scenes.declarations import rule_of
@@ -16,9 +16,7 @@ def unknown(key: str, tables: Mapping[str, type]) -> SceneError:
     known = [f"{table}.{name}" for table, content in tables.items() for name in names_of(content)]
     if key in tables:
         return SceneError(key, "be followed by a key of the table", "is the table's name")
-    near = difflib.get_close_matches(key, known + list(tables), 1)
-    hint = f" (perhaps `{near[0]}`)" if near else ""
-    return SceneError(key, "be a known key" + hint, "is not")
+    return SceneError(key, "be a known key" + nearest(key, [*known, *tables]), "is not")
 
 
 def with_lists(tables: Mapping[str, Any]) -> dict[str, Any]:

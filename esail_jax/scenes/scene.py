@@ -21,6 +21,7 @@ from esail_jax.scenes.declarations import rule_of
 from esail_jax.scenes.merging import merged, unknown
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.sail_tables import Event, Hub, Initial, SolarWind, Tethers, Voltage
+from esail_jax.scenes.size_limits import check_size
 from esail_jax.scenes.tables import REPEATED, TABLES, given, names_of, tables_of
 from esail_jax.scenes.tip_tables import AuxiliaryTethers, RemoteUnits, TipThrust
 from esail_jax.scenes.wind_file import with_wind_file
@@ -228,11 +229,16 @@ def toml_value(value: Any) -> str:
 
 def load_scene(source: "str | os.PathLike | Scene", overrides: Mapping[str, Any] | None = None) -> Scene:
     """A built-in scene by name, a TOML file by path, or a `Scene` itself, with overrides by key, which may
-    also give what a file lacks. Raises SceneError."""
+    also give what a file lacks. Raises SceneError, also for a scene that this machine cannot compute."""
+    scene = source.replace(overrides or {}) if isinstance(source, Scene) else read_scene(source, overrides)
+    check_size(scene)
+    return scene
+
+
+def read_scene(source: str | os.PathLike, overrides: Mapping[str, Any] | None) -> Scene:
+    """A built-in scene by name or a TOML file by path, with overrides by key. Raises SceneError."""
     from esail_jax.scenes.builtin_scenes import builtin_text
 
-    if isinstance(source, Scene):
-        return source.replace(overrides or {})
     text = builtin_text(str(source))
     if text is None:
         try:

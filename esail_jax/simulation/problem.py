@@ -155,6 +155,6 @@ def check_steady(scene: Scene, begun: Start) -> None:
     if bad.any():
         raise SceneError(
             "initial.spin_rate",
-            f"leave tether {int(np.argmax(bad))} a steady elongation",
+            f"leave tether {int(np.argmax(bad)) + 1} a steady elongation",
             f"is {spin}: its elements cannot hold the centrifugal force",
         )

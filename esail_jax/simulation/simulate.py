@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax.errors import SimulationError
+from esail_jax.errors import SimulationError, nearest
 from esail_jax.observables import known_names
 from esail_jax.observables.run_warning import run_warning
 from esail_jax.scenes.rules import SceneError
@@ -249,8 +249,9 @@ def check_times(times: Any, begin: Any) -> None:
 def check_names(scene: Scene, save: Sequence[str] | None) -> None:
     """Raises SceneError if a name is not that of an observable."""
     for name in save or ():
-        if name not in known_names(scene.chain is not None):
-            raise SceneError("save", "hold names of observables", f"has {name!r}")
+        known = known_names(scene.chain is not None)
+        if name not in known:
+            raise SceneError("save", f"hold names of observables{nearest(name, known)}", f"has {name!r}")
 
 
 def check_max_steps(max_steps: int | None) -> None:

@@ -8,6 +8,7 @@ import jax
 import numpy as np
 
 from esail_jax.array_types import Array, Float
+from esail_jax.errors import nearest
 from esail_jax.observables import described
 from esail_jax.observables.entry import Observable
 from esail_jax.scenes.scene import Scene
@@ -53,6 +54,8 @@ class Solution(eqx.Module, Mapping):
     )
 
     def __getitem__(self, name: str) -> Array | np.ndarray:
+        if name not in self.observables:
+            raise KeyError(f"{name!r} is no observable of this run{nearest(name, self.observables)}")
         return self.observables[name]
 
     def __iter__(self) -> Iterator[str]:

@@ -8,14 +8,14 @@ from esail_jax import cli
 from esail_jax.scenes.scene import to_toml
 
 
-@pytest.fixture(params=[1, 3])
+@pytest.fixture(params=[2, 4])
 def other_version(request, tmp_path):
     """A run file of an earlier or a later layout."""
     path = tmp_path / "other.h5"
     with h5py.File(path, "w") as file:
         file["scene"] = to_toml(esail.load_scene("baseline"))
         file.attrs.update({"schema_version": request.param, "status": "complete"})
-    return path, f"must have schema version 2, but has {request.param}: read it with the version"
+    return path, f"must have schema version 3, but has {request.param}: read it with the version"
 
 
 def test_load_refuses_the_file(other_version):

@@ -114,7 +114,7 @@ REFUSED = [
     ({"initial.spin_rate": 1.0}, "initial.spin_rate", "known key"),
     ({"hub.height": 1.0}, "hub.height", "known key"),
     ({"integrator.method": "rk4"}, "integrator.method", '"dopri8"'),
-    ({"integrator.tolerance": 0.0}, "integrator.tolerance", "(0, 1)"),
+    ({"integrator.tolerance": 0.0}, "integrator.tolerance", "[1e-16, 1)"),
     ({"integrator.tolerance": 1e-6, "integrator.step": 1e-3}, "integrator.tolerance", "fixed"),
     (
         {"integrator.method": "dopri5", "integrator.spectral_radius": 0.5},

@@ -1,8 +1,8 @@
 """Files of runs with invented motions that are known in closed form, for tests of what is shown of them."""
 
-import h5py
 import numpy as np
 
+from esail_jax.files.hdf5 import atomic_hdf5
 from esail_jax.files.opening import SCHEMA_VERSION
 from esail_jax.observables import described
 from esail_jax.scenes.scene import load_scene, to_toml
@@ -72,7 +72,7 @@ def chain_rows(rods=20, instants=41):
 def write_run(path, scene, time, rows, members=None):
     """Writes a file of a run, or of an ensemble of so many members whose rows are multiples 1, 2, ... of
     these."""
-    with h5py.File(path, "w") as file:
+    with atomic_hdf5(path, sealed=members is None) as file:
         file.attrs["schema_version"] = SCHEMA_VERSION
         file["scene"] = to_toml(scene)
         file["time"] = time

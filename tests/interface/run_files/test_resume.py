@@ -9,6 +9,7 @@ import pytest
 import esail_jax as esail
 import esail_jax.commands.run
 import esail_jax.simulation.programs
+from esail_jax.files.seal import write_seal
 from support.bits import check_same, esail_run
 from support.run_kinds import KINDS
 
@@ -81,6 +82,7 @@ def test_resume_to_an_earlier_end_is_refused(scene, whole, tmp_path, capsys):
     for status in ("complete", "interrupted"):
         with h5py.File(path, "r+") as file:
             file.attrs["status"] = status
+        write_seal(path)
         before = path.read_bytes()
         assert esail_run(scene, path, "--resume", "--t-end", 10) == 2
         err = capsys.readouterr().err
@@ -118,6 +120,7 @@ def test_resume_of_a_checkpoint_of_another_version_is_refused(change, scene, who
     with h5py.File(path, "r+") as file:
         file.attrs["status"] = "interrupted"
         change(file["state"])
+    write_seal(path)
     before = path.read_bytes()
     assert esail_run(scene, path, "--resume", "--t-end", 90) == 2
     out, err = capsys.readouterr()

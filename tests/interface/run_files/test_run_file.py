@@ -51,7 +51,7 @@ def test_run_file_says_what_ran_and_where(whole):
     with h5py.File(whole, "r") as file:
         attributes = dict(file.attrs)
         assert attributes["status"] == "complete" and attributes["message"] == ""
-        assert attributes["schema_version"] == 2 and attributes["steps"] == 800
+        assert attributes["schema_version"] == 3 and attributes["steps"] == 800
         assert attributes["wall_time"] > 0.0 and attributes["compile_time"] > 0.0
         assert attributes["device"]
         for package in ("esail_jax", "jax", "jaxlib", "numpy", "h5py"):

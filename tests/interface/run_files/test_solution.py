@@ -24,8 +24,8 @@ def test_a_solution_is_a_mapping(solution):
     assert all(dict(solution)[name] is solution[name] for name in names)
     assert [name for name, _ in solution.items()] == names
     assert solution.get("nonsense") is None
-    with pytest.raises(KeyError):
-        solution["nonsense"]
+    with pytest.raises(KeyError, match=r"'coning' is no observable of this run .perhaps `coning_angle`."):
+        solution["coning"]
     assert solution.units()["kinetic_energy"] == "J"
 
 

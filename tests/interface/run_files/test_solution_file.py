@@ -1,6 +1,5 @@
 """Solutions in files: `save`, `load`, and the command that continues them."""
 
-import h5py
 import jax
 import numpy as np
 import pytest
@@ -71,23 +70,6 @@ def test_load_refuses_a_file_that_is_no_run(tmp_path):
         esail.load(tmp_path / "a.h5")
     with pytest.raises(esail.RunFileError, match="does not exist"):
         esail.load(tmp_path / "b.h5")
-
-
-def test_a_damaged_chunk_is_refused(scene, solution, tmp_path, capsys):
-    """One changed byte in a compressed chunk of an observable is found by its checksum, and no row is read.
-
-    `--resume` has nothing to compute, because the run is complete, and leaves the file as it is."""
-    path = tmp_path / "a.h5"
-    esail.save(solution, path)
-    with h5py.File(path) as file:
-        where = file["observables/tip_position_I"].id.get_chunk_info(0).byte_offset
-    data = bytearray(path.read_bytes())
-    data[where + 100] ^= 1
-    path.write_bytes(data)
-    with pytest.raises(esail.RunFileError, match="must be an intact run file, but is damaged"):
-        esail.load(path)
-    assert esail_run(scene, path, "--resume") == 0  # the run is complete: nothing is computed
-    assert path.read_bytes() == data
 
 
 # The last test of the file, because it drops the programs that the others share.

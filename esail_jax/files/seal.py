@@ -1,0 +1,46 @@
+"""The seal of a run file: a checksum of the whole file, in the user block before the HDF5 part.
+
+A run file is written as a whole and replaced as a whole, so one checksum covers all of it: rows, state,
+attributes, and the structure of HDF5 itself. A file in which a bit has changed, or that was cut short, is
+refused before HDF5 reads it. HDF5 programs skip the user block.
+"""
+
+import hashlib
+import os
+from pathlib import Path
+
+USER_BLOCK = 512
+"""Size [bytes] of the user block, the smallest that HDF5 allows."""
+
+MAGIC = b"esail_jax run file, SHA-256 of what follows this block: "
+"""Text before the checksum."""
+
+
+def digest_of(path: Path) -> bytes:
+    """Returns the SHA-256 of a file after its user block, as hexadecimal digits."""
+    with open(path, "rb") as file:
+        file.seek(USER_BLOCK)
+        return hashlib.file_digest(file, "sha256").hexdigest().encode()
+
+
+def write_seal(path: Path) -> None:
+    """Writes the checksum of a closed file into its user block."""
+    seal = MAGIC + digest_of(path) + b"\n"
+    with open(path, "r+b") as file:
+        file.write(seal.ljust(USER_BLOCK, b"\0"))
+
+
+def is_sealed(path: str | os.PathLike) -> bool:
+    """Tells whether the checksum of a file is right. False for a file without one."""
+    with open(path, "rb") as file:
+        block = file.read(USER_BLOCK)
+    return block == (MAGIC + digest_of(Path(path)) + b"\n").ljust(USER_BLOCK, b"\0")
+
+
+def has_seal(path: str | os.PathLike) -> bool:
+    """Tells whether a file begins like a sealed one. False for a file that does not exist."""
+    try:
+        with open(path, "rb") as file:
+            return file.read(len(MAGIC)) == MAGIC
+    except OSError:
+        return False

@@ -1,0 +1,71 @@
+"""Run files that were damaged after they were written: flipped bits, truncation, replaced parts."""
+
+import h5py
+import numpy as np
+import pytest
+
+import esail_jax as esail
+from esail_jax.cli import main
+from support.bits import esail_run
+
+
+def flip(data, random):
+    place = int(random.integers(len(data)))
+    data[place] ^= 1 << int(random.integers(8))
+
+
+def truncate(data, random):
+    del data[int(random.integers(len(data))) :]
+
+
+def overwrite(data, random):
+    place, count = int(random.integers(len(data))), int(random.integers(1, 2000))
+    data[place : place + count] = random.bytes(len(data[place : place + count]))
+
+
+@pytest.fixture(scope="module")
+def file_of_a_run(whole):
+    return whole.read_bytes()
+
+
+@pytest.mark.parametrize("damage", [flip, truncate, overwrite])
+def test_a_damaged_file_is_refused_in_one_line(
+    damage, file_of_a_run, scene, tmp_path, capsys, nothing_compiles
+):
+    """Two hundred files of each kind: `info`, `plot`, `load` and `--resume` refuse them in one line, and do
+    not change them. A change of nothing (a byte overwritten by itself) is none."""
+    random = np.random.default_rng(3)
+    path, tried = tmp_path / "a.h5", 0
+    for case in range(200):
+        data = bytearray(file_of_a_run)
+        damage(data, random)
+        if data == file_of_a_run:
+            continue
+        tried += 1
+        path.write_bytes(data)
+        commands = [["info", str(path)], ["plot", str(path), "-o", str(tmp_path / "figures")]]
+        commands.append(["run", str(scene), "-o", str(path), "--resume"])
+        assert main(commands[case % 3]) == 2
+        out, error = capsys.readouterr()
+        assert (out, error.count("\n")) == ("", 1) and error.startswith(f"`{path}` must be ")
+        with pytest.raises(esail.RunFileError):
+            esail.load(path)
+        assert path.read_bytes() == data
+    assert tried > 190
+
+
+def test_a_file_that_another_program_has_changed_is_refused(file_of_a_run, scene, tmp_path, capsys):
+    """A state with a replaced number would be resumed to an end that looks right."""
+    path = tmp_path / "a.h5"
+    path.write_bytes(file_of_a_run)
+    with h5py.File(path, "r+") as file:
+        file["state/energy"][1] = 1.0
+    assert esail_run(scene, path, "--resume", "--t-end", 90) == 2
+    assert "must be an intact run file, but is damaged" in capsys.readouterr().err
+
+
+def test_a_file_without_a_checksum_is_refused(file_of_a_run, tmp_path):
+    path = tmp_path / "a.h5"
+    path.write_bytes(bytes(512) + file_of_a_run[512:])
+    with pytest.raises(esail.RunFileError, match="its checksum is missing"):
+        esail.load(path)
