@@ -1,7 +1,8 @@
-"""Derivatives of runs at states where a square root, an angle or a maximum has no derivative of its own.
+"""Derivatives of runs with a voltage law and a wind in time, also at states where a square root, an angle
+or a maximum has no derivative of its own.
 
-Such states have no voltage, straight tethers, or slack tethers. Another test differentiates the end of a
-run with respect to an early control.
+Such states have no voltage, straight tethers, or slack tethers. All tests of a method share one program:
+the value of a short run, its derivative along a direction, and its gradient.
 """
 
 import jax
@@ -15,46 +16,14 @@ from support.quick import jit
 
 METHODS = ("collocation", "generalized-alpha", "energy-momentum")
 SMALL = {"tethers.count": 3, "tethers.elements": 2}
-LAW = {"voltage.law": "piecewise-linear", "voltage.time": [0.0, 60.0, 120.0]}
-
-
-def steps_of(method):
-    """Returns overrides for a method with a given step, which does not depend on the scene's numbers."""
-    sizes = {"collocation": 5.0, "generalized-alpha": 0.2, "energy-momentum": 0.2}
-    return {"integrator.method": method, "integrator.step": sizes[method]}
-
-
-# ---- an early control ---------------------------------------------------------------------------
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("method", METHODS[:2])
-def test_an_early_control_changes_the_end(method):
-    """The derivative of the sailing angle at 240 s by an early voltage is the difference quotient, to 2e-5.
-
-    The voltage is that of the first instant of a piecewise linear law and has no effect after 60 s. The
-    quotient is of fourth order and uses concrete runs. A change of 2 % gives a truncation error of 1e-8;
-    iterations end at 1e-8 m, while the tips move by metres.
-    """
-    times = {"integrator.t_end": 240.0, "output.interval": 240.0}
-
-    def end(first):
-        table = jnp.stack([jnp.asarray(first), jnp.asarray(1.0), jnp.asarray(0.8)])
-        run = esail.simulate("baseline", SMALL | LAW | times | steps_of(method) | {"voltage.table": table})
-        return run["sailing_angle"][-1]
-
-    found = jit(jax.grad(end))(jnp.asarray(0.9))
-    change = 0.02
-
-    def at(steps):
-        return np.asarray(end(0.9 + steps * change))
-
-    quotient = (8.0 * (at(1) - at(-1)) - (at(2) - at(-2))) / (12.0 * change)
-    assert abs(quotient) > 1e-6
-    np.testing.assert_allclose(found, quotient, rtol=2e-5)
-
-
-# ---- states without a derivative of their own ---------------------------------------------------
+LAW = {"voltage.law": "harmonic", "voltage.sine": [0.1, 0.05]}
+WIND = {"solar_wind.time": [0.0, 4.0, 10.0], "solar_wind.number_density": [7.3e6] * 3}
+STEPS = {
+    "collocation": {"integrator.tolerance": 1e-11},
+    "generalized-alpha": {"integrator.step": 0.2},
+    "energy-momentum": {"integrator.step": 0.2},
+}
+"""Overrides by method: a step, or a tolerance by which collocation chooses its steps."""
 
 OBSERVED = ("tip_position_I", "coning_angle", "root_coning_angle", "lagging_angle", "sailing_angle")
 """Observables of the end. Some are angles, whose square roots have no derivative at zero."""
@@ -66,20 +35,22 @@ LIGHT = 1.4
 """Tip mass [kg] below which tethers start slack in these tests, so that one program has both initial
 states."""
 
-ALONG = jnp.array([1e3, -5e2, 2e3, 1e-3, 0.1])
-"""Direction of differentiation: three voltages [V], spin rate [rad/s] and tip mass [kg]."""
+CONTROL = [0.3, 4e5]
+"""Amplitude of the voltage law, and speed [m/s] of the wind at the start, which has no effect after 4 s."""
+
+ALONG = jnp.array([1e3, -5e2, 2e3, 1e-3, 0.1, 0.05, 1e4])
+"""Direction of differentiation: three voltages [V], spin rate [rad/s], tip mass [kg], and CONTROL."""
 
 
 @pytest.fixture(scope="module", params=METHODS)
 def both(request):
     """The compiled derivatives of the end of a short run, in forward and reverse mode.
 
-    The variables are three voltages, the spin rate and the tip mass.
+    The variables are three voltages, the spin rate, the tip mass, and CONTROL.
     """
     # No other test has this t_end: programs with the usual and the shortened start must not be mixed up.
-    overrides = SMALL | steps_of(request.param) | {"integrator.t_end": 10.0, "output.interval": 10.0}
-    if request.param == "collocation":
-        del overrides["integrator.step"]  # collocation chooses its steps
+    overrides = SMALL | LAW | WIND | {"integrator.method": request.param} | STEPS[request.param]
+    overrides |= {"integrator.t_end": 10.0, "output.interval": 10.0}
     steady = build.steady_line
 
     def shortened(tethers, *numbers):
@@ -88,6 +59,8 @@ def both(request):
 
     def outcome(x):
         numbers = {"voltage.value": x[:3], "initial.spin_rate": x[3], "remote_units.mass": x[4]}
+        numbers |= {"voltage.cosine": x[5] * jnp.array([1.0, 0.1])}
+        numbers |= {"solar_wind.speed": jnp.append(x[6:], jnp.full(2, 4e5))}
         run = esail.simulate("baseline", overrides | numbers)
         end = [jnp.ravel(run[name][-1]) for name in OBSERVED]
         return jnp.concatenate(end) @ jnp.cos(jnp.arange(sum(x.size for x in end)))
@@ -95,7 +68,7 @@ def both(request):
     modes = jit(lambda x: (jax.jvp(outcome, (x,), (ALONG,)), jax.grad(outcome)(x)))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(build, "steady_line", shortened)
-        return modes.lower(jnp.zeros(5)).compile()
+        return modes.lower(jnp.zeros(7)).compile()
 
 
 def check_modes(both, at):
@@ -103,12 +76,37 @@ def check_modes(both, at):
     outcomes."""
     values = []
     for x in at:
-        (value, forward), reverse = both(jnp.array(x))
+        (value, forward), reverse = both(jnp.array([*x, *CONTROL]))
         assert np.isfinite(value) and np.isfinite(forward) and np.isfinite(reverse).all(), x
         parts = np.asarray(reverse * ALONG)
         assert abs(parts.sum() - forward) < 1e-9 * np.abs(parts).sum(), x
         values.append(float(value))
     return values
+
+
+@pytest.mark.slow
+def test_a_steered_run_and_an_early_control(both):
+    """Derivatives of the end are fourth-order difference quotients of the run itself, to 2e-5.
+
+    They are taken by the amplitude of a voltage law, whose phase follows the attitude; by the wind at the
+    start; and by all numbers together, where the spin changes the phase. Truncation is below 1e-7: the run
+    is nearly linear in amplitude and wind. Iterations end at 1e-8 m and steps have errors of 1e-7 m, while
+    the tips move by centimetres.
+    """
+    x = jnp.array([20e3, 18e3, 22e3, 4e-3, 1.5, *CONTROL])
+    (_, forward), reverse = both(x)
+
+    def quotient(change):
+        ends = [float(both(x + k * change)[0][0]) for k in (-2, -1, 1, 2)]
+        return (8.0 * (ends[2] - ends[1]) - (ends[3] - ends[0])) / 12.0
+
+    unit = jnp.eye(7)
+    for found, change, size in (
+        (reverse[5], unit[5], 0.2),
+        (reverse[6], unit[6], 8e4),
+        (forward, ALONG, 0.02),
+    ):
+        np.testing.assert_allclose(size * found, quotient(size * change), rtol=2e-5)
 
 
 @pytest.mark.slow
