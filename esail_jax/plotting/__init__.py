@@ -67,15 +67,18 @@ def figures_of(run: Any) -> tuple[Callable[[Any], Figure], ...]:
     return FIGURES if run.scene.chain is None else CHAIN_FIGURES
 
 
-def overview(run: Any) -> Iterator[tuple[str, Figure]]:
-    """Makes the figures that the run has data for, one after the other, each with its name."""
+def overview(run: Any, modes: Any = None) -> Iterator[tuple[str, Figure]]:
+    """Makes the figures that the run has data for, one after the other, each with its name. modes: an
+    `esail_jax.ModeTable` for the lines in the spectra, None for none."""
     for make in figures_of(run):
-        figure = make(run)
+        figure = make(run, modes=modes) if make is tether_motion else make(run)
         if figure.axes:
             yield make.__name__, figure
 
 
-def plot(solution: Any, name: str | None = None, *, ax: Axes | None = None) -> Axes | dict[str, Figure]:
+def plot(
+    solution: Any, name: str | None = None, *, ax: Axes | None = None, modes: Any = None
+) -> Axes | dict[str, Figure]:
     """Draws a solution, or a run loaded from a file.
 
     `plot(solution, "coning_angle")` draws this observable against time into the matplotlib axes `ax`, or
@@ -83,7 +86,8 @@ def plot(solution: Any, name: str | None = None, *, ax: Axes | None = None) -> A
     list of observables. Time is in spin periods (of a chain: in orbits), or in seconds if there are none.
 
     `plot(solution)` makes the overview figures, which the command `esail plot` writes, and returns them by
-    name. Figures and panels for which the run has no data are left out.
+    name. Figures and panels for which the run has no data are left out. modes: modes of the sail, as
+    `esail_jax.modes(solution.scene)` returns them, which are lines with their names in the spectra.
 
     Raises ValueError if the run has no observable of this name, if `ax` is given without a name, or if the
     solution was computed under a trace, inside `jax.jit` for example, and therefore has no scene.
@@ -94,18 +98,19 @@ def plot(solution: Any, name: str | None = None, *, ax: Axes | None = None) -> A
         return draw_observable(solution, name, ax)
     if ax is not None:
         raise ValueError("`name` must be given with `ax`, but is None")
-    return dict(overview(solution))
+    return dict(overview(solution, modes))
 
 
-def plot_all(run: Any, directory: str | Path) -> list[Path]:
-    """Writes every figure that the run has data for as DIRECTORY/<name>.png; returns the paths.
+def plot_all(run: Any, directory: str | Path, modes: Any = None) -> list[Path]:
+    """Writes every figure that the run has data for as DIRECTORY/<name>.png; returns the paths. modes: as
+    for `plot`.
 
     The directory is created if it does not exist. Raises OSError if that or the writing fails.
     """
     directory = Path(directory)
     directory.mkdir(parents=True, exist_ok=True)
     paths = []
-    for name, figure in overview(run):
+    for name, figure in overview(run, modes):
         paths.append(directory / f"{name}.png")
         figure.savefig(paths[-1], dpi=DOTS_PER_INCH)
     return paths

@@ -15,6 +15,7 @@ from matplotlib.lines import Line2D
 
 from esail_jax.observables.saved_rows import leading_finite
 from esail_jax.plotting.data import orbital_period, power_spectrum, spin_period
+from esail_jax.plotting.modal_lines import ModalLine, draw_modal_lines
 
 LEAST_WIDTH = 7.0
 """Smallest width of a figure [inch], for its title and legends."""
@@ -89,9 +90,11 @@ def components(run: Any, vectors: np.ndarray | None, symbol: str, unit: str) -> 
     ]
 
 
-def spectrum(run: Any, ylabel: str, values: np.ndarray | None) -> Panel | None:
-    """Returns a panel with the power spectral density of a signal (time) and the spin frequency; None if
-    the spectrum does not exist."""
+def spectrum(
+    run: Any, ylabel: str, values: np.ndarray | None, lines: Sequence[ModalLine] = ()
+) -> Panel | None:
+    """Returns a panel with the power spectral density of a signal (time), the spin frequency and the modes
+    of the sail; None if the spectrum does not exist."""
     result = None if values is None else power_spectrum(np.asarray(run.time), values)
     if result is None:
         return None
@@ -103,6 +106,7 @@ def spectrum(run: Any, ylabel: str, values: np.ndarray | None) -> Panel | None:
         if period is not None and frequency[0] <= 1.0 / period <= frequency[-1]:
             ax.axvline(1.0 / period, color="black", linestyle="--", linewidth=0.8, label="spin")
             legend_above(ax, 1)
+        draw_modal_lines(ax, lines, frequency[0], frequency[-1])
 
     return Panel(FREQUENCY_LABEL, ylabel, draw)
 

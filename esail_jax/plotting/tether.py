@@ -1,5 +1,6 @@
 """Figures of tethers: motion and forces of one tether ([PGV] Fig. 6 and 7), motion of all tethers."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,18 +11,19 @@ from matplotlib.figure import Figure
 from esail_jax.observables.rigid_pendulum import rigid_pendulum
 from esail_jax.observables.saved_rows import observable, per_tether
 from esail_jax.plotting.data import DEGREES, KILOMETRE
+from esail_jax.plotting.modal_lines import ModalLine, modal_lines
 from esail_jax.plotting.panels import Curve, Panel, assemble, components, history, spectrum, tether_colours
 
 KEY_TICKS = 12
 """Largest number of labels beside the colour bar of the tethers."""
 
 
-def tether_motion(run: Any, tether: int = 0) -> Figure:
+def tether_motion(run: Any, tether: int = 0, modes: Any = None) -> Figure:
     """Returns the figure of one tether's angles at tip and root and of its length, with spectra ([PGV] Fig.
     6).
 
     The tip angles of the rigid pendulum (`observables.rigid_pendulum`) under the run's moments are also
-    drawn.
+    drawn. modes: an `esail_jax.ModeTable`, whose modes are lines in the spectra; None for none.
     """
     number = tether + 1
     rigid = rigid_pendulum(run, tether)
@@ -31,37 +33,39 @@ def tether_motion(run: Any, tether: int = 0) -> Figure:
         coning, lagging = (
             Curve(DEGREES * angle, "rigid pendulum", "tab:orange", "--", times=times) for angle in angles
         )
+    across, within, along = (modal_lines(modes, kind) for kind in ("out-of-plane", "in-plane", "axial"))
     rows = [
-        angle_row(run, tether, "coning_angle", rf"\gamma_{{{number}}}", coning),
-        angle_row(run, tether, "lagging_angle", rf"\beta_{{{number}}}", lagging),
-        length_row(run, tether),
-        angle_row(run, tether, "root_coning_angle", rf"\gamma'_{{{number}}}"),
-        angle_row(run, tether, "root_lagging_angle", rf"\beta'_{{{number}}}"),
+        angle_row(run, tether, "coning_angle", rf"\gamma_{{{number}}}", across, coning),
+        angle_row(run, tether, "lagging_angle", rf"\beta_{{{number}}}", within, lagging),
+        length_row(run, tether, along),
+        angle_row(run, tether, "root_coning_angle", rf"\gamma'_{{{number}}}", across),
+        angle_row(run, tether, "root_lagging_angle", rf"\beta'_{{{number}}}", within),
     ]
     symbols = r"coning $\gamma$, lagging $\beta$ (primed: at the root), length $L$, spectral density PSD"
     return assemble(f"Motion of tether {number}", rows, symbols)
 
 
 def angle_row(
-    run: Any, tether: int, name: str, symbol: str, rigid: Curve | None = None
+    run: Any, tether: int, name: str, symbol: str, lines: Sequence[ModalLine], rigid: Curve | None = None
 ) -> list[Panel | None]:
     """Returns panels with the history of an angle, of that of the rigid tether if given, and with the
-    spectrum."""
+    spectrum and the modes in it."""
     angle = of_tether(observable(run, name, DEGREES), tether)
     curves = [Curve(angle)] if rigid is None else [Curve(angle, "simulated"), rigid]
     return [
         history(run, rf"${symbol}$ [deg]", *curves),
-        spectrum(run, rf"PSD of ${symbol}$ [deg$^2$/Hz]", angle),
+        spectrum(run, rf"PSD of ${symbol}$ [deg$^2$/Hz]", angle, lines),
     ]
 
 
-def length_row(run: Any, tether: int) -> list[Panel | None]:
-    """Returns panels with history and spectrum of the ratio of length to undeformed length."""
+def length_row(run: Any, tether: int, lines: Sequence[ModalLine]) -> list[Panel | None]:
+    """Returns panels with history and spectrum of the ratio of length to undeformed length, and the modes
+    in it."""
     undeformed = per_tether(run.scene.tethers.length, run.scene.tethers.count)[tether]
     ratio = of_tether(observable(run, "tether_length", 1.0 / undeformed), tether)
     return [
         history(run, r"$L/L_0$ [-]", Curve(ratio)),
-        spectrum(run, r"PSD of $L/L_0$ [1/Hz]", ratio),
+        spectrum(run, r"PSD of $L/L_0$ [1/Hz]", ratio, lines),
     ]
 
 

@@ -3,6 +3,7 @@
 import dataclasses
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import matplotlib.image
 import numpy as np
@@ -70,6 +71,34 @@ def test_every_axis_says_what_it_shows(runs, make, name):
     figure = make(runs[name])
     assert figure.axes
     check_axes(figure)
+
+
+def table_of(*modes):
+    """Returns an object that replaces a table of modes: (eigenvalue, kind, nodes, name) of each."""
+    values, kind, nodes, name = zip(*modes, strict=True)
+    return SimpleNamespace(eigenvalue=np.array(values), kind=kind, nodes=nodes, name=name)
+
+
+def test_spectra_mark_the_modes_of_their_signal(runs):
+    """A vibration exp(s t) rings at Im s / (2 pi): there is its line, in the spectra of the signal that it
+    moves. Overdamped motions, high orders and what lies outside the spectrum have no line."""
+    ringing = 2.0 * np.pi * 4e-3
+    table = table_of(
+        (-1e-3 + 1j * ringing, "out-of-plane", 1, "first out-of-plane bending, collective"),
+        (-1e-3 + 1j * ringing, "out-of-plane", 1, "first out-of-plane bending, n = 1 around the circle"),
+        (-0.1 + 0j, "axial", 0, "first axial (stretching), overdamped"),
+        (1j * ringing, "in-plane", 5, "fifth in-plane bending"),
+        (200.0j, "in-plane", 0, "in-plane swing (lagging)"),
+        (4e-3j, "out-of-plane", 0, "spin-axis precession (tilt of the whole sail)"),
+    )
+    with_modes = panels(plotting.tether_motion(runs["full"], modes=table))
+    without = panels(plotting.tether_motion(runs["full"]))
+    for label, ax in with_modes.items():
+        added = ax.lines[len(without[label].lines) :]
+        assert [line.get_xdata()[0] for line in added] == pytest.approx(
+            [4e-3, 4e-3] if "PSD" in label and "gamma" in label else []
+        )
+        assert [text.get_text() for text in ax.texts] == ["first out-of-plane bending"] * bool(added)
 
 
 def test_tether_motion_shows_the_chosen_tether_in_degrees_and_spin_periods(runs):
