@@ -47,6 +47,7 @@ if TYPE_CHECKING:
         Voltage,
     )
     from esail_jax.scenes.scene import Scene, load_scene
+    from esail_jax.scenes.thermal_table import Thermal
     from esail_jax.simulation.simulate import run, simulate
     from esail_jax.simulation.solution import Solution
     from esail_jax.steppers.results import RESULTS
@@ -76,6 +77,7 @@ __all__ = [
     "SolarWind",
     "Solution",
     "Tethers",
+    "Thermal",
     "TipThrust",
     "Voltage",
     "jit",
@@ -112,6 +114,7 @@ MODULES = {
         "Voltage",
     ),
     "scenes.scene": ("Scene", "load_scene"),
+    "scenes.thermal_table": ("Thermal",),
     "simulation.simulate": ("run", "simulate"),
     "simulation.solution": ("Solution",),
     "steppers.results": ("RESULTS",),

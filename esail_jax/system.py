@@ -28,6 +28,7 @@ from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.elements.axial import TensionOnlyEnergy
 from esail_jax.elements.rigid_body import RigidBody
 from esail_jax.elements.ring import Ring
+from esail_jax.elements.thermal import ThermalEnergy
 from esail_jax.elements.tether import TetherBatch
 from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.joints.roots import FrameRoots, HubRoots
@@ -239,15 +240,17 @@ class System(eqx.Module):
         external = dissipated = jnp.zeros(q.shape[2:-2])
         densities = [dot(loads.r, rates.r)] if self.loads else []
         densities += [] if dissipated_density is None else [dissipated_density]
+        heating = [term.heating(time, fields) for term in self.energies]
+        densities += [density for density in heating if density is not None]
         if len(densities) > 1:
             # Stacked into memory: the compiler does not vectorise what it computes inside a sum.
             densities = list(stacked([x[None] for x in densities]))
         powers = [self.integrate(x) for x in densities]
         if self.loads:
-            external = -powers[0]
+            external = -powers.pop(0)
         if dissipated_density is not None:
-            dissipated = powers[-1]
-        return forces, Power(external, dissipated)
+            dissipated = powers.pop(0)
+        return forces, Power(sum(powers, external), dissipated)
 
     def complete_residual(
         self,
@@ -374,6 +377,16 @@ class System(eqx.Module):
         if self.roots is None or self.roots.releases.release_time is None:
             return self
         return eqx.tree_at(lambda s: s.roots.releases, self, self.roots.releases.with_events_until(time))
+
+    def in_segment(self, start: Scalar | np.ndarray, until: Scalar | np.ndarray) -> "System":
+        """The system between two switch times [s]: temperatures go on beyond them without a kink."""
+        if not any(isinstance(term, ThermalEnergy) for term in self.energies):
+            return self
+        energies = tuple(
+            term.in_segment(start, until) if isinstance(term, ThermalEnergy) else term
+            for term in self.energies
+        )
+        return eqx.tree_at(lambda s: s.energies, self, energies)
 
     def place_roots(self, time: Scalar, q: Coordinates, derivative: int = 0) -> Coordinates:
         """q with the root nodes at their points of the hub or of the frame. derivative: 1 or 2 if `q` holds

@@ -41,10 +41,10 @@ def kinetic_energy(system: System, v: Coordinates) -> Scalar:
     return energy
 
 
-def elastic_energy(system: System, q: Coordinates) -> Scalar:
-    """Returns the elastic energy U [J] ([PGV] Eq. 23)."""
+def elastic_energy(system: System, time: Scalar, q: Coordinates) -> Scalar:
+    """Returns the elastic energy U [J] at an instant [s] ([PGV] Eq. 23)."""
     fields = system.tethers.interpolate(q.tether)
-    energy = sum(system.integrate(term.density(fields)) for term in system.energies)
+    energy = sum(system.integrate(term.at(time).density(fields)) for term in system.energies)
     return energy if system.ring is None else energy + system.ring.elastic_energy(q)
 
 

@@ -104,4 +104,4 @@ def test_failure_has_the_steppers_sentence():
 
 
 def test_voltage_of_a_chain_switches_nothing():
-    assert switch_times(None, ChainVoltage(value=1e3)) == ()
+    assert switch_times(esail.load_scene("hanging-chain")) == ()
