@@ -15,7 +15,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax.array_types import Instants, PerElement, PerPoint, Scalar
+from esail_jax.array_types import Array, Float, Instants, PerElement, PerPoint, Scalar
 from esail_jax.elements.axial import AbstractAxialEnergy, Strain
 from esail_jax.environment.temperature import SteadyTemperature, TemperatureSeries
 from esail_jax.terms import PointFields, invariants_of
@@ -24,11 +24,11 @@ from esail_jax.terms import PointFields, invariants_of
 class NaturalStrainEnergy(AbstractAxialEnergy):
     """Axial energy W = EA (eps - eps_T)^2 / 2 about a natural strain eps_T.
 
-    stiffness: EA [N] and natural: eps_T [-] of every element.
+    stiffness: EA [N] and natural: eps_T [-] of every element, the latter also at several instants.
     """
 
     stiffness: PerElement
-    natural: PerElement
+    natural: Float[Array, "*instant #element"]
     strain: Strain = eqx.field(static=True)
 
     name: ClassVar[str] = "axial about a natural strain"

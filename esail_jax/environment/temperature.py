@@ -41,9 +41,17 @@ class TemperatureSeries(eqx.Module):
     start: Scalar
     until: Scalar
 
+    @classmethod
+    def undivided(
+        cls, time: Float[Array, " instant"], table: Float[Array, "instant tether"]
+    ) -> "TemperatureSeries":
+        """The series of a run that has no segments yet."""
+        ends = (jnp.full((), x, float) for x in (-jnp.inf, jnp.inf))
+        return cls(time, table, *ends)
+
     def in_segment(self, start: Scalar | np.ndarray, until: Scalar | np.ndarray) -> "TemperatureSeries":
         """The series as a segment of a run sees it."""
-        return TemperatureSeries(self.time, self.table, start, until)
+        return eqx.tree_at(lambda series: (series.start, series.until), self, (start, until))
 
     def piece(self, time: Instants) -> Int[Array, "..."]:
         """Number of the straight line at each instant: 0 before the first knot. At a knot it is that of the

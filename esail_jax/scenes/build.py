@@ -109,7 +109,7 @@ def heated(structure: Structure, n: Numbers, axial: AxialEnergy) -> ThermalEnerg
     if structure.has("thermal.time"):
         time = n["thermal.time"]
         rows = jnp.broadcast_to(table if table.ndim == 2 else table[:, None], (time.shape[0], p))
-        temperature = TemperatureSeries(time, rows, jnp.asarray(-jnp.inf), jnp.asarray(jnp.inf))
+        temperature = TemperatureSeries.undivided(time, rows)
     else:
         temperature = SteadyTemperature(jnp.broadcast_to(table, (p,)))
     numbers = n["thermal.expansion"], n["thermal.reference_temperature"], temperature

@@ -11,7 +11,6 @@ import pytest
 
 import esail_jax as esail
 from esail_jax.array_types import Array, Scalar
-from esail_jax.scenes.chain_tables import ChainVoltage
 from esail_jax.simulation.schedule import switch_times
 from esail_jax.steppers.consistent import consistent_motion, project
 from esail_jax.steppers.results import RESULTS

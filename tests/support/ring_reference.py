@@ -57,6 +57,7 @@ class Sail:
         self.mass[self.tips, self.tips] += mass
         push = WIND_FACTOR * np.maximum(0.0, voltage - CUTOFF)
         self.groups = [self.group(tethers, chains, push), self.group(ring, segments, 0.0 * push)]
+        self.groups[0].heated, self.groups[1].heated = natural is not None, False
         self.free = np.setdiff1d(np.arange(self.count), self.roots)
         self.origin = AU * np.array([0.7071067811865476, 0.7071067811865476, 0.0])
 
@@ -108,7 +109,7 @@ class Sail:
 
     def heat(self, group, time):
         """Natural strain of every element and its rate at an instant."""
-        if self.natural is None or group is self.groups[1]:
+        if not group.heated:
             return np.zeros((2, len(group.l), 1))
         knots, table = self.natural
         place = np.searchsorted(knots, time, side="right")
@@ -315,7 +316,8 @@ class Sail:
             # Each part of the run ends where the rate of the temperature jumps.
             inside = times[(times >= start) & ((times < end) | (end == times[-1]))]
             settings = {"method": "DOP853", "rtol": tolerance, "atol": scale}
-            found = solve_ivp(self.derivative, (start, end), y, t_eval=[*inside, end], **settings)
+            saved = np.union1d(inside, [end])
+            found = solve_ivp(self.derivative, (start, end), y, t_eval=saved, **settings)
             rows += [self.signals(*x) for x in zip(inside, found.y.T[: len(inside)], strict=True)]
             start, y = end, found.y[:, -1]
         return {name: np.stack([row[name] for row in rows]) for name in rows[0]}
