@@ -240,8 +240,9 @@ class System(eqx.Module):
         external = dissipated = jnp.zeros(q.shape[2:-2])
         densities = [dot(loads.r, rates.r)] if self.loads else []
         densities += [] if dissipated_density is None else [dissipated_density]
-        heating = [term.heating(time, fields) for term in self.energies]
-        densities += [density for density in heating if density is not None]
+        for part in (term.thermal_part(time) for term in self.energies):
+            if part is not None:
+                densities.append(-dot(part.point_forces(time, fields, rates).r_x, rates.r_x))
         if len(densities) > 1:
             # Stacked into memory: the compiler does not vectorise what it computes inside a sum.
             densities = list(stacked([x[None] for x in densities]))

@@ -96,9 +96,8 @@ class Term(eqx.Module):
         """The term's part of the left-hand side of the equations of motion, conjugate to the fields; None
         for a field that it does not act on."""
 
-    def heating(self, time: Instants, fields: PointFields) -> PerPoint | None:
-        """dW/dt [W/m] of an energy at constant deformation: the power of whatever changes it with time.
-        None for a term that is no energy, and for an energy that does not change with time."""
+    def thermal_part(self, time: Instants) -> "Term | None":
+        """The part of a term's forces that depends on the temperature of an instant; None if it has none."""
         return None
 
     def pull_back(

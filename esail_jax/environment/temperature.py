@@ -16,10 +16,6 @@ class SteadyTemperature(eqx.Module):
         """T [K]: the same at all instants."""
         return self.value
 
-    def rate(self, time: Instants) -> None:
-        """dT/dt: None, as the temperature is constant."""
-        return None
-
     def in_segment(self, start: Scalar | np.ndarray, until: Scalar | np.ndarray) -> "SteadyTemperature":
         """The same temperature."""
         return self
@@ -59,21 +55,10 @@ class TemperatureSeries(eqx.Module):
         first, last = (self.time <= self.start).sum(), (self.time < self.until).sum()
         return jnp.clip((self.time <= time[..., None]).sum(-1), first, last)
 
-    def line(self, time: Instants) -> tuple[Array, Array, Array]:
-        """The straight line at each instant: its begin t_a [s], T at its begin [K], and dT/dt [K/s]."""
-        piece, count = self.piece(time), self.time.shape[0]
-        a, b = jnp.maximum(piece - 1, 0), jnp.minimum(piece, count - 1)
-        duration = jnp.where(a == b, 1.0, self.time[b] - self.time[a])
-        if time.ndim:
-            a, b = a[..., 0], b[..., 0]
-        first = self.table[a]
-        return self.time[jnp.maximum(piece - 1, 0)], first, (self.table[b] - first) / duration
-
     def at(self, time: Instants) -> Float[Array, "*state tether"]:
         """T [K] at one or several instants. time: one number, or (*state, 1)."""
-        begin, first, rate = self.line(time)
-        return first + rate * (time - begin)
-
-    def rate(self, time: Instants) -> Float[Array, "*state tether"]:
-        """dT/dt [K/s]; at a knot, that of the line which begins there."""
-        return self.line(time)[2]
+        piece, count = self.piece(time), self.time.shape[0]
+        a, b = jnp.maximum(piece - 1, 0), jnp.minimum(piece, count - 1)
+        begin, duration = self.time[a], jnp.where(a == b, 1.0, self.time[b] - self.time[a])
+        first, last = (self.table[x[..., 0] if x.ndim else x] for x in (a, b))
+        return first + (last - first) * ((time - begin) / duration)

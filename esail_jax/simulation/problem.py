@@ -111,6 +111,11 @@ def start(
             q, v = project(model, point.time, point.q, point.v)
             begin = point._replace(q=q, v=v)
         energy = observables.kinetic_energy(model, v) + observables.elastic_energy(model, begin.time, q)
+        thermal = observables.thermal_energy(model, begin.time, q)
+        if thermal is not None and point is None:
+            begin = begin._replace(work=Power(-thermal, zero))
+        elif thermal is not None:
+            energy = energy - thermal
         inertia, floor = inertia_of(model), None
     if point is not None:
         energy = energy - point.work.external + point.work.dissipated

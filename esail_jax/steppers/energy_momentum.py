@@ -22,7 +22,7 @@ import numpy as np
 from jax import lax
 
 from esail_jax import iteration_matrix
-from esail_jax.array_types import Float, Instants, PerPoint, Rotation, Scalar
+from esail_jax.array_types import Float, Instants, Rotation, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.numerics import bordered, structured
 from esail_jax.numerics.quadrature import gauss_legendre
@@ -81,15 +81,10 @@ class Secant(Term):
         path = jax.tree.map(stacked, self.start, fields)
         return jax.tree.map(gathered, self.term.point_forces(time, path, path))
 
-    def heating(self, time: Instants, fields: PointFields) -> PerPoint | None:
-        """Mean of the powers [W/m] at the start and at the end of the step, at the step's middle instant.
-
-        With a temperature that is linear in time, the energy changes within the step exactly by the work of
-        the discrete gradient and this power times h: the products of strain and natural strain have no
-        other terms."""
-        end = jax.tree.map(lambda start, middle: 2.0 * middle - start, self.start, fields)
-        powers = [self.term.heating(time, x) for x in (self.start, end)]
-        return None if powers[0] is None else 0.5 * (powers[0] + powers[1])
+    def thermal_part(self, time: Instants) -> "Secant | None":
+        """The discrete gradient of the part that depends on the temperature."""
+        part = self.term.thermal_part(time)
+        return None if part is None else Secant(part, self.start)
 
 
 class Middle(NamedTuple):

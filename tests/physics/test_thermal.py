@@ -159,25 +159,21 @@ def test_methods_with_fixed_steps_keep_their_order_at_kinks():
 
 def test_series():
     """Temperatures are linear between knots, constant outside, and in a segment they follow its line also
-    beyond its ends; the rate at a knot is that of the line which begins there, but the segment's own at its
-    end."""
+    beyond its ends."""
     table = jnp.array([[300.0, 310.0], [200.0, 250.0], [260.0, 280.0]])
     series = TemperatureSeries.undivided(jnp.array([1.0, 3.0, 6.0]), table)
     times = jnp.array([-1.0, 1.0, 2.0, 3.0, 4.0, 6.0, 9.0])
     exact = np.stack([np.interp(times, series.time, column) for column in table.T], 1)
     assert np.allclose(series.at(times[:, None]), exact, rtol=0, atol=1e-12)
     assert np.array_equal(series.at(times[2]), series.at(times[:, None])[2])
-    rates = [[0, 0], [-50, -30], [-50, -30], [20, 10], [20, 10], [0, 0], [0, 0]]
-    assert np.allclose(series.rate(times[:, None]), rates, rtol=0, atol=1e-12)
     within = series.in_segment(np.array(1.0), np.array(3.0))
     assert np.allclose(within.at(jnp.asarray(3.5)), [175.0, 235.0], rtol=0, atol=1e-12)
-    assert np.allclose(within.rate(jnp.asarray(3.0)), [-50.0, -30.0], rtol=0, atol=1e-12)
     after = series.in_segment(np.array(6.0), np.array(np.inf))
     assert np.array_equal(after.at(jnp.asarray(5.9)), table[2])
     before = series.in_segment(np.array(0.0), np.array(1.0))
     assert np.array_equal(before.at(jnp.asarray(1.1)), table[0])
     steady = SteadyTemperature(table[0])
-    assert np.array_equal(steady.at(times[0]), table[0]) and steady.rate(times[0]) is None
+    assert np.array_equal(steady.at(times[0]), table[0])
 
 
 # ---- derivatives, batches, resumed runs -----------------------------------------------------------------
