@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from esail_jax.scenes.rules import SceneError
     from esail_jax.scenes.sail_tables import Event, Hub, Initial, SolarWind, Tethers, Voltage
     from esail_jax.scenes.scene import Scene, load_scene
+    from esail_jax.scenes.thermal_table import Thermal
     from esail_jax.scenes.tip_tables import AuxiliaryTethers, RemoteUnits, TipThrust
     from esail_jax.simulation.simulate import run, simulate
     from esail_jax.simulation.solution import Solution
@@ -68,6 +69,7 @@ __all__ = [
     "SolarWind",
     "Solution",
     "Tethers",
+    "Thermal",
     "TipThrust",
     "Voltage",
     "jit",
@@ -95,6 +97,7 @@ MODULES = {
     "scenes.sail_tables": ("Event", "Hub", "Initial", "SolarWind", "Tethers", "Voltage"),
     "scenes.scene": ("Scene", "load_scene"),
     "scenes.tip_tables": ("AuxiliaryTethers", "RemoteUnits", "TipThrust"),
+    "scenes.thermal_table": ("Thermal",),
     "simulation.simulate": ("run", "simulate"),
     "simulation.solution": ("Solution",),
     "steppers.results": ("RESULTS",),

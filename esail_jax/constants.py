@@ -18,3 +18,9 @@ THRUST_FACTOR = 0.18
 
 ASTRONOMICAL_UNIT = 1.495978707e11
 """Astronomical unit [m]: IAU 2012 definition."""
+
+STEFAN_BOLTZMANN = 5.670374419e-8
+"""Stefan-Boltzmann constant sigma [W/(m^2 K^4)] (CODATA 2018; exact but for its digits)."""
+
+SOLAR_CONSTANT = 1361.0
+"""Flux of sunlight at 1 au [W/m^2] (Kopp & Lean 2011)."""

@@ -24,6 +24,7 @@ from esail_jax.array_types import (
 )
 from esail_jax.assembly import Assembly
 from esail_jax.coordinates import Coordinates, Multipliers
+from esail_jax.elements.thermal import ThermalEnergy
 from esail_jax.measurements import Measurements
 from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import dot, stacked
@@ -56,6 +57,16 @@ class Residual(NamedTuple):
 
 class System(Assembly):
     """The equations of motion of an assembly: its forces, power and residual."""
+
+    def in_segment(self, start: Scalar | np.ndarray, until: Scalar | np.ndarray) -> "System":
+        """The system between two switch times [s]: temperatures go on beyond them without a kink."""
+        if not any(isinstance(term, ThermalEnergy) for term in self.energies):
+            return self
+        energies = tuple(
+            term.in_segment(start, until) if isinstance(term, ThermalEnergy) else term
+            for term in self.energies
+        )
+        return eqx.tree_at(lambda s: s.energies, self, energies)
 
     def with_events_until(self, time: Scalar | np.ndarray) -> "System":
         """The system after all events up to `time`: roots that are released by then are free."""
@@ -186,15 +197,18 @@ class System(Assembly):
         external = dissipated = jnp.zeros(q.shape[2:-2])
         densities = [dot(loads.r, rates.r)] if self.loads else []
         densities += [] if dissipated_density is None else [dissipated_density]
+        for part in (term.thermal_part(time) for term in self.energies):
+            if part is not None:
+                densities.append(-dot(part.point_forces(time, fields, rates).r_x, rates.r_x))
         if len(densities) > 1:
             # Stacked into memory: the compiler does not vectorise what it computes inside a sum.
             densities = list(stacked([x[None] for x in densities]))
         powers = [self.integrate(x) for x in densities]
         if self.loads:
-            external = -powers[0]
+            external = -powers.pop(0)
         if dissipated_density is not None:
-            dissipated = powers[-1]
-        return forces, Power(external, dissipated)
+            dissipated = powers.pop(0)
+        return forces, Power(sum(powers, external), dissipated)
 
     def complete_residual(
         self,

@@ -96,6 +96,10 @@ class Term(eqx.Module):
         """The term's part of the left-hand side of the equations of motion, conjugate to the fields; None
         for a field that it does not act on."""
 
+    def thermal_part(self, time: Instants) -> "Term | None":
+        """The part of a term's forces that depends on the temperature of an instant; None if it has none."""
+        return None
+
     def pull_back(
         self, time: Instants, fields: PointFields, rates: PointFields, w: PointFields
     ) -> tuple[PointFields, PointFields]:
@@ -108,6 +112,10 @@ class Term(eqx.Module):
 
 class Deformation(Term):
     """An energy or a dissipation: a function of one scalar measure of deformation."""
+
+    def at(self, time: Instants) -> "Deformation":
+        """The term at one or several instants. A term that does not change with time is the same at all."""
+        return self
 
     @abstractmethod
     def deformation(self, invariants: Invariants) -> PerPoint:
@@ -172,6 +180,10 @@ class SummedDeformations(Term):
         named = {name for term in self.terms for name in term.depends_on}
         return tuple(name for name in PointFields._fields if name in named)
 
+    def at(self, time: Instants) -> "SummedDeformations":
+        """The sum of the terms at one or several instants."""
+        return SummedDeformations(tuple(term.at(time) for term in self.terms))
+
     def fields_needed(self, fields: PointFields) -> PointFields:
         """The fields that a term of the sum depends on; None in place of the others."""
         needed = self.depends_on
@@ -192,7 +204,7 @@ class SummedDeformations(Term):
         """F = J^T S."""
         fields, rates = self.fields_needed(fields), self.fields_needed(rates)
         invariants, to_fields = jax.vjp(invariants_of, fields)
-        stress = self.stress_resultant(invariants, self.invariant_rates(fields, rates))
+        stress = self.at(time).stress_resultant(invariants, self.invariant_rates(fields, rates))
         if stress.normal_squared is not None:
             # Stacked into memory; otherwise they are computed again for every component of the vectors.
             stress = Invariants(*stacked([x[None] for x in stress]))
@@ -210,7 +222,7 @@ class SummedDeformations(Term):
         invariants, to_fields = jax.vjp(invariants_of, fields)
         along = jax.jvp(invariants_of, (fields,), (w,))[1]
         rate = self.invariant_rates(fields, rates)
-        stress, back = jax.vjp(self.stress_resultant, invariants, rate)
+        stress, back = jax.vjp(self.at(time).stress_resultant, invariants, rate)
         by_invariants, by_rate = back(along)
 
         def second_derivative(direction, force):

@@ -143,7 +143,7 @@ def columns_of(scene: Scene, variation: Variation) -> int:
     rule = varied_rule(scene, variation.key)
     if not variation.distribution.per_tether:
         return 1
-    if rule.shape is not Shape.MEMBER:
+    if rule.shape not in (Shape.MEMBER, Shape.HISTORY):
         name = scene.members.name
         raise SceneError(f"{variation.key}{PER_TETHER}", f"be a key with a number per {name}", "is none")
     return scene.members.count

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from esail_jax.array_types import Array
 from esail_jax.observables import chain, sail
-from esail_jax.observables.entry import Observable, elastic_energy, kinetic_energy, shape_of
+from esail_jax.observables.entry import Observable, elastic_energy, kinetic_energy, shape_of, thermal_energy
 from esail_jax.observables.instant import Instant, make_instant
 from esail_jax.system import System
 
@@ -22,6 +22,7 @@ __all__ = [
     "observe",
     "sail",
     "shape_of",
+    "thermal_energy",
 ]
 
 

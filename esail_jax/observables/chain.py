@@ -41,7 +41,7 @@ def tension(i: Instant) -> Float[Array, " rod"]:
 
 def stored_energy(system: System, hinges: Hinges | None, q: Coordinates) -> Scalar:
     """Returns the elastic energy U [J] of rods and hinges."""
-    energy = elastic_energy(system, q)
+    energy = elastic_energy(system, jnp.zeros(()), q)
     if hinges is not None:
         energy = energy + hinges.energy(jnp.diff(q.tether[0, :, :, 0], axis=1))
     return energy

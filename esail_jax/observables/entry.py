@@ -6,8 +6,10 @@ from typing import Any
 
 from esail_jax.array_types import Array, Scalar
 from esail_jax.coordinates import Coordinates
+from esail_jax.elements.thermal import ThermalEnergy
 from esail_jax.numerics.small_matrices import matmul
 from esail_jax.system import System
+from esail_jax.terms import find_term
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,11 +43,20 @@ def kinetic_energy(system: System, v: Coordinates) -> Scalar:
     return energy
 
 
-def elastic_energy(system: System, q: Coordinates) -> Scalar:
-    """Returns the elastic energy U [J] ([PGV] Eq. 23)."""
+def elastic_energy(system: System, time: Scalar, q: Coordinates) -> Scalar:
+    """Returns the elastic energy U [J] at an instant [s] ([PGV] Eq. 23)."""
     fields = system.tethers.interpolate(q.tether)
-    energy = sum(system.integrate(term.density(fields)) for term in system.energies)
+    energy = sum(system.integrate(term.at(time).density(fields)) for term in system.energies)
     return energy if system.ring is None else energy + system.ring.elastic_energy(q)
+
+
+def thermal_energy(system: System, time: Scalar, q: Coordinates) -> Scalar | None:
+    """Returns the thermal energy [J] of the tethers at an instant (`elements/thermal.py`); None if they
+    have no temperature."""
+    term = find_term(system.energies, ThermalEnergy)
+    if term is None:
+        return None
+    return system.integrate(term.thermal_energy(time, system.tethers.interpolate(q.tether)))
 
 
 def shape_of(axes: tuple[str, ...], sizes: Mapping[str, int]) -> tuple[int, ...]:

@@ -4,16 +4,18 @@ Every observable is a function of one instant, with name, unit, symbol, axes and
 formula is wrong, the observable uses a derived one, and its entry says "derived".
 """
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.array_types import Array, Float, Scalar, Vector
 from esail_jax.elements.axial import AbstractAxialEnergy, axial_strain
+from esail_jax.elements.thermal import ThermalEnergy
 from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.numerics.angles import euler_angles, safe_angle, safe_length
 from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import dot
-from esail_jax.observables.entry import Observable, elastic_energy, kinetic_energy
+from esail_jax.observables.entry import Observable, elastic_energy, kinetic_energy, thermal_energy
 from esail_jax.observables.instant import Instant
 from esail_jax.system import System
 from esail_jax.terms import find_term
@@ -96,9 +98,32 @@ def electric_power(i: Instant) -> Scalar:
     return find_term(i.system.loads, CoulombThrust).collector.power(i.time, voltage(i))
 
 
+def temperature(i: Instant) -> Float[Array, " tether"]:
+    """Temperature [K] of every tether."""
+    return find_term(i.system.energies, ThermalEnergy).temperature.at(i.time)
+
+
+def external_power(i: Instant) -> Scalar:
+    """Power [W] of loads and heating: that of loads and thermal stress, and the change of thermal energy."""
+
+    def energy(tau):
+        return thermal_energy(i.system, i.time + tau, i.q.axpy(tau, i.v))
+
+    if find_term(i.system.energies, ThermalEnergy) is None:
+        return i.power.external
+    return i.power.external + jax.jvp(energy, (jnp.zeros(()),), (jnp.ones(()),))[1]
+
+
+def external_work(i: Instant) -> Scalar:
+    """Work [J] of loads and heating: that of loads and thermal stress, and the thermal energy. It is zero
+    at the start, as the stepper's integral begins at minus the thermal energy (`simulation/problem.py`)."""
+    thermal = thermal_energy(i.system, i.time, i.q)
+    return i.work.external if thermal is None else i.work.external + thermal
+
+
 def total_energy(i: Instant) -> Scalar:
     """Kinetic plus elastic energy [J]."""
-    return kinetic_energy(i.system, i.v) + elastic_energy(i.system, i.q)
+    return kinetic_energy(i.system, i.v) + elastic_energy(i.system, i.time, i.q)
 
 
 def transverse_angle(force: Vector) -> Scalar:
@@ -156,19 +181,20 @@ OBSERVABLES = (
     Observable("kinetic_energy", "J", "E_k", (), "[PGV] 21, 51",
                lambda i: kinetic_energy(i.system, i.v)),
     Observable("elastic_energy", "J", "E_e", (), "[PGV] 23",
-               lambda i: elastic_energy(i.system, i.q)),
+               lambda i: elastic_energy(i.system, i.time, i.q)),
     Observable("dissipated_power", "W", "2 P_d", (), "twice [PGV] 36",
                lambda i: i.power.dissipated),
-    Observable("external_power", "W", "P_ext", (), "power of loads", lambda i: i.power.external),
+    Observable("external_power", "W", "P_ext", (), "power of loads and heating", external_power),
     Observable("dissipated_energy", "J", "E_d", (), "integral of 2 P_d",
                lambda i: i.work.dissipated),
-    Observable("external_work", "J", "W_ext", (), "integral of P_ext", lambda i: i.work.external),
+    Observable("external_work", "J", "W_ext", (), "integral of P_ext", external_work),
     Observable("energy_balance_error", "J", "dE - W + E_d", (), "energy theorem",
-               lambda i: total_energy(i) - i.start_energy - i.work.external + i.work.dissipated),
+               lambda i: total_energy(i) - i.start_energy - external_work(i) + i.work.dissipated),
     Observable("smallest_tether_distance", "m", "d_min", (), "remote units to other tethers",
                tether_distance),
     Observable("auxiliary_tension", "N", "T_aux", TETHER, "mean axial force of a segment",
                lambda i: i.system.ring.tension(i.q, i.v), needs="ring"),
+    Observable("temperature", "K", "T_i", TETHER, "`[thermal]`", temperature, needs="heat"),
     Observable("voltage", "V", "V_i", TETHER, "voltage law", voltage, needs="wind"),
     Observable("electron_current", "A", "I_i", TETHER, "2 r_w e n_0 sqrt(2 e V/m_e) per length of a wire",
                electron_current, needs="wires"),
@@ -183,10 +209,11 @@ ON_REQUEST = (
 
 
 def listed(system: System) -> list[Observable]:
-    """The observables of a sail. Those that need a hub, a ring, the wind or its wires are left out without
-    them."""
+    """The observables of a sail. Those that need a hub, a ring, the wind, its wires or heat are left out
+    without them."""
     present = {"": True, "hub": system.hub is not None, "ring": system.ring is not None}
     thrust = find_term(system.loads, CoulombThrust)
     present["wind"] = thrust is not None
+    present["heat"] = find_term(system.energies, ThermalEnergy) is not None
     present["wires"] = thrust is not None and thrust.collector is not None
     return [entry for entry in OBSERVABLES if present[entry.needs]]

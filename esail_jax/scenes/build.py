@@ -19,7 +19,9 @@ from esail_jax.elements.hinges import Hinges
 from esail_jax.elements.rigid_body import RigidBody
 from esail_jax.elements.ring import Ring
 from esail_jax.elements.tether import TetherBatch, per_element
+from esail_jax.elements.thermal import ThermalEnergy
 from esail_jax.environment.circular_orbit import CircularOrbit
+from esail_jax.environment.temperature import SteadyTemperature, TemperatureSeries
 from esail_jax.equilibria.steady_ring import hanging, steady_ring
 from esail_jax.equilibria.steady_stretch import Line, along, steady_line, unstretched_line
 from esail_jax.joints import roots as joints
@@ -94,7 +96,24 @@ def material_terms(structure: Structure, n: Numbers) -> tuple[tuple, tuple]:
             time = n["tethers.bending_damping_time"]
             dissipations.append(BendingDissipation(bending, time, straight))
     elements = structure["tethers.elements"]
-    return jax.tree.map(lambda x: per_element(x, elements), (tuple(energies), tuple(dissipations)))
+    terms = jax.tree.map(lambda x: per_element(x, elements), (tuple(energies), tuple(dissipations)))
+    if structure.has("thermal"):
+        (axial_energy, *others), dissipations = terms
+        terms = ((heated(structure, n, axial_energy), *others), dissipations)
+    return terms
+
+
+def heated(structure: Structure, n: Numbers, axial: AxialEnergy) -> ThermalEnergy:
+    """The axial energy of tethers with the temperatures of [thermal]."""
+    table, p = n["thermal.temperature"], structure["tethers.count"]
+    if structure.has("thermal.time"):
+        time = n["thermal.time"]
+        rows = jnp.broadcast_to(table if table.ndim == 2 else table[:, None], (time.shape[0], p))
+        temperature = TemperatureSeries.undivided(time, rows)
+    else:
+        temperature = SteadyTemperature(jnp.broadcast_to(table, (p,)))
+    numbers = n["thermal.expansion"], n["thermal.reference_temperature"], temperature
+    return ThermalEnergy(axial.stiffness, *numbers, axial.strain, structure["tethers.elements"])
 
 
 def tethers_of(structure: Structure, n: Numbers, loaded: bool) -> TetherBatch:

@@ -21,6 +21,7 @@ from esail_jax.scenes.sail_tables import (
     Voltage,
 )
 from esail_jax.scenes.tables import names_of, tables_of
+from esail_jax.scenes.thermal_table import Thermal, check_thermal
 from esail_jax.scenes.tip_tables import AuxiliaryTethers, TipThrust
 
 LEAST_RING = 3
@@ -43,6 +44,10 @@ class Parts(Protocol):
     auxiliary_tethers: AuxiliaryTethers | None
     orbit: Orbit | None
     tip_thrust: TipThrust | None
+    thermal: Thermal | None
+
+    @property
+    def members(self) -> rules.Members: ...
 
 
 def method_name(scene: Parts) -> str | None:
@@ -134,6 +139,8 @@ def check_sail(scene: Parts) -> None:
         raise SceneError("tethers.wires", "be left out without `tethers.wire_radius`", "is given")
     if scene.tip_thrust is not None:
         check_tip_thrust(scene.tip_thrust)
+    if scene.thermal is not None:
+        check_thermal(scene.thermal, scene.initial.elongation, scene.members)
 
 
 def check_voltage(scene: Parts) -> None:

@@ -156,7 +156,7 @@ def other_forms(rule: Rule, members: Members | None) -> str:
     """Words what a key takes beside or instead of one number, for `must be a number ...`."""
     if rule.shape in (Shape.VECTOR, Shape.VECTORS):
         return " for each of x, y, z"
-    if rule.shape in (Shape.SERIES, Shape.GRID):
+    if rule.shape in (Shape.SERIES, Shape.GRID, Shape.HISTORY):
         return " or a list of numbers"
     name = "tether" if members is None else members.name
     return f" or a list with one per {name}" if rule.shape is Shape.MEMBER else ""
@@ -175,6 +175,9 @@ def check_shape(key: str, value: Any, rule: Rule, members: Members | None) -> An
     elif rule.shape is Shape.SERIES:
         if len(shape) > 1:
             raise SceneError(key, "be a number or a list of numbers", wrong_shape(value))
+    elif rule.shape is Shape.HISTORY:
+        if len(shape) > 2:
+            raise SceneError(key, "be a number, a list of numbers, or a list of lists", wrong_shape(value))
     elif rule.shape is Shape.GRID:
         if len(shape) not in (1, 2):
             raise SceneError(key, "be a list of numbers, or of such lists", wrong_shape(value))

@@ -23,6 +23,7 @@ from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.sail_tables import Event, Hub, Initial, SolarWind, Tethers, Voltage
 from esail_jax.scenes.size_limits import check_size
 from esail_jax.scenes.tables import REPEATED, TABLES, given, names_of, tables_of
+from esail_jax.scenes.thermal_table import Thermal
 from esail_jax.scenes.tip_tables import AuxiliaryTethers, RemoteUnits, TipThrust
 from esail_jax.scenes.wind_file import with_wind_file
 
@@ -50,6 +51,7 @@ class Scene:
     solar_wind: SolarWind | ChainWind | None = None
     voltage: Voltage | ChainVoltage | None = None
     tip_thrust: TipThrust | None = None
+    thermal: Thermal | None = None
     gravity: Gravity | None = None
     orbit: Orbit | None = None
     event: Event | None = None
@@ -122,8 +124,8 @@ class Scene:
             elements = count_of(tethers.elements, f"{tethers.element} element")
             names = [f"{count_of(tethers.count, 'tether')} of {elements}"]
         others = (
-            "hub", "auxiliary_tethers", "remote_units", "solar_wind", "voltage", "tip_thrust", "gravity",
-            "orbit",
+            "hub", "auxiliary_tethers", "remote_units", "solar_wind", "voltage", "tip_thrust", "thermal",
+            "gravity", "orbit",
         )  # fmt: skip
         names += [name.replace("_", " ") for name in others if getattr(self, name) is not None]
         if self.event is not None:

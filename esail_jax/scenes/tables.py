@@ -7,7 +7,7 @@ import dataclasses
 from collections.abc import Container
 from typing import Any
 
-from esail_jax.scenes import chain_tables, common_tables, sail_tables, tip_tables
+from esail_jax.scenes import chain_tables, common_tables, sail_tables, thermal_table, tip_tables
 
 SAIL_TABLES = {
     "hub": sail_tables.Hub,
@@ -17,6 +17,7 @@ SAIL_TABLES = {
     "solar_wind": sail_tables.SolarWind,
     "voltage": sail_tables.Voltage,
     "tip_thrust": tip_tables.TipThrust,
+    "thermal": thermal_table.Thermal,
     "gravity": common_tables.Gravity,
     "initial": sail_tables.Initial,
     "integrator": common_tables.Integrator,

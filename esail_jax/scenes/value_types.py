@@ -42,6 +42,10 @@ Grid = NumberList | Sequence[NumberList]
 """A list with one number per row, or a list of rows with one number per member."""
 
 
+History = NumberList | Sequence[NumberList] | Number
+"""One number, a list with one number per member, or a list with one of these per instant."""
+
+
 class Shape(enum.Enum):
     """How many numbers a key takes. *Members* are the tethers of a sail or the rods of a chain."""
 
@@ -65,6 +69,10 @@ class Shape(enum.Enum):
 
     GRID = "list of numbers, or list of lists with one number per member"
     """A list with one number per row, or a list of rows with one number per member."""
+
+    HISTORY = "number, or list with one number per member, or list with one of these per instant"
+    """One number, a list with one number per member, or a list with one of these per instant. Whether a
+    list of numbers belongs to members or instants, other keys tell."""
 
 
 class Kind(enum.Enum):

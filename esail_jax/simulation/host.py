@@ -93,7 +93,7 @@ class HostRun:
         self.interval = scene.output.interval if times is None else None
         self.times = save_times(scene.integrator.t_end, scene.output.interval) if times is None else times
         restarts = compiled.programs.restart is not None
-        switches = switch_times(scene.event, scene.voltage, scene.tip_thrust) if restarts else ()
+        switches = switch_times(scene) if restarts else ()
         self.segments = segments(compiled.begin, float(self.times[-1]), switches)
 
     @property
@@ -123,7 +123,8 @@ class HostRun:
         problem = self.compiled.problem
         if self.compiled.programs.restart is None:
             return problem
-        return problem.with_events_until(np.asarray(self.segments[number].start))
+        segment = self.segments[number]
+        return problem.in_segment(np.asarray(segment.start), np.asarray(segment.until))
 
     def _advance(self, number: int) -> "Call":
         """Calls the compiled program once, for the next saved instants of a segment."""

@@ -57,11 +57,11 @@ class Problem(NamedTuple):
         """Names of everything that was built."""
         return self.model.terms
 
-    def with_events_until(self, time: Scalar | np.ndarray) -> "Problem":
-        """Returns the problem after all events until a time [s]."""
+    def in_segment(self, start: Scalar | np.ndarray, until: Scalar | np.ndarray) -> "Problem":
+        """Returns the problem between two switch times [s], after all events until the first of them."""
         if isinstance(self.model, RodChain):
             return self
-        return self._replace(model=self.model.with_events_until(time))
+        return self._replace(model=self.model.with_events_until(start).in_segment(start, until))
 
 
 class Start(NamedTuple):
@@ -110,7 +110,12 @@ def start(
             model = model.with_events_until(point.time)
             q, v = project(model, point.time, point.q, point.v)
             begin = point._replace(q=q, v=v)
-        energy = observables.kinetic_energy(model, v) + observables.elastic_energy(model, q)
+        energy = observables.kinetic_energy(model, v) + observables.elastic_energy(model, begin.time, q)
+        thermal = observables.thermal_energy(model, begin.time, q)
+        if thermal is not None and point is None:
+            begin = begin._replace(work=Power(-thermal, zero))
+        elif thermal is not None:
+            energy = energy - thermal
         inertia, floor = inertia_of(model), None
     if point is not None:
         energy = energy - point.work.external + point.work.dissipated

@@ -30,6 +30,9 @@ MAX_ATTEMPTS = 16384
 MAX_INSTANTS, NUMBERS_PER_CALL = 256, 2**22
 """Largest number of saved instants in one call, and of numbers in their points (32 MB)."""
 
+SWITCHED = ("event", "voltage.on", "tip_thrust.on", "thermal.time")
+"""Tables and keys of a scene with switch times (`schedule.switch_times`)."""
+
 WORK_PER_CALL = 400_000
 """Steps times coordinates in one call: some tenths of a second, between which the host may stop."""
 
@@ -100,7 +103,7 @@ def _compiled(structure: Structure, tree: Any, types: tuple, names: tuple[str, .
         arguments = problem, points, integer
         looking, looks = ready("the observables", look_at_points, (names,), arguments, LOOK_OPTIONS)
         restarting = None
-        if any(structure.has(key) for key in ("event", "voltage.on", "tip_thrust.on")):
+        if any(structure.has(key) for key in SWITCHED):
             one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), points)
             arguments = problem, motion, one, number
             restarting, restarts = ready("switch times", restart, (), arguments, START_OPTIONS, fused=False)

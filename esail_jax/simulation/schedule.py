@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from esail_jax.array_types import Array, Bool, Float, Int
-from esail_jax.scenes.chain_tables import ChainVoltage
 from esail_jax.scenes.rules import known
-from esail_jax.scenes.sail_tables import Event, Voltage
+from esail_jax.scenes.sail_tables import Voltage
+from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.tip_tables import TipThrust
 
 SNAP = 1e-9
@@ -29,19 +29,21 @@ def is_multiple(time: float, interval: float) -> bool:
     return bool(abs(ratio - round(ratio)) <= SNAP * max(1.0, ratio))
 
 
-def switch_times(
-    event: Event | None,
-    voltage: Voltage | ChainVoltage | None,
-    tip_thrust: TipThrust | None = None,
-) -> tuple[float, ...]:
+def switch_times(scene: Scene) -> tuple[float, ...]:
     """Returns the switch times [s] in increasing order, at which the stepper is initialised again.
 
-    They are the times of all events and the times `on` and `off` of the voltage and of the thrust at the
-    tips, if they are positive. A time `on` or `off` that is a tracer has no value and is left out; the
-    error control of the method has to find it. The voltage of a chain is constant and has no such time."""
-    times = set() if event is None else set(event.time)
-    tables = [table for table in (voltage, tip_thrust) if isinstance(table, Voltage | TipThrust)]
-    for switched in (x for table in tables for x in (table.on, table.off)):
+    They are the times of all events, the times `on` and `off` of the voltage and of the thrust at the tips,
+    and the instants of the temperatures, where these have kinks, if they are positive. A time that is a
+    tracer has no value and is left out; the error control of the method has to find it. The voltage of a
+    chain is constant and has no such time."""
+    times = set() if scene.event is None else set(scene.event.time)
+    tables = [
+        table for table in (scene.voltage, scene.tip_thrust) if isinstance(table, Voltage | TipThrust)
+    ]
+    instants = [x for table in tables for x in (table.on, table.off)]
+    if scene.thermal is not None:
+        instants.append(scene.thermal.time)
+    for switched in instants:
         if switched is not None and known(switched) is not None:
             times |= set(known(switched).ravel().tolist())
     return tuple(sorted(time for time in times if time > 0.0))

@@ -80,7 +80,7 @@ def run(
     @keep_tapes
     def body(carry, window):
         motion, before = carry
-        now = problem.with_events_until(window.start) if switched else problem
+        now = problem.in_segment(window.start, window.until) if switched else problem
         if switched:
             motion = lax.cond(
                 window.begins,
@@ -106,14 +106,14 @@ def run(
     together = -(-instants // -(-instants // INSTANTS_TOGETHER))
     number, place = (np.pad(x, (0, -instants % together), mode="edge") for x in (number, place))
     points = jax.tree.map(lambda x: x[number, place], points)
-    since = windows.start[number]
+    between = windows.start[number], windows.until[number]
 
     def observed(row):
-        time, point = row
-        now = problem.with_events_until(time) if switched else problem
+        segment, point = row
+        now = problem.in_segment(*segment) if switched else problem
         return look(now, point, names)[:2]
 
-    found = lax.map(observed, (since, points), batch_size=together)
+    found = lax.map(observed, (between, points), batch_size=together)
     rows, points, good = jax.tree.map(lambda x: x[:instants], (*found, place < passed[number]))
     result = motion.state.result
     rows, _, kept = with_running_observables(problem, rows, (jnp.nan, 0.0), jnp)

@@ -62,7 +62,7 @@ def simulate_traced(
         least = max(LEAST_WINDOWS, int(np.ceil(WINDOWS_PER_TURN * turns(scene, saved[-1] - begin))))
     else:
         least = max(1, int(np.ceil(wanted / room * (UNEVEN if step is None else MARGIN))))
-    switches = switch_times(scene.event, scene.voltage, scene.tip_thrust)
+    switches = switch_times(scene)
     schedule = Schedule(tuple(saved.tolist()), switches, begin, kind.instants_per_window, least)
     names = None if save is None or scene.chain is not None else tuple(save)
     limit = jnp.asarray(jnp.inf if max_steps is None else float(max_steps))

@@ -81,6 +81,11 @@ class Secant(Term):
         path = jax.tree.map(stacked, self.start, fields)
         return jax.tree.map(gathered, self.term.point_forces(time, path, path))
 
+    def thermal_part(self, time: Instants) -> "Secant | None":
+        """The discrete gradient of the part that depends on the temperature."""
+        part = self.term.thermal_part(time)
+        return None if part is None else Secant(part, self.start)
+
 
 class Middle(NamedTuple):
     """The midpoint of a step. system: with secants as energies; u = (q1 - q0)/h, w = (v1 - v0)/h."""

@@ -93,7 +93,7 @@ def updated(
     steps = len(jax.tree.leaves(ends)[0])
     number = jnp.arange(steps + 1)
     times = time + h * number
-    growth = jnp.minimum(h * count * growth_rates(system, ends.tether, count), GROWTH_CAP)
+    growth = jnp.minimum(h * count * growth_rates(system, times[1:], ends.tether, count), GROWTH_CAP)
     share = 0.5 * np.pi * phase_error * count / jnp.maximum(count - 2, 1)
     kept, counted = number <= count, jnp.arange(3, steps + 1) <= count
 
@@ -141,7 +141,7 @@ def root_forces(
     """Returns the elastic force [N] on the section at the root, in the hub's axes; 0 if released."""
     tethers = system.tethers
     axial = find_term(system.energies, AbstractAxialEnergy)
-    axial = jax.tree.map(lambda x: x[: tethers.count] if x.ndim else x, axial)
+    axial = jax.tree.map(lambda x: x[..., : tethers.count] if x.ndim else x, axial.at(times[:, None]))
     fields = PointFields(None, jnp.moveaxis(slopes, 0, 1))
     force = axial.point_forces(times[0], fields, fields).r_x
     released = None if system.roots is None else system.roots.releases.released
@@ -153,13 +153,17 @@ def root_forces(
 
 
 def growth_rates(
-    system: System, nodal: Float[Array, "time coef 3 node tether"], count: Array
+    system: System,
+    times: Float[Array, " time"],
+    nodal: Float[Array, "time coef 3 node tether"],
+    count: Array,
 ) -> Float[Array, " tether"]:
     """Returns sigma [1/s] of each tether, the maximum over its elements, from the mean axial force of a
     block."""
     tethers, axial = system.tethers, find_term(system.energies, AbstractAxialEnergy)
     some = nodal[TENSION_STRIDE - 1 :: TENSION_STRIDE]
     fields = tethers.interpolate(jnp.moveaxis(some, 0, 2))
+    axial = axial.at(times[TENSION_STRIDE - 1 :: TENSION_STRIDE, None])
     force = axial.point_forces(jnp.zeros(()), fields, fields).r_x
     tension = jnp.tensordot(tethers.weights, dot(force, fields.r_x) / norm(fields.r_x), 1)
     # Only steps that were taken count; a block of less than TENSION_STRIDE steps counts as slack.

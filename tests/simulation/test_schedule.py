@@ -88,17 +88,20 @@ def test_a_longer_run_saves_the_same_instants():
         )
 
 
-def test_switch_times_are_events_and_the_edges_of_the_voltage():
+def test_switch_times_are_events_edges_of_the_voltage_and_kinks_of_the_temperature():
     """Times in order, each once, without those at the start."""
     settings = {"event.time": [30.0, 10.0], "event.release": [2, 1], "tethers.count": 3}
     settings |= {"voltage.law": "on-off", "voltage.on": 0.0, "voltage.off": 10.0, "voltage.rise_time": 1.0}
     scene = load_scene("baseline", settings)
-    assert switch_times(scene.event, scene.voltage) == (10.0, 30.0)
-    assert switch_times(scene.event, None) == (10.0, 30.0) and switch_times(None, scene.voltage) == (10.0,)
-    assert switch_times(None, None) == ()
+    assert switch_times(scene) == (10.0, 30.0)
+    assert switch_times(scene.replace({"event": None})) == (10.0,)
+    assert switch_times(load_scene("baseline")) == ()
     thrust = {"tip_thrust.force": 1e-3, "tip_thrust.on": 10.0, "tip_thrust.off": 50.0}
     scene = scene.replace(thrust | {"tip_thrust.rise_time": 5.0})
-    assert switch_times(scene.event, scene.voltage, scene.tip_thrust) == (10.0, 30.0, 50.0)
+    assert switch_times(scene) == (10.0, 30.0, 50.0)
+    heat = {"thermal.expansion": 2e-5, "thermal.reference_temperature": 300.0}
+    heat |= {"thermal.time": [0.0, 20.0], "thermal.temperature": [300.0, 200.0]}
+    assert switch_times(scene.replace(heat)) == (10.0, 20.0, 30.0, 50.0)
 
 
 def test_segments_follow_each_other_from_switch_to_switch():

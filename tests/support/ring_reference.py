@@ -31,10 +31,13 @@ def shapes(kind, length):
 class Sail:
     """A sail. tethers, ring: mappings with `kind, elements, length, area, density, modulus, damping`, each
     number an array with one entry per member; `slack` of the ring is the width of the tension-only law or
-    None. mass, voltage: arrays. hub: (height, radius, density). strain: of tethers and ring."""
+    None. mass, voltage: arrays. hub: (height, radius, density). strain: of tethers and ring. natural:
+    None, or (time, table): the strain of free thermal expansion of the tethers at increasing instants,
+    (instant, tether)."""
 
-    def __init__(self, tethers, ring, mass, voltage, hub, spin, alpha, strain):
+    def __init__(self, tethers, ring, mass, voltage, hub, spin, alpha, strain, natural=None):
         self.p, self.spin, self.alpha, self.strain = len(mass), spin, alpha, strain
+        self.natural = natural
         height, self.radius, density = hub
         self.hub_mass = density * np.pi * self.radius**2 * height
         cross = (3 * self.radius**2 + height**2) / 12
@@ -54,6 +57,7 @@ class Sail:
         self.mass[self.tips, self.tips] += mass
         push = WIND_FACTOR * np.maximum(0.0, voltage - CUTOFF)
         self.groups = [self.group(tethers, chains, push), self.group(ring, segments, 0.0 * push)]
+        self.groups[0].heated, self.groups[1].heated = natural is not None, False
         self.free = np.setdiff1d(np.arange(self.count), self.roots)
         self.origin = AU * np.array([0.7071067811865476, 0.7071067811865476, 0.0])
 
@@ -103,6 +107,19 @@ class Sail:
 
     # ---- forces ----------------------------------------------------------------------------------
 
+    def heat(self, group, time):
+        """Natural strain of every element and its rate at an instant."""
+        if not group.heated:
+            return np.zeros((2, len(group.l), 1))
+        knots, table = self.natural
+        place = np.searchsorted(knots, time, side="right")
+        if place in (0, len(knots)):
+            found = table[min(place, len(knots) - 1)]
+            return np.stack([found, 0 * found])[:, group.l, None]
+        rate = (table[place] - table[place - 1]) / (knots[place] - knots[place - 1])
+        found = table[place - 1] + (time - knots[place - 1]) * rate
+        return np.stack([found, rate])[:, group.l, None]
+
     def stress(self, group, strain):
         """Energy per length and force W'(strain)."""
         e, axial = strain, group.axial[:, None]
@@ -114,8 +131,9 @@ class Sail:
         energy = axial * (w**2 * x**3 / 6 + np.where(x < 1, 0.0, above * w / 2 + above**2 / 2))
         return energy, axial * (w * x**2 / 2 + above)
 
-    def members(self, group, q, v):
-        """Forces on the vectors, elastic energy, dissipated power, thrust and axial force at the points."""
+    def members(self, group, q, v, time):
+        """Forces on the vectors, elastic energy, dissipated power, thrust and axial force at the points,
+        and the power of thrust and heating."""
         at, rate = q[group.index], v[group.index]
         slope, turned = (np.einsum("egk,ekx->egx", group.d, a) for a in (at, rate))
         square = (slope**2).sum(-1)
@@ -125,18 +143,22 @@ class Sail:
             strain, strain_rate, scale = 0.5 * (square - 1), along, 1.0
         else:
             strain, strain_rate, scale = stretch - 1, along / stretch, 1 / stretch
-        energy, force = self.stress(group, strain)
-        force = (force + group.axial[:, None] * group.damping[:, None] * strain_rate) * scale
+        natural, natural_rate = self.heat(group, time)
+        energy, elastic = self.stress(group, strain - natural)
+        force = (elastic + group.axial[:, None] * group.damping[:, None] * strain_rate) * scale
         nodal = -np.einsum("eg,egk,eg,egx->ekx", group.weight, group.d, force, slope)
         place = self.origin + np.einsum("egk,ekx->egx", group.s, at)
         wind = SPEED * place / np.linalg.norm(place, axis=-1, keepdims=True)
         normal = wind - ((slope * wind).sum(-1) / square)[..., None] * slope
         thrust = group.push[:, None, None] * normal
         nodal = nodal + np.einsum("eg,egk,egx->ekx", group.weight, group.s, thrust)
+        moving = np.einsum("egk,ekx->egx", group.s, rate)
+        power = (thrust * moving).sum(-1) - elastic * natural_rate
         lost = group.weight * group.axial[:, None] * group.damping[:, None] * strain_rate**2
         return SimpleNamespace(
             nodal=group.gather @ nodal.reshape(-1, 3),
             energy=(group.weight * energy).sum(),
+            power=(group.weight * power).sum(),
             dissipated=lost.sum(),
             thrust=np.einsum("eg,egx->x", group.weight, thrust),
             axial=(group.weight * force * stretch).sum(1) / group.weight.sum(1),
@@ -159,10 +181,10 @@ class Sail:
         full[self.roots], rate[self.roots] = centre + arms, velocity + np.cross(spin, arms)
         return turn, arms, spin, full, rate
 
-    def derivative(self, _, y):
+    def derivative(self, time, y):
         """dy/dt."""
         turn, arms, spin, q, v = self.all_vectors(y)
-        load = sum(self.members(group, q, v).nodal for group in self.groups)
+        load = sum(self.members(group, q, v, time).nodal for group in self.groups)
         # The roots' accelerations are T u + bias, u = (hub's acceleration, angular acceleration).
         bias = np.cross(spin, np.cross(spin, arms))
         rows = np.zeros((self.p, 3, 6))
@@ -224,7 +246,7 @@ class Sail:
         def left(flat):
             q[free, 1:] = flat.reshape(-1, 2)
             # The stiffness does not see the wind: it is switched off by a zero push.
-            load = sum(self.members(group, q, still).nodal for group in calm)
+            load = sum(self.members(group, q, still, 0.0).nodal for group in calm)
             return (load + self.spin**2 * self.mass @ q @ plane)[free, 1:].reshape(-1)
 
         calm = [SimpleNamespace(**(vars(group) | {"push": 0 * group.push})) for group in self.groups]
@@ -261,10 +283,10 @@ class Sail:
         """Of every chain a number and the length of an element."""
         return [(i, group.weight[group.l == i][0].sum()) for i in range(group.l.max() + 1)]
 
-    def signals(self, y):
+    def signals(self, time, y):
         """Signals of a state, by the names of the observables."""
         turn, _, _, q, v = self.all_vectors(y)
-        tethers, ring = (self.members(group, q, v) for group in self.groups)
+        tethers, ring = (self.members(group, q, v, time) for group in self.groups)
         kinetic = 0.5 * np.einsum("ax,ab,bx->", v, self.mass, v)
         kinetic += 0.5 * self.hub_mass * y[7:10] @ y[7:10] + 0.5 * (self.inertia * y[10:13]) @ y[10:13]
         per = [group.l for group in self.groups]
@@ -279,6 +301,7 @@ class Sail:
             "kinetic_energy": kinetic,
             "elastic_energy": tethers.energy + ring.energy,
             "dissipated_power": tethers.dissipated + ring.dissipated,
+            "external_power": tethers.power + ring.power,
         }
 
     def run(self, times, tolerance=1e-13):
@@ -287,6 +310,14 @@ class Sail:
         y = self.start()
         scale = np.full(y.size, 1e-11)
         scale[3:7] = scale[10:13] = 1e-15
-        found = solve_ivp(self.derivative, (0.0, times[-1]), y, "DOP853", times, rtol=tolerance, atol=scale)
-        rows = [self.signals(y) for y in found.y.T]
+        knots = [] if self.natural is None else [t for t in self.natural[0] if 0.0 < t < times[-1]]
+        rows, start = [], 0.0
+        for end in (*knots, times[-1]):
+            # Each part of the run ends where the rate of the temperature jumps.
+            inside = times[(times >= start) & ((times < end) | (end == times[-1]))]
+            settings = {"method": "DOP853", "rtol": tolerance, "atol": scale}
+            saved = np.union1d(inside, [end])
+            found = solve_ivp(self.derivative, (start, end), y, t_eval=saved, **settings)
+            rows += [self.signals(*x) for x in zip(inside, found.y.T[: len(inside)], strict=True)]
+            start, y = end, found.y[:, -1]
         return {name: np.stack([row[name] for row in rows]) for name in rows[0]}

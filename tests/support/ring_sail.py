@@ -52,6 +52,7 @@ def ring_scene(changes=()):
         remote_units=esail.RemoteUnits(**tables["remote_units"]),
         solar_wind=esail.SolarWind(**tables["solar_wind"]) if "solar_wind" in tables else None,
         voltage=esail.Voltage(**tables["voltage"]) if "voltage" in tables else None,
+        thermal=esail.Thermal(**tables["thermal"]) if "thermal" in tables else None,
         initial=esail.Initial(**tables["initial"]),
         integrator=esail.Integrator(**tables["integrator"]),
         output=esail.Output(**tables["output"]),
@@ -78,6 +79,11 @@ def reference(scene):
 
     ring, hub = scene.auxiliary_tethers, scene.hub
     slack = None if ring.slack_strain is None else each(ring.slack_strain)
+    natural = None
+    if scene.thermal is not None:
+        heat = scene.thermal
+        natural = heat.expansion * (np.array(heat.temperature) - heat.reference_temperature)
+        natural = np.array(heat.time), natural
     return Sail(
         chain(scene.tethers),
         chain(ring) | {"slack": slack},
@@ -87,4 +93,5 @@ def reference(scene):
         scene.initial.spin_rate,
         np.deg2rad(scene.initial.sailing_angle_deg),
         scene.tethers.strain,
+        natural,
     )

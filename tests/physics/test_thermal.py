@@ -1,0 +1,388 @@
+"""Thermal strain of the tethers: exact cases, an independent simulator, energy, and derivatives."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import esail_jax as esail
+from esail_jax.constants import STEFAN_BOLTZMANN
+from esail_jax.elements.thermal import ThermalEnergy
+from esail_jax.environment.temperature import SteadyTemperature, TemperatureSeries
+from esail_jax.environment.thermal import (
+    ALUMINIUM,
+    eclipse_series,
+    eclipse_temperature,
+    solar_flux,
+    thermal_toml,
+    visible_fraction,
+)
+from support.one_tether import STEPPERS, integrate, one_tether, straight
+from support.quick import jit
+from support.ring_sail import TIGHT, reference, ring_scene
+
+KNOTS = [2.0, 7.0, 23.0, 31.0, 52.0]
+TABLE = [
+    [330.0, 325.0, 320.0, 330.0, 310.0],
+    [330.0, 330.0, 325.0, 330.0, 320.0],
+    [150.0, 180.0, 150.0, 165.0, 150.0],
+    [150.0, 170.0, 150.0, 160.0, 155.0],
+    [320.0, 330.0, 310.0, 330.0, 325.0],
+]
+HEAT = {
+    "thermal.expansion": 2.3e-5,
+    "thermal.reference_temperature": 300.0,
+    "thermal.temperature": TABLE,
+    "thermal.time": KNOTS,
+}
+"""An eclipse of half a minute, with its own temperatures for each of the five tethers. The thermal strain
+changes by 4e-3; the elastic strain at the start is about 8e-3."""
+
+
+def heated(system, expansion, temperature):
+    """The system of one tether with a temperature, about a reference of 300 K."""
+    axial = system.energies[0]
+    numbers = jnp.asarray(expansion), jnp.asarray(300.0), temperature
+    energy = ThermalEnergy(axial.stiffness, *numbers, axial.strain, system.tethers.elements)
+    return dataclasses.replace(system, energies=(energy, *system.energies[1:]))
+
+
+# ---- exact cases ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("stepper", STEPPERS)
+def test_hanging_mass_on_a_wire_that_is_heated(stepper, validate):
+    """A mass that hangs on a massless wire vibrates when the wire begins to warm at a constant rate.
+
+    With engineering strain, m s'' = m g - EA (s/L - 1 - a (T - T_0)), T = T_1 + r t. From rest in balance,
+    s = L (1 + m g/EA + a (T - T_0)) - (L a r/w) sin(w t), w^2 = EA/(m L), and the tension is m (g - s'') = m
+    g - m L a r w sin(w t). Methods of second order have phases that are wrong by (w h)^2 w t / 12 = 3e-4.
+    """
+    mass, g, length, axial, a, rate = 0.5, 2.0, 10.0, 50.0, 2e-4, 30.0
+    omega, one = np.sqrt(axial / (mass * length)), lambda x: jnp.full((2, 1), x)
+    series = TemperatureSeries.undivided(jnp.array([0.0, 100.0]), one(320.0).at[1].add(100.0 * rate))
+    made = one_tether(
+        kind="truss", elements=1, length=length, axial=axial, line_density=1e-12, tip_mass=mass,
+        strain="engineering", gravity=[0.0, g, 0.0],
+    )  # fmt: skip
+    made = heated(made, a, series)
+    at_rest = length * (1.0 + mass * g / axial + a * 20.0)
+    q = straight(made, line=jnp.array([[[0.0], [at_rest]]]))
+    v = jax.tree.map(jnp.zeros_like, q)
+    time, q, _, _ = integrate(stepper, made, q, v, 0.01, 200)
+    wave = np.sin(omega * time)
+    exact = at_rest + length * a * rate * (time - wave / omega)
+    found = q.tether[:, 0, 1, -1, 0]
+    case, by = "mass on a wire that is heated", "s = L (1 + m g/EA + a (T - T_0)) - (L a r/w) sin(w t)"
+    size = length * a * rate / omega
+    validate(
+        f"HEAT-1 {stepper}", case, by, "position / amplitude", np.abs(found - exact).max() / size, 1e-3
+    )
+    tension = axial * (found / length - 1.0 - a * (20.0 + rate * time))
+    error = np.abs(tension - (mass * g - mass * length * a * rate * omega * wave)).max()
+    size = mass * length * a * rate * omega
+    validate(f"HEAT-2 {stepper}", case, by, "tension / amplitude", error / size, 1e-3)
+
+
+def test_steady_start_of_a_heated_spinning_cable(validate):
+    """The run starts from the balance of centrifugal force and elastic strain at the temperature of t = 0.
+
+    With engineering strain, s'' = -k^2 s, k^2 = rho w^2/E, s(0) = R and EA (s'(L) - 1 - e) = m w^2 s(L),
+    where e = a (T - T_0), hence s = R cos(k x) + B sin(k x). Five cubic elements miss it by 1e-12.
+    """
+    from esail_jax.scenes.build import build_jitted
+    from esail_jax.scenes.structure import split
+
+    changes = {"tethers.count": 2, "tethers.strain": "engineering", "initial.spin_rate": 0.02}
+    changes |= HEAT | {"thermal.temperature": [[150.0, 450.0], [300.0, 300.0]], "thermal.time": [0.0, 9.0]}
+    scene = esail.load_scene("baseline", changes)
+    q = build_jitted(*split(scene)).q.tether
+    t, radius, w = scene.tethers, scene.hub.radius, scene.initial.spin_rate
+    k, axial = w * np.sqrt(t.density / t.youngs_modulus), t.youngs_modulus * t.area
+    x, pull = np.linspace(0.0, t.length, t.elements + 1), scene.remote_units.mass * w**2
+    strain = 2.3e-5 * np.array([-150.0, 150.0])
+    c, s = np.cos(k * t.length), np.sin(k * t.length)
+    b = (axial * (1.0 + strain + radius * k * s) + pull * radius * c) / (axial * k * c - pull * s)
+    exact = radius * np.cos(k * x)[:, None] + b * np.sin(k * x)[:, None]
+    found = np.linalg.norm(np.asarray(q[0]), axis=0)
+    case, by = "spinning cable at 150 and 450 K", "s = R cos(k x) + B sin(k x)"
+    validate("HEAT-3", case, by, "positions, relative", np.abs(found / exact - 1.0).max(), 1e-10)
+
+
+# ---- a run against independent results --------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_run_follows_an_independent_integration(validate):
+    """Every signal of five unequal tethers with a ring and temperatures of their own agrees with the
+    independent code to 1e-6 of its range. Measured: 4e-8, dissipated power."""
+    scene = ring_scene(HEAT | TIGHT)
+    run = esail.simulate(scene)
+    exact = reference(scene).run(np.asarray(run.time))
+    table = np.stack([np.interp(run.time, KNOTS, column) for column in np.transpose(TABLE)], 1)
+    exact |= {"temperature": table}
+    found = {
+        name: np.abs(np.asarray(run[name]) - values).max() / np.ptp(values)
+        for name, values in exact.items()
+    }
+    worst = max(found, key=found.get)
+    by = "independent NumPy code (`support/ring_reference.py`), Dormand & Prince 8(5,3)"
+    quantity = f"worst of {len(found)} signals / range"
+    validate("HEAT-4", "five unequal heated tethers with a ring", by, quantity, found[worst], 1e-6)
+    balance = np.abs(run["energy_balance_error"]).max() / np.ptp(run["external_work"])
+    validate(
+        "HEAT-5",
+        "five unequal heated tethers with a ring",
+        "energy theorem",
+        "energy / work",
+        balance,
+        1e-9,
+    )
+
+
+STEPS = {"integrator.t_end": 16.0, "thermal.time": [2.0, 3.05, 7.35, 31.0, 52.0]}
+"""Two of these knots are in the middle of a step of 0.1 s, and all at the end of one of 0.05 s."""
+
+
+@pytest.mark.slow
+def test_methods_with_fixed_steps_keep_their_order_at_kinks():
+    """The errors of generalized-alpha and energy-momentum fall by 3.5 to 4.5 for half the step (order two:
+    4), although the temperature has kinks within the longer steps; and energy-momentum, whose shorter
+    steps end at the kinks, balances the energy to rounding, heating included."""
+    scene = HEAT | STEPS
+    exact = reference(ring_scene(scene | TIGHT)).run(np.arange(0.0, 17.0, 8.0))
+    for method in ("generalized-alpha", "energy-momentum"):
+        found = []
+        for step, stride in ((0.1, 1), (0.05, 2)):
+            settings = {"integrator.method": method, "integrator.step": step, "output.interval": 80 * step}
+            run = esail.simulate(ring_scene(scene | settings))
+            tips, tension = (np.asarray(run[x])[::stride] for x in ("tip_position_I", "auxiliary_tension"))
+            size = np.abs(tips - exact["tip_position_I"]).max()
+            found.append((size, np.abs(tension - exact["auxiliary_tension"]).max()))
+        ratios = np.divide(*found)
+        assert ((ratios > 3.5) & (ratios < 4.5)).all(), (method, ratios)
+    balance = np.abs(run["energy_balance_error"]).max()
+    assert balance < 1e-10 * np.ptp(run["kinetic_energy"]) and np.ptp(run["external_work"]) > 1e-2
+
+
+def test_series():
+    """Temperatures are linear between knots, constant outside, and in a segment they follow its line also
+    beyond its ends."""
+    table = jnp.array([[300.0, 310.0], [200.0, 250.0], [260.0, 280.0]])
+    series = TemperatureSeries.undivided(jnp.array([1.0, 3.0, 6.0]), table)
+    times = jnp.array([-1.0, 1.0, 2.0, 3.0, 4.0, 6.0, 9.0])
+    exact = np.stack([np.interp(times, series.time, column) for column in table.T], 1)
+    assert np.allclose(series.at(times[:, None]), exact, rtol=0, atol=1e-12)
+    assert np.array_equal(series.at(times[2]), series.at(times[:, None])[2])
+    within = series.in_segment(np.array(1.0), np.array(3.0))
+    assert np.allclose(within.at(jnp.asarray(3.5)), [175.0, 235.0], rtol=0, atol=1e-12)
+    after = series.in_segment(np.array(6.0), np.array(np.inf))
+    assert np.array_equal(after.at(jnp.asarray(5.9)), table[2])
+    before = series.in_segment(np.array(0.0), np.array(1.0))
+    assert np.array_equal(before.at(jnp.asarray(1.1)), table[0])
+    steady = SteadyTemperature(table[0])
+    assert np.array_equal(steady.at(times[0]), table[0])
+
+
+# ---- derivatives, batches, resumed runs -----------------------------------------------------------------
+
+
+def two_tethers(changes=()):
+    """A sail of two tethers without wind."""
+    calm = {f"solar_wind.{key}": None for key in ("speed", "number_density", "cutoff_voltage")}
+    calm |= {"voltage.value": None, "tethers.count": 2, "tethers.element": "truss", "tethers.elements": 1}
+    calm |= {"tethers.bending": False, "integrator.t_end": 60.0, "output.interval": 20.0}
+    return esail.load_scene("baseline", calm | dict(changes))
+
+
+NUMBERS = {
+    "thermal.expansion": (np.array(2.3e-5), np.array(1e-6)),
+    "thermal.reference_temperature": (np.array(293.0), np.array(5.0)),
+    "thermal.temperature": (np.array([[350.0, 330.0], [150.0, 180.0], [300.0, 320.0]]),
+                            np.array([[3.0, -2.0], [1.0, 2.0], [-2.0, 3.0]])),
+    "thermal.time": (np.array([3.1, 22.3, 47.7]), np.array([0.2, -0.15, 0.1])),
+}  # fmt: skip
+"""Numbers of the table, and their changes in a difference quotient."""
+
+FIXED = {"integrator.method": "collocation", "integrator.step": 2.0}
+NAMES = ("tip_position_I", "tether_length", "max_axial_strain", "elastic_energy", "external_work")
+
+
+def end_of(numbers):
+    """Signals at the end of a run with steps of a given size."""
+    run = esail.simulate(two_tethers(FIXED), numbers)
+    return {name: run[name][-1] for name in NAMES}
+
+
+@pytest.mark.slow
+def test_derivatives_by_every_number(validate):
+    """Forward derivatives by expansion, temperatures and instants equal difference quotients of fourth
+    order to 1e-6, and reverse mode agrees with forward mode to 1e-8."""
+    at = {key: jnp.asarray(value) for key, (value, _) in NUMBERS.items()}
+    forward, run = jit(lambda dx: jax.jvp(end_of, (at,), (dx,))[1]), jit(end_of)
+    tangents, worst = {}, 0.0
+    for key, (value, change) in NUMBERS.items():
+        direction = {
+            k: jnp.asarray(change if k == key else 0.0 * change_) for k, (_, change_) in NUMBERS.items()
+        }
+        tangents[key] = forward(direction)
+        ends = {c: run(at | {key: jnp.asarray(value + c * change)}) for c in (-0.2, -0.1, 0.1, 0.2)}
+        for name, found in tangents[key].items():
+            quotient = (
+                8.0 * (ends[0.1][name] - ends[-0.1][name]) - (ends[0.2][name] - ends[-0.2][name])
+            ) / 1.2
+            worst = max(worst, float(jnp.abs(quotient - found).max() / jnp.abs(quotient).max()))
+    validate("HEAT-6", "derivatives by the numbers of [thermal]", "differences", "relative", worst, 1e-6)
+    weights = {name: 1.0 / (1e-30 + jnp.abs(x)) for name, x in tangents["thermal.expansion"].items()}
+    back = jit(lambda w: jax.vjp(end_of, at)[1](w)[0])(weights)
+    for key, (_, change) in NUMBERS.items():
+        parts = [(weights[name] * x).sum() for name, x in tangents[key].items()]
+        along, size = sum(parts), sum(map(abs, parts))
+        assert abs((back[key] * change).sum() - along) < 1e-8 * size, key
+
+
+@pytest.mark.slow
+def test_batch_equals_a_loop():
+    """Members of a batch with other temperatures and instants do not influence each other, also through
+    the steady start."""
+    given = {key: jnp.asarray(value) for key, (value, _) in NUMBERS.items()}
+    moved = {key: jnp.asarray(value + change) for key, (value, change) in NUMBERS.items()}
+    both = jax.tree.map(lambda *x: jnp.stack(x), given, moved)
+    batch, alone = jit(jax.vmap(end_of))(both), jit(end_of)
+    for member, numbers in enumerate((given, moved)):
+        for name, exact in alone(numbers).items():
+            assert np.allclose(batch[name][member], exact, rtol=1e-9, atol=1e-12), (member, name)
+
+
+@pytest.mark.slow
+def test_known_and_traced_instants_agree():
+    """A run that is divided at the knots, and one in which error control finds them, have the same end
+    within the tolerance."""
+    from functools import partial
+
+    numbers = {key: value for key, (value, _) in NUMBERS.items()}
+    scene = two_tethers({"integrator.tolerance": 1e-10})
+    known = esail.simulate(scene, {key: value.tolist() for key, value in numbers.items()})
+    traced = jit(partial(esail.simulate, scene))(jax.tree.map(jnp.asarray, numbers))
+    for name in NAMES:
+        size = np.abs(known[name]).max()
+        assert np.allclose(known[name], traced[name], rtol=0, atol=1e-7 * size), name
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["collocation", "energy-momentum"])
+def test_resumed_run_is_bit_identical(method, tmp_path):
+    """A run that is continued from its file is that of one run, bit for bit, also from between two knots."""
+    from esail_jax.cli import main
+    from esail_jax.scenes.scene import to_toml
+
+    step = {} if method == "collocation" else {"integrator.step": 0.1}
+    given = {key: value.tolist() for key, (value, _) in NUMBERS.items()}
+    file, once, twice = (tmp_path / name for name in ("scene.toml", "once.h5", "twice.h5"))
+    scene = two_tethers(given | step | {"integrator.method": method, "output.interval": 6.0})
+    file.write_text(to_toml(scene))
+
+    def run(*more):
+        assert main([str(x) for x in ("run", file, *more, "--quiet")]) == 0
+
+    run("-o", once)
+    run("-o", twice, "--t-end", 18)
+    run("-o", twice, "--t-end", 30, "--resume")
+    run("-o", twice, "--t-end", 60, "--resume")
+    one, other = esail.load(once), esail.load(twice)
+    for name in one.observables:
+        assert np.array_equal(one[name], other[name], equal_nan=True), name
+
+
+# ---- the wire in sunlight -------------------------------------------------------------------------------
+
+
+def test_wire_in_shadow(validate):
+    """In sudden shadow a wire cools with 1/T^3 = 1/T_0^3 + 3 k t, k = 4 e sigma / (rho c d), from T_0^4 =
+    a_s S / (pi e sigma); and half of the Sun's disc is visible when its centre is on the limb."""
+    t = np.array([-5.0, 0.0, 10.0, 100.0, 999.0])
+    flux = solar_flux(1.5)
+    found = eclipse_temperature(ALUMINIUM, flux, t, 0.0, 1000.0, 0.0)
+    k = 4.0 * 0.04 * STEFAN_BOLTZMANN / (2700.0 * 900.0 * 37e-6)
+    start = (0.12 * 1361.0 / 2.25 / (np.pi * 0.04 * STEFAN_BOLTZMANN)) ** 0.25
+    exact = (start**-3.0 + 3.0 * k * np.maximum(t, 0.0)) ** (-1.0 / 3.0)
+    error = np.abs(found / exact - 1.0).max()
+    validate("HEAT-7", "aluminium wire in shadow", "1/T^3 = 1/T_0^3 + 3 k t", "T, relative", error, 1e-7)
+    light = visible_fraction(np.array([0.0, 1.0, 2.0, 3.0, 4.0, 50.0, 52.0, 54.0, 60.0]), 1.0, 50.0, 4.0)
+    # With the limb half a radius from the centre, the smaller part is 1/3 - sqrt(3)/(4 pi) of the disc.
+    part = 1.0 / 3.0 - np.sqrt(3.0) / (4.0 * np.pi)
+    expected = [1.0, 1.0, 1.0 - part, 0.5, part, 0.0, 0.5, 1.0, 1.0]
+    assert np.allclose(light, expected, rtol=0, atol=1e-12)
+
+
+def test_series_of_an_eclipse_is_a_table_of_a_scene():
+    """Straight lines between the instants of a series miss the temperature by the tolerance at most, and
+    the TOML text of the series gives the same numbers in a scene."""
+    import tomllib
+
+    series = eclipse_series(ALUMINIUM, solar_flux(1.0), 100.0, 1000.0, 30.0, tolerance=0.5)
+    time = np.linspace(0.0, 3000.0, 301)
+    exact = eclipse_temperature(ALUMINIUM, solar_flux(1.0), time, 100.0, 1000.0, 30.0)
+    assert np.abs(np.interp(time, series["time"], series["temperature"]) - exact).max() < 0.51
+    assert len(series["time"]) < 60 and (np.diff(series["time"]) > 0.0).all()
+    table = tomllib.loads(thermal_toml(series, 2.3e-5, 293.0))["thermal"]
+    scene = esail.load_scene("baseline", {f"thermal.{key}": value for key, value in table.items()})
+    assert np.array_equal(scene.thermal.temperature, series["temperature"])
+    with pytest.raises(ValueError, match="`leave` must not be before"):
+        eclipse_series(ALUMINIUM, 1361.0, 100.0, 110.0, 30.0)
+
+
+# ---- bad input ----------------------------------------------------------------------------------------
+
+
+TWO = {"thermal.expansion": 2e-5, "thermal.reference_temperature": 300.0, "thermal.temperature": 250.0}
+SERIES = {"thermal.time": [0.0, 9.0], "thermal.temperature": [250.0, 200.0]}
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        ({"thermal.temperature": -1.0}, r"`thermal.temperature` must not be negative, but is -1.0"),
+        ({"thermal.reference_temperature": -1.0},
+         r"`thermal.reference_temperature` must not be negative, but is -1.0"),
+        ({"thermal.expansion": float("nan")}, r"`thermal.expansion` must be finite, but is nan"),
+        ({"thermal.expansion": [1e-5, 1e-5]}, r"`thermal.expansion` must be a single number, but is \["),
+        ({"thermal.temperature": [1.0, 2.0]},
+         r"`thermal.temperature` must be a number or a list of 3 \(`tethers.count`\) without "
+         r"`thermal.time`, but has 2 entries"),
+        ({"thermal.temperature": [[1.0, 2.0, 3.0]]},
+         r"`thermal.temperature` must be a number or a list of 3 \(`tethers.count`\) without "
+         r"`thermal.time`, but is a table"),
+        (SERIES | {"thermal.temperature": 250.0},
+         r"`thermal.temperature` must have as many rows as `thermal.time` has instants \(2\), but is 250.0"),
+        (SERIES | {"thermal.temperature": [1.0, 2.0, 3.0]},
+         r"`thermal.temperature` must have as many rows as `thermal.time` has instants \(2\), but has 3"),
+        (SERIES | {"thermal.temperature": [[1.0, 2.0], [1.0, 2.0]]},
+         r"`thermal.temperature` must have rows of 3 \(`tethers.count`\), but has rows of 2"),
+        (SERIES | {"thermal.temperature": [[1.0, 2.0], [1.0]]},
+         r"`thermal.temperature` must be a number or a list of numbers, but is \["),
+        (SERIES | {"thermal.time": [9.0, 9.0]}, r"`thermal.time` must increase, but is \[9.0, 9.0\]"),
+        (SERIES | {"thermal.time": 9.0}, r"`thermal.time` must increase, but is 9.0"),
+        ({"initial.elongation": "paper"},
+         r"`initial.elongation` must be \"steady\" with \[thermal\], but is \"paper\""),
+        ({"thermal.expansion": None}, r"`thermal.expansion` must be given, but is missing"),
+    ],
+)  # fmt: skip
+def test_bad_input(overrides, message, nothing_compiles):
+    """One line names the key before anything is compiled."""
+    with pytest.raises(esail.SceneError, match=message) as refused:
+        esail.load_scene("baseline", {"tethers.count": 3} | TWO | overrides)
+    assert "\n" not in str(refused.value)
+
+
+def test_not_on_a_chain(nothing_compiles):
+    """The rods of a chain have no temperature."""
+    with pytest.raises(esail.SceneError, match=r"`thermal` must be left out of a scene with \[chain\]"):
+        esail.Scene(
+            chain=esail.Chain(rods=2, mass=0.1, length=1.0, area=1e-6, youngs_modulus=1e9),
+            initial=esail.ChainInitial(rod_vector=[0, -1, 0]),
+            integrator=esail.Integrator(t_end=1.0),
+            thermal=esail.Thermal(expansion=2e-5, reference_temperature=300.0, temperature=250.0),
+        )
