@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from esail_jax.scenes.sail_tables import (
         AuxiliaryTethers,
         Event,
+        HeliocentricOrbit,
         Hub,
         Initial,
         RemoteUnits,
@@ -62,6 +63,7 @@ __all__ = [
     "ChainWind",
     "Event",
     "Gravity",
+    "HeliocentricOrbit",
     "Hub",
     "Initial",
     "Integrator",
@@ -103,6 +105,7 @@ MODULES = {
     "scenes.sail_tables": (
         "AuxiliaryTethers",
         "Event",
+        "HeliocentricOrbit",
         "Hub",
         "Initial",
         "RemoteUnits",

@@ -18,3 +18,9 @@ THRUST_FACTOR = 0.18
 
 ASTRONOMICAL_UNIT = 1.495978707e11
 """Astronomical unit [m]: IAU 2012 definition."""
+
+SOLAR_MU = 1.32712440018e20
+"""mu [m^3/s^2]: gravitational constant times the mass of the Sun (Standish 1998, JPL DE405)."""
+
+SOLAR_RADIUS = 6.957e8
+"""Nominal radius of the Sun [m]: IAU 2015 resolution B3."""

@@ -30,6 +30,7 @@ from esail_jax.elements.rigid_body import RigidBody
 from esail_jax.elements.ring import Ring
 from esail_jax.elements.tether import TetherBatch
 from esail_jax.environment.circular_orbit import CircularOrbit
+from esail_jax.environment.kepler_orbit import KeplerOrbit, nodal_tide, tide
 from esail_jax.joints.roots import FrameRoots, HubRoots
 from esail_jax.loads.tip_thrust import TipThrust
 from esail_jax.measurements import Measurements
@@ -69,7 +70,8 @@ class System(eqx.Module):
 
     roots: None if nothing holds the tethers. hub: None for a turning frame or a chain. gravity: uniform
     acceleration [m/s^2]. orbit: field of a circular orbit, in whose axes the chain then moves. ring:
-    auxiliary tethers between the tips. tip_thrust: forces on the remote units. Absent parts are None.
+    auxiliary tethers between the tips. tip_thrust: forces on the remote units. kepler_orbit: path about the
+    Sun of the origin of I, whose axes do not turn. Absent parts are None.
     """
 
     tethers: TetherBatch
@@ -82,6 +84,7 @@ class System(eqx.Module):
     orbit: CircularOrbit | None = None
     ring: Ring | None = None
     tip_thrust: TipThrust | None = None
+    kepler_orbit: KeplerOrbit | None = None
 
     # ---- parts -----------------------------------------------------------------------------
 
@@ -93,7 +96,7 @@ class System(eqx.Module):
     @property
     def has_field(self) -> bool:
         """Tells whether there is an acceleration field: gravity or that of an orbit."""
-        return self.gravity is not None or self.orbit is not None
+        return any(x is not None for x in (self.gravity, self.orbit, self.kepler_orbit))
 
     @property
     def terms(self) -> tuple[str, ...]:
@@ -114,7 +117,8 @@ class System(eqx.Module):
         names += [load.law_name for load in self.loads if needs_command(load)]
         names += [] if self.tip_thrust is None else [self.tip_thrust.name]
         names += ["gravity"] * (self.gravity is not None)
-        return tuple(names + ["circular orbit"] * (self.orbit is not None))
+        names += ["circular orbit"] * (self.orbit is not None)
+        return tuple(names + ["Kepler orbit about the Sun"] * (self.kepler_orbit is not None))
 
     # ---- forces ----------------------------------------------------------------------------
 
@@ -135,9 +139,10 @@ class System(eqx.Module):
         """Energies and dissipations; those that are functions of the invariants as one summed term."""
         return inner_terms_of(self.energies, self.dissipations)
 
-    def field(self, q: Coordinates, v: Coordinates) -> Coordinates:
+    def field(self, time: Scalar, q: Coordinates, v: Coordinates) -> Coordinates:
         """Acceleration [m/s^2] of a free particle at every node and hub point, due to uniform gravity and
-        the field of an orbit. Both are linear in position, so that interpolation between nodes is exact."""
+        the field of an orbit. They are linear in position, so that interpolation between nodes is exact; the
+        tide of the Sun is so to 1e-14 of itself."""
         hub = None if q.hub is None else jnp.zeros_like(q.hub)
         tether, ring = jnp.zeros_like(q.tether), None if q.ring is None else jnp.zeros_like(q.ring)
         if self.gravity is not None:
@@ -151,17 +156,25 @@ class System(eqx.Module):
             tether = tether + toward
             hub = None if hub is None else hub + self.orbit.acceleration(q.hub.T, v.hub.T).T
             ring = None if ring is None else ring + self.orbit.acceleration(q.ring, v.ring)
+        if self.kepler_orbit is not None:
+            origin, _ = self.kepler_orbit.at(time)
+            tether = tether + nodal_tide(origin, q.tether)
+            hub = None if hub is None else hub + tide(origin, q.hub.T).T
+            if ring is not None:
+                ring = ring + self.ring.own_of_nodal(nodal_tide(origin, self.ring.nodal(q)))
         return Coordinates(tether, hub, ring)
 
-    def relative_to_free_fall(self, q: Coordinates, v: Coordinates, vdot: Coordinates) -> Coordinates:
+    def relative_to_free_fall(
+        self, time: Scalar, q: Coordinates, v: Coordinates, vdot: Coordinates
+    ) -> Coordinates:
         """vdot minus the acceleration field, so that weight is part of the inertia forces."""
-        return vdot.axpy(-1.0, self.field(q, v)) if self.has_field else vdot
+        return vdot.axpy(-1.0, self.field(time, q, v)) if self.has_field else vdot
 
     def residual(
         self, time: Scalar, q: Coordinates, v: Coordinates, vdot: Coordinates, lam: Multipliers
     ) -> tuple[Residual, Power]:
         """Residual of the equations of motion and constraints at one state, and the power of its forces."""
-        inertial = self.relative_to_free_fall(q, v, vdot)
+        inertial = self.relative_to_free_fall(time, q, v, vdot)
         commanded = self.with_commanded_loads(time, q)
         forces, power = commanded.member_forces(time, q, v, inertial)
         return self.complete_residual(time, q, v, forces, lam, power)
@@ -178,7 +191,7 @@ class System(eqx.Module):
 
         The tethers' forces are evaluated once, with the states as a batch axis of the elements.
         """
-        inertial = jax.vmap(self.relative_to_free_fall)(q, v, vdot)
+        inertial = jax.vmap(self.relative_to_free_fall)(times, q, v, vdot)
         motion = (states_inside(x) for x in (q, v, inertial))
         system = self
         if self.controlled:
@@ -198,7 +211,10 @@ class System(eqx.Module):
         axes, nodes = self.rotation(time, q), q.tether[0]
         chords = nodes[:, -1] - nodes[:, 0]
         chords = chords / jnp.linalg.norm(chords, axis=0)
-        return Measurements(time, axes[:, 0], axes @ self.roots.radial_directions, chords)
+        measured = Measurements(time, axes[:, 0], axes @ self.roots.radial_directions, chords)
+        if self.kepler_orbit is None:
+            return measured
+        return measured._replace(position=self.hub.centre(q.hub))
 
     def commands(self, time: Scalar, q: Coordinates) -> tuple[PerTether | None, ...]:
         """The command of every load's control law at a state; None for loads that need none."""
@@ -277,7 +293,7 @@ class System(eqx.Module):
         external = external + self.frame_power(time, q, v, forces, lam)
         if self.has_field:
             momentum = self.momenta(v)
-            parts = jax.tree.map(lambda a, p: (a * p).sum(), self.field(q, v), momentum)
+            parts = jax.tree.map(lambda a, p: (a * p).sum(), self.field(time, q, v), momentum)
             external = external + sum(jax.tree.leaves(parts))
         return Residual(forces, constraints), power._replace(external=external)
 

@@ -21,8 +21,10 @@ from esail_jax.scenes.consistency import check_together, method_name
 from esail_jax.scenes.declarations import rule_of
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.sail_tables import (
+    ORIGIN_AU,
     AuxiliaryTethers,
     Event,
+    HeliocentricOrbit,
     Hub,
     Initial,
     RemoteUnits,
@@ -59,7 +61,7 @@ class Scene:
     voltage: Voltage | ChainVoltage | None = None
     tip_thrust: TipThrust | None = None
     gravity: Gravity | None = None
-    orbit: Orbit | None = None
+    orbit: Orbit | HeliocentricOrbit | None = None
     event: Event | None = None
     output: Output | None = None
 
@@ -80,6 +82,9 @@ class Scene:
             interval = self.integrator.t_end / 1000.0
             object.__setattr__(self, "output", Output(interval=interval))
         check_together(self)
+        if self.chain is None and self.orbit is None and self.initial.heliocentric_position_au is None:
+            start = dataclasses.replace(self.initial, heliocentric_position_au=ORIGIN_AU)
+            object.__setattr__(self, "initial", start)
 
     @property
     def main(self) -> str:

@@ -18,6 +18,7 @@ SAIL_TABLES = {
     "voltage": sail_tables.Voltage,
     "tip_thrust": sail_tables.TipThrust,
     "gravity": common_tables.Gravity,
+    "orbit": sail_tables.HeliocentricOrbit,
     "initial": sail_tables.Initial,
     "integrator": common_tables.Integrator,
     "event": sail_tables.Event,
