@@ -140,9 +140,9 @@ class System(eqx.Module):
         return inner_terms_of(self.energies, self.dissipations)
 
     def field(self, time: Scalar, q: Coordinates, v: Coordinates) -> Coordinates:
-        """Acceleration [m/s^2] of a free particle at every node and hub point, due to uniform gravity and
-        the field of an orbit. They are linear in position, so that interpolation between nodes is exact; the
-        tide of the Sun is so to 1e-14 of itself."""
+        """Acceleration [m/s^2] of a free particle at every node and hub point, due to uniform gravity, the
+        field of an orbit, and the Sun's tide. They are linear in position, so that interpolation between
+        nodes is exact (the tide: to 1e-7 of the tide across an element)."""
         hub = None if q.hub is None else jnp.zeros_like(q.hub)
         tether, ring = jnp.zeros_like(q.tether), None if q.ring is None else jnp.zeros_like(q.ring)
         if self.gravity is not None:

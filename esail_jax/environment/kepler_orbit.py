@@ -68,8 +68,8 @@ def tide(origin: Vector, r: VectorPerPoint) -> VectorPerPoint:
     a = mu (R/|R|^3 - (R + r)/|R + r|^3) = -(mu/|R|^3) (r + f (R + r)),   f = (1 + q)^(-3/2) - 1,
     q = r . (2 R + r)/|R|^2,    f = -q (3 + 3 q + q^2)/(s (1 + s)),   s = (1 + q)^(3/2)
 
-    The last form has no difference of nearly equal numbers (Battin 1987, Sec. 8.4, of Encke's method). It is
-    exact at any distance. origin: heliocentric position R [m]. r [m].
+    The last form has no difference of nearly equal numbers (Battin 1987, Sec. 8.4, of Encke's method). It
+    is exact at any distance. origin: heliocentric position R [m]. r [m].
     """
     squared = origin @ origin
     place = origin.reshape(3, *(1,) * (r.ndim - 1))
@@ -115,7 +115,7 @@ def elapsed(x: Numbers, s: Numbers, b: Numbers) -> tuple[Numbers, Numbers, Numbe
 
 
 def first_guess(t: Numbers, s: Numbers, b: Numbers) -> Numbers:
-    """The anomaly from that of an ellipse, E = M + 0.85 e sign(sin M), or of a hyperbola, H = asinh(M/e)."""
+    """The anomaly from E = M + 0.85 e sign(sin M) of an ellipse, or from H = asinh(M/e) of a hyperbola."""
     h = jnp.sqrt(jnp.maximum(jnp.abs(b), 1e-12))
     e = jnp.sqrt((1.0 - b) ** 2 + b * s**2)
     start = jnp.arctan2(s * h, 1.0 - b)

@@ -6,6 +6,9 @@ from esail_jax.array_types import Array, Float, Vector
 from esail_jax.constants import SOLAR_MU
 from esail_jax.numerics.angles import safe_angle, safe_length
 
+FLAT = 1e-14
+"""Rounding: a smaller sine of the inclination, or eccentricity, counts as zero."""
+
 
 def orbital_elements(position: Vector, velocity: Vector) -> Float[Array, "6"]:
     """Elements of the Kepler orbit about the Sun through a heliocentric position r [m] with a velocity v
@@ -15,7 +18,7 @@ def orbital_elements(position: Vector, velocity: Vector) -> Float[Array, "6"]:
     of the ascending node, the argument of the pericentre and the true anomaly.
 
     In the plane of the ecliptic the node is on the X axis; a circle has its pericentre at the node. The
-    derivatives of undefined angles are zero.
+    derivatives of undefined angles are zero. FLAT is the bound of sin i and of e for both.
     """
     r = jnp.sqrt(position @ position)
     h = jnp.cross(position, velocity)
@@ -24,12 +27,13 @@ def orbital_elements(position: Vector, velocity: Vector) -> Float[Array, "6"]:
     e = safe_length(safe_length(e_vector[0], e_vector[1]), e_vector[2])
     a = 1.0 / (2.0 / r - (velocity @ velocity) / SOLAR_MU)
     inclination = safe_angle(safe_length(h[0], h[1]), h[2])
-    node = safe_angle(h[0], -h[1])
+    flat = safe_length(normal[0], normal[1]) < FLAT
+    node = jnp.where(flat, 0.0, safe_angle(h[0], -h[1]))
     toward_node = jnp.stack([jnp.cos(node), jnp.sin(node), jnp.zeros(())])
-    circle = e == 0.0
+    circle = e < FLAT
     to_pericentre = jnp.where(circle, toward_node, e_vector)
     beside = jnp.cross(normal, to_pericentre)
-    argument = safe_angle(e_vector @ jnp.cross(normal, toward_node), e_vector @ toward_node)
+    argument = safe_angle(to_pericentre @ jnp.cross(normal, toward_node), to_pericentre @ toward_node)
     return jnp.stack([
         a, e, inclination, node, argument, safe_angle(position @ beside, position @ to_pericentre)
     ])  # fmt: skip

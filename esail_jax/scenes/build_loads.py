@@ -95,9 +95,7 @@ def voltage_law(structure: Structure, n: Numbers, wind: Wind) -> voltage.Voltage
     return voltage.Constant(value)
 
 
-def planar_cone(
-    n: Numbers, wind: Wind, maximum: Array | None, slew: Array | None
-) -> voltage.PlanarCone:
+def planar_cone(n: Numbers, wind: Wind, maximum: Array | None, slew: Array | None) -> voltage.PlanarCone:
     """The planar-cone law for rigid tethers of the scene's lengths and masses at its sailing angle."""
     coning, sailing = (
         jnp.deg2rad(n[key]) for key in ("voltage.coning_angle_deg", "initial.sailing_angle_deg")

@@ -305,8 +305,8 @@ ORIGIN_AU = (0.7071067811865476, 0.7071067811865476, 0.0)
 
 @table
 class HeliocentricOrbit:
-    """Kepler orbit about the Sun of the origin of the inertial frame, whose axes do not turn. The hub starts
-    on it."""
+    """Kepler orbit about the Sun of the origin of the inertial frame, whose axes do not turn. The hub
+    starts on it."""
 
     position_au: Vector = declare(
         nonzero_vector, shape=Shape.VECTOR, unit="au", doc="Heliocentric position of the hub at t = 0."

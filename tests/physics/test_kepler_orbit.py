@@ -113,8 +113,8 @@ def test_derivatives_of_the_orbit(name):
 
 @pytest.mark.parametrize("size", [1e-3, 1e4, 1e10])
 def test_tide_has_no_cancellation(size):
-    """The tide at distances from a millimetre to 1e10 m has all its digits: it agrees with the difference of
-    two accelerations in numbers of 60 digits to 1e-15 of its size (a few roundings)."""
+    """The tide at distances from a millimetre to 1e10 m has all its digits: it agrees with the difference
+    of two accelerations in numbers of 60 digits to 1e-15 of its size (a few roundings)."""
     decimal.getcontext().prec = 60
     origin, r = np.array([AU, 0.3 * AU, 1e9]), size * np.array([0.3, -0.7, 0.2])
     big, small = ([decimal.Decimal(float(x)) for x in y] for y in (origin, r))
