@@ -36,7 +36,15 @@ if TYPE_CHECKING:
     from esail_jax.scenes.chain_tables import Chain, ChainInitial, ChainVoltage, ChainWind, Orbit
     from esail_jax.scenes.common_tables import Gravity, Integrator, Output
     from esail_jax.scenes.rules import SceneError
-    from esail_jax.scenes.sail_tables import Event, Hub, Initial, SolarWind, Tethers, Voltage
+    from esail_jax.scenes.sail_tables import (
+        Event,
+        HeliocentricOrbit,
+        Hub,
+        Initial,
+        SolarWind,
+        Tethers,
+        Voltage,
+    )
     from esail_jax.scenes.scene import Scene, load_scene
     from esail_jax.scenes.thermal_table import Thermal
     from esail_jax.scenes.tip_tables import AuxiliaryTethers, RemoteUnits, TipThrust
@@ -55,6 +63,7 @@ __all__ = [
     "ChainWind",
     "Event",
     "Gravity",
+    "HeliocentricOrbit",
     "Hub",
     "Initial",
     "Integrator",
@@ -94,7 +103,15 @@ MODULES = {
     "scenes.chain_tables": ("Chain", "ChainInitial", "ChainVoltage", "ChainWind", "Orbit"),
     "scenes.common_tables": ("Gravity", "Integrator", "Output"),
     "scenes.rules": ("SceneError",),
-    "scenes.sail_tables": ("Event", "Hub", "Initial", "SolarWind", "Tethers", "Voltage"),
+    "scenes.sail_tables": (
+        "Event",
+        "HeliocentricOrbit",
+        "Hub",
+        "Initial",
+        "SolarWind",
+        "Tethers",
+        "Voltage",
+    ),
     "scenes.scene": ("Scene", "load_scene"),
     "scenes.tip_tables": ("AuxiliaryTethers", "RemoteUnits", "TipThrust"),
     "scenes.thermal_table": ("Thermal",),

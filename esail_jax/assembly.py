@@ -14,6 +14,7 @@ from esail_jax.elements.rigid_body import RigidBody
 from esail_jax.elements.ring import Ring
 from esail_jax.elements.tether import TetherBatch
 from esail_jax.environment.circular_orbit import CircularOrbit
+from esail_jax.environment.kepler_orbit import KeplerOrbit
 from esail_jax.joints.roots import FrameRoots, HubRoots
 from esail_jax.loads.tip_thrust import TipThrust
 from esail_jax.numerics.small_matrices import matmul
@@ -25,7 +26,8 @@ class Assembly(eqx.Module):
 
     roots: None if nothing holds the tethers. hub: None for a turning frame or a chain. gravity: uniform
     acceleration [m/s^2]. orbit: field of a circular orbit, in whose axes the chain then moves. ring:
-    auxiliary tethers between the tips. tip_thrust: forces on the remote units. Absent parts are None.
+    auxiliary tethers between the tips. tip_thrust: forces on the remote units. kepler_orbit: path about the
+    Sun of the origin of I, whose axes do not turn. Absent parts are None.
     """
 
     tethers: TetherBatch
@@ -38,6 +40,7 @@ class Assembly(eqx.Module):
     orbit: CircularOrbit | None = None
     ring: Ring | None = None
     tip_thrust: TipThrust | None = None
+    kepler_orbit: KeplerOrbit | None = None
 
     # ---- parts -----------------------------------------------------------------------------
 
@@ -49,7 +52,7 @@ class Assembly(eqx.Module):
     @property
     def has_field(self) -> bool:
         """Tells whether there is an acceleration field: gravity or that of an orbit."""
-        return self.gravity is not None or self.orbit is not None
+        return any(x is not None for x in (self.gravity, self.orbit, self.kepler_orbit))
 
     @property
     def terms(self) -> tuple[str, ...]:
@@ -70,7 +73,8 @@ class Assembly(eqx.Module):
         names += [load.law_name for load in self.loads if needs_command(load)]
         names += [] if self.tip_thrust is None else [self.tip_thrust.name]
         names += ["gravity"] * (self.gravity is not None)
-        return tuple(names + ["circular orbit"] * (self.orbit is not None))
+        names += ["circular orbit"] * (self.orbit is not None)
+        return tuple(names + ["Kepler orbit about the Sun"] * (self.kepler_orbit is not None))
 
     # ---- inertia ----------------------------------------------------------------------------
 

@@ -24,3 +24,8 @@ STEFAN_BOLTZMANN = 5.670374419e-8
 
 SOLAR_CONSTANT = 1361.0
 """Flux of sunlight at 1 au [W/m^2] (Kopp & Lean 2011)."""
+SOLAR_MU = 1.32712440018e20
+"""mu [m^3/s^2]: gravitational constant times the mass of the Sun (Standish 1998, JPL DE405)."""
+
+SOLAR_RADIUS = 6.957e8
+"""Nominal radius of the Sun [m]: IAU 2015 resolution B3."""

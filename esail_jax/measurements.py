@@ -20,7 +20,8 @@ class Measurements(NamedTuple):
     """What a control law may measure at an instant: time [s], and unit vectors in the inertial frame I.
 
     spin_axis: X_B. radial_directions: from the spin axis through every root. chords: from every root to its
-    tip. wind: direction of the solar wind at the origin of I; the load that knows the wind adds it.
+    tip. position: centre of the hub in I [m], for a sail on an orbit only. wind: direction of the solar
+    wind at the origin of I, on an orbit at the hub; the load that knows the wind adds it.
     """
 
     time: Scalar
@@ -28,6 +29,7 @@ class Measurements(NamedTuple):
     radial_directions: Float[Array, "3 tether"]
     chords: Float[Array, "3 tether"]
     wind: Vector | None = None
+    position: Vector | None = None
 
     @property
     def root_phase(self) -> Float[Array, "2 tether"]:

@@ -189,7 +189,7 @@ class RodChain(eqx.Module):
             external = (joint_force * self.joints(v)).sum()
         if system.has_field:
             q, rate = self.coordinates(RodState(x, v, None))
-            external = external + (system.field(q, rate).tether * system.momenta(rate).tether).sum()
+            external = external + (system.field(time, q, rate).tether * system.momenta(rate).tether).sum()
         if system.dissipations:
             dissipated = ((weights @ dissipated_density) * length).sum()
         return stress, joint_force, Power(external, dissipated)

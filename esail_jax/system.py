@@ -25,6 +25,7 @@ from esail_jax.array_types import (
 from esail_jax.assembly import Assembly
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.elements.thermal import ThermalEnergy
+from esail_jax.environment.kepler_orbit import nodal_tide, tide
 from esail_jax.measurements import Measurements
 from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import dot, stacked
@@ -93,9 +94,10 @@ class System(Assembly):
         """Energies and dissipations; those that are functions of the invariants as one summed term."""
         return inner_terms_of(self.energies, self.dissipations)
 
-    def field(self, q: Coordinates, v: Coordinates) -> Coordinates:
-        """Acceleration [m/s^2] of a free particle at every node and hub point, due to uniform gravity and
-        the field of an orbit. Both are linear in position, so that interpolation between nodes is exact."""
+    def field(self, time: Scalar, q: Coordinates, v: Coordinates) -> Coordinates:
+        """Acceleration [m/s^2] of a free particle at every node and hub point, due to uniform gravity, the
+        field of an orbit, and the Sun's tide. They are linear in position, so that interpolation between
+        nodes is exact (the tide: to 1e-7 of the tide across an element)."""
         hub = None if q.hub is None else jnp.zeros_like(q.hub)
         tether, ring = jnp.zeros_like(q.tether), None if q.ring is None else jnp.zeros_like(q.ring)
         if self.gravity is not None:
@@ -109,17 +111,25 @@ class System(Assembly):
             tether = tether + toward
             hub = None if hub is None else hub + self.orbit.acceleration(q.hub.T, v.hub.T).T
             ring = None if ring is None else ring + self.orbit.acceleration(q.ring, v.ring)
+        if self.kepler_orbit is not None:
+            origin, _ = self.kepler_orbit.at(time)
+            tether = tether + nodal_tide(origin, q.tether)
+            hub = None if hub is None else hub + tide(origin, q.hub.T).T
+            if ring is not None:
+                ring = ring + self.ring.own_of_nodal(nodal_tide(origin, self.ring.nodal(q)))
         return Coordinates(tether, hub, ring)
 
-    def relative_to_free_fall(self, q: Coordinates, v: Coordinates, vdot: Coordinates) -> Coordinates:
+    def relative_to_free_fall(
+        self, time: Scalar, q: Coordinates, v: Coordinates, vdot: Coordinates
+    ) -> Coordinates:
         """vdot minus the acceleration field, so that weight is part of the inertia forces."""
-        return vdot.axpy(-1.0, self.field(q, v)) if self.has_field else vdot
+        return vdot.axpy(-1.0, self.field(time, q, v)) if self.has_field else vdot
 
     def residual(
         self, time: Scalar, q: Coordinates, v: Coordinates, vdot: Coordinates, lam: Multipliers
     ) -> tuple[Residual, Power]:
         """Residual of the equations of motion and constraints at one state, and the power of its forces."""
-        inertial = self.relative_to_free_fall(q, v, vdot)
+        inertial = self.relative_to_free_fall(time, q, v, vdot)
         commanded = self.with_commanded_loads(time, q)
         forces, power = commanded.member_forces(time, q, v, inertial)
         return self.complete_residual(time, q, v, forces, lam, power)
@@ -136,7 +146,7 @@ class System(Assembly):
 
         The tethers' forces are evaluated once, with the states as a batch axis of the elements.
         """
-        inertial = jax.vmap(self.relative_to_free_fall)(q, v, vdot)
+        inertial = jax.vmap(self.relative_to_free_fall)(times, q, v, vdot)
         motion = (states_inside(x) for x in (q, v, inertial))
         system = self
         if self.controlled:
@@ -156,7 +166,10 @@ class System(Assembly):
         axes, nodes = self.rotation(time, q), q.tether[0]
         chords = nodes[:, -1] - nodes[:, 0]
         chords = chords / jnp.linalg.norm(chords, axis=0)
-        return Measurements(time, axes[:, 0], axes @ self.roots.radial_directions, chords)
+        measured = Measurements(time, axes[:, 0], axes @ self.roots.radial_directions, chords)
+        if self.kepler_orbit is None:
+            return measured
+        return measured._replace(position=self.hub.centre(q.hub))
 
     def commands(self, time: Scalar, q: Coordinates) -> tuple[PerTether | None, ...]:
         """The command of every load's control law at a state; None for loads that need none."""
@@ -238,7 +251,7 @@ class System(Assembly):
         external = external + self.frame_power(time, q, v, forces, lam)
         if self.has_field:
             momentum = self.momenta(v)
-            parts = jax.tree.map(lambda a, p: (a * p).sum(), self.field(q, v), momentum)
+            parts = jax.tree.map(lambda a, p: (a * p).sum(), self.field(time, q, v), momentum)
             external = external + sum(jax.tree.leaves(parts))
         return Residual(forces, constraints), power._replace(external=external)
 

@@ -92,6 +92,15 @@ class Ring(eqx.Module):
             return tips, None
         return tips, self.own_of(vectors)
 
+    def own_of_nodal(self, nodal: Nodal) -> OwnVectors:
+        """The own vectors among nodal vectors, with slopes in metres: the inverse of `nodal`."""
+        if not self.own_vectors:
+            return None
+        if self.segments.coefs == 2:
+            nodal = jnp.stack([nodal[0], nodal[1] * self.segments.element_length])
+        vectors = jnp.moveaxis(nodal, 0, -2)
+        return self.own_of(vectors.reshape(*vectors.shape[:-3], -1, vectors.shape[-1]))
+
     def own_of(self, vectors: Float[Array, "3 *state every tether"]) -> Array:
         """The own vectors among all vectors in the order of the nodes."""
         if self.segments.coefs == 1:

@@ -1,11 +1,12 @@
-"""The solar wind: radial from the Sun; steady or a series in time."""
+"""The solar wind: radial from the Sun; steady, a series in time, or along an orbit about the Sun."""
 
 import equinox as eqx
 import jax.numpy as jnp
 
 from esail_jax.array_types import Array, Float, Instants, Scalar, Vector, VectorPerPoint
 from esail_jax.constants import PROTON_MASS, THRUST_FACTOR, VACUUM_PERMITTIVITY
-from esail_jax.numerics.vectors import norm
+from esail_jax.environment.kepler_orbit import KeplerOrbit
+from esail_jax.numerics.vectors import dot, norm
 
 
 class SteadyWind(eqx.Module):
@@ -20,9 +21,13 @@ class SteadyWind(eqx.Module):
     cutoff_voltage: Scalar
     origin: Vector
 
-    def at(self, time: Instants) -> "SteadyWind":
-        """The wind at an instant: a steady wind is the same at all."""
+    def at(self, time: Instants, r: VectorPerPoint | None = None) -> "SteadyWind":
+        """The wind at an instant, at points r: a steady wind is the same at all."""
         return self
+
+    def direction(self, time: Scalar, r: Vector | None) -> Vector:
+        """Unit vector along the wind at the origin of the inertial frame."""
+        return self.origin / jnp.linalg.norm(self.origin)
 
     def velocity(self, r: VectorPerPoint) -> VectorPerPoint:
         """Wind velocity u (R_0 + r) / |R_0 + r| [m/s] at each point r ([PGV] Eq. 32)."""
@@ -50,7 +55,57 @@ class WindSeries(eqx.Module):
     cutoff_voltage: Scalar
     origin: Vector
 
-    def at(self, time: Instants) -> SteadyWind:
-        """The wind at one or several instants."""
-        speed, density = (jnp.interp(time, self.time, x) for x in (self.speed, self.number_density))
-        return SteadyWind(speed, density, self.cutoff_voltage, self.origin)
+    def at(self, time: Instants, r: VectorPerPoint | None = None) -> SteadyWind:
+        """The wind at one or several instants, the same at all points r."""
+        now = (jnp.interp(time, self.time, x) for x in (self.speed, self.number_density))
+        return SteadyWind(*now, self.cutoff_voltage, self.origin)
+
+    def direction(self, time: Scalar, r: Vector | None) -> Vector:
+        """Unit vector along the wind at the origin of the inertial frame."""
+        return self.origin / jnp.linalg.norm(self.origin)
+
+
+class WindOnOrbit(eqx.Module):
+    """Solar wind at a sail whose inertial frame moves along a Kepler orbit. It is radial from the Sun, and
+    its density falls with the square of the distance: n(R) = n_0 (R_ref/R)^2; its speed is constant.
+
+    wind: speed and number density at the reference distance. reference_distance: R_ref [m].
+    """
+
+    wind: SteadyWind | WindSeries
+    orbit: KeplerOrbit
+    reference_distance: Scalar
+
+    def at(self, time: Instants, r: VectorPerPoint | None = None) -> "LocalWind":
+        """The wind at one or several instants, at points r [m] of the moving frame."""
+        wind = self.wind.at(time)
+        origin, velocity = self.orbit.at(time)
+        if r is not None:
+            # The axes of the instants are the last ones but that of the elements (`array_types.py`).
+            shape = (3, *(1,) * (r.ndim - 1 - jnp.ndim(time)), *jnp.shape(time))
+            origin, velocity = origin.reshape(shape), velocity.reshape(shape)
+        place = origin if r is None else origin + r
+        squared = dot(place, place)
+        density = wind.number_density * self.reference_distance**2 / squared
+        return LocalWind(wind.speed, density, wind.cutoff_voltage, place, velocity)
+
+    def direction(self, time: Scalar, r: Vector | None) -> Vector:
+        """Unit vector along the wind at a point r of the moving frame."""
+        place = self.orbit.at(time)[0] + r
+        return place / jnp.linalg.norm(place)
+
+
+class LocalWind(SteadyWind):
+    """Solar wind at several points: origin holds the heliocentric position [m] of every point, and
+    number_density its density there. frame_velocity: velocity [m/s] of the inertial frame."""
+
+    origin: VectorPerPoint
+    frame_velocity: VectorPerPoint
+
+    def velocity(self, r: VectorPerPoint) -> VectorPerPoint:
+        """Wind velocity u [m/s] at each of the points, in axes at rest relative to the Sun."""
+        return self.origin * (self.speed / norm(self.origin))
+
+
+Wind = SteadyWind | WindSeries | WindOnOrbit
+"""The kinds of wind that a scene may have."""

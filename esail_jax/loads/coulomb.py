@@ -4,11 +4,10 @@ import dataclasses
 from typing import ClassVar
 
 import equinox as eqx
-import jax.numpy as jnp
 
 from esail_jax.array_types import Array, Float, Instants, PerElement, PerTether, VectorPerPoint
 from esail_jax.elements.tether import per_element
-from esail_jax.environment.solar_wind import SteadyWind, WindSeries
+from esail_jax.environment.solar_wind import LocalWind, Wind
 from esail_jax.loads.electron_current import Collector
 from esail_jax.loads.voltage import Constant, VoltageLaw
 from esail_jax.measurements import Measurements
@@ -22,12 +21,13 @@ class CoulombThrust(ControlledLoad):
 
     relative: whether u is the wind's velocity relative to the point of the tether, u - dr/dt, in place of
     the wind's velocity itself ([PGV]). sigma/u is then that of the wind's own speed, so that the thrust is
-    linear in the velocity of the tether, and of order |dr/dt|/u = 1e-4. voltage: V [V] of every element;
+    linear in the velocity of the tether, and of order |dr/dt|/u = 1e-4. On an orbit dr/dt includes the
+    velocity of the moving frame, of order 0.1 u. voltage: V [V] of every element;
     None until the voltage law has commanded it. collector: the wires that collect electrons; None if the
     scene does not describe them.
     """
 
-    wind: SteadyWind | WindSeries
+    wind: Wind
     voltage_law: VoltageLaw
     voltage: PerElement | None = None
     relative: bool = eqx.field(static=True, default=False)
@@ -39,7 +39,7 @@ class CoulombThrust(ControlledLoad):
     @classmethod
     def of(
         cls,
-        wind: SteadyWind | WindSeries,
+        wind: Wind,
         voltage_law: VoltageLaw,
         elements: int,
         relative: bool = False,
@@ -64,16 +64,18 @@ class CoulombThrust(ControlledLoad):
 
     def commanded(self, measurements: Measurements) -> PerTether:
         """Voltage V [V] of every tether, within its limits."""
-        origin = self.wind.origin
-        return self.voltage_law.voltage(measurements._replace(wind=origin / jnp.linalg.norm(origin)))
+        wind = self.wind.direction(measurements.time, measurements.position)
+        return self.voltage_law.voltage(measurements._replace(wind=wind))
 
     def with_command(self, command: Float[Array, "*state element"]) -> "CoulombThrust":
         return dataclasses.replace(self, voltage=command)
 
     def force(self, time: Instants, fields: PointFields, rates: PointFields) -> VectorPerPoint:
-        wind = self.wind.at(time)
+        wind = self.wind.at(time, fields.r)
         u = wind.velocity(fields.r)
         if self.relative:
             u = u - rates.r
+            if isinstance(wind, LocalWind):
+                u = u - wind.frame_velocity
         along = dot(fields.r_x, u) * reciprocal(dot(fields.r_x, fields.r_x))
         return wind.thrust_per_speed(self.voltage) * (u - along * fields.r_x)

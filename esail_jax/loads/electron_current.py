@@ -5,9 +5,9 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from esail_jax.array_types import PerTether, Scalar
+from esail_jax.array_types import PerTether, Scalar, Vector
 from esail_jax.constants import ELECTRON_MASS, ELEMENTARY_CHARGE
-from esail_jax.environment.solar_wind import SteadyWind, WindSeries
+from esail_jax.environment.solar_wind import SteadyWind, Wind
 from esail_jax.loads.voltage import Constant, VoltageLaw
 from esail_jax.measurements import Measurements
 
@@ -22,30 +22,33 @@ class Collector(eqx.Module):
     and the electric power is the sum of V I over the tethers. The voltage is the same along the tether.
 
     width_times_length: 2 r_w times the number of wires and the undeformed length of a tether [m^2]. wind:
-    its number density n_0 is also that of the electrons.
+    its number density n_0 is also that of the electrons; on an orbit it is that at the hub.
     """
 
     width_times_length: PerTether
-    wind: SteadyWind | WindSeries
+    wind: Wind
 
-    def current(self, time: Scalar, voltage: PerTether) -> PerTether:
-        """Current I [A] of every tether; zero at a voltage [V] that is not positive."""
+    def current(self, time: Scalar, voltage: PerTether, position: Vector | None = None) -> PerTether:
+        """Current I [A] of every tether; zero at a voltage [V] that is not positive. position: that of the
+        hub [m] if the sail moves on an orbit."""
         positive = voltage > 0.0
         # The root has no derivative at zero.
         volts = jnp.where(positive, voltage, 1.0)
         speed = jnp.sqrt(2.0 * ELEMENTARY_CHARGE * volts / ELECTRON_MASS)
-        charge = ELEMENTARY_CHARGE * self.wind.at(time).number_density
+        charge = ELEMENTARY_CHARGE * self.wind.at(time, position).number_density
         return jnp.where(positive, self.width_times_length * charge * speed, 0.0)
 
-    def power(self, time: Scalar, voltage: PerTether) -> Scalar:
+    def power(self, time: Scalar, voltage: PerTether, position: Vector | None = None) -> Scalar:
         """Electric power [W] of all tethers together."""
-        return (voltage * self.current(time, voltage)).sum()
+        return (voltage * self.current(time, voltage, position)).sum()
 
-    def within_power(self, time: Scalar, voltage: PerTether, limit: Scalar) -> PerTether:
+    def within_power(
+        self, time: Scalar, voltage: PerTether, limit: Scalar, position: Vector | None = None
+    ) -> PerTether:
         """The voltages, all multiplied by the same factor if they would need more than `limit` [W].
 
         Power grows with V^(3/2), so that the factor is (limit / power)^(2/3)."""
-        return voltage * jnp.maximum(self.power(time, voltage) / limit, 1.0) ** (-2.0 / 3.0)
+        return voltage * jnp.maximum(self.power(time, voltage, position) / limit, 1.0) ** (-2.0 / 3.0)
 
 
 class PowerLimited(VoltageLaw):
@@ -63,7 +66,8 @@ class PowerLimited(VoltageLaw):
         return self.law.voltage(measurements)
 
     def voltage(self, measurements: Measurements) -> PerTether:
-        return self.collector.within_power(measurements.time, self.commanded(measurements), self.limit)
+        volts, position = self.commanded(measurements), measurements.position
+        return self.collector.within_power(measurements.time, volts, self.limit, position)
 
 
 def power_limited(law: VoltageLaw, collector: Collector, limit: Scalar) -> VoltageLaw:

@@ -13,6 +13,7 @@ import numpy as np
 from jax import lax
 
 from esail_jax.array_types import Array, Float, PerTether, Scalar, Vector
+from esail_jax.environment.orbit import orbital_frame
 from esail_jax.measurements import Measurements
 from esail_jax.numerics.smooth_step import MAX_STEP_SLOPE, pulse
 
@@ -156,14 +157,26 @@ class Feedback(VoltageLaw):
     smooth: ClassVar[bool] = True
 
     def commanded(self, measurements: Measurements) -> PerTether:
-        axis = measurements.spin_axis
-        miss = self.target - axis * (axis @ self.target)
+        axis, target = measurements.spin_axis, self.aim(measurements)
+        miss = target - axis * (axis @ target)
         lever = miss @ jnp.cross(measurements.radial_directions, axis[:, None], axis=0)
         gain = self.gain * (axis @ measurements.wind)
         if self.slew_rate is not None:
             fastest = jnp.abs(self.value * self.spin_rate * gain) * jnp.sqrt(miss @ miss + 1e-30)
             gain = gain * slew_rate_factor(fastest, self.slew_rate)
         return self.value * (1.0 + gain * lever)
+
+    def aim(self, measurements: Measurements) -> Vector:
+        """The target in the inertial frame."""
+        return self.target
+
+
+class OrbitalFeedback(Feedback):
+    """Attitude feedback to a target that is fixed in the orbital frame O, and turns with it."""
+
+    def aim(self, measurements: Measurements) -> Vector:
+        """The target in the inertial frame; O follows from the direction of the wind at the hub, Z_O."""
+        return orbital_frame(measurements.wind) @ self.target
 
 
 class PlanarCone(VoltageLaw):

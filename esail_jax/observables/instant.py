@@ -25,7 +25,8 @@ class Instant(eqx.Module):
     time [s], q, v, vdot, lam: the state, with the accelerations and multipliers that belong to it
     work: dissipated energy and external work since the start [J]
     start_energy: kinetic and elastic energy at the start [J]
-    origin: heliocentric position [m] of the origin of the inertial frame
+    origin: heliocentric position [m] of the origin of the inertial frame; origin_velocity: its velocity
+    [m/s], None without an orbit
     forces: left-hand side of the equations of motion [N] without the reactions of the root joints
     power: dissipated and external power [W]
     load: Coulomb thrust at the quadrature points [N/m]; None without wind
@@ -43,6 +44,7 @@ class Instant(eqx.Module):
     forces: Coordinates
     power: Power
     load: VectorPerPoint | None
+    origin_velocity: Vector | None = None
 
     @property
     def p(self) -> int:
@@ -58,6 +60,12 @@ class Instant(eqx.Module):
     def centre(self) -> Vector:
         """Position of the hub centre O_B, or of the fixed centre of the rotating frame [m]."""
         return jnp.zeros(3) if self.system.hub is None else self.system.hub.centre(self.q.hub)
+
+    @property
+    def heliocentric(self) -> tuple[Vector, Vector]:
+        """Heliocentric position [m] and velocity [m/s] of the hub centre, on an orbit."""
+        velocity = self.system.hub.centre(self.v.hub)
+        return self.origin + self.centre, self.origin_velocity + velocity
 
     @property
     def orbital(self) -> Rotation:
@@ -164,9 +172,13 @@ def make_instant(
     """Returns the instant of a state, with the accelerations and multipliers that belong to the state.
 
     mass: factors of the mass matrix, as in `consistent_motion`."""
+    velocity = None
+    if system.kepler_orbit is not None:
+        origin, velocity = system.kepler_orbit.at(time)
     vdot, lam, forces, power = consistent_motion(system, time, q, v, mass)
     load, thrust = None, find_term(system.with_commanded_loads(time, q).loads, CoulombThrust)
     if thrust is not None:
         fields, rates = system.tethers.interpolate(q.tether), system.tethers.interpolate(v.tether)
         load = thrust.force(time, fields, rates)
-    return Instant(system, time, q, v, vdot, lam, work, start_energy, origin, forces, power, load)
+    start = (work, start_energy, origin)
+    return Instant(system, time, q, v, vdot, lam, *start, forces, power, load, velocity)

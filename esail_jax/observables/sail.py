@@ -11,6 +11,7 @@ import numpy as np
 from esail_jax.array_types import Array, Float, Scalar, Vector
 from esail_jax.elements.axial import AbstractAxialEnergy, axial_strain
 from esail_jax.elements.thermal import ThermalEnergy
+from esail_jax.environment.orbital_elements import orbital_elements
 from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.numerics.angles import euler_angles, safe_angle, safe_length
 from esail_jax.numerics.small_matrices import matmul
@@ -90,12 +91,14 @@ def voltage(i: Instant) -> Float[Array, " tether"]:
 
 def electron_current(i: Instant) -> Float[Array, " tether"]:
     """Electron current [A] that every tether collects at its voltage."""
-    return find_term(i.system.loads, CoulombThrust).collector.current(i.time, voltage(i))
+    position = i.system.measurements(i.time, i.q).position
+    return find_term(i.system.loads, CoulombThrust).collector.current(i.time, voltage(i), position)
 
 
 def electric_power(i: Instant) -> Scalar:
     """Electric power [W] of all tethers, the sum of voltage times current."""
-    return find_term(i.system.loads, CoulombThrust).collector.power(i.time, voltage(i))
+    position = i.system.measurements(i.time, i.q).position
+    return find_term(i.system.loads, CoulombThrust).collector.power(i.time, voltage(i), position)
 
 
 def temperature(i: Instant) -> Float[Array, " tether"]:
@@ -199,6 +202,13 @@ OBSERVABLES = (
     Observable("electron_current", "A", "I_i", TETHER, "2 r_w e n_0 sqrt(2 e V/m_e) per length of a wire",
                electron_current, needs="wires"),
     Observable("electric_power", "W", "P_el", (), "sum of V_i I_i", electric_power, needs="wires"),
+    Observable("heliocentric_position", "m", "R", XYZ, "Kepler orbit plus r_OB",
+               lambda i: i.heliocentric[0], needs="orbit"),
+    Observable("heliocentric_velocity", "m/s", "V", XYZ, "time derivative of R",
+               lambda i: i.heliocentric[1], needs="orbit"),
+    Observable("orbital_elements", "m, rad", "a, e, i, Omega, omega, nu", ("element",),
+               "osculating Kepler elements of R and V", lambda i: orbital_elements(*i.heliocentric),
+               needs="orbit"),
 )  # fmt: skip
 
 ON_REQUEST = (
@@ -209,11 +219,12 @@ ON_REQUEST = (
 
 
 def listed(system: System) -> list[Observable]:
-    """The observables of a sail. Those that need a hub, a ring, the wind, its wires or heat are left out
-    without them."""
+    """The observables of a sail. Those that need a hub, a ring, an orbit about the Sun, the wind, its wires
+    or heat are left out without them."""
     present = {"": True, "hub": system.hub is not None, "ring": system.ring is not None}
     thrust = find_term(system.loads, CoulombThrust)
     present["wind"] = thrust is not None
     present["heat"] = find_term(system.energies, ThermalEnergy) is not None
+    present["orbit"] = system.kepler_orbit is not None
     present["wires"] = thrust is not None and thrust.collector is not None
     return [entry for entry in OBSERVABLES if present[entry.needs]]

@@ -49,7 +49,7 @@ def draw_sail(ax: Axes3D, run: Any, frame: int) -> None:
         ax.plot(*tip[:, None], color=colour, marker="o", markersize=4)
     ax.plot(*hub[:, None], color="black", marker="s", markersize=4)
     half = frame_cube(ax, np.concatenate([tips.reshape(-1, 3), hub[None]]))
-    draw_wind(ax, run, hub, ARROW * half)
+    draw_wind(ax, run, frame, hub, ARROW * half)
     period = spin_period(run)
     turns = "" if period is None else f", $t/T_s$ = {run.time[frame] / period:.3g}"
     ax.set_title(f"$t$ = {run.time[frame]:.4g} s{turns}", fontsize="medium", y=1.03)
@@ -74,10 +74,20 @@ def frame_cube(ax: Axes3D, points: np.ndarray) -> float:
     return half
 
 
-def draw_wind(ax: Axes3D, run: Any, hub: np.ndarray, length: float) -> None:
+def heliocentric(run: Any, frame: int, hub: np.ndarray) -> np.ndarray:
+    """Returns the heliocentric position of the hub [km], of which the direction counts. On an orbit it is
+    the saved one, or without it that of the start."""
+    path = observable(run, "heliocentric_position")
+    if path is not None:
+        return path[frame] / KILOMETRE
+    orbit = run.scene.orbit
+    start = run.scene.initial.heliocentric_position_au if orbit is None else orbit.position_au
+    return np.asarray(start, float) * ASTRONOMICAL_UNIT / KILOMETRE + hub
+
+
+def draw_wind(ax: Axes3D, run: Any, frame: int, hub: np.ndarray, length: float) -> None:
     """Draws an arrow along Z_O at the hub [km] and sets an oblique view of the sail."""
-    sun = np.asarray(run.scene.initial.heliocentric_position_au, float) * ASTRONOMICAL_UNIT
-    outward = sun / KILOMETRE + hub
+    outward = heliocentric(run, frame, hub)
     arrow = length * outward / np.linalg.norm(outward)
     ax.quiver(*hub, *arrow, color="tab:red", linewidth=1.5, arrow_length_ratio=0.15)
     azimuth = np.degrees(np.arctan2(arrow[1], arrow[0]))

@@ -28,7 +28,13 @@ from esail_jax.joints import roots as joints
 from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.loads.voltage import Constant
 from esail_jax.rod_chain import RodChain, RodState
-from esail_jax.scenes.build_loads import coulomb_thrust, starting_attitude, tip_thrust_of, wind_of
+from esail_jax.scenes.build_loads import (
+    coulomb_thrust,
+    kepler_orbit_of,
+    starting_attitude,
+    tip_thrust_of,
+    wind_of,
+)
 from esail_jax.scenes.structure import Numbers, Structure
 from esail_jax.system import Power, System
 from esail_jax.terms import Dissipation, Energy
@@ -75,6 +81,7 @@ def build(structure: Structure, numbers: Numbers) -> Model:
         gravity=n.get("gravity.acceleration"),
         ring=ring_of(structure, n) if structure.has("auxiliary_tethers") else None,
         tip_thrust=tip_thrust_of(structure, n),
+        kepler_orbit=kepler_orbit_of(n),
     )
     q, v, unbalanced = initial_state(structure, n, system, azimuth, start)
     return Model(system, q, v, unbalanced)

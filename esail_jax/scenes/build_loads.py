@@ -4,8 +4,9 @@ import jax.numpy as jnp
 
 from esail_jax.array_types import Array, Float, PerTether, Rotation
 from esail_jax.constants import ASTRONOMICAL_UNIT
+from esail_jax.environment.kepler_orbit import KeplerOrbit
 from esail_jax.environment.orbit import orbital_frame
-from esail_jax.environment.solar_wind import SteadyWind, WindSeries
+from esail_jax.environment.solar_wind import SteadyWind, Wind, WindOnOrbit, WindSeries
 from esail_jax.joints import roots as joints
 from esail_jax.loads import voltage
 from esail_jax.loads.coulomb import CoulombThrust
@@ -38,8 +39,24 @@ def tip_thrust_of(structure: Structure, n: Numbers) -> TipThrust | None:
     return TipThrust(n["tip_thrust.force"], switching, structure["tip_thrust.direction"])
 
 
-def wind_of(n: Numbers, origin: Float[Array, "3"]) -> SteadyWind | WindSeries:
+def wind_of(n: Numbers, origin: Float[Array, "3"]) -> Wind:
     """The wind of [solar_wind]. origin: R_0 [m], heliocentric position of the inertial frame's origin."""
+    orbit = kepler_orbit_of(n)
+    if orbit is None:
+        return wind_at(n, origin)
+    distance = n.get("solar_wind.reference_distance_au", jnp.ones(())) * ASTRONOMICAL_UNIT
+    return WindOnOrbit(wind_at(n, origin), orbit, distance)
+
+
+def kepler_orbit_of(n: Numbers) -> KeplerOrbit | None:
+    """The orbit of a sail about the Sun; None without one."""
+    if "orbit.position_au" not in n:
+        return None
+    return KeplerOrbit(n["orbit.position_au"] * ASTRONOMICAL_UNIT, n["orbit.velocity"])
+
+
+def wind_at(n: Numbers, origin: Float[Array, "3"]) -> SteadyWind | WindSeries:
+    """The wind of [solar_wind] at one place, steady or a series."""
     keys = ("solar_wind.speed", "solar_wind.number_density")
     speed, density = (n[key] for key in keys)
     cutoff = n["solar_wind.cutoff_voltage"]
@@ -50,7 +67,7 @@ def wind_of(n: Numbers, origin: Float[Array, "3"]) -> SteadyWind | WindSeries:
     return WindSeries(time, speed, density, cutoff, origin)
 
 
-def voltage_law(structure: Structure, n: Numbers, wind: SteadyWind | WindSeries) -> voltage.VoltageLaw:
+def voltage_law(structure: Structure, n: Numbers, wind: Wind) -> voltage.VoltageLaw:
     """The voltage law of [voltage]."""
     law, maximum = structure["voltage.law"], n.get("voltage.maximum")
     value, slew = n.get("voltage.value"), n.get("voltage.slew_rate")
@@ -67,19 +84,18 @@ def voltage_law(structure: Structure, n: Numbers, wind: SteadyWind | WindSeries)
         switched = (n.get(f"voltage.{x}") for x in ("on", "off", "rise_time"))
         return voltage.OnOff(value, *switched, maximum, slew)
     if law == "feedback":
-        attitude, _ = starting_attitude(
-            n | {"initial.sailing_angle_deg": n["voltage.target_sailing_angle_deg"]}
-        )
+        pitch = n | {"initial.sailing_angle_deg": n["voltage.target_sailing_angle_deg"]}
         gain, spin = n["voltage.gain"], n["initial.spin_rate"]
-        return voltage.Feedback(value, gain, attitude[:, 0], maximum, slew, spin)
+        if structure.has("orbit"):
+            target = orbital_attitude(pitch)[:, 0]
+            return voltage.OrbitalFeedback(value, gain, target, maximum, slew, spin)
+        return voltage.Feedback(value, gain, starting_attitude(pitch)[0][:, 0], maximum, slew, spin)
     if law == "planar-cone":
         return planar_cone(n, wind, maximum, slew)
     return voltage.Constant(value)
 
 
-def planar_cone(
-    n: Numbers, wind: SteadyWind | WindSeries, maximum: Array | None, slew: Array | None
-) -> voltage.PlanarCone:
+def planar_cone(n: Numbers, wind: Wind, maximum: Array | None, slew: Array | None) -> voltage.PlanarCone:
     """The planar-cone law for rigid tethers of the scene's lengths and masses at its sailing angle."""
     coning, sailing = (
         jnp.deg2rad(n[key]) for key in ("voltage.coning_angle_deg", "initial.sailing_angle_deg")
@@ -102,6 +118,18 @@ def per_tether(rows: Array, like: PerTether) -> Float[Array, "row tether"]:
 
 def starting_attitude(n: Numbers) -> tuple[Rotation, Float[Array, "3"]]:
     """Initial attitude C_B^I(0), the orbital frame turned by (alpha - 90 deg) about Y_O, and R_0 [m]."""
-    origin = n["initial.heliocentric_position_au"] * ASTRONOMICAL_UNIT
-    pitch = jnp.deg2rad(n["initial.sailing_angle_deg"] - 90.0)
-    return orbital_frame(origin) @ joints.rotation_about_y(pitch), origin
+    origin = origin_of(n)
+    turned = orbital_attitude(n)
+    return orbital_frame(origin) @ turned, origin
+
+
+def origin_of(n: Numbers) -> Float[Array, "3"]:
+    """Heliocentric position [m] of the origin of the inertial frame at t = 0; zero for a chain that has
+    none."""
+    key = "orbit.position_au" if "orbit.position_au" in n else "initial.heliocentric_position_au"
+    return n.get(key, jnp.zeros(3)) * ASTRONOMICAL_UNIT
+
+
+def orbital_attitude(n: Numbers) -> Rotation:
+    """Initial attitude C_B^O(0) in the orbital frame: a turn by (alpha - 90 deg) about Y_O."""
+    return joints.rotation_about_y(jnp.deg2rad(n["initial.sailing_angle_deg"] - 90.0))

@@ -5,6 +5,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from esail_jax.constants import ASTRONOMICAL_UNIT, SOLAR_MU, SOLAR_RADIUS
 from esail_jax.scenes import rules
 from esail_jax.scenes.chain_tables import Chain, ChainInitial, ChainVoltage, ChainWind, Orbit
 from esail_jax.scenes.common_tables import Integrator
@@ -14,6 +15,7 @@ from esail_jax.scenes.sail_tables import (
     LAWS,
     OPTIONAL_LAW_KEYS,
     Event,
+    HeliocentricOrbit,
     Hub,
     Initial,
     SolarWind,
@@ -42,7 +44,7 @@ class Parts(Protocol):
     voltage: Voltage | ChainVoltage | None
     event: Event | None
     auxiliary_tethers: AuxiliaryTethers | None
-    orbit: Orbit | None
+    orbit: Orbit | HeliocentricOrbit | None
     tip_thrust: TipThrust | None
     thermal: Thermal | None
 
@@ -80,14 +82,45 @@ def check_together(scene: Parts) -> None:
         first = names_of(tables_of([scene.main])[lack])[0]
         raise SceneError(f"{lack}.{first}", f"be given with [{have}]", "is missing")
     check_integrator(scene)
-    position = scene.initial.heliocentric_position_au
+    check_off_axis("initial.heliocentric_position_au", scene.initial.heliocentric_position_au)
+
+
+def check_off_axis(key: str, position: Any) -> None:
+    """Refuses a heliocentric position on the axis of the ecliptic, where the orbital frame is not defined.
+    Raises SceneError."""
     position = None if position is None else rules.known(position)
     if position is not None and position[0] == position[1] == 0.0:
-        raise SceneError(
-            "initial.heliocentric_position_au",
-            "not lie on the ecliptic's axis",
-            rules.describe(position),
-        )
+        raise SceneError(key, "not lie on the ecliptic's axis", rules.describe(position))
+
+
+def check_orbit(scene: Parts) -> None:
+    """Checks the keys of a sail that belong to its orbit about the Sun. Raises SceneError."""
+    orbit, wind = scene.orbit, scene.solar_wind
+    if orbit is None:
+        if wind is not None and wind.reference_distance_au is not None:
+            raise SceneError("solar_wind.reference_distance_au", "be left out without [orbit]", "is given")
+        return
+    if scene.hub is None:
+        raise SceneError("orbit", "be left out without [hub]", "is given")
+    if scene.initial.heliocentric_position_au is not None:
+        raise SceneError("initial.heliocentric_position_au", "be left out with [orbit]", "is given")
+    check_off_axis("orbit.position_au", orbit.position_au)
+    position, velocity = (rules.known(x) for x in (orbit.position_au, orbit.velocity))
+    if position is None or velocity is None:
+        return
+    nearest = pericentre(ASTRONOMICAL_UNIT * position, velocity)
+    if nearest < SOLAR_RADIUS:
+        must = f"give an orbit whose pericentre is outside the Sun ({SOLAR_RADIUS:g} m)"
+        raise SceneError("orbit.velocity", must, f"the pericentre is at {nearest:.6g} m")
+
+
+def pericentre(position: np.ndarray, velocity: np.ndarray) -> float:
+    """Pericentre distance [m] of the Kepler orbit about the Sun through a position [m] with a velocity
+    [m/s]: (h^2/mu)/(1 + e), with the angular momentum h and the eccentricity e."""
+    h = np.linalg.norm(np.cross(position, velocity))
+    r, speed_squared = np.linalg.norm(position), velocity @ velocity
+    e_vector = (speed_squared / SOLAR_MU - 1.0 / r) * position - position @ velocity / SOLAR_MU * velocity
+    return float(h**2 / SOLAR_MU / (1.0 + np.linalg.norm(e_vector)))
 
 
 def check_integrator(scene: Parts) -> None:
@@ -141,6 +174,7 @@ def check_sail(scene: Parts) -> None:
         check_tip_thrust(scene.tip_thrust)
     if scene.thermal is not None:
         check_thermal(scene.thermal, scene.initial.elongation, scene.members)
+    check_orbit(scene)
 
 
 def check_voltage(scene: Parts) -> None:

@@ -20,6 +20,7 @@ from esail_jax.scenes.rules import (
     choice,
     increasing,
     non_negative,
+    nonzero_vector,
     positive,
     positive_integer,
     true_or_false,
@@ -117,6 +118,12 @@ class SolarWind:
         default=None,
     )
     relative: bool = declarations.wind_relative_to_point()
+    reference_distance_au: Number | None = declare(
+        positive,
+        unit="au",
+        doc="Distance of the Sun at which speed and density are given, 1 if left out; used with [orbit].",
+        default=None,
+    )
 
 
 LAWS: dict[LawName, tuple[str, ...]] = {
@@ -213,10 +220,11 @@ class Initial:
         doc="Sailing angle alpha from the direction away from the Sun to the spin axis X_B.",
         default=0.0,
     )
-    heliocentric_position_au: Vector = vector(
+    heliocentric_position_au: Vector | None = vector(
         unit="au",
-        doc="Heliocentric position R_0 of the inertial frame's origin.",
-        default=(0.7071067811865476, 0.7071067811865476, 0.0),
+        doc="Heliocentric position R_0 of the inertial frame's origin, left out with [orbit]; without both "
+        "(0.7071067811865476, 0.7071067811865476, 0).",
+        default=None,
     )
     elongation: ElongationName = declare(
         choice(ElongationName),
@@ -229,6 +237,23 @@ class Initial:
         unit="deg",
         doc="Angle of the tethers from the spin plane towards X_B.",
         default=0.0,
+    )
+
+
+ORIGIN_AU = (0.7071067811865476, 0.7071067811865476, 0.0)
+"""Heliocentric position [au] of the origin of a sail that has neither a position nor an orbit."""
+
+
+@table
+class HeliocentricOrbit:
+    """Kepler orbit about the Sun of the origin of the inertial frame, whose axes do not turn. The hub
+    starts on it."""
+
+    position_au: Vector = declare(
+        nonzero_vector, shape=Shape.VECTOR, unit="au", doc="Heliocentric position of the hub at t = 0."
+    )
+    velocity: Vector = declare(
+        nonzero_vector, shape=Shape.VECTOR, unit="m/s", doc="Heliocentric velocity of the hub at t = 0."
     )
 
 

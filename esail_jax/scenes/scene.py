@@ -20,7 +20,16 @@ from esail_jax.scenes.consistency import check_together, method_name
 from esail_jax.scenes.declarations import rule_of
 from esail_jax.scenes.merging import merged, unknown
 from esail_jax.scenes.rules import SceneError
-from esail_jax.scenes.sail_tables import Event, Hub, Initial, SolarWind, Tethers, Voltage
+from esail_jax.scenes.sail_tables import (
+    ORIGIN_AU,
+    Event,
+    HeliocentricOrbit,
+    Hub,
+    Initial,
+    SolarWind,
+    Tethers,
+    Voltage,
+)
 from esail_jax.scenes.size_limits import check_size
 from esail_jax.scenes.tables import REPEATED, TABLES, given, names_of, tables_of
 from esail_jax.scenes.thermal_table import Thermal
@@ -53,7 +62,7 @@ class Scene:
     tip_thrust: TipThrust | None = None
     thermal: Thermal | None = None
     gravity: Gravity | None = None
-    orbit: Orbit | None = None
+    orbit: Orbit | HeliocentricOrbit | None = None
     event: Event | None = None
     output: Output | None = None
 
@@ -74,6 +83,9 @@ class Scene:
             interval = self.integrator.t_end / 1000.0
             object.__setattr__(self, "output", Output(interval=interval))
         check_together(self)
+        if self.chain is None and self.orbit is None and self.initial.heliocentric_position_au is None:
+            start = dataclasses.replace(self.initial, heliocentric_position_au=ORIGIN_AU)
+            object.__setattr__(self, "initial", start)
 
     @property
     def main(self) -> str:

@@ -19,6 +19,7 @@ SAIL_TABLES = {
     "tip_thrust": tip_tables.TipThrust,
     "thermal": thermal_table.Thermal,
     "gravity": common_tables.Gravity,
+    "orbit": sail_tables.HeliocentricOrbit,
     "initial": sail_tables.Initial,
     "integrator": common_tables.Integrator,
     "event": sail_tables.Event,

@@ -10,11 +10,11 @@ import numpy as np
 from esail_jax import observables
 from esail_jax.array_types import Array, Scalar, Vector
 from esail_jax.compilation.jit import traced_once
-from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.elements.hinges import Hinges
 from esail_jax.iteration_matrix import Inertia, inertia_of
 from esail_jax.rod_chain import RodChain, energy_floor
 from esail_jax.scenes.build import build, build_chain
+from esail_jax.scenes.build_loads import origin_of
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.stepper_choice import stepper_of
@@ -30,8 +30,8 @@ UNBALANCED = 1e-6
 class Problem(NamedTuple):
     """A built scene and the stepper that integrates it.
 
-    origin: heliocentric position of the origin of the coordinates [m]; start_energy: kinetic and elastic
-    energy at the start [J]; inertia: the factored mass matrix of a sail (None for a chain); energy_floor:
+    origin: heliocentric position of the origin of the coordinates at t = 0 [m]; start_energy: kinetic and
+    elastic energy at the start [J]; inertia: the factored mass matrix of a sail (None for a chain); energy_floor:
     the energy [J] below which the balance of a chain is not judged (None where the method needs no
     guard)."""
 
@@ -85,7 +85,7 @@ def start(
 
     stepper: a method in place of the scene's; point: an instant to start from in place of the scene's
     start."""
-    origin = numbers.get("initial.heliocentric_position_au", jnp.zeros(3)) * ASTRONOMICAL_UNIT
+    origin = origin_of(numbers)
     zero = jnp.zeros(())
     nothing = Power(zero, zero)
     if structure.has("chain"):

@@ -129,6 +129,8 @@ def wind_directions(run: SavedRun, frames: np.ndarray, centre: np.ndarray) -> np
         return None
     if "heliocentric_position" in run.rows:
         sun = run.rows["heliocentric_position"][frames]
+    elif run.scene.orbit is not None:
+        return None  # the saved rows do not tell where the sail is
     else:
         sun = np.asarray(run.scene.initial.heliocentric_position_au, float) * ASTRONOMICAL_UNIT + centre
     return sun / np.linalg.norm(sun, axis=-1, keepdims=True)

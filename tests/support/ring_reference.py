@@ -1,8 +1,12 @@
-"""An independent simulator of a sail with auxiliary tethers, in NumPy and SciPy alone.
+"""An independent simulator of a sail with auxiliary tethers, or on an orbit, in NumPy and SciPy alone.
 
 The module shares no code with the package. Unknowns are the hub's centre, its attitude as a unit
 quaternion, and all nodal vectors but the roots, which are eliminated from one dense mass matrix; there are
 no constraints and no structured solver. Time integration is explicit (Dormand & Prince 8(5,3)).
+
+On an orbit, all positions are heliocentric, less a uniform motion with the velocity at the start: the axes
+are inertial. Every mass, and a particle beside the sail in place of the package's closed form, is attracted
+by the Sun by itself.
 """
 
 from types import SimpleNamespace
@@ -11,6 +15,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 AU, SPEED, DENSITY, CUTOFF = 1.495978707e11, 4e5, 7.3e6, 1e3
+SUN = 1.32712440018e20
 WIND_FACTOR = 0.18 * np.sqrt(8.854e-12 * 1.67e-27 * DENSITY)
 
 
@@ -31,11 +36,26 @@ def shapes(kind, length):
 class Sail:
     """A sail. tethers, ring: mappings with `kind, elements, length, area, density, modulus, damping`, each
     number an array with one entry per member; `slack` of the ring is the width of the tension-only law or
-    None. mass, voltage: arrays. hub: (height, radius, density). strain: of tethers and ring. natural:
-    None, or (time, table): the strain of free thermal expansion of the tethers at increasing instants,
-    (instant, tether)."""
+    None; ring is None without one. mass, voltage: arrays. hub: (height, radius, density). strain: of
+    tethers and ring. natural: None, or (time, table): the strain of free thermal expansion of the tethers
+    at increasing instants, (instant, tether). orbit: heliocentric position [m], velocity [m/s] and the
+    distance [m] at which the wind's density is given, or None. relative: whether the wind is felt relative
+    to each point."""
 
-    def __init__(self, tethers, ring, mass, voltage, hub, spin, alpha, strain, natural=None):
+    def __init__(
+        self,
+        tethers,
+        ring,
+        mass,
+        voltage,
+        hub,
+        spin,
+        alpha,
+        strain,
+        natural=None,
+        orbit=None,
+        relative=False,
+    ):
         self.p, self.spin, self.alpha, self.strain = len(mass), spin, alpha, strain
         self.natural = natural
         height, self.radius, density = hub
@@ -51,15 +71,24 @@ class Sail:
         self.roots, self.tips = (np.array([chain[k][0] for chain in chains]) for k in (0, -1))
         after = np.roll(self.tips, -1)
         ends = zip(self.tips, after, strict=True)
-        segments = [self.new_chain(ring["kind"], ring["elements"], 1, *pair) for pair in ends]
+        segments = []
+        if ring is not None:
+            segments = [self.new_chain(ring["kind"], ring["elements"], 1, *pair) for pair in ends]
         self.chains, self.segments = chains, segments
         self.mass = np.zeros((self.count, self.count))
         self.mass[self.tips, self.tips] += mass
         push = WIND_FACTOR * np.maximum(0.0, voltage - CUTOFF)
-        self.groups = [self.group(tethers, chains, push), self.group(ring, segments, 0.0 * push)]
-        self.groups[0].heated, self.groups[1].heated = natural is not None, False
+        self.groups = [self.group(tethers, chains, push)]
+        if ring is not None:
+            self.groups.append(self.group(ring, segments, 0.0 * push))
+        for group in self.groups:
+            group.heated = natural is not None and group is self.groups[0]
         self.free = np.setdiff1d(np.arange(self.count), self.roots)
         self.origin = AU * np.array([0.7071067811865476, 0.7071067811865476, 0.0])
+        self.tips_mass, self.moving, self.relative = mass, orbit is not None, relative
+        self.drift, self.reference = np.zeros(3), None
+        if orbit is not None:
+            self.origin, self.drift, self.reference = orbit
 
     def new_chain(self, kind, elements, skip, first, last):
         """Numbers of the vectors of every node, new ones except for given ends."""
@@ -76,7 +105,8 @@ class Sail:
     def group(self, table, chains, push):
         """The elements of all chains; also adds their mass."""
         rows = {
-            name: [] for name in ("index", "weight", "s", "d", "axial", "damping", "slack", "push", "l")
+            name: []
+            for name in ("index", "weight", "s", "d", "axial", "damping", "slack", "push", "l", "line")
         }
         for i, nodes in enumerate(chains):
             length = table["length"][i] / table["elements"]
@@ -88,7 +118,8 @@ class Sail:
                 self.mass[np.ix_(index, index)] += table["density"][i] * table["area"][i] * exact
                 slack = np.nan if table.get("slack") is None else table["slack"][i]
                 axial = table["modulus"][i] * table["area"][i]
-                new = (index, weight, s, d, axial, table["damping"][i], slack, push[i], i)
+                line = table["density"][i] * table["area"][i]
+                new = (index, weight, s, d, axial, table["damping"][i], slack, push[i], i, line)
                 for name, value in zip(rows, new, strict=True):
                     rows[name].append(value)
         found = SimpleNamespace(**{name: np.array(value) for name, value in rows.items()})
@@ -131,7 +162,7 @@ class Sail:
         energy = axial * (w**2 * x**3 / 6 + np.where(x < 1, 0.0, above * w / 2 + above**2 / 2))
         return energy, axial * (w * x**2 / 2 + above)
 
-    def members(self, group, q, v, time):
+    def members(self, group, q, v, time=0.0):
         """Forces on the vectors, elastic energy, dissipated power, thrust and axial force at the points,
         and the power of thrust and heating."""
         at, rate = q[group.index], v[group.index]
@@ -147,10 +178,18 @@ class Sail:
         energy, elastic = self.stress(group, strain - natural)
         force = (elastic + group.axial[:, None] * group.damping[:, None] * strain_rate) * scale
         nodal = -np.einsum("eg,egk,eg,egx->ekx", group.weight, group.d, force, slope)
-        place = self.origin + np.einsum("egk,ekx->egx", group.s, at)
-        wind = SPEED * place / np.linalg.norm(place, axis=-1, keepdims=True)
+        place = self.origin + self.drift * time + np.einsum("egk,ekx->egx", group.s, at)
+        distance = np.linalg.norm(place, axis=-1, keepdims=True)
+        wind = SPEED * place / distance
+        if self.relative:
+            wind = wind - self.drift - np.einsum("egk,ekx->egx", group.s, rate)
         normal = wind - ((slope * wind).sum(-1) / square)[..., None] * slope
         thrust = group.push[:, None, None] * normal
+        if self.moving:
+            # The thrust grows with the root of the density, which falls with the square of the distance.
+            thrust = thrust * self.reference / distance
+            weight = -SUN * group.line[:, None, None] * place / distance**3
+            nodal = nodal + np.einsum("eg,egk,egx->ekx", group.weight, group.s, weight)
         nodal = nodal + np.einsum("eg,egk,egx->ekx", group.weight, group.s, thrust)
         moving = np.einsum("egk,ekx->egx", group.s, rate)
         power = (thrust * moving).sum(-1) - elastic * natural_rate
@@ -168,7 +207,7 @@ class Sail:
     def all_vectors(self, y):
         """Attitude, hub's centre and rates, and all vectors with their rates from a state."""
         centre, quaternion, velocity, omega = y[:3], y[3:7], y[7:10], y[10:13]
-        q, v = (y[13:].reshape(2, -1, 3)[k] for k in (0, 1))
+        q, v = y[13 : 13 + 6 * len(self.free)].reshape(2, -1, 3)
         a, b, c, d = quaternion / np.linalg.norm(quaternion)
         turn = np.array([
             [a * a + b * b - c * c - d * d, 2 * (b * c - a * d), 2 * (b * d + a * c)],
@@ -181,10 +220,17 @@ class Sail:
         full[self.roots], rate[self.roots] = centre + arms, velocity + np.cross(spin, arms)
         return turn, arms, spin, full, rate
 
+    def attracted(self, time, x):
+        """Acceleration by the Sun at positions (..., 3)."""
+        place = self.origin + self.drift * time + x
+        return -SUN * place / np.linalg.norm(place, axis=-1, keepdims=True) ** 3
+
     def derivative(self, time, y):
         """dy/dt."""
         turn, arms, spin, q, v = self.all_vectors(y)
         load = sum(self.members(group, q, v, time).nodal for group in self.groups)
+        if self.moving:
+            load[self.tips] += self.tips_mass[:, None] * self.attracted(time, q[self.tips])
         # The roots' accelerations are T u + bias, u = (hub's acceleration, angular acceleration).
         bias = np.cross(spin, np.cross(spin, arms))
         rows = np.zeros((self.p, 3, 6))
@@ -204,6 +250,14 @@ class Sail:
         right = np.einsum("ika,ik->a", rows, force)
         omega = y[10:13]
         right[3:] -= turn @ np.cross(omega, self.inertia * omega)
+        tail = []
+        if self.moving:
+            place = self.origin + self.drift * time + y[:3]
+            size = np.linalg.norm(place)
+            along = turn.T @ place / size
+            right[:3] += self.hub_mass * self.attracted(time, y[:3])
+            right[3:] += 3.0 * SUN / size**3 * turn @ np.cross(along, self.inertia * along)
+            tail = [y[-3:], self.attracted(time, y[-6:-3])]
         u = np.linalg.solve(matrix, right)
         root = np.einsum("ika,a->ik", rows, u)
         inside = alone - follow @ root
@@ -213,7 +267,8 @@ class Sail:
             [-b * x - c * s - d * z, a * x + c * z - d * s, a * s + d * x - b * z, a * z + b * s - c * x]
         )
         rate = turn.T @ u[3:]
-        return np.concatenate([y[7:10], quaternion, u[:3], rate, v[free].reshape(-1), inside.reshape(-1)])
+        inner = [v[free].reshape(-1), inside.reshape(-1)]
+        return np.concatenate([y[7:10], quaternion, u[:3], rate, *inner, *tail])
 
     # ---- start and run ------------------------------------------------------------------------------
 
@@ -227,9 +282,8 @@ class Sail:
             for k, node in enumerate(chain):
                 q[node[0]] = (self.radius + k * length) * out
                 q[node[1:]] = out
-        for nodes, (_, length) in zip(
-            self.segments, self.spans(self.groups[1], len(self.segments[0]) - 1), strict=True
-        ):
+        spans = self.spans(self.groups[1], len(self.segments[0]) - 1) if self.segments else []
+        for nodes, (_, length) in zip(self.segments, spans, strict=True):
             n = len(nodes) - 1
             first, last = q[nodes[0][0]], q[nodes[-1][0]]
             middle = first + last
@@ -249,7 +303,11 @@ class Sail:
             load = sum(self.members(group, q, still, 0.0).nodal for group in calm)
             return (load + self.spin**2 * self.mass @ q @ plane)[free, 1:].reshape(-1)
 
-        calm = [SimpleNamespace(**(vars(group) | {"push": 0 * group.push})) for group in self.groups]
+        off = ("push", "line")
+        calm = [
+            SimpleNamespace(**(vars(group) | {name: 0 * vars(group)[name] for name in off}))
+            for group in self.groups
+        ]
         x = q[free, 1:].reshape(-1).copy()
         size = np.maximum(np.abs(x).max() * 1e-7, 1e-7)
         slopes = np.ones(self.count, bool)
@@ -276,7 +334,8 @@ class Sail:
         skew = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
         quaternion = np.concatenate([[w], skew / (4 * w)])
         rest = np.concatenate([np.zeros(3), quaternion, np.zeros(3), [self.spin, 0.0, 0.0]])
-        return np.concatenate([rest, q[free].reshape(-1), v[free].reshape(-1)])
+        tail = np.zeros(6 if self.moving else 0)
+        return np.concatenate([rest, q[free].reshape(-1), v[free].reshape(-1), tail])
 
     @staticmethod
     def spans(group, elements):
@@ -286,23 +345,33 @@ class Sail:
     def signals(self, time, y):
         """Signals of a state, by the names of the observables."""
         turn, _, _, q, v = self.all_vectors(y)
-        tethers, ring = (self.members(group, q, v, time) for group in self.groups)
+        found = [self.members(group, q, v, time) for group in self.groups]
+        beside, moving = (y[-6:-3], y[-3:]) if self.moving else (np.zeros(3), np.zeros(3))
+        hub = y[7:10] - moving
+        # Slopes have no part of a uniform velocity.
+        v = v.copy()
+        v[[node[0] for chain in (*self.chains, *self.segments) for node in chain]] -= moving
         kinetic = 0.5 * np.einsum("ax,ab,bx->", v, self.mass, v)
-        kinetic += 0.5 * self.hub_mass * y[7:10] @ y[7:10] + 0.5 * (self.inertia * y[10:13]) @ y[10:13]
+        kinetic += 0.5 * self.hub_mass * hub @ hub + 0.5 * (self.inertia * y[10:13]) @ y[10:13]
         per = [group.l for group in self.groups]
-        tension = np.bincount(per[1], ring.axial) / (per[1] == 0).sum()
-        return {
-            "tip_position_I": q[self.tips],
-            "hub_position_I": y[:3],
+        signals = {
+            "tip_position_I": q[self.tips] - beside,
+            "hub_position_I": y[:3] - beside,
             "rotation_IB": turn,
             "angular_velocity_B": y[10:13],
-            "auxiliary_tension": tension,
-            "tether_length": np.bincount(per[0], tethers.length),
+            "tether_length": np.bincount(per[0], found[0].length),
             "kinetic_energy": kinetic,
-            "elastic_energy": tethers.energy + ring.energy,
-            "dissipated_power": tethers.dissipated + ring.dissipated,
-            "external_power": tethers.power + ring.power,
+            "elastic_energy": sum(x.energy for x in found),
+            "dissipated_power": sum(x.dissipated for x in found),
         }
+        if self.segments:
+            signals["auxiliary_tension"] = np.bincount(per[1], found[1].axial) / (per[1] == 0).sum()
+        if not self.moving:
+            signals["external_power"] = sum(x.power for x in found)
+        if self.moving:
+            signals["heliocentric_position"] = self.origin + self.drift * time + y[:3]
+            signals["heliocentric_velocity"] = self.drift + y[7:10]
+        return signals
 
     def run(self, times, tolerance=1e-13):
         """Signals at the given times, by name, time first. With a tenfold tolerance and hundredfold scales

@@ -4,7 +4,7 @@ independent simulator `ring_reference.py`."""
 import numpy as np
 
 import esail_jax as esail
-from support.ring_reference import CUTOFF, DENSITY, SPEED, Sail
+from support.ring_reference import AU, CUTOFF, DENSITY, SPEED, Sail
 
 SAIL = {
     "hub.height": 2.0,
@@ -45,10 +45,15 @@ def ring_scene(changes=()):
         table, name = key.split(".")
         if value is not None:
             tables.setdefault(table, {})[name] = value
+
+    def made(table, kind):
+        return kind(**tables[table]) if table in tables else None
+
     return esail.load_scene(esail.Scene(
         hub=esail.Hub(**tables["hub"]) if "hub" in tables else None,
         tethers=esail.Tethers(**tables["tethers"]),
-        auxiliary_tethers=esail.AuxiliaryTethers(**tables["auxiliary_tethers"]),
+        auxiliary_tethers=made("auxiliary_tethers", esail.AuxiliaryTethers),
+        orbit=made("orbit", esail.HeliocentricOrbit),
         remote_units=esail.RemoteUnits(**tables["remote_units"]),
         solar_wind=esail.SolarWind(**tables["solar_wind"]) if "solar_wind" in tables else None,
         voltage=esail.Voltage(**tables["voltage"]) if "voltage" in tables else None,
@@ -77,16 +82,19 @@ def reference(scene):
             "damping": each(table.axial_damping_time or 0.0),
         }
 
-    ring, hub = scene.auxiliary_tethers, scene.hub
-    slack = None if ring.slack_strain is None else each(ring.slack_strain)
-    natural = None
+    ring, hub, orbit, natural = scene.auxiliary_tethers, scene.hub, scene.orbit, None
+    if ring is not None:
+        ring = chain(ring) | {"slack": None if ring.slack_strain is None else each(ring.slack_strain)}
     if scene.thermal is not None:
         heat = scene.thermal
         natural = heat.expansion * (np.array(heat.temperature) - heat.reference_temperature)
         natural = np.array(heat.time), natural
+    if orbit is not None:
+        distance = AU * (scene.solar_wind.reference_distance_au or 1.0)
+        orbit = (AU * np.array(orbit.position_au), np.array(orbit.velocity), distance)
     return Sail(
         chain(scene.tethers),
-        chain(ring) | {"slack": slack},
+        ring,
         each(scene.remote_units.mass),
         each(scene.voltage.value),
         (hub.height, hub.radius, hub.density),
@@ -94,4 +102,6 @@ def reference(scene):
         np.deg2rad(scene.initial.sailing_angle_deg),
         scene.tethers.strain,
         natural,
+        orbit,
+        scene.solar_wind.relative,
     )
