@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.errors import SimulationError
-from esail_jax.observables import known_names
+from esail_jax.observables import described, known_names
 from esail_jax.observables.run_warning import STEP_ERRORS, run_warning
 from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.rules import SceneError, known
@@ -30,6 +30,9 @@ from esail_jax.steppers.stepper import AbstractStepper, Point
 LEAST_WINDOWS, WINDOWS_PER_TURN = 16, 4
 """Least number of windows, and so of checkpoints, in a traced run, and in a turn of the sail. The baseline
 needs up to 45 blocks of steps in a turn, three windows."""
+
+NEEDED_TABLES = {"hub": "hub", "ring": "auxiliary_tethers", "wind": "solar_wind"}
+"""The table that a scene must have for observables that need a part of the system."""
 
 
 def simulate(
@@ -56,14 +59,16 @@ def simulate(
     compiled programs on the host. If a number is a tracer, or inside `jax.jit`, `jax.vmap` and the like,
     the run becomes part of the traced program.
 
-    save: names of the observables to save, if None all but `node_position_I`; times: the saved instants [s]
-    in increasing order, instead of every `output.interval` until `integrator.t_end`; start: the point to
-    start from, instead of the scene's start, for example the `final_state` of another solution (its time is
-    the start time); progress: a function that is called on the host with the time reached [s]; max_steps:
-    the largest number of steps; throw: whether a failed run raises SimulationError; stepper: a method of
-    time integration, instead of the scene's; stability: whether to carry a small perturbation along, which
+    save: names of the observables to save, if None all but `node_position_I` and those of reduced
+    models (`observables/reduced_models.py`); times: the saved instants [s] in increasing order, instead
+    of every `output.interval` until `integrator.t_end`; start: the point to start from, instead of the
+    scene's start, for example the `final_state` of another solution (its time is the start time);
+    progress: a function that is called on the host with the time reached [s]; max_steps: the largest
+    number of steps; throw: whether a failed run raises SimulationError; stepper: a method of time
+    integration, instead of the scene's; stability: whether to carry a small perturbation along, which
     takes some three times as long as the run: `stats["stability"]` is then a `Stability`
-    (`simulation/stability.py`), and the message warns of a motion on which accurate runs would not agree.
+    (`simulation/stability.py`), and the message warns of a motion on which accurate runs would not
+    agree.
 
     Under a trace nothing can raise: `result` is not `RESULTS.successful`, and the observables are NaN from
     the failure on. A derivative records the steps in buffers of fixed size: WINDOWS_PER_TURN windows for
@@ -320,10 +325,13 @@ def check_times(times: Any, begin: Any) -> None:
 
 
 def check_names(scene: Scene, save: Sequence[str] | None) -> None:
-    """Raises SceneError if a name is not that of an observable."""
+    """Raises SceneError if a name is not that of an observable, or of one whose part the scene lacks."""
     for name in save or ():
         if name not in known_names(scene.chain is not None):
             raise SceneError("save", "hold names of observables", f"has {name!r}")
+        part = NEEDED_TABLES.get(described(name).needs)
+        if scene.chain is None and part is not None and getattr(scene, part) is None:
+            raise SceneError("save", f"hold no {name!r} without [{part}]", "does")
 
 
 def check_max_steps(max_steps: int | None) -> None:
