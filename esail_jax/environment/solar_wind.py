@@ -6,6 +6,7 @@ import jax.numpy as jnp
 from esail_jax.array_types import Array, Float, Instants, Scalar, Vector, VectorPerPoint
 from esail_jax.constants import PROTON_MASS, THRUST_FACTOR, VACUUM_PERMITTIVITY
 from esail_jax.environment.kepler_orbit import KeplerOrbit
+from esail_jax.environment.thrust_laws import DebyeSheath
 from esail_jax.numerics.vectors import dot, norm
 
 
@@ -13,13 +14,15 @@ class SteadyWind(eqx.Module):
     """Steady solar wind at the sail.
 
     speed: u [m/s]. number_density: n_0 [1/m^3]. cutoff_voltage: V_1 [V], bulk kinetic energy of a proton
-    over its charge. origin: R_0 [m], heliocentric position of the inertial frame's origin.
+    over its charge. origin: R_0 [m], heliocentric position of the inertial frame's origin. sheath: the law
+    of thrust if it is not the linear one ([PGV] Eq. 29), which then needs no cutoff voltage.
     """
 
     speed: Instants
     number_density: Instants
-    cutoff_voltage: Scalar
+    cutoff_voltage: Scalar | None
     origin: Vector
+    sheath: DebyeSheath | None = None
 
     def at(self, time: Instants, r: VectorPerPoint | None = None) -> "SteadyWind":
         """The wind at an instant, at points r: a steady wind is the same at all."""
@@ -36,9 +39,21 @@ class SteadyWind(eqx.Module):
 
     def thrust_per_speed(self, voltage: Float[Array, "*member"]) -> Float[Array, "*load"]:
         """Thrust per length and wind speed, sigma / u = 0.18 max(0, V_0 - V_1) sqrt(eps_0 m_i n_0) [N
-        s/m^2] ([PGV] Eq. 29)."""
-        plasma = jnp.sqrt(VACUUM_PERMITTIVITY * PROTON_MASS * self.number_density)
-        return THRUST_FACTOR * jnp.maximum(0.0, voltage - self.cutoff_voltage) * plasma
+        s/m^2] ([PGV] Eq. 29), or that of the sheath's law."""
+        if self.sheath is not None:
+            return self.sheath.thrust_per_speed(self.speed, self.number_density, voltage)
+        return THRUST_FACTOR * jnp.maximum(0.0, voltage - self.cutoff_voltage) * self.plasma
+
+    def voltage(self, thrust_per_speed: Float[Array, "*member"]) -> Float[Array, "*member"]:
+        """The voltage [V] of a positive sigma / u [N s/m^2]: the inverse of `thrust_per_speed`."""
+        if self.sheath is not None:
+            return self.sheath.voltage(self.speed, self.number_density, thrust_per_speed)
+        return self.cutoff_voltage + thrust_per_speed / (THRUST_FACTOR * self.plasma)
+
+    @property
+    def plasma(self) -> Instants:
+        """sqrt(eps_0 m_i n_0) [N s/(V m^2)]."""
+        return jnp.sqrt(VACUUM_PERMITTIVITY * PROTON_MASS * self.number_density)
 
 
 class WindSeries(eqx.Module):
@@ -52,13 +67,14 @@ class WindSeries(eqx.Module):
     time: Float[Array, " instant"]
     speed: Float[Array, " instant"]
     number_density: Float[Array, " instant"]
-    cutoff_voltage: Scalar
+    cutoff_voltage: Scalar | None
     origin: Vector
+    sheath: DebyeSheath | None = None
 
     def at(self, time: Instants, r: VectorPerPoint | None = None) -> SteadyWind:
         """The wind at one or several instants, the same at all points r."""
-        now = (jnp.interp(time, self.time, x) for x in (self.speed, self.number_density))
-        return SteadyWind(*now, self.cutoff_voltage, self.origin)
+        speed, density = (jnp.interp(time, self.time, x) for x in (self.speed, self.number_density))
+        return SteadyWind(speed, density, self.cutoff_voltage, self.origin, self.sheath)
 
     def direction(self, time: Scalar, r: Vector | None) -> Vector:
         """Unit vector along the wind at the origin of the inertial frame."""
@@ -87,7 +103,7 @@ class WindOnOrbit(eqx.Module):
         place = origin if r is None else origin + r
         squared = dot(place, place)
         density = wind.number_density * self.reference_distance**2 / squared
-        return LocalWind(wind.speed, density, wind.cutoff_voltage, place, velocity)
+        return LocalWind(wind.speed, density, wind.cutoff_voltage, place, wind.sheath, velocity)
 
     def direction(self, time: Scalar, r: Vector | None) -> Vector:
         """Unit vector along the wind at a point r of the moving frame."""
@@ -100,7 +116,7 @@ class LocalWind(SteadyWind):
     number_density its density there. frame_velocity: velocity [m/s] of the inertial frame."""
 
     origin: VectorPerPoint
-    frame_velocity: VectorPerPoint
+    frame_velocity: VectorPerPoint | None = None
 
     def velocity(self, r: VectorPerPoint) -> VectorPerPoint:
         """Wind velocity u [m/s] at each of the points, in axes at rest relative to the Sun."""

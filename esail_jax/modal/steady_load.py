@@ -31,6 +31,9 @@ def check_has_modes(scene: Scene) -> None:
         raise SceneError("solar_wind.time", "be absent, as modes need a steady wind", "is given")
     if scene.thermal is not None and scene.thermal.time is not None:
         raise SceneError("thermal.time", "be absent, as modes need a steady temperature", "is given")
+    if scene.solar_wind is not None and scene.solar_wind.thrust_law != "linear":
+        law = scene.solar_wind.thrust_law
+        raise SceneError("solar_wind.thrust_law", "be linear, as modes are of that law", f'is "{law}"')
     if scene.voltage is not None and scene.voltage.law != "constant":
         raise SceneError(
             "voltage.law", 'be "constant", as modes need a steady load', f'is "{scene.voltage.law}"'

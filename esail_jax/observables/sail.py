@@ -16,6 +16,7 @@ from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.numerics.angles import euler_angles, safe_angle, safe_length
 from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import dot
+from esail_jax.observables import reduced_models as reduced
 from esail_jax.observables.entry import Observable, elastic_energy, kinetic_energy, thermal_energy
 from esail_jax.observables.instant import Instant
 from esail_jax.system import System
@@ -214,8 +215,17 @@ OBSERVABLES = (
 ON_REQUEST = (
     Observable("node_position_I", "m", "r_j", ("tether", "node", "xyz"), "[PGV] 4, nodes from root to tip",
                lambda i: i.q.tether[0].transpose(2, 1, 0)),
+    Observable("flat_sail_thrust_O", "N", "F_flat", XYZ, "Huo et al. 2018, flat sail",
+               reduced.flat_sail_thrust, needs="wind"),
+    Observable("flat_sail_thrust_moment_O", "N m", "M_flat", XYZ, "moment about the roots of a flat sail",
+               reduced.flat_sail_moment, needs="wind"),
+    Observable("axisymmetric_thrust_O", "N", "F_axi", XYZ, "Bassetto et al. 2018, mean shape of the sail",
+               reduced.shaped_sail_thrust, needs="wind"),
+    Observable("axisymmetric_thrust_moment_O", "N m", "M_axi", XYZ,
+               "Bassetto et al. 2018, mean shape, about the roots", reduced.shaped_sail_moment,
+               needs="wind"),
 )  # fmt: skip
-"""Observables that are saved only where they are named: they are large."""
+"""Observables that are saved only where they are named: they are large, or are those of reduced models."""
 
 
 def listed(system: System) -> list[Observable]:

@@ -7,8 +7,10 @@ from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.environment.kepler_orbit import KeplerOrbit
 from esail_jax.environment.orbit import orbital_frame
 from esail_jax.environment.solar_wind import SteadyWind, Wind, WindOnOrbit, WindSeries
+from esail_jax.environment.thrust_laws import DebyeSheath
 from esail_jax.joints import roots as joints
 from esail_jax.loads import voltage
+from esail_jax.loads.constant_thrust import ConstantThrust
 from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.loads.electron_current import Collector, power_limited
 from esail_jax.loads.tip_thrust import Switching, TipThrust
@@ -59,12 +61,14 @@ def wind_at(n: Numbers, origin: Float[Array, "3"]) -> SteadyWind | WindSeries:
     """The wind of [solar_wind] at one place, steady or a series."""
     keys = ("solar_wind.speed", "solar_wind.number_density")
     speed, density = (n[key] for key in keys)
-    cutoff = n["solar_wind.cutoff_voltage"]
+    cutoff, sheath = n.get("solar_wind.cutoff_voltage"), None
+    if "solar_wind.electron_temperature_ev" in n:
+        sheath = DebyeSheath(n["solar_wind.electron_temperature_ev"], n["solar_wind.tether_radius"])
     if "solar_wind.time" not in n:
-        return SteadyWind(speed, density, cutoff, origin)
+        return SteadyWind(speed, density, cutoff, origin, sheath)
     time = n["solar_wind.time"]
     speed, density = (jnp.broadcast_to(x, time.shape) for x in (speed, density))
-    return WindSeries(time, speed, density, cutoff, origin)
+    return WindSeries(time, speed, density, cutoff, origin, sheath)
 
 
 def voltage_law(structure: Structure, n: Numbers, wind: Wind) -> voltage.VoltageLaw:
@@ -90,6 +94,8 @@ def voltage_law(structure: Structure, n: Numbers, wind: Wind) -> voltage.Voltage
             target = orbital_attitude(pitch)[:, 0]
             return voltage.OrbitalFeedback(value, gain, target, maximum, slew, spin)
         return voltage.Feedback(value, gain, starting_attitude(pitch)[0][:, 0], maximum, slew, spin)
+    if law == "constant-thrust":
+        return ConstantThrust(n["voltage.thrust"], n["tethers.length"], wind, maximum)
     if law == "planar-cone":
         return planar_cone(n, wind, maximum, slew)
     return voltage.Constant(value)

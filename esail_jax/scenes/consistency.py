@@ -14,6 +14,7 @@ from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.sail_tables import (
     LAWS,
     OPTIONAL_LAW_KEYS,
+    THRUST_LAWS,
     Event,
     HeliocentricOrbit,
     Hub,
@@ -206,12 +207,24 @@ def check_voltage(scene: Parts) -> None:
             raise SceneError("voltage.table", must, f"has {np.shape(table.table)[0]}")
     if table.law == "planar-cone" and scene.hub is not None:
         raise SceneError("voltage.law", "not be planar-cone with a hub", 'is "planar-cone"')
+    if table.law == "planar-cone" and scene.solar_wind is not None:
+        law = scene.solar_wind.thrust_law
+        if law != "linear":
+            raise SceneError("solar_wind.thrust_law", "be linear with the law planar-cone", f'is "{law}"')
 
 
 def check_wind(scene: Parts) -> None:
-    """Checks that a wind that varies in time has one value per instant, from the start of the run to its
-    end. Raises SceneError."""
+    """Checks that the law of thrust has its keys, and that a wind that varies in time has one value per
+    instant, from the start of the run to its end. Raises SceneError."""
     table = scene.solar_wind
+    for law, keys in THRUST_LAWS.items():
+        for name in keys:
+            if law == table.thrust_law and getattr(table, name) is None:
+                with_law = "" if law == "linear" else f" with the law {law}"
+                raise SceneError(f"solar_wind.{name}", "be given" + with_law, "is missing")
+            if law != table.thrust_law and getattr(table, name) is not None:
+                must = f"be left out with the law {table.thrust_law}"
+                raise SceneError(f"solar_wind.{name}", must, "is given")
     if table.time is not None:
         check_list("solar_wind.time", table.time)
     count = None if table.time is None else np.shape(table.time)[0]

@@ -28,7 +28,10 @@ from esail_jax.scenes.rules import (
 from esail_jax.scenes.value_types import Grid, Number, PerMember, Series, Shape, Vector
 
 ElongationName = Literal["steady", "paper"]
-LawName = Literal["constant", "harmonic", "piecewise-linear", "on-off", "feedback", "planar-cone"]
+LawName = Literal[
+    "constant", "harmonic", "piecewise-linear", "on-off", "feedback", "planar-cone", "constant-thrust"
+]
+ThrustLawName = Literal["linear", "debye-sheath"]
 
 
 def amplitudes(function: str) -> Any:
@@ -107,8 +110,26 @@ class SolarWind:
 
     speed: Series = declarations.speed_of_wind(Shape.SERIES)
     number_density: Series = declarations.density_of_wind(Shape.SERIES)
-    cutoff_voltage: Number = declare(
-        any_number, unit="V", doc="Voltage V_1 below which a tether has no thrust."
+    cutoff_voltage: Number | None = declare(
+        any_number,
+        unit="V",
+        doc="Law linear: voltage V_1 below which a tether has no thrust.",
+        default=None,
+    )
+    thrust_law: ThrustLawName = declare(
+        choice(ThrustLawName),
+        unit="-",
+        doc="Law of the thrust: that of [PGV], or that of the electron sheath's size.",
+        default="linear",
+    )
+    electron_temperature_ev: Number | None = declare(
+        positive, unit="eV", doc="Law debye-sheath: temperature of the wind's electrons.", default=None
+    )
+    tether_radius: Number | None = declare(
+        positive,
+        unit="m",
+        doc="Law debye-sheath: radius of the wire, or effective radius of a tether of several wires.",
+        default=None,
     )
     time: Series | None = declare(
         increasing,
@@ -133,8 +154,15 @@ LAWS: dict[LawName, tuple[str, ...]] = {
     "on-off": ("value", "on", "off", "rise_time", "maximum", "slew_rate"),
     "feedback": ("value", "gain", "target_sailing_angle_deg", "maximum", "slew_rate"),
     "planar-cone": ("coning_angle_deg", "spin_rate", "maximum", "slew_rate"),
+    "constant-thrust": ("thrust", "maximum"),
 }
 """Modulation laws of the voltage, and the keys that each law takes."""
+
+THRUST_LAWS: dict[ThrustLawName, tuple[str, ...]] = {
+    "linear": ("cutoff_voltage",),
+    "debye-sheath": ("electron_temperature_ev", "tether_radius"),
+}
+"""Laws of the thrust, and the keys that each law needs; all others are for other laws."""
 
 OPTIONAL_LAW_KEYS = ("cosine", "sine", "off", "maximum", "slew_rate")
 """Keys that a law takes but does not require."""
@@ -206,6 +234,9 @@ class Voltage:
         unit="rad/s",
         doc="Law planar-cone: mean spin rate omega_0 of the tethers.",
         default=None,
+    )
+    thrust: Number | None = declare(
+        positive, unit="N", doc="Law constant-thrust: size of the sail's thrust.", default=None
     )
 
 

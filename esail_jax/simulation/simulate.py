@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.errors import SimulationError, nearest
-from esail_jax.observables import known_names
+from esail_jax.observables import described, known_names
 from esail_jax.observables.run_warning import run_warning
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene, load_scene
@@ -22,6 +22,11 @@ from esail_jax.simulation.stability import INSTANTS, Stability, stability_of
 from esail_jax.simulation.under_trace import simulate_traced, under_trace
 from esail_jax.steppers.results import RESULTS
 from esail_jax.steppers.stepper import AbstractStepper, Point
+
+NEEDED_TABLES = {
+    "hub": "hub", "ring": "auxiliary_tethers", "wind": "solar_wind", "heat": "thermal", "orbit": "orbit",
+}  # fmt: skip
+"""The table that a scene must have for observables that need a part of the system."""
 
 
 def simulate(
@@ -48,14 +53,16 @@ def simulate(
     compiled programs on the host. If a number is a tracer, or inside `jax.jit`, `jax.vmap` and the like,
     the run becomes part of the traced program.
 
-    save: names of the observables to save, if None all but `node_position_I`; times: the saved instants [s]
-    in increasing order, instead of every `output.interval` until `integrator.t_end`; start: the point to
-    start from, instead of the scene's start, for example the `final_state` of another solution (its time is
-    the start time); progress: a function that is called on the host with the time reached [s]; max_steps:
-    the largest number of steps; throw: whether a failed run raises SimulationError; stepper: a method of
-    time integration, instead of the scene's; stability: whether to carry a small perturbation along, which
+    save: names of the observables to save, if None all but `node_position_I` and those of reduced
+    models (`observables/reduced_models.py`); times: the saved instants [s] in increasing order, instead
+    of every `output.interval` until `integrator.t_end`; start: the point to start from, instead of the
+    scene's start, for example the `final_state` of another solution (its time is the start time);
+    progress: a function that is called on the host with the time reached [s]; max_steps: the largest
+    number of steps; throw: whether a failed run raises SimulationError; stepper: a method of time
+    integration, instead of the scene's; stability: whether to carry a small perturbation along, which
     takes some three times as long as the run: `stats["stability"]` is then a `Stability`
-    (`simulation/stability.py`), and the message warns of a motion on which accurate runs would not agree.
+    (`simulation/stability.py`), and the message warns of a motion on which accurate runs would not
+    agree.
 
     Under a trace nothing can raise: `result` is not `RESULTS.successful`, and the observables are NaN from
     the failure on. A derivative records the steps in buffers of fixed size: WINDOWS_PER_TURN windows for
@@ -247,11 +254,14 @@ def check_times(times: Any, begin: Any) -> None:
 
 
 def check_names(scene: Scene, save: Sequence[str] | None) -> None:
-    """Raises SceneError if a name is not that of an observable."""
+    """Raises SceneError if a name is not that of an observable, or of one whose part the scene lacks."""
     for name in save or ():
         known = known_names(scene.chain is not None)
         if name not in known:
             raise SceneError("save", f"hold names of observables{nearest(name, known)}", f"has {name!r}")
+        part = NEEDED_TABLES.get(described(name).needs)
+        if scene.chain is None and part is not None and getattr(scene, part) is None:
+            raise SceneError("save", f"hold no {name!r} without [{part}]", "does")
 
 
 def check_max_steps(max_steps: int | None) -> None:

@@ -26,7 +26,7 @@ STRUCTURE = (
     "tethers.root", "integrator.method", "integrator.step", "integrator.t_end", "output.interval",
     "initial.elongation", "event.time", "event.release", "voltage.law",
     "auxiliary_tethers.element", "auxiliary_tethers.elements", "auxiliary_tethers.strain",
-    "tethers.wires", "solar_wind.relative", "tip_thrust.direction",
+    "tethers.wires", "solar_wind.relative", "solar_wind.thrust_law", "tip_thrust.direction",
 )  # fmt: skip
 """Keys that determine the structure, the saved instants or the events, and so cannot be traced."""
 
@@ -40,11 +40,14 @@ SWITCH = {"voltage.law": "on-off", "voltage.on": 1.0, "voltage.rise_time": 1.0}
 FEEDBACK = {"voltage.law": "feedback", "voltage.gain": 1.0, "voltage.target_sailing_angle_deg": 5.0}
 CONE = {"voltage.law": "planar-cone", "voltage.value": None, "voltage.coning_angle_deg": 3.0}
 CONE |= {"voltage.spin_rate": 4e-3, "hub.height": None, "hub.radius": None, "hub.density": None}
+PUSHED = {"voltage.law": "constant-thrust", "voltage.value": None, "voltage.thrust": 0.01}
+SHEATH = {"solar_wind.thrust_law": "debye-sheath", "solar_wind.cutoff_voltage": None}
+SHEATH |= {"solar_wind.electron_temperature_ev": 12.0, "solar_wind.tether_radius": 1e-3}
 LAW_OF = {
     "cosine": WAVES, "sine": WAVES, "slew_rate": WAVES, "maximum": WAVES, "law": WAVES, "time": TABLE,
     "table": TABLE, "on": SWITCH, "off": SWITCH, "rise_time": SWITCH, "gain": FEEDBACK,
     "target_sailing_angle_deg": FEEDBACK, "coning_angle_deg": CONE, "spin_rate": CONE,
-    "power_limit": {"tethers.wire_radius": 1e-5},
+    "power_limit": {"tethers.wire_radius": 1e-5}, "thrust": PUSHED,
 }  # fmt: skip
 """The overrides that a key of [voltage] requires."""
 
@@ -66,6 +69,8 @@ def beside(key: str) -> dict:
         return PULSE
     if name == "wires":
         return {"tethers.wire_radius": 1e-5}
+    if name in {"thrust_law", "electron_temperature_ev", "tether_radius"}:
+        return SHEATH
     if name == "straight_turn":
         return {"tethers.bending_damping_time": 1.0}
     return LAW_OF.get(name, {}) if table == "voltage" else {}
@@ -195,6 +200,7 @@ def test_every_key_can_be_overridden(key, sail):
         "auxiliary_tethers.element": "cable", "auxiliary_tethers.elements": 2,
         "auxiliary_tethers.strain": "engineering",
         "tethers.wires": 4, "solar_wind.relative": True, "tip_thrust.direction": "radial",
+        "solar_wind.thrust_law": "debye-sheath",
     }  # fmt: skip
     value = values.get(key, 0.125)
     extra = {"tethers.second_moment": 2e-18} if key == "tethers.bending" else {}
