@@ -28,8 +28,8 @@ from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.elements.axial import TensionOnlyEnergy
 from esail_jax.elements.rigid_body import RigidBody
 from esail_jax.elements.ring import Ring
-from esail_jax.elements.thermal import ThermalEnergy
 from esail_jax.elements.tether import TetherBatch
+from esail_jax.elements.thermal import ThermalEnergy
 from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.joints.roots import FrameRoots, HubRoots
 from esail_jax.loads.tip_thrust import TipThrust

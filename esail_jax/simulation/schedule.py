@@ -36,7 +36,9 @@ def switch_times(scene: Scene) -> tuple[float, ...]:
     tracer has no value and is left out; the error control of the method has to find it. The voltage of a
     chain is constant and has no such time."""
     times = set() if scene.event is None else set(scene.event.time)
-    tables = [table for table in (scene.voltage, scene.tip_thrust) if isinstance(table, Voltage | TipThrust)]
+    tables = [
+        table for table in (scene.voltage, scene.tip_thrust) if isinstance(table, Voltage | TipThrust)
+    ]
     instants = [x for table in tables for x in (table.on, table.off)]
     if scene.thermal is not None:
         instants.append(scene.thermal.time)
