@@ -97,7 +97,7 @@ class Term(eqx.Module):
         for a field that it does not act on."""
 
     def thermal_part(self, time: Instants) -> "Term | None":
-        """The part of a term's forces that depends on the temperature of an instant; None if it has none."""
+        """The part of an energy that depends on the temperature of an instant; None if there is none."""
         return None
 
     def pull_back(

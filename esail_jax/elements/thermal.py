@@ -9,8 +9,8 @@ the whole strain's rate; it does not see eps_T. Heating supplies power at consta
 
     dW/dt = -EA (eps - eps_T) eps_T' = EA eps_T eps' + d/dt [EA eps_T (eps_T/2 - eps)],
 
-so that a taut member gives off energy when it is heated. dW/dt jumps where the rate of the temperature does.
-The first term on the right, the power of the thermal stress, does not: steppers integrate that one. The
+so that a taut member gives off energy when it is heated. dW/dt jumps where the temperature has a kink. The
+first term on the right, the power of the thermal stress, does not: steppers integrate that one. The
 bracket, the thermal energy, is a function of the state. It is added where the work is reported.
 """
 

@@ -25,9 +25,9 @@ class TemperatureSeries(eqx.Module):
     """A temperature that is linear between instants, and constant before the first and after the last.
 
     time: increasing instants t_k [s], the knots. table: T [K], (instant, tether). The derivative of T jumps
-    at a knot. A method of integration that passes a knot within a step loses its order there, hence a run is
-    divided at the knots, and in each segment T is the straight line of that segment, also where a step, or
-    the rounding of an instant, passes the segment's ends.
+    at a knot. A method of integration that passes a knot within a step loses its order there. A run is
+    therefore divided at the knots, and in each segment T is the straight line of that segment, also where a
+    step, or the rounding of an instant, passes the segment's ends.
 
     start, until: ends [s] of the segment; infinite ones for a series that is not divided.
     """

@@ -14,6 +14,7 @@ collected current, and the infrared radiation and the albedo of the eclipsing bo
 """
 
 import dataclasses
+import itertools
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -84,7 +85,7 @@ def eclipse_temperature(
         raise ValueError("`leave` must not be before `enter` plus `penumbra`, but is")
     now, start = np.array([wire.steady(flux)]), min(enter, float(times[0]))
     found, parts = [], [start, enter, enter + penumbra, leave, leave + penumbra, np.inf]
-    for begin, end in zip(parts, parts[1:], strict=False):
+    for begin, end in itertools.pairwise(parts):
         end = min(end, float(times[-1]))
         inside = times[(times > begin) & (times <= end)] if found else times[times <= end]
         if end <= begin:
@@ -121,8 +122,8 @@ def eclipse_series(
     """
     last = leave + penumbra + 3600.0 if end is None else end
     changes = [enter, enter + penumbra, leave, leave + penumbra, last]
-    spans = [np.linspace(a, b, 2001) for a, b in zip(changes, changes[1:], strict=False) if b > a]
-    time = np.unique(np.concatenate([span for span in spans]))
+    spans = [np.linspace(a, b, 2001) for a, b in itertools.pairwise(changes) if b > a]
+    time = np.unique(np.concatenate(spans))
     time = time[time <= last]
     temperature = eclipse_temperature(wire, flux, time, enter, leave, penumbra)
     kept, open_spans = {0, len(time) - 1}, [(0, len(time) - 1)]

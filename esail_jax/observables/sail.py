@@ -108,7 +108,8 @@ def temperature(i: Instant) -> Float[Array, " tether"]:
 
 
 def external_power(i: Instant) -> Scalar:
-    """Power [W] of loads and heating: that of loads and thermal stress, and the change of thermal energy."""
+    """Power [W] of loads and heating: that of loads and thermal stress, plus the rate of the thermal
+    energy."""
 
     def energy(tau):
         return thermal_energy(i.system, i.time + tau, i.q.axpy(tau, i.v))
