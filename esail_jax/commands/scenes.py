@@ -6,4 +6,4 @@ from esail_jax.scenes.builtin_scenes import builtin_names, description
 def list_scenes() -> None:
     """Prints every built-in scene with its description."""
     for name in builtin_names():
-        print(f"{name:15s} {description(name)}")
+        print(f"{name:18s} {description(name)}")

@@ -128,7 +128,8 @@ class Drawing:
         markers = list(motion.markers)
         self.dots.set_offsets(pixels[markers])
         self.dots.set_sizes(16.0 * np.nan_to_num(size[markers], nan=1.0) ** 2)
-        self.dots.set_color(colours if len(markers) == len(ends) else INK)
+        of_lines = len(markers) <= len(ends) and (ends[: len(markers)] == markers).all()
+        self.dots.set_color(colours[: len(markers)] if of_lines else INK)
         if motion.anchor is not None:
             (place,) = self.camera.project((motion.anchor - motion.middle)[None] @ body.T)
             self.anchor.set_data(place[:1], place[1:])

@@ -27,6 +27,9 @@ SHAPES = {
 }
 """How tethers are drawn: from all their nodes, from the angles at the root, or from the tips alone."""
 
+RING_SHAPE = "; auxiliary tethers: straight lines between tips"
+"""How auxiliary tethers are drawn: a run file holds their ends only, the tips."""
+
 
 def sail_motion(run: SavedRun, frames: np.ndarray) -> Motion:
     """Returns the moving picture of a sail at these saved instants. Raises RunFileError if the file lacks
@@ -58,15 +61,19 @@ def sail_motion(run: SavedRun, frames: np.ndarray) -> Motion:
     straight = np.repeat(outward(count), points, axis=0)
     held = np.where(released(run, frames)[..., None, None], np.nan, lines).reshape(vertices.shape)
     reach = radius + float(np.max(scene.tethers.length))
+    ends = tuple(i * points + points - 1 for i in range(count))
     return Motion(
         title=run.name,
-        model=f"{count} tethers, {scene.tethers.elements} {scene.tethers.element} elements each",
+        model=model_of(run),
         frames=frames,
         saved=len(run.time),
         time=run.time[frames],
         vertices=vertices,
-        lines=tuple(tuple(range(i * points, (i + 1) * points)) for i in range(count)),
-        markers=tuple(i * points + points - 1 for i in range(count)),
+        lines=(
+            *(tuple(range(i * points, (i + 1) * points)) for i in range(count)),
+            *(ring_lines(ends) if scene.auxiliary_tethers is not None else ()),
+        ),
+        markers=ends,
         straight=straight,
         rotation=rotation,
         wind=wind_directions(run, frames, centre),
@@ -79,8 +86,8 @@ def sail_motion(run: SavedRun, frames: np.ndarray) -> Motion:
         period=spin_period(float(scene.initial.spin_rate)),
         reach=reach,
         anchor=np.zeros(3),
-        shape=SHAPES[shape],
-        colours=tether_colours(run, frames),
+        shape=SHAPES[shape] + (RING_SHAPE if scene.auxiliary_tethers is not None else ""),
+        colours=line_colours(run, frames),
         signals=signals_of(run, frames),
     )
 
@@ -151,14 +158,43 @@ def spin_period(rate: float) -> float | None:
     return 2.0 * np.pi / abs(rate) if rate else None
 
 
-def tether_colours(run: SavedRun, frames: np.ndarray) -> dict[str, Quantity]:
-    """Returns the quantities by which tethers may be coloured, as far as the file holds them."""
+def model_of(run: SavedRun) -> str:
+    """Returns what the sail consists of, in words."""
+    tethers = run.scene.tethers
+    ring = ", tips joined by auxiliary tethers" if run.scene.auxiliary_tethers is not None else ""
+    return f"{tethers.count} tethers, {tethers.elements} {tethers.element} elements each{ring}"
+
+
+def ring_lines(ends: tuple[int, ...]) -> tuple[tuple[int, int], ...]:
+    """Returns the lines of the auxiliary tethers, from each tip to the next one. ends: vertices of the
+    tips."""
+    return tuple(zip(ends, ends[1:] + ends[:1], strict=True))
+
+
+def line_colours(run: SavedRun, frames: np.ndarray) -> dict[str, Quantity]:
+    """Returns the quantities by which the lines may be coloured, as far as the file holds them: those of
+    the tethers, and of the auxiliary tethers the tension."""
     rows, found = run.rows, {}
     if "reaction_B" in rows:
         tension = np.linalg.norm(rows["reaction_B"][frames], axis=-1)
-        found["tension"] = Quantity("tension at the root", "N", tension)
+        label = "tension at the root"
+        if "auxiliary_tension" in rows:
+            label = "tension (of tethers at the root)"
+        found["tension"] = Quantity(label, "N", with_ring(run, frames, tension, "auxiliary_tension"))
     if "voltage" in rows:
-        found["voltage"] = Quantity("voltage", "V", rows["voltage"][frames])
+        found["voltage"] = Quantity("voltage", "V", with_ring(run, frames, rows["voltage"][frames]))
     if "max_axial_strain" in rows:
-        found["strain"] = Quantity("largest strain", "-", rows["max_axial_strain"][frames])
+        strain = with_ring(run, frames, rows["max_axial_strain"][frames])
+        found["strain"] = Quantity("largest strain", "-", strain)
     return found
+
+
+def with_ring(
+    run: SavedRun, frames: np.ndarray, values: np.ndarray, of_ring: str | None = None
+) -> np.ndarray:
+    """Returns the values (frame, line) of the tethers, followed by those of the auxiliary tethers if the
+    sail has any. of_ring: name of their observable; where it is not known they have no colour, NaN."""
+    if run.scene.auxiliary_tethers is None:
+        return values
+    ring = run.rows[of_ring][frames] if of_ring in run.rows else np.full(values.shape, np.nan)
+    return np.concatenate([values, ring], axis=1)

@@ -7,6 +7,7 @@ from esail_jax.files.opening import RunFileError
 from esail_jax.files.reading import read_runs
 from esail_jax.viewing.camera import Camera
 from esail_jax.viewing.colour_scale import NONE, STOPS, channels, colours_of, locked_range
+from esail_jax.viewing.drawing import Drawing, Style
 from esail_jax.viewing.motion import chosen_exaggeration, exaggerated, lateral
 from esail_jax.viewing.motions import read_motions
 from esail_jax.viewing.sail_motion import POINTS, parabolas
@@ -175,3 +176,28 @@ def test_files_of_one_name_are_told_apart(folder, sail):
     copy = write_run(other / "sail.h5", sail_scene(), TIME, sail_rows())
     titles = [motion.title for motion in read_motions([sail, copy], (), 10)]
     assert titles == [f"{folder.name}/sail.h5", "other/sail.h5"]
+
+
+RING = {"length": 17.3e3, "area": 3e-9, "density": 1400.0, "youngs_modulus": 5e9, "elements": 1}
+
+
+def test_auxiliary_tethers_join_the_tips_and_have_their_own_tension(folder):
+    """Each line of the ring begins at one tip and ends at the next, the last one at the first; the
+    tethers keep theirs. A quantity that a run file does not hold for the ring gives it no colour."""
+    scene = sail_scene(**{f"auxiliary_tethers__{key}": value for key, value in RING.items()})
+    tension = 0.01 + 0.001 * np.arange(TETHERS) + 0.0 * TIME[:, None]
+    rows = sail_rows() | {"auxiliary_tension": tension}
+    motion = motion_of(write_run(folder / "ring.h5", scene, TIME, rows))
+    plain = motion_of(write_run(folder / "no_ring.h5", sail_scene(), TIME, sail_rows()))
+    tips = plain.markers
+    assert motion.markers == tips and motion.lines[:TETHERS] == plain.lines
+    assert motion.lines[TETHERS:] == ((tips[0], tips[1]), (tips[1], tips[2]), (tips[2], tips[0]))
+    colours = {name: quantity.values for name, quantity in motion.colours.items()}
+    assert np.array_equal(colours["tension"][:, TETHERS:], tension)
+    for name, values in colours.items():
+        assert np.array_equal(values[:, :TETHERS], plain.colours[name].values)
+    assert np.isnan(colours["voltage"][:, TETHERS:]).all()
+    assert "auxiliary" in motion.model and "auxiliary" in motion.shape
+    image = Drawing(motion, Style(1.0, "spinning", "tension", 320, 300)).image(0)
+    without = Drawing(plain, Style(1.0, "spinning", "tension", 320, 300)).image(0)
+    assert (image != without).any(axis=-1).sum() > 300  # three sides of more than a hundred pixels

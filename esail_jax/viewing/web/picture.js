@@ -84,7 +84,8 @@ function drawPicture(canvas, run, frame, state, range, theme) {
     const [r, g, b] = colourOf(value, range[0], range[1], theme.stops, theme.none);
     return `rgb(${r} ${g} ${b})`;
   };
-  const depth = run.lines.map((line) => pixels[line[line.length - 1]][2]);
+  const endOf = (line) => (line === undefined ? NaN : line[line.length - 1]);
+  const depth = run.lines.map((line) => pixels[endOf(line)][2]);
   const order = run.lines.map((_, k) => k).sort((a, b) => depth[a] - depth[b]);
   for (const k of order) {
     pen.strokeStyle = pen.fillStyle = colour(k);
@@ -94,7 +95,7 @@ function drawPicture(canvas, run, frame, state, range, theme) {
   run.markers.forEach((v, k) => {
     const [x, y, size] = pixels[v];
     if (!Number.isFinite(x)) return;
-    pen.fillStyle = run.markers.length === run.lines.length ? colour(k) : theme.ink;
+    pen.fillStyle = endOf(run.lines[k]) === v ? colour(k) : theme.ink;
     pen.beginPath();
     pen.arc(x, y, 3.4 * size, 0, 2 * Math.PI);
     pen.fill();
