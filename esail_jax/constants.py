@@ -13,6 +13,9 @@ ELEMENTARY_CHARGE = 1.602176634e-19
 ELECTRON_MASS = 9.1093837139e-31
 """m_e [kg]: mass of an electron, CODATA 2022."""
 
+ATOMIC_MASS = 1.66053906892e-27
+"""u [kg]: atomic mass constant, CODATA 2022."""
+
 THRUST_FACTOR = 0.18
 """Coefficient [-] of the Coulomb thrust per unit length, [PGV] Eq. 27 (Janhunen et al. 2010)."""
 

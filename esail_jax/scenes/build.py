@@ -26,7 +26,13 @@ from esail_jax.joints import roots as joints
 from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.loads.voltage import Constant
 from esail_jax.rod_chain import RodChain, RodState
-from esail_jax.scenes.build_loads import coulomb_thrust, starting_attitude, tip_thrust_of, wind_of
+from esail_jax.scenes.build_loads import (
+    coulomb_thrust,
+    plasma_brake_of,
+    starting_attitude,
+    tip_thrust_of,
+    wind_of,
+)
 from esail_jax.scenes.structure import Numbers, Structure
 from esail_jax.system import Power, System
 from esail_jax.terms import Dissipation, Energy
@@ -231,6 +237,8 @@ def build_chain(structure: Structure, n: Numbers) -> tuple[RodChain, RodState]:
         # A chain has a voltage for every rod.
         law, relative = Constant(n["voltage.value"]), structure["solar_wind.relative"]
         loads = (CoulombThrust.of(wind_of(n, origin), law, 1, relative),)
+    if structure.has("plasma_brake"):
+        loads = (*loads, plasma_brake_of(n))
     tethers = TetherBatch(
         element_length=length,
         line_density=column["chain.mass"] / length,

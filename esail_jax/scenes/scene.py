@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from esail_jax.scenes import rules
-from esail_jax.scenes.chain_tables import Chain, ChainInitial, ChainVoltage, ChainWind, Orbit
+from esail_jax.scenes.chain_tables import Chain, ChainInitial, ChainVoltage, ChainWind, Orbit, PlasmaBrake
 from esail_jax.scenes.common_tables import Gravity, Integrator, Output
 from esail_jax.scenes.consistency import check_together, method_name
 from esail_jax.scenes.declarations import rule_of
@@ -60,6 +60,7 @@ class Scene:
     tip_thrust: TipThrust | None = None
     gravity: Gravity | None = None
     orbit: Orbit | None = None
+    plasma_brake: PlasmaBrake | None = None
     event: Event | None = None
     output: Output | None = None
 
@@ -132,6 +133,7 @@ class Scene:
         others = (
             "hub", "auxiliary_tethers", "remote_units", "solar_wind", "voltage", "tip_thrust", "gravity",
             "orbit",
+            "plasma_brake",
         )  # fmt: skip
         names += [name.replace("_", " ") for name in others if getattr(self, name) is not None]
         if self.event is not None:
