@@ -33,7 +33,14 @@ if TYPE_CHECKING:
     from esail_jax.modal.sail_modes import modes
     from esail_jax.modal.table import ModeTable
     from esail_jax.plotting import plot
-    from esail_jax.scenes.chain_tables import Chain, ChainInitial, ChainVoltage, ChainWind, Orbit
+    from esail_jax.scenes.chain_tables import (
+        Chain,
+        ChainInitial,
+        ChainVoltage,
+        ChainWind,
+        Orbit,
+        PlasmaBrake,
+    )
     from esail_jax.scenes.common_tables import Gravity, Integrator, Output
     from esail_jax.scenes.rules import SceneError
     from esail_jax.scenes.sail_tables import (
@@ -70,6 +77,7 @@ __all__ = [
     "ModeTable",
     "Orbit",
     "Output",
+    "PlasmaBrake",
     "RemoteUnits",
     "RunFileError",
     "Scene",
@@ -100,7 +108,7 @@ MODULES = {
     "modal.sail_modes": ("modes",),
     "modal.table": ("ModeTable",),
     "plotting": ("plot",),
-    "scenes.chain_tables": ("Chain", "ChainInitial", "ChainVoltage", "ChainWind", "Orbit"),
+    "scenes.chain_tables": ("Chain", "ChainInitial", "ChainVoltage", "ChainWind", "Orbit", "PlasmaBrake"),
     "scenes.common_tables": ("Gravity", "Integrator", "Output"),
     "scenes.rules": ("SceneError",),
     "scenes.sail_tables": (

@@ -13,6 +13,9 @@ ELEMENTARY_CHARGE = 1.602176634e-19
 ELECTRON_MASS = 9.1093837139e-31
 """m_e [kg]: mass of an electron, CODATA 2022."""
 
+ATOMIC_MASS = 1.66053906892e-27
+"""u [kg]: atomic mass constant, CODATA 2022."""
+
 THRUST_FACTOR = 0.18
 """Coefficient [-] of the Coulomb thrust per unit length, [PGV] Eq. 27 (Janhunen et al. 2010)."""
 
@@ -29,3 +32,6 @@ SOLAR_MU = 1.32712440018e20
 
 SOLAR_RADIUS = 6.957e8
 """Nominal radius of the Sun [m]: IAU 2015 resolution B3."""
+
+DEBYE_LENGTHS = 2.0
+"""Distance r_0 at which the wire's potential vanishes, in Debye lengths (Janhunen & Sandroos 2007)."""

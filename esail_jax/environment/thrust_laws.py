@@ -4,13 +4,10 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from esail_jax.array_types import Array, Float, Instants, Scalar
-from esail_jax.constants import ELEMENTARY_CHARGE, PROTON_MASS, VACUUM_PERMITTIVITY
+from esail_jax.constants import DEBYE_LENGTHS, ELEMENTARY_CHARGE, PROTON_MASS, VACUUM_PERMITTIVITY
 
 SHEATH_FACTOR = 3.09
 """Coefficient K [-] of the thrust, fitted to plasma simulations (Janhunen & Sandroos 2007)."""
-
-DEBYE_LENGTHS = 2.0
-"""Distance r_0 at which the wire's potential vanishes, in Debye lengths (Janhunen & Sandroos 2007)."""
 
 
 class DebyeSheath(eqx.Module):

@@ -31,6 +31,7 @@ from esail_jax.rod_chain import RodChain, RodState
 from esail_jax.scenes.build_loads import (
     coulomb_thrust,
     kepler_orbit_of,
+    plasma_brake_of,
     starting_attitude,
     tip_thrust_of,
     wind_of,
@@ -257,6 +258,8 @@ def build_chain(structure: Structure, n: Numbers) -> tuple[RodChain, RodState]:
         # A chain has a voltage for every rod.
         law, relative = Constant(n["voltage.value"]), structure["solar_wind.relative"]
         loads = (CoulombThrust.of(wind_of(n, origin), law, 1, relative),)
+    if structure.has("plasma_brake"):
+        loads = (*loads, plasma_brake_of(n))
     tethers = TetherBatch(
         element_length=length,
         line_density=column["chain.mass"] / length,

@@ -13,6 +13,7 @@ from esail_jax.loads import voltage
 from esail_jax.loads.constant_thrust import ConstantThrust
 from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.loads.electron_current import Collector, power_limited
+from esail_jax.loads.plasma_brake import PlasmaBrake, ions
 from esail_jax.loads.tip_thrust import Switching, TipThrust
 from esail_jax.scenes.structure import Numbers, Structure
 
@@ -39,6 +40,13 @@ def tip_thrust_of(structure: Structure, n: Numbers) -> TipThrust | None:
     if structure.has("tip_thrust.on"):
         switching = Switching(*(n[f"tip_thrust.{key}"] for key in ("on", "off", "rise_time")))
     return TipThrust(n["tip_thrust.force"], switching, structure["tip_thrust.direction"])
+
+
+def plasma_brake_of(n: Numbers) -> PlasmaBrake:
+    """The load of [plasma_brake] on a chain."""
+    names = ("speed", "number_density", "ion_mass_u", "tether_radius", "voltage")
+    speed, density, mass, radius, voltage = (n[f"plasma_brake.{name}"] for name in names)
+    return PlasmaBrake(speed, density, ions(mass), radius, voltage)
 
 
 def wind_of(n: Numbers, origin: Float[Array, "3"]) -> Wind:

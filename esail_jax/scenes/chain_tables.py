@@ -9,6 +9,7 @@ from esail_jax.scenes.rules import (
     between,
     choice,
     non_negative,
+    non_positive,
     nonzero_vector,
     positive,
     positive_integer,
@@ -88,6 +89,29 @@ class Orbit:
     """Circular orbit about a centre of attraction; the chain moves in axes that turn with the orbit."""
 
     mean_motion: Number = declare(positive, unit="rad/s", doc="Angular rate of the orbit.")
+
+
+@table
+class PlasmaBrake:
+    """Coulomb drag of the ionosphere on a negative chain in low orbit (`loads/plasma_brake.py`). In the
+    axes of the orbit the plasma streams along -y."""
+
+    voltage: PerMember = per_member(
+        non_positive, unit="V", doc="Voltage of a rod; one at zero has no drag."
+    )
+    speed: Number = declare(
+        positive, unit="m/s", doc="Speed of the chain through the plasma, about that of the orbit."
+    )
+    number_density: Number = declare(positive, unit="1/m^3", doc="Number density of the plasma.")
+    tether_radius: Number = declare(
+        positive, unit="m", doc="Radius of the wire, or effective radius of a tether of several wires."
+    )
+    ion_mass_u: Number = declare(
+        positive,
+        unit="u",
+        doc="Mass of an ion in atomic mass units; that of oxygen if left out.",
+        default=16.0,
+    )
 
 
 @table

@@ -5,9 +5,16 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from esail_jax.constants import ASTRONOMICAL_UNIT, SOLAR_MU, SOLAR_RADIUS
+from esail_jax.constants import (
+    ASTRONOMICAL_UNIT,
+    DEBYE_LENGTHS,
+    ELEMENTARY_CHARGE,
+    SOLAR_MU,
+    SOLAR_RADIUS,
+    VACUUM_PERMITTIVITY,
+)
 from esail_jax.scenes import rules
-from esail_jax.scenes.chain_tables import Chain, ChainInitial, ChainVoltage, ChainWind, Orbit
+from esail_jax.scenes.chain_tables import Chain, ChainInitial, ChainVoltage, ChainWind, Orbit, PlasmaBrake
 from esail_jax.scenes.common_tables import Integrator
 from esail_jax.scenes.methods import METHODS, SAIL_METHOD, SAIL_STEP_METHOD, takes
 from esail_jax.scenes.rules import SceneError
@@ -46,6 +53,7 @@ class Parts(Protocol):
     event: Event | None
     auxiliary_tethers: AuxiliaryTethers | None
     orbit: Orbit | HeliocentricOrbit | None
+    plasma_brake: PlasmaBrake | None
     tip_thrust: TipThrust | None
     thermal: Thermal | None
 
@@ -225,6 +233,8 @@ def check_wind(scene: Parts) -> None:
             if law != table.thrust_law and getattr(table, name) is not None:
                 must = f"be left out with the law {table.thrust_law}"
                 raise SceneError(f"solar_wind.{name}", must, "is given")
+    least, most = table.electron_temperature_ev, table.number_density
+    check_thin("solar_wind", table.tether_radius, least, most, DEBYE_LENGTHS)
     if table.time is not None:
         check_list("solar_wind.time", table.time)
     count = None if table.time is None else np.shape(table.time)[0]
@@ -241,6 +251,20 @@ def check_wind(scene: Parts) -> None:
     if time is not None and (time[0] > 0.0 or time[-1] < scene.integrator.t_end):
         must = f"reach from 0 to `integrator.t_end` ({scene.integrator.t_end:g})"
         raise SceneError("solar_wind.time", must, f"reaches from {time[0]:g} to {time[-1]:g}")
+
+
+def check_thin(table: str, radius: Any, volts: Any, density: Any, lengths: float = 1.0) -> None:
+    """Checks that a tether is thinner than the sheath about it, `lengths` times sqrt(eps_0 V / (e n)):
+    there the logarithms of the laws are positive. Traced numbers have no value to check. Raises
+    SceneError."""
+    known = [None if x is None else rules.known(x) for x in (radius, volts, density)]
+    if any(x is None for x in known):
+        return
+    radius, volts, density = known
+    sheath = lengths * np.sqrt(VACUUM_PERMITTIVITY * volts / (ELEMENTARY_CHARGE * np.max(density)))
+    if radius >= sheath:
+        must = f"be below the radius of the sheath ({sheath:.3g} m)"
+        raise SceneError(f"{table}.tether_radius", must, rules.describe(radius))
 
 
 def check_list(key: str, time: Any) -> None:
@@ -300,6 +324,13 @@ def check_chain(scene: Parts) -> None:
     for key, value in held.items():
         if value is not None and not free:
             raise SceneError(key, 'be left out unless `chain.anchor` is "free"', "is given")
+    if scene.plasma_brake is not None and scene.orbit is None:
+        raise SceneError("orbit.mean_motion", "be given with [plasma_brake]", "is missing")
+    if scene.plasma_brake is not None:
+        table = scene.plasma_brake
+        volts = rules.known(table.voltage)
+        least = None if volts is None else np.abs(np.where(volts < 0.0, volts, np.inf)).min()
+        check_thin("plasma_brake", table.tether_radius, least, table.number_density)
     if scene.solar_wind is not None and start.heliocentric_position_au is None:
         raise SceneError("initial.heliocentric_position_au", "be given with [solar_wind]", "is missing")
     if scene.solar_wind is None and start.heliocentric_position_au is not None:

@@ -50,6 +50,7 @@ class Rule:
 
 positive = Rule("be positive", lambda x: bool((x > 0).all()))
 non_negative = Rule("not be negative", lambda x: bool((x >= 0).all()))
+non_positive = Rule("not be positive", lambda x: bool((x <= 0).all()))
 nonzero_vector = Rule("not be zero", lambda x: bool((np.linalg.norm(x, axis=-1) > 0).all()))
 any_number = Rule("be a finite number")
 increasing = Rule("increase", lambda x: x.ndim == 1 and bool((np.diff(x) > 0).all()))

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from esail_jax.scenes import rules
-from esail_jax.scenes.chain_tables import Chain, ChainInitial, ChainVoltage, ChainWind, Orbit
+from esail_jax.scenes.chain_tables import Chain, ChainInitial, ChainVoltage, ChainWind, Orbit, PlasmaBrake
 from esail_jax.scenes.common_tables import Gravity, Integrator, Output
 from esail_jax.scenes.consistency import check_together, method_name
 from esail_jax.scenes.declarations import rule_of
@@ -63,6 +63,7 @@ class Scene:
     thermal: Thermal | None = None
     gravity: Gravity | None = None
     orbit: Orbit | HeliocentricOrbit | None = None
+    plasma_brake: PlasmaBrake | None = None
     event: Event | None = None
     output: Output | None = None
 
@@ -137,7 +138,7 @@ class Scene:
             names = [f"{count_of(tethers.count, 'tether')} of {elements}"]
         others = (
             "hub", "auxiliary_tethers", "remote_units", "solar_wind", "voltage", "tip_thrust", "thermal",
-            "gravity", "orbit",
+            "gravity", "orbit", "plasma_brake",
         )  # fmt: skip
         names += [name.replace("_", " ") for name in others if getattr(self, name) is not None]
         if self.event is not None:

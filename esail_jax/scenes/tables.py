@@ -33,6 +33,7 @@ CHAIN_TABLES = {
     "voltage": chain_tables.ChainVoltage,
     "gravity": common_tables.Gravity,
     "orbit": chain_tables.Orbit,
+    "plasma_brake": chain_tables.PlasmaBrake,
     "initial": chain_tables.ChainInitial,
     "integrator": common_tables.Integrator,
     "output": common_tables.Output,

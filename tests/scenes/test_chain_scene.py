@@ -41,6 +41,10 @@ NEEDS = {
     "solar_wind.cutoff_voltage": {"voltage.value": 1e3}, "voltage.value": {},
     "solar_wind.relative": {"voltage.value": 1e3},
     "initial.heliocentric_position_au": {"voltage.value": 1e3},
+    **{f"plasma_brake.{x}": {"orbit.mean_motion": 1e-3, "plasma_brake.speed": 7.5e3,
+       "plasma_brake.voltage": -1e3, "plasma_brake.number_density": 3e10,
+       "plasma_brake.tether_radius": 1e-3} for x in ("speed", "voltage", "number_density",
+       "tether_radius", "ion_mass_u")},
 }  # fmt: skip
 """The keys that a key requires."""
 
@@ -64,7 +68,7 @@ def test_every_key_can_be_given_and_written(key, chain):
     values = {
         "chain.rods": 3, "chain.anchor": "free", "chain.strain": "green-lagrange", "chain.bending": True,
         "chain.root": "clamped", "integrator.method": "dopri5", "integrator.tolerance": 0.125,
-        "solar_wind.relative": True,
+        "solar_wind.relative": True, "plasma_brake.voltage": -1e3,
     }  # fmt: skip
     shape = (1.0, 2.0, 0.5) if FIELDS[key].shape in (Shape.VECTOR, Shape.VECTORS) else 0.125
     value = values.get(key, shape)

@@ -33,7 +33,7 @@ FIELDS = {
 
 UNITS = {
     "-", "m", "m^2", "m^4", "kg", "kg/m^3", "Pa", "s", "V", "V/s", "m/s", "m/s^2", "1/m^3", "deg",
-    "rad", "rad/s", "au", "N", "W", "eV",
+    "rad", "rad/s", "au", "N", "W", "eV", "u",
 }  # fmt: skip
 
 
