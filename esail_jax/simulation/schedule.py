@@ -34,8 +34,8 @@ def switch_times(scene: Scene) -> tuple[float, ...]:
 
     They are the times of all events, the times `on` and `off` of the voltage and of the thrust at the tips,
     and the instants of the temperatures, where these have kinks, if they are positive. A time that is a
-    tracer has no value and is left out; the error control of the method has to find it. The voltage of a
-    chain is constant and has no such time."""
+    tracer has no value and is left out: for `on` and `off` the error control of the method has to find it,
+    for temperatures see `divided_at`. The voltage of a chain is constant and has no such time."""
     times = set() if scene.event is None else set(scene.event.time)
     tables = [
         table for table in (scene.voltage, scene.tip_thrust) if isinstance(table, Voltage | TipThrust)
@@ -47,6 +47,12 @@ def switch_times(scene: Scene) -> tuple[float, ...]:
         if switched is not None and known(switched) is not None:
             times |= set(known(switched).ravel().tolist())
     return tuple(sorted(time for time in times if time > 0.0))
+
+
+def divided_at(scene: Scene) -> tuple[str, ...]:
+    """Returns the keys of instants that divide a run although they are tracers."""
+    time = None if scene.thermal is None else scene.thermal.time
+    return ("thermal.time",) if time is not None and known(time) is None else ()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -93,15 +99,16 @@ class Schedule:
     """The plan of a traced run; hashable, because it is a static argument of the compiled program.
 
     times: the saved instants [s]; switches: the switch times [s]; begin: the start [s]; size: the largest
-    number of instants in a window; least: the least number of windows. Windows also contain instants that
-    are not saved: the ends of segments, and cuts that divide the run into enough windows for its
-    derivative."""
+    number of instants in a window; least: the least number of windows; divided: keys of traced numbers of
+    the scene at whose instants the run is divided, too. Windows also contain instants that are not saved:
+    the ends of segments, and cuts that divide the run into enough windows for its derivative."""
 
     times: tuple[float, ...]
     switches: tuple[float, ...]
     begin: float
     size: int
     least: int
+    divided: tuple[str, ...] = ()
 
     def windows(self) -> tuple[Windows, np.ndarray, np.ndarray]:
         """Returns the windows, and for every saved time the index of its window and its place in that

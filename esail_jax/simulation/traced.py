@@ -17,6 +17,7 @@ from esail_jax.numerics.symbolic_zeros import with_tangents
 from esail_jax.rod_chain import RodState
 from esail_jax.scenes.structure import Numbers, Structure
 from esail_jax.simulation.advance import Window, keep_tapes, move, point_of, room_for
+from esail_jax.simulation.divided_windows import divided_windows
 from esail_jax.simulation.look import look, on_constraints, with_running_observables
 from esail_jax.simulation.problem import restart, start
 from esail_jax.simulation.schedule import Schedule
@@ -74,7 +75,10 @@ def run(
     begun = start(structure, numbers, stepper, point)
     problem = begun.problem
     windows, number, place = schedule.windows()
-    switched = bool(windows.begins.any())
+    switched = bool(windows.begins.any()) or bool(schedule.divided)
+    if schedule.divided:
+        knots = jnp.concatenate([numbers[key] for key in schedule.divided])
+        windows, number, place = divided_windows(schedule, knots)
     windows = jax.tree.map(jnp.asarray, windows)
 
     @keep_tapes
@@ -104,7 +108,8 @@ def run(
     # All saved instants, in batches of equal length. The last instant is repeated to fill the last batch.
     instants = len(place)
     together = -(-instants // -(-instants // INSTANTS_TOGETHER))
-    number, place = (np.pad(x, (0, -instants % together), mode="edge") for x in (number, place))
+    pad = jnp.pad if schedule.divided else np.pad
+    number, place = (pad(x, (0, -instants % together), mode="edge") for x in (number, place))
     points = jax.tree.map(lambda x: x[number, place], points)
     between = windows.start[number], windows.until[number]
 

@@ -14,7 +14,7 @@ from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.stepper_choice import stepper_class
 from esail_jax.scenes.structure import split
 from esail_jax.simulation.problem import require_64_bit
-from esail_jax.simulation.schedule import Schedule, save_times, switch_times
+from esail_jax.simulation.schedule import Schedule, divided_at, save_times, switch_times
 from esail_jax.simulation.solution import Solution
 from esail_jax.simulation.traced import traced_run
 from esail_jax.steppers.stepper import AbstractStepper, Point
@@ -63,7 +63,8 @@ def simulate_traced(
     else:
         least = max(1, int(np.ceil(wanted / room * (UNEVEN if step is None else MARGIN))))
     switches = switch_times(scene)
-    schedule = Schedule(tuple(saved.tolist()), switches, begin, kind.instants_per_window, least)
+    instants = tuple(saved.tolist()), switches, begin
+    schedule = Schedule(*instants, kind.instants_per_window, least, divided_at(scene))
     names = None if save is None or scene.chain is not None else tuple(save)
     limit = jnp.asarray(jnp.inf if max_steps is None else float(max_steps))
     found = traced_run(structure, schedule, names, numbers, limit, stepper, start)
