@@ -116,7 +116,7 @@ class LocalWind(SteadyWind):
     number_density its density there. frame_velocity: velocity [m/s] of the inertial frame."""
 
     origin: VectorPerPoint
-    frame_velocity: VectorPerPoint | None = None
+    frame_velocity: Float[Array, "xyz ..."] | None = None
 
     def velocity(self, r: VectorPerPoint) -> VectorPerPoint:
         """Wind velocity u [m/s] at each of the points, in axes at rest relative to the Sun."""

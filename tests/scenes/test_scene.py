@@ -58,6 +58,11 @@ RING = {"tethers.count": 3} | {
 """A ring of auxiliary tethers with the keys that it requires."""
 
 
+ORBIT = {"orbit.position_au": (1.0, 0.0, 0.0), "orbit.velocity": (0.0, 3e4, 0.0)}
+ORBIT |= {"initial.heliocentric_position_au": None}
+"""An orbit about the Sun; a position in its place must then be absent."""
+
+
 def beside(key: str) -> dict:
     """Returns the overrides that a key requires."""
     table, name = key.split(".")
@@ -67,6 +72,10 @@ def beside(key: str) -> dict:
         return RING
     if table == "tip_thrust":
         return PULSE
+    if table == "orbit":
+        return ORBIT
+    if name == "reference_distance_au":
+        return ORBIT
     if name == "wires":
         return {"tethers.wire_radius": 1e-5}
     if name in {"thrust_law", "electron_temperature_ev", "tether_radius"}:
@@ -201,6 +210,7 @@ def test_every_key_can_be_overridden(key, sail):
         "auxiliary_tethers.strain": "engineering",
         "tethers.wires": 4, "solar_wind.relative": True, "tip_thrust.direction": "radial",
         "solar_wind.thrust_law": "debye-sheath",
+        "orbit.position_au": (0.0, 1.0, 0.5), "orbit.velocity": (1e3, 2e4, 0.0),
     }  # fmt: skip
     value = values.get(key, 0.125)
     extra = {"tethers.second_moment": 2e-18} if key == "tethers.bending" else {}
@@ -283,6 +293,7 @@ def test_a_tracer_is_refused_for_structure_by_name(key, sail):
 @pytest.mark.parametrize("key", [key for key in SAIL_KEYS if key not in STRUCTURE])
 def test_a_tracer_is_accepted_for_every_number(key, sail):
     shapes = {"gravity.acceleration": 3, "initial.heliocentric_position_au": 3, "voltage.cosine": 1}
+    shapes |= {"orbit.position_au": 3, "orbit.velocity": 3}
     shapes |= {"voltage.sine": 1, "voltage.time": 2, "voltage.table": 2, "solar_wind.time": 2}
     example = jnp.ones(shapes[key]) if key in shapes else 1.0
     seen = []

@@ -1,0 +1,217 @@
+"""A sail on its orbit about the Sun (`[orbit]`): an independent integration, conservation, derivatives, and
+what is refused."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import esail_jax as esail
+from esail_jax.constants import ASTRONOMICAL_UNIT as AU
+from esail_jax.constants import SOLAR_MU
+from esail_jax.observables import elastic_energy
+from esail_jax.scenes.build import build_jitted
+from esail_jax.scenes.structure import split
+from support.quick import jit
+from support.ring_sail import SAIL, TIGHT, reference, ring_scene
+
+REFERENCE = "independent NumPy code (`support/ring_reference.py`), Dormand & Prince 8(5,3)"
+
+NEAR_SUN = {
+    "orbit.position_au": [0.008, 0.006, 0.001],
+    "orbit.velocity": [-2e5, 2.4e5, 3e4],
+    "solar_wind.reference_distance_au": 0.01,
+}
+"""Two solar radii from the Sun the tide, the turn of its direction and the thinning of the wind are so large
+that one per cent of each is seen in two minutes."""
+
+NO_RING = {key: None for key in SAIL if key.startswith("auxiliary_tethers.")}
+FIVE = NEAR_SUN | NO_RING | {"tethers.strain": "engineering", "solar_wind.relative": True}
+FIVE |= {"integrator.t_end": 120.0}
+CABLES = NEAR_SUN | {
+    "auxiliary_tethers.element": "cable",
+    "tethers.element": "cable",
+    "tethers.elements": 1,
+    # Less damping: the explicit reference keeps overdamped slopes at its stability limit.
+    "tethers.axial_damping_time": 0.02,
+    "auxiliary_tethers.axial_damping_time": [0.02, 0.03, 0.02, 0.01, 0.02],
+}
+
+
+@pytest.fixture(scope="module")
+def five():
+    """A run of five unequal tethers of trusses, with the wind relative to them."""
+    return esail.simulate(ring_scene(FIVE | TIGHT))
+
+
+def check_against_reference(solution, case, what, validate):
+    exact = reference(solution.scene).run(np.asarray(solution.time))
+    found = {
+        name: np.abs(np.asarray(solution[name]) - values).max() / np.ptp(values)
+        for name, values in exact.items()
+    }
+    worst = max(found, key=found.get)
+    validate(case, what, REFERENCE, f"worst of {len(found)} signals / range", found[worst], 1e-6)
+
+
+@pytest.mark.slow
+def test_run_follows_an_independent_integration(five, validate):
+    """Every signal of five unequal tethers agrees with the independent code, which integrates heliocentric
+    positions without a closed-form orbit or a tide, to 1e-6 of its range.
+
+    Measured: positions 1e-9, energies 1e-8, dissipated power, which is small, 3e-7."""
+    check_against_reference(five, "ORB-2", "five unequal tethers near the Sun, relative wind", validate)
+
+
+@pytest.mark.slow
+def test_run_with_a_ring_follows_an_independent_integration(validate):
+    """The same for cables joined by a ring of cables: the tide acts on slopes and own vectors of the ring."""
+    run = esail.simulate(ring_scene(CABLES | TIGHT))
+    check_against_reference(run, "ORB-3", "five cables near the Sun, ring of cables", validate)
+
+
+def test_observables_of_the_orbit(five):
+    """Position and velocity are those of the Kepler orbit through the start plus those of the hub, the
+    elements are those of the state, and O is the orbital frame at the hub of the moment.
+
+    The velocity is compared with a difference quotient of positions of 1e8 m along 10 s, whose error is
+    h^2 r'''/6 = 0.2 m/s of 3e5 m/s: 1e-6."""
+    r, v, elements = (np.asarray(five[x]) for x in ("heliocentric_position", "heliocentric_velocity",
+                                                    "orbital_elements"))  # fmt: skip
+    h = five.time[2] - five.time[1]
+    assert np.allclose((r[2:] - r[:-2]) / (2 * h), v[1:-1], rtol=0, atol=1e-5 * np.abs(v).max())
+    assert np.allclose(r[0], AU * np.array(NEAR_SUN["orbit.position_au"]), rtol=1e-15)
+    assert np.allclose(five["hub_position_I"][0], 0.0, atol=1e-9)
+    size = np.linalg.norm(r, axis=1)
+    energy = 0.5 * (v**2).sum(1) - SOLAR_MU / size
+    assert np.allclose(elements[:, 0], -0.5 * SOLAR_MU / energy, rtol=1e-12)
+    momentum = np.linalg.norm(np.cross(r, v), axis=1)
+    assert np.allclose(elements[:, 1], np.sqrt(1.0 + 2.0 * energy * momentum**2 / SOLAR_MU**2), rtol=1e-9)
+    cosine = (r * five["rotation_IB"][:, :, 0]).sum(1) / size
+    assert np.allclose(np.cos(five["sailing_angle"]), cosine, rtol=0, atol=1e-12)
+    assert np.ptp(np.arctan2(r[:, 1], r[:, 0])) > 0.02  # the Sun line has turned
+
+
+def test_energy_balance_includes_the_tide(five):
+    """The work of the tide and of the wind is the change of energy, to the tolerance of the run."""
+    assert np.abs(five["energy_balance_error"]).max() < 1e-10 * np.abs(five["external_work"]).max()
+
+
+COARSE = NO_RING | {
+    "hub.density": 1.0,
+    "tethers.count": 3,
+    "tethers.length": 1e3,
+    "tethers.elements": 1,
+    "tethers.axial_damping_time": None,
+    "remote_units.mass": [0.5, 0.6, 0.7],
+    "solar_wind.speed": None,
+    "solar_wind.number_density": None,
+    "solar_wind.cutoff_voltage": None,
+    "voltage.value": None,
+    "initial.spin_rate": 4e-4,
+    "orbit.position_au": [1.0, 0.2, 0.1],
+    "orbit.velocity": [5e3, 24e3, 3e3],
+    "integrator.t_end": 3.15576e7,
+    "integrator.tolerance": 1e-6,
+    "output.interval": 3.15576e6,
+}
+"""Three unequal tethers of one truss each, without wind and damping, for a year on an ellipse."""
+
+
+def totals(system, point):
+    """Energy [J] and angular momentum [kg m^2/s] about the Sun of all masses, from their heliocentric
+    positions and velocities."""
+    origin, velocity = system.kepler_orbit.at(point.time)
+    place = jax.tree.map(lambda x: x, point.q)._replace(
+        tether=point.q.tether + origin[:, None, None], hub=point.q.hub + origin
+    )
+    moving = point.v._replace(tether=point.v.tether + velocity[:, None, None], hub=point.v.hub + velocity)
+    momenta = system.momenta(moving)
+    ones = jax.tree.map(jnp.ones_like, point.q)
+    mass = system.momenta(ones).tether[0, 0]
+    kinetic = 0.5 * sum((x * p).sum() for x, p in zip(moving[:2], momenta[:2], strict=True))
+    hub = system.hub.mass / jnp.linalg.norm(system.hub.centre(place.hub))
+    potential = -SOLAR_MU * ((mass / jnp.linalg.norm(place.tether[0], axis=0)).sum() + hub)
+    momentum = jnp.cross(place.tether[0], momenta.tether[0], axis=0).sum((1, 2))
+    momentum = momentum + jnp.cross(place.hub, momenta.hub).sum(0)
+    return kinetic + potential + elastic_energy(system, point.q), momentum
+
+
+@pytest.mark.slow
+def test_energy_and_angular_momentum_about_the_sun_over_a_year(validate):
+    """Without wind, the total energy and angular momentum about the Sun are kept to 1e-9 over a year.
+
+    The sums are over all masses in heliocentric positions and velocities, so that the closed-form orbit and
+    the motion relative to it enter together. The tolerance of the run, 1e-6 of the tethers' length per
+    step, changes the spin; that is 1e-12 of the orbit's part."""
+    scene = ring_scene(COARSE)
+    run = esail.simulate(scene)
+    system, q, v, _ = build_jitted(*split(scene))
+    begin = run.final_state._replace(time=jnp.zeros(()), q=q, v=v)
+    (e0, h0), (e1, h1) = (jit(totals)(system, point) for point in (begin, run.final_state))
+    error = max(abs(e1 / e0 - 1.0), np.linalg.norm(h1 - h0) / np.linalg.norm(h0))
+    validate(
+        "ORB-4", "coarse sail, a year on an ellipse", "conservation",
+        "energy and angular momentum about the Sun", float(error), 1e-9,
+    )  # fmt: skip
+    assert np.ptp(np.linalg.norm(run["heliocentric_position"], axis=1)) > 0.1 * AU
+
+
+@pytest.mark.slow
+def test_derivatives_by_the_orbit():
+    """Derivatives of the end of a run by position, velocity and reference distance are difference quotients
+    of fourth order to 1e-6, with a fixed step of collocation: the same for all numbers; and both modes
+    agree to rounding."""
+    settings = {"integrator.step": 2.0, "integrator.method": "collocation", "output.interval": 20.0}
+    scene = ring_scene(FIVE | settings | {"integrator.t_end": 20.0, "integrator.tolerance": None})
+    at = jnp.array([*NEAR_SUN["orbit.position_au"], *NEAR_SUN["orbit.velocity"], 0.01])
+    size = jnp.array([1e-3] * 3 + [1e4] * 3 + [1e-3])
+
+    def end(x):
+        keys = {"orbit.position_au": x[:3], "orbit.velocity": x[3:6]}
+        run = esail.simulate(scene, keys | {"solar_wind.reference_distance_au": x[6]})
+        return jnp.concatenate([run["tip_position_I"][-1, 0], run["thrust_O"][-1] * 1e3])
+
+    slopes, backward = jit(jax.jacfwd(end))(at), jit(jax.jacrev(end))(at)
+    end = jit(end)
+    for k in range(7):
+        move = 0.1 * size[k] * jnp.eye(7)[k]
+        ends = {i: end(at + i * move) for i in (-2, -1, 1, 2)}
+        quotient = (8.0 * (ends[1] - ends[-1]) - (ends[2] - ends[-2])) / (12.0 * 0.1 * size[k])
+        assert np.abs(slopes[:, k] - quotient).max() < 1e-6 * np.abs(quotient).max(), k
+        assert np.abs(slopes[:, k] - backward[:, k]).max() < 1e-9 * np.abs(quotient).max(), k
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        ({"orbit.velocity": [0.0, 0.0, 0.0]}, r"`orbit.velocity` must not be zero, but is \[0.0, 0.0, 0.0\]"),
+        ({"orbit.position_au": [0.0, 0.0, 0.0]}, r"`orbit.position_au` must not be zero"),
+        ({"orbit.position_au": [0.0, 0.0, 1.0]}, r"`orbit.position_au` must not lie on the ecliptic's axis"),
+        ({"orbit.position_au": [1.0, float("nan"), 0.0]}, r"`orbit.position_au` must be finite"),
+        ({"orbit.velocity": 3e4}, r"`orbit.velocity` must be a list of three numbers, but is 30000.0"),
+        ({"orbit.velocity": [0.0, 2e3, 0.0]},
+         r"`orbit.velocity` must give an orbit whose pericentre is outside the Sun \(6.957e\+08 m\), "
+         r"but the pericentre is at 3.38025e\+08 m"),
+        ({"orbit.velocity": [5e4, 0.0, 0.0]}, r"`orbit.velocity` must give .*, but the pericentre is at 0 m"),
+        ({"initial.heliocentric_position_au": [1.0, 0.0, 0.0]},
+         r"`initial.heliocentric_position_au` must be left out with \[orbit\], but is given"),
+        ({"hub": None}, r"`orbit` must be left out without \[hub\], but is given"),
+        ({"orbit.velocity": None}, r"`orbit.velocity` must be given, but is missing"),
+        ({"orbit": None, "solar_wind.reference_distance_au": 1.0},
+         r"`solar_wind.reference_distance_au` must be left out without \[orbit\], but is given"),
+        ({"solar_wind.reference_distance_au": 0.0},
+         r"`solar_wind.reference_distance_au` must be positive, but is 0.0"),
+        ({"orbit.mean_motion": 1e-3}, r"`orbit.mean_motion` must be a known key"),
+    ],
+)  # fmt: skip
+def test_bad_input(overrides, message, nothing_compiles):
+    """One line names the key before anything is compiled."""
+    with pytest.raises(esail.SceneError, match=message):
+        esail.load_scene("heliocentric", overrides)
+
+
+def test_modes_are_refused(nothing_compiles):
+    """A sail on an orbit has no steady state."""
+    with pytest.raises(esail.SceneError, match="`orbit` must be left out of a scene whose modes are asked"):
+        esail.modes("heliocentric")
