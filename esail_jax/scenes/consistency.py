@@ -1,64 +1,25 @@
 """Conditions that several keys of a scene must satisfy together."""
 
 from collections.abc import Iterable
-from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from esail_jax.constants import (
-    ASTRONOMICAL_UNIT,
-    DEBYE_LENGTHS,
-    ELEMENTARY_CHARGE,
-    SOLAR_MU,
-    SOLAR_RADIUS,
-    VACUUM_PERMITTIVITY,
-)
 from esail_jax.scenes import rules
-from esail_jax.scenes.chain_tables import Chain, ChainInitial, ChainVoltage, ChainWind, Orbit, PlasmaBrake
-from esail_jax.scenes.common_tables import Integrator
 from esail_jax.scenes.methods import METHODS, SAIL_METHOD, SAIL_STEP_METHOD, takes
+from esail_jax.scenes.orbit_checks import check_off_axis, check_orbit
+from esail_jax.scenes.parts import Parts
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.sail_tables import (
     LAWS,
     OPTIONAL_LAW_KEYS,
-    THRUST_LAWS,
-    Event,
-    HeliocentricOrbit,
-    Hub,
-    Initial,
-    SolarWind,
-    Tethers,
-    Voltage,
 )
 from esail_jax.scenes.tables import names_of, tables_of
-from esail_jax.scenes.thermal_table import Thermal, check_thermal
-from esail_jax.scenes.tip_tables import AuxiliaryTethers, TipThrust
+from esail_jax.scenes.thermal_table import check_thermal
+from esail_jax.scenes.tip_tables import TipThrust
+from esail_jax.scenes.wind_checks import check_list, check_thin, check_wind
 
 LEAST_RING = 3
 """Least number of tethers that can be joined in a ring."""
-
-
-@runtime_checkable
-class Parts(Protocol):
-    """The attributes of a `Scene` that the checks read."""
-
-    main: str
-    initial: Initial | ChainInitial
-    integrator: Integrator
-    tethers: Tethers | None
-    chain: Chain | None
-    hub: Hub | None
-    solar_wind: SolarWind | ChainWind | None
-    voltage: Voltage | ChainVoltage | None
-    event: Event | None
-    auxiliary_tethers: AuxiliaryTethers | None
-    orbit: Orbit | HeliocentricOrbit | None
-    plasma_brake: PlasmaBrake | None
-    tip_thrust: TipThrust | None
-    thermal: Thermal | None
-
-    @property
-    def members(self) -> rules.Members: ...
 
 
 def method_name(scene: Parts) -> str | None:
@@ -92,44 +53,6 @@ def check_together(scene: Parts) -> None:
         raise SceneError(f"{lack}.{first}", f"be given with [{have}]", "is missing")
     check_integrator(scene)
     check_off_axis("initial.heliocentric_position_au", scene.initial.heliocentric_position_au)
-
-
-def check_off_axis(key: str, position: Any) -> None:
-    """Refuses a heliocentric position on the axis of the ecliptic, where the orbital frame is not defined.
-    Raises SceneError."""
-    position = None if position is None else rules.known(position)
-    if position is not None and position[0] == position[1] == 0.0:
-        raise SceneError(key, "not lie on the ecliptic's axis", rules.describe(position))
-
-
-def check_orbit(scene: Parts) -> None:
-    """Checks the keys of a sail that belong to its orbit about the Sun. Raises SceneError."""
-    orbit, wind = scene.orbit, scene.solar_wind
-    if orbit is None:
-        if wind is not None and wind.reference_distance_au is not None:
-            raise SceneError("solar_wind.reference_distance_au", "be left out without [orbit]", "is given")
-        return
-    if scene.hub is None:
-        raise SceneError("orbit", "be left out without [hub]", "is given")
-    if scene.initial.heliocentric_position_au is not None:
-        raise SceneError("initial.heliocentric_position_au", "be left out with [orbit]", "is given")
-    check_off_axis("orbit.position_au", orbit.position_au)
-    position, velocity = (rules.known(x) for x in (orbit.position_au, orbit.velocity))
-    if position is None or velocity is None:
-        return
-    nearest = pericentre(ASTRONOMICAL_UNIT * position, velocity)
-    if nearest < SOLAR_RADIUS:
-        must = f"give an orbit whose pericentre is outside the Sun ({SOLAR_RADIUS:g} m)"
-        raise SceneError("orbit.velocity", must, f"the pericentre is at {nearest:.6g} m")
-
-
-def pericentre(position: np.ndarray, velocity: np.ndarray) -> float:
-    """Pericentre distance [m] of the Kepler orbit about the Sun through a position [m] with a velocity
-    [m/s]: (h^2/mu)/(1 + e), with the angular momentum h and the eccentricity e."""
-    h = np.linalg.norm(np.cross(position, velocity))
-    r, speed_squared = np.linalg.norm(position), velocity @ velocity
-    e_vector = (speed_squared / SOLAR_MU - 1.0 / r) * position - position @ velocity / SOLAR_MU * velocity
-    return float(h**2 / SOLAR_MU / (1.0 + np.linalg.norm(e_vector)))
 
 
 def check_integrator(scene: Parts) -> None:
@@ -219,59 +142,6 @@ def check_voltage(scene: Parts) -> None:
         law = scene.solar_wind.thrust_law
         if law != "linear":
             raise SceneError("solar_wind.thrust_law", "be linear with the law planar-cone", f'is "{law}"')
-
-
-def check_wind(scene: Parts) -> None:
-    """Checks that the law of thrust has its keys, and that a wind that varies in time has one value per
-    instant, from the start of the run to its end. Raises SceneError."""
-    table = scene.solar_wind
-    for law, keys in THRUST_LAWS.items():
-        for name in keys:
-            if law == table.thrust_law and getattr(table, name) is None:
-                with_law = "" if law == "linear" else f" with the law {law}"
-                raise SceneError(f"solar_wind.{name}", "be given" + with_law, "is missing")
-            if law != table.thrust_law and getattr(table, name) is not None:
-                must = f"be left out with the law {table.thrust_law}"
-                raise SceneError(f"solar_wind.{name}", must, "is given")
-    least, most = table.electron_temperature_ev, table.number_density
-    check_thin("solar_wind", table.tether_radius, least, most, DEBYE_LENGTHS)
-    if table.time is not None:
-        check_list("solar_wind.time", table.time)
-    count = None if table.time is None else np.shape(table.time)[0]
-    for name in ("speed", "number_density"):
-        shape = np.shape(getattr(table, name))
-        if count is None and shape:
-            raise SceneError(
-                "solar_wind.time", f"be given with a list of `solar_wind.{name}`", "is missing"
-            )
-        if count is not None and shape not in ((), (count,)):
-            must = f"be a number or a list of {count} (`solar_wind.time`)"
-            raise SceneError(f"solar_wind.{name}", must, f"has {shape[0]} entries")
-    time = None if count is None else rules.known(table.time)
-    if time is not None and (time[0] > 0.0 or time[-1] < scene.integrator.t_end):
-        must = f"reach from 0 to `integrator.t_end` ({scene.integrator.t_end:g})"
-        raise SceneError("solar_wind.time", must, f"reaches from {time[0]:g} to {time[-1]:g}")
-
-
-def check_thin(table: str, radius: Any, volts: Any, density: Any, lengths: float = 1.0) -> None:
-    """Checks that a tether is thinner than the sheath about it, `lengths` times sqrt(eps_0 V / (e n)):
-    there the logarithms of the laws are positive. Traced numbers have no value to check. Raises
-    SceneError."""
-    known = [None if x is None else rules.known(x) for x in (radius, volts, density)]
-    if any(x is None for x in known):
-        return
-    radius, volts, density = known
-    sheath = lengths * np.sqrt(VACUUM_PERMITTIVITY * volts / (ELEMENTARY_CHARGE * np.max(density)))
-    if radius >= sheath:
-        must = f"be below the radius of the sheath ({sheath:.3g} m)"
-        raise SceneError(f"{table}.tether_radius", must, rules.describe(radius))
-
-
-def check_list(key: str, time: Any) -> None:
-    """Refuses a single traced number in place of a list of instants; of other values the rule has seen the
-    shape. Raises SceneError."""
-    if np.ndim(time) == 0:
-        raise SceneError(key, "increase", rules.wrong_shape(time))
 
 
 def check_events(scene: Parts) -> None:
