@@ -154,10 +154,11 @@ class HostRun:
             return Seen({}, {}, 0, None, steps, steps, energy, result)
         found, last, gaps = programs.look(call.problem, call.done.points, np.asarray(call.passed))
         count = min(call.passed, call.saved)
-        rows = {name: np.asarray(x)[:count] for name, x in found.items()}
+        # Copies: a view would keep the memory of all instants of the window, of which few may be passed.
+        rows = {name: np.asarray(x)[:count].copy() for name, x in found.items()}
         numerics, left = steps.values(call.times[:count], self.compiled.begin, self.statistics)
         if "constraint_violation" in self.compiled.numerics:
-            numerics.setdefault("constraint_violation", np.asarray(gaps)[:count])
+            numerics.setdefault("constraint_violation", np.asarray(gaps)[:count].copy())
         if count:
             self.point = last
             with np.errstate(over="ignore", invalid="ignore"):  # the energy may be infinite
