@@ -1,4 +1,4 @@
-"""Warnings about a finished run: its energy balance and its step size."""
+"""Warnings about a finished run: its energy balance, its step size and tethers that go slack."""
 
 from collections.abc import Mapping, Sequence
 
@@ -11,6 +11,9 @@ WARN_ABOVE = 7e-3
 value lies half-way between the largest estimate of runs with errors up to 1e-3 (5e-3) and the smallest
 estimate of runs with errors of 1e-2 and more (`experiments/stability`)."""
 
+SLACK = -1e-9
+"""Largest axial strain of a tether below which it is called slack: more than rounding."""
+
 STEP_ERRORS = {"tip_error": "the tips", "root_force_error": "the forces at the roots"}
 """The error estimates of fixed-step methods (`steppers/step_error.py`), as fractions of a range: their
 names and the words for the warning."""
@@ -18,7 +21,7 @@ names and the words for the warning."""
 
 def run_warning(rows: Mapping[str, np.ndarray], numerics: Mapping[str, np.ndarray]) -> str:
     """Returns the warnings about a finished run: one if its energy balance is violated, one if its steps
-    are too long, or an empty text.
+    are too long, one if tethers go slack, or an empty text.
 
     rows: observables by name; numerics: statistics of the steps per saved interval."""
     parts = [float(numerics[name][-1]) for name in STEP_ERRORS if name in numerics]
@@ -28,7 +31,21 @@ def run_warning(rows: Mapping[str, np.ndarray], numerics: Mapping[str, np.ndarra
 def joined_warnings(rows: Mapping[str, np.ndarray], parts: Sequence[float]) -> str:
     """Returns the warnings of `run_warning` from the error estimates `parts`, which are empty for methods
     with error control."""
-    return " ".join(filter(None, (balance_warning(rows), step_warning(parts))))
+    return " ".join(filter(None, (balance_warning(rows), step_warning(parts), slack_warning(rows))))
+
+
+def slack_warning(rows: Mapping[str, np.ndarray]) -> str:
+    """Returns a warning if the whole of a tether is under compression at a saved instant: its largest axial
+    strain is negative. A run that did not save that observable is not judged."""
+    if "max_axial_strain" not in rows:
+        return ""
+    slack = np.flatnonzero((np.asarray(rows["max_axial_strain"]) < SLACK).any(axis=0)) + 1
+    if not slack.size:
+        return ""
+    which = f"Tether {slack[0]} goes" if slack.size == 1 else f"Tethers {', '.join(map(str, slack))} go"
+    return (
+        f"{which} slack: at some instant it is nowhere under tension, where a tether of this model pushes."
+    )
 
 
 def step_warning(parts: Sequence[float]) -> str:

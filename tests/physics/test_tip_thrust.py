@@ -10,6 +10,7 @@ import pytest
 import esail_jax as esail
 from esail_jax.loads.tip_thrust import Switching, TipThrust
 from esail_jax.measurements import Measurements
+from esail_jax.observables.run_warning import slack_warning
 from support.one_tether import STEPPERS, integrate, one_tether, straight, turning
 from support.quick import jit
 
@@ -149,3 +150,23 @@ def test_not_on_a_chain(nothing_compiles):
             integrator=esail.Integrator(t_end=1.0),
             tip_thrust=esail.TipThrust(force=1.0),
         )
+
+
+def test_slack_tethers_are_named():
+    """A tether without tension at an instant is named in the message of the run; zero strain, as at rest,
+    is not slack."""
+    strain = np.full((4, 3), 1e-3)
+    strain[0] = 0.0
+    assert slack_warning({"max_axial_strain": strain}) == "" and slack_warning({}) == ""
+    strain[2, 1] = -1e-6
+    assert slack_warning({"max_axial_strain": strain}).startswith("Tether 2 goes slack:")
+    strain[3, 0] = -1e-6
+    assert slack_warning({"max_axial_strain": strain}).startswith("Tethers 1, 2 go slack:")
+
+
+def test_a_push_towards_the_hub_makes_tethers_slack(small):
+    """A radial force of 0.3 N towards the hub is more than the spin holds: the message of the run says
+    so."""
+    inward = {"tip_thrust.force": -0.3, "tip_thrust.direction": "radial", "initial.spin_rate": 1e-3}
+    run = esail.simulate("baseline", small | inward, save=["max_axial_strain"], throw=False)
+    assert "Tethers 1, 2, 3 go slack" in run.stats["message"]
