@@ -23,6 +23,7 @@ from esail_jax.array_types import Complex, Float
 from esail_jax.equilibria import motions
 from esail_jax.equilibria.moving_frame import MovingFrame, expanded, independent
 from esail_jax.errors import SimulationError
+from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.modal.multipliers import FASTEST, Floquet
 from esail_jax.modal.periodic_orbit import Orbit, Setting, periodic_orbit
 from esail_jax.modal.solving import Solved
@@ -55,7 +56,8 @@ def floquet(table: Any, moving: Moving) -> Floquet:
     parts = count if equal else 1
     steps = int(np.ceil(2.0 * np.pi * FASTEST / STEP_ANGLE / parts))
     places = int(np.sign(spin)) if equal else 0
-    wind = np.asarray(system.loads[0].wind.origin)
+    thrust = next(load for load in system.loads if isinstance(load, CoulombThrust))
+    wind = np.asarray(thrust.wind.origin)
     setting = Setting(system, abs(spin), wind / np.linalg.norm(wind), steps, places, parts)
     q = found.at.q
     v = MovingFrame(jnp.asarray(axes[:, 0] * spin), jnp.zeros(3)).turned(q)

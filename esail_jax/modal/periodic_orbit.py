@@ -19,7 +19,7 @@ import numpy as np
 from esail_jax.array_types import Float
 from esail_jax.compilation.options import START_OPTIONS
 from esail_jax.compilation.program import program_of
-from esail_jax.modal.turn_map import Local, Turn, local, settled, turn_map
+from esail_jax.modal.turn_map import Local, local, settled, turn_map
 from esail_jax.system import System
 
 Host = np.ndarray
@@ -53,6 +53,14 @@ class Setting(NamedTuple):
     steps: int
     places: int
     parts: int
+
+
+class Image(NamedTuple):
+    """The image of a state as NumPy arrays: `Turn`, with the derivatives as columns."""
+
+    state: Float[Host, " m"]
+    rate: Float[Host, " m"]
+    changes: Float[Host, "m direction"]
 
 
 class Orbit(NamedTuple):
@@ -90,7 +98,7 @@ def periodic_orbit(setting: Setting, start: Float[Host, " m"]) -> Orbit:
         tangents = np.linalg.qr(held.conditions.T, mode="complete")[0][:, len(held.conditions) :]
         image, rate, changes = mapped(setting, z, duration, precession, tangents)
         matrix = tangents.T @ changes
-        axis = held.momentum / np.linalg.norm(held.momentum)
+        axis = np.asarray(held.momentum / np.linalg.norm(held.momentum))
         across = np.cross(setting.wind, axis)
         facing = bool(np.linalg.norm(across) < FACING)
         across = held_axis(axis) if facing else across / np.linalg.norm(across)
@@ -142,7 +150,7 @@ def unknown(setting: Setting, z: Host, tangents: Host) -> Orbit:
     )
 
 
-def mapped(setting: Setting, z: Host, duration: float, precession: float, tangents: Host) -> Turn:
+def mapped(setting: Setting, z: Host, duration: float, precession: float, tangents: Host) -> Image:
     """Returns the image of a state with the derivatives along all tangents, which are computed TOGETHER at
     a time, by one program."""
     directions = tangents.T
@@ -158,7 +166,7 @@ def mapped(setting: Setting, z: Host, duration: float, precession: float, tangen
     ]
     changes = np.concatenate([np.asarray(part.changes) for part in found])
     changes = changes[: len(changes) - missing]
-    return Turn(np.asarray(found[0].state), np.asarray(found[0].rate), changes.T)
+    return Image(np.asarray(found[0].state), np.asarray(found[0].rate), changes.T)
 
 
 def run(function, system, spin, z):

@@ -64,8 +64,8 @@ def modes(
     if not converge:
         return table
     elements = 2 * scene.tethers.elements
-    finer = solved_scene(scene.replace({"tethers.elements": elements}), count)
-    finer = assembled(scene, finer.found, None)
+    finer_sail = solved_scene(scene.replace({"tethers.elements": elements}), count)
+    finer = assembled(scene, finer_sail.found, None)
     return with_changes(table, finer)
 
 

@@ -66,9 +66,10 @@ class ModeTable:
 
     def first(self, count: int) -> "ModeTable":
         """Returns the table of the first modes."""
-        names = ("frequency_hz", "damping_ratio", "name", "eigenvalue", "wave_number", "kind", "nodes")
-        names += ("relative_change", "motions")
-        shorter = {name: getattr(self, name)[:count] for name in names}
+        of_modes = (
+            "frequency_hz damping_ratio name eigenvalue wave_number kind nodes relative_change motions"
+        )
+        shorter = {name: getattr(self, name)[:count] for name in of_modes.split()}
         found = None if self.floquet is None else self.floquet.first(count)
         return dataclasses.replace(self, **shorter, floquet=found)
 

@@ -121,7 +121,7 @@ def renumbered(system: System, x: Coordinates, places: int) -> Coordinates:
         return x
     angle = -2.0 * np.pi * places / system.tethers.count
     c, s = np.cos(angle), np.sin(angle)
-    turn = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+    turn = jnp.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
     points = system.hub.weights(turn @ system.hub.base_points.T)
     ring = None if x.ring is None else jnp.roll(x.ring, places, axis=-1)
     return Coordinates(jnp.roll(x.tether, places, axis=-1), points.T @ x.hub, ring)
