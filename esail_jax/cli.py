@@ -103,7 +103,7 @@ def modes(options: argparse.Namespace) -> ExitCode:
     scene = scene_of(options)
     from esail_jax.commands.modes import print_modes
 
-    print_modes(scene, options.json, options.output, options.count)
+    print_modes(scene, options.json, options.output, options.count, options.floquet)
     return ExitCode.DONE
 
 

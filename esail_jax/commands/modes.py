@@ -8,11 +8,14 @@ from esail_jax.modal.sail_modes import modes
 from esail_jax.scenes.scene import Scene
 
 
-def print_modes(scene: Scene, file: Path | None, folder: Path | None, count: int | None) -> None:
+def print_modes(
+    scene: Scene, file: Path | None, folder: Path | None, count: int | None, floquet: bool = False
+) -> None:
     """Prints the modes of a scene, writes all of them to `file` and the figures to `folder`.
+    floquet: with the multipliers of the periodic orbit.
 
     Raises SceneError, SimulationError, OSError."""
-    table = modes(scene, count=count)
+    table = modes(scene, count=count, floquet=floquet)
     print(table)
     if file is not None:
         lines = ",\n".join(json.dumps(record) for record in table.records())

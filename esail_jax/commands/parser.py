@@ -187,6 +187,10 @@ def add_modes(commands: Any) -> None:
         help="number of modes, those of the lowest frequencies (default: all; of large sails with unequal "
         "tethers the lowest 100)",
     )  # fmt: skip
+    modes.add_argument(
+        "--floquet", action="store_true",
+        help="also find the periodic orbit at the sailing angle and its multipliers (minutes)",
+    )  # fmt: skip
 
 
 def add_design(commands: Any) -> None:

@@ -2,11 +2,16 @@
 
 import numpy as np
 
+from esail_jax.modal.multipliers import FASTEST, Floquet
 from esail_jax.modal.solving import Solved
 from esail_jax.scenes.scene import Scene
 
 ALONG_WIND_DEG = 1e-6
 """Largest sailing angle [deg] of a sail that counts as facing the wind."""
+
+GROWING = 1e-8
+"""Least |mu| - 1 of a motion that is said to grow: multipliers are accurate to 1e-9 or better (those of the
+slow motions to 1e-12)."""
 
 
 def notes_of(scene: Scene, found: Solved) -> tuple[str, ...]:
@@ -63,3 +68,28 @@ def selection_of(found: Solved) -> list[str]:
     if found.complete:
         return []
     return ["The tethers are unequal and many: only the modes of the lowest frequencies are computed."]
+
+
+def floquet_notes(found: Floquet) -> tuple[str, ...]:
+    """Returns the sentences about the periodic orbit and its stability."""
+    angle = np.degrees(found.sailing_angle)
+    strongest = float(np.nanmax(found.growth)) - 1.0
+    stable = "no motion grows" if strongest <= GROWING else "a motion grows"
+    facing = min(angle, 180.0 - angle) <= ALONG_WIND_DEG
+    place = "facing the wind" if facing else f"at the sailing angle of {angle:.6g} deg"
+    return (
+        f"Floquet multipliers: {place} the sail moves on a periodic orbit with a turn of "
+        f"{found.period:.8g} s relative to the wind. In a turn the spin axis precesses by "
+        f"{np.degrees(found.precession):.3e} deg about the wind, {drift(found)} "
+        f"Of its size, {found.left:.0e} does not repeat itself otherwise.",
+        f"In every turn a small motion about this orbit is multiplied by mu: {stable}, the largest "
+        f"|mu| - 1 is {strongest:.1e}. Its exponent is s = ln(mu) / T. Not given are the multipliers of "
+        "turning on and of spinning faster, which are 1, and those of motions faster than "
+        f"{FASTEST:g} rad per radian of spin.",
+    )
+
+
+def drift(found: Floquet) -> str:
+    """Returns the part of a sentence about what drifts from turn to turn."""
+    tilt, spin = np.degrees(found.tilt_drift), found.spin_drift
+    return f"the sailing angle changes by {tilt:.1e} deg and the spin by {spin:.1e} of itself."

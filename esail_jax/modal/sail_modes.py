@@ -11,11 +11,13 @@ import numpy as np
 from esail_jax.compilation.options import START_OPTIONS
 from esail_jax.compilation.program import program_of
 from esail_jax.errors import SimulationError
+from esail_jax.modal.floquet import Moving
+from esail_jax.modal.floquet import floquet as multipliers_of
 from esail_jax.modal.naming import named_group
-from esail_jax.modal.notes import notes_of
+from esail_jax.modal.notes import floquet_notes, notes_of
 from esail_jax.modal.shapes import Shape
 from esail_jax.modal.solving import Solved, solve
-from esail_jax.modal.steady_load import check_has_modes, with_mean_loads
+from esail_jax.modal.steady_load import check_has_modes, check_has_orbit, with_mean_loads
 from esail_jax.modal.table import ModeTable
 from esail_jax.scenes.build import Model, build
 from esail_jax.scenes.method_choice import with_method
@@ -33,6 +35,7 @@ def modes(
     *,
     count: int | None = None,
     converge: bool = True,
+    floquet: bool = False,
 ) -> ModeTable:
     """Returns the modes of a sail about its spinning equilibrium, as seen in the frame B that turns with
     it.
@@ -43,24 +46,40 @@ def modes(
 
     source, overrides: the scene, as for `simulate`. count: number of modes, those of the lowest
     frequencies; None: all, of large sails with unequal tethers the lowest LOWEST (`solving.py`). converge:
-    also solve with twice as many elements, for `relative_change`.
+    also solve with twice as many elements, for `relative_change`. floquet: also find the periodic orbit at
+    the scene's sailing angle and its multipliers (`Floquet`), which takes about a minute for the baseline;
+    it needs a hub and wind.
 
     The result is not differentiable. Raises SceneError if the scene has no steady spinning state, and
     SimulationError if none is found.
     """
     scene = load_scene(source, overrides)
     check_has_modes(scene)
-    found = solved_scene(scene, count)
-    table = assembled(scene, found, count)
+    if floquet:
+        check_has_orbit(scene)
+    moving = solved_scene(scene, None if floquet else count)
+    table = assembled(scene, moving.found, None if floquet else count)
+    if floquet:
+        table = with_floquet(table, moving, count)
     if not converge:
         return table
     elements = 2 * scene.tethers.elements
-    finer = assembled(scene, solved_scene(scene.replace({"tethers.elements": elements}), count), None)
+    finer_sail = solved_scene(scene.replace({"tethers.elements": elements}), count)
+    finer = assembled(scene, finer_sail.found, None)
     return with_changes(table, finer)
 
 
-def solved_scene(scene: Scene, count: int | None) -> Solved:
-    """Returns the equilibrium and the spectrum of a scene. Raises SimulationError without equilibrium."""
+def with_floquet(table: ModeTable, moving: Moving, count: int | None) -> ModeTable:
+    """Returns the table with the multipliers, and of the modes the first `count`. Raises
+    SimulationError."""
+    found = multipliers_of(table, moving)
+    table = dataclasses.replace(table, floquet=found, notes=(*table.notes, *floquet_notes(found)))
+    return table if count is None else table.first(count)
+
+
+def solved_scene(scene: Scene, count: int | None) -> Moving:
+    """Returns the system of a scene, its equilibrium and its spectrum. Raises SimulationError without
+    equilibrium."""
     structure, numbers = split(with_method(scene))
     program = program_of(build, (structure,), (numbers,), START_OPTIONS, fused=False)
     model: Model = program(numbers)
@@ -75,7 +94,7 @@ def solved_scene(scene: Scene, count: int | None) -> Solved:
             "Try a faster spin, a weaker load or tethers under tension.",
             RESULTS.nonfinite,
         )
-    return found
+    return Moving(found, system, np.asarray(axes))
 
 
 def assembled(scene: Scene, found: Solved, count: int | None) -> ModeTable:

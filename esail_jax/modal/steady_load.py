@@ -42,6 +42,13 @@ def check_has_modes(scene: Scene) -> None:
         raise SceneError("initial.spin_rate", "not be zero, as modes refer to a spinning sail", "is 0")
 
 
+def check_has_orbit(scene: Scene) -> None:
+    """Raises SceneError, with one line, if the scene has no periodic orbit in the wind."""
+    for name in ("hub", "solar_wind"):
+        if getattr(scene, name) is None:
+            raise SceneError(name, "be given for Floquet multipliers", "is missing")
+
+
 def with_mean_loads(system: System, axes: Rotation) -> System:
     """Returns the system under the mean of its loads over a turn about X_B, the first column of `axes`.
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from esail_jax.array_types import Complex, Float, Int
+from esail_jax.modal.multipliers import Floquet
 from esail_jax.modal.shapes import Places, Shape
 
 Host = np.ndarray
@@ -39,6 +40,7 @@ class ModeTable:
     notes: what the modes refer to, and what is left out, in sentences
     coning_angle: of every tether in the equilibrium [rad]; acceleration: along the spin axis [m/s^2]
     spin_rate: [rad/s]
+    floquet: multipliers of the periodic orbit at the sailing angle; None unless asked for
     """
 
     frequency_hz: Float[Host, " mode"]
@@ -57,9 +59,19 @@ class ModeTable:
     groups: tuple[Group, ...]
     places: Places
     system: Any
+    floquet: Floquet | None = None
 
     def __len__(self) -> int:
         return len(self.name)
+
+    def first(self, count: int) -> "ModeTable":
+        """Returns the table of the first modes."""
+        of_modes = (
+            "frequency_hz damping_ratio name eigenvalue wave_number kind nodes relative_change motions"
+        )
+        shorter = {name: getattr(self, name)[:count] for name in of_modes.split()}
+        found = None if self.floquet is None else self.floquet.first(count)
+        return dataclasses.replace(self, **shorter, floquet=found)
 
     def shape(self, mode: int) -> Shape:
         """Returns the shape of a mode: displacements at the points of `places`, along every tether in its
@@ -96,8 +108,22 @@ class ModeTable:
                     "nodes": int(self.nodes[k]) if self.nodes[k] >= 0 else None,
                     "relative_change": change if np.isfinite(change) else None,
                 }
+                | self.floquet_record(k)
             )
         return found
+
+    def floquet_record(self, mode: int) -> dict[str, Any]:
+        """Returns multiplier and exponent of a mode for `records`: none unless they were asked for, null
+        for a mode that is too fast."""
+        if self.floquet is None:
+            return {}
+        mu, s = complex(self.floquet.multiplier[mode]), complex(self.floquet.exponent[mode])
+        known = np.isfinite(mu)
+        return {
+            "floquet_multiplier": [mu.real, mu.imag] if known else None,
+            "floquet_exponent": [s.real, s.imag] if known else None,
+            "floquet_damping_ratio": -s.real / abs(s) if known else None,
+        }
 
     def __repr__(self) -> str:
         from esail_jax.modal.text import table_text

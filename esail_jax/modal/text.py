@@ -21,7 +21,9 @@ WIDTH = 108
 def table_text(table: Any) -> str:
     """Returns notes and table of a `ModeTable`; modes with equal frequency and motion share a line."""
     lines = [line for note in table.notes for line in textwrap.wrap(note, WIDTH)]
-    lines += ["", "  frequency [Hz]   per spin   damping ratio   change    modes  motion"]
+    orbit = table.floquet
+    multipliers = "|mu| - 1    orbit - mean  " if orbit is not None else ""
+    lines += ["", f"  frequency [Hz]   per spin   damping ratio   change    {multipliers}modes  motion"]
     rows = rows_of(table)
     hidden = 0
     for k, (first, members) in enumerate(rows):
@@ -33,7 +35,7 @@ def table_text(table: Any) -> str:
         per_spin = table.frequency_hz[first] * 2.0 * np.pi / abs(table.spin_rate)
         lines.append(
             f"  {table.frequency_hz[first]:<15.8g}  {per_spin:<9.6g}  {table.damping_ratio[first]:<14.4e}"
-            f"  {shown:<9} {len(members):<5}  {row_name(table, first, members)}"
+            f"  {shown:<9} {of_orbit(table, members)}{len(members):<5}  {row_name(table, first, members)}"
         )
     if hidden:
         lines.append(f"  ... and {hidden} more lines that these elements do not resolve to 1 %")
@@ -42,8 +44,26 @@ def table_text(table: Any) -> str:
         "over |s| with twice as many elements (-: not found there, or not computed); modes: number of "
         "modes in the line. The JSON file has all modes, one by one."
     )
+    if orbit is not None:
+        legend += (
+            " |mu| - 1: relative growth in a turn, of the modes of the line the largest; orbit - mean: "
+            "largest change of s from the mean load to the periodic orbit, over |s|."
+        )
     lines += ["", *textwrap.wrap(legend, WIDTH)]
     return "\n".join(lines)
+
+
+def of_orbit(table: Any, members: list[int]) -> str:
+    """Returns the columns of the multipliers of a line; nothing if they were not asked for."""
+    orbit = table.floquet
+    if orbit is None:
+        return ""
+    growth = orbit.growth[members]
+    if not np.isfinite(growth).any():
+        return f"{'-':<11} {'-':<13} "
+    rate = table.eigenvalue[members]
+    moved = np.abs(orbit.exponent[members] - rate) / np.abs(rate)
+    return f"{np.nanmax(growth) - 1.0:<11.2e} {np.nanmax(moved):<13.1e} "
 
 
 def rows_of(table: Any) -> list[tuple[int, list[int]]]:

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle
 
 from esail_jax.plotting.data import KILOMETRE
 
@@ -73,6 +74,39 @@ def mode_shapes(table: Any) -> Figure:
     return figure
 
 
+def mode_multipliers(table: Any) -> Figure:
+    """Returns the figure of the multipliers of the periodic orbit: in the complex plane, and their damping
+    ratios against frequency beside those of the modes under the mean load."""
+    orbit, kinds = table.floquet, np.array(table.kind)
+    figure = Figure(figsize=(9.0, 4.5), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    left.add_patch(Circle((0.0, 0.0), 1.0, fill=False, color="black", linestyle="--", linewidth=0.8))
+    ratio = -orbit.exponent.real / np.abs(orbit.exponent)
+    for kind, colour in COLOURS.items():
+        chosen = (kinds == kind) & np.isfinite(orbit.multiplier)
+        mu, frequency = orbit.multiplier[chosen], np.abs(orbit.exponent[chosen]) / (2.0 * np.pi)
+        left.plot(mu.real, mu.imag, ".", color=colour, label=kind)
+        left.plot(mu.real, -mu.imag, ".", color=colour)
+        for sign, marker in ((1.0, "."), (-1.0, "x")):
+            some = sign * ratio[chosen] > 0.0
+            right.plot(frequency[some], sign * ratio[chosen][some], marker, color=colour)
+        right.plot(
+            table.frequency_hz[chosen], np.abs(table.damping_ratio[chosen]), "o", color=colour,
+            markersize=8, fillstyle="none", markeredgewidth=0.6,
+        )  # fmt: skip
+    left.set_aspect("equal")
+    left.set_xlabel(r"Re $\mu$ [-] (dashed: $|\mu| = 1$)")
+    left.set_ylabel(r"Im $\mu$ [-]")
+    left.legend(frameon=False, fontsize="small", loc="upper left")
+    right.loglog()
+    right.set_xlabel("frequency in B [Hz]")
+    right.set_ylabel(r"$|\zeta|$ [-] (crosses: growing; circles: mean load)")
+    for ax in (left, right):
+        ax.grid(alpha=0.3)
+    figure.suptitle("Floquet multipliers of the periodic orbit", fontsize="medium")
+    return figure
+
+
 def lowest_of(table: Any, kind: str, nodes: int) -> int | None:
     """Returns the mode of the lowest frequency with this motion along the tether; None without one."""
     pairs = enumerate(zip(table.kind, table.nodes, strict=True))
@@ -80,12 +114,13 @@ def lowest_of(table: Any, kind: str, nodes: int) -> int | None:
 
 
 def plot_modes(table: Any, directory: str | Path) -> list[Path]:
-    """Writes mode_frequencies.png and mode_shapes.png to a directory, which is created; returns their
-    paths. Raises OSError."""
+    """Writes mode_frequencies.png, mode_shapes.png and, if the multipliers were asked for,
+    mode_multipliers.png to a directory, which is created; returns their paths. Raises OSError."""
     directory = Path(directory)
     directory.mkdir(parents=True, exist_ok=True)
     paths = []
-    for make in (mode_frequencies, mode_shapes):
+    figures = (mode_frequencies, mode_shapes, *([mode_multipliers] if table.floquet is not None else []))
+    for make in figures:
         paths.append(directory / f"{make.__name__}.png")
         make(table).savefig(paths[-1], dpi=150)
     return paths
