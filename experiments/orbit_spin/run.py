@@ -17,7 +17,7 @@ from esail_jax.constants import SOLAR_MU
 
 HERE = Path(__file__).parent
 ANGLES = (35.0, -35.0, 20.0)
-DAYS = 20.0
+DAYS = 8.0
 
 SAIL = {
     "tethers.count": 6,
@@ -25,7 +25,7 @@ SAIL = {
     "tethers.element": "truss",
     "tethers.bending": False,
     "tethers.bending_damping_time": None,
-    "voltage.gain": 1.0,
+    "voltage.gain": 0.3,
     "integrator.t_end": DAYS * 86400.0,
     "output.interval": 1800.0,
 }
@@ -40,8 +40,8 @@ def masses(scene):
 
 
 def plane(run):
-    """Unit normal of the plane of the tips (instant, 3), on the side of X_B at the start, and the arms of the
-    tips from their centre (instant, tether, 3)."""
+    """Unit normal of the plane of the tips (instant, 3), on the side of X_B, and the arms of the tips from
+    their centre (instant, tether, 3)."""
     tips = run["tip_position_I"]
     arms = tips - tips.mean(1, keepdims=True)
     normal = np.linalg.svd(arms)[2][:, 2]
@@ -50,8 +50,8 @@ def plane(run):
 
 
 def angular_momentum(run, normal, arms):
-    """Times [s] between saved instants and the spin angular momentum there, up to a factor: the rate at which
-    the tips turn about the normal of their plane times their mean squared radius.
+    """Times [s] between saved instants and the spin angular momentum there, up to a factor: the rate at
+    which the tips turn about the normal of their plane times their mean squared radius.
 
     The mean rate of the hub is that of the tips to one per cent, a fifteenth of a radian in an interval of
     1.15 turns, and so tells the whole turns; the tips then give the rate to 1e-5."""
@@ -60,7 +60,6 @@ def angular_momentum(run, normal, arms):
     up = np.cross(normal, side)
     angle = np.arctan2((arms * up[:, None]).sum(-1), (arms * side[:, None]).sum(-1))
     step, rate = np.diff(run.time), run["angular_velocity_B"][:, 0]
-    expected = 0.0
     rates = []
     smooth = np.convolve(np.pad(rate, 12, mode="edge"), np.ones(25) / 25.0, "valid")
     for k, h in enumerate(step):

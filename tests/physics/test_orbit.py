@@ -28,8 +28,8 @@ NEAR_SUN = {
     "orbit.velocity": [-2e5, 2.4e5, 3e4],
     "solar_wind.reference_distance_au": 0.01,
 }
-"""Two solar radii from the Sun the tide, the turn of its direction and the thinning of the wind are so large
-that one per cent of each is seen in two minutes."""
+"""Two solar radii from the Sun the tide, the turn of its direction and the thinning of the wind are so
+large that one per cent of each is seen in two minutes."""
 
 NO_RING = {key: None for key in SAIL if key.startswith("auxiliary_tethers.")}
 FIVE = NEAR_SUN | NO_RING | {"tethers.strain": "engineering", "solar_wind.relative": True}
@@ -71,7 +71,7 @@ def test_run_follows_an_independent_integration(five, validate):
 
 @pytest.mark.slow
 def test_run_with_a_ring_follows_an_independent_integration(validate):
-    """The same for cables joined by a ring of cables: the tide acts on slopes and own vectors of the ring."""
+    """The same for cables joined by a ring of cables: the tide acts on slopes and own vectors."""
     run = esail.simulate(ring_scene(CABLES | TIGHT))
     check_against_reference(run, "ORB-3", "five cables near the Sun, ring of cables", validate)
 
@@ -231,15 +231,15 @@ def test_feedback_follows_the_sun_line():
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
-        ({"orbit.velocity": [0.0, 0.0, 0.0]}, r"`orbit.velocity` must not be zero, but is \[0.0, 0.0, 0.0\]"),
+        ({"orbit.velocity": [0, 0, 0]}, r"`orbit.velocity` must not be zero, but is \[0.0, 0.0, 0.0\]"),
         ({"orbit.position_au": [0.0, 0.0, 0.0]}, r"`orbit.position_au` must not be zero"),
-        ({"orbit.position_au": [0.0, 0.0, 1.0]}, r"`orbit.position_au` must not lie on the ecliptic's axis"),
+        ({"orbit.position_au": [0, 0, 1]}, r"`orbit.position_au` must not lie on the ecliptic's axis"),
         ({"orbit.position_au": [1.0, float("nan"), 0.0]}, r"`orbit.position_au` must be finite"),
         ({"orbit.velocity": 3e4}, r"`orbit.velocity` must be a list of three numbers, but is 30000.0"),
         ({"orbit.velocity": [0.0, 2e3, 0.0]},
          r"`orbit.velocity` must give an orbit whose pericentre is outside the Sun \(6.957e\+08 m\), "
          r"but the pericentre is at 3.38025e\+08 m"),
-        ({"orbit.velocity": [5e4, 0.0, 0.0]}, r"`orbit.velocity` must give .*, but the pericentre is at 0 m"),
+        ({"orbit.velocity": [5e4, 0, 0]}, r"`orbit.velocity` must give .*, but the pericentre is at 0 m"),
         ({"initial.heliocentric_position_au": [1.0, 0.0, 0.0]},
          r"`initial.heliocentric_position_au` must be left out with \[orbit\], but is given"),
         ({"hub": None}, r"`orbit` must be left out without \[hub\], but is given"),
