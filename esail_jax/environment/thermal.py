@@ -84,7 +84,8 @@ def eclipse_temperature(
     if not (penumbra >= 0.0 and enter + penumbra <= leave):
         raise ValueError("`leave` must not be before `enter` plus `penumbra`, but is")
     now, start = np.array([wire.steady(flux)]), min(enter, float(times[0]))
-    found, parts = [], [start, enter, enter + penumbra, leave, leave + penumbra, np.inf]
+    found: list[np.ndarray] = []
+    parts = [start, enter, enter + penumbra, leave, leave + penumbra, np.inf]
     for begin, end in itertools.pairwise(parts):
         end = min(end, float(times[-1]))
         inside = times[(times > begin) & (times <= end)] if found else times[times <= end]

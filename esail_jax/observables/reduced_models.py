@@ -119,7 +119,7 @@ def profile(i: Instant, given: Reduced) -> Profile:
     direction = jnp.where(distance > 1e-6, out / jnp.maximum(distance, 1e-6), e[:, None])
     radial = dot(across, direction)
     size = jnp.sqrt(axial**2 + radial**2)
-    push = tethers.weights[:, None] * tethers.lengths * tethers.repeat_per_element(given.push)
+    push = jnp.asarray(tethers.weights)[:, None] * tethers.lengths * tethers.repeat_per_element(given.push)
     return Profile(axial / size, radial / size, height, distance, push)
 
 
