@@ -124,8 +124,9 @@ def watched(tolerance: float, file: Path, log_file: Path) -> None:
             memory = {line.split(":")[0]: line.split()[1] for line in status if line.startswith("Vm")}
             if memory:
                 seconds = (int(spent[11]) + int(spent[12])) / ticks
-                sizes = int(memory["VmRSS"]) / 1e3, int(memory["VmHWM"]) / 1e3, size_of(file) / 1e6
-                print(round(seconds), *(round(x, 1) for x in sizes), sep=",", file=log, flush=True)
+                now, most = (int(memory[name]) * 1.024e-3 for name in ("VmRSS", "VmHWM"))
+                sizes = (round(x, 1) for x in (now, most, size_of(file) / 1e6))
+                print(round(seconds), *sizes, sep=",", file=log, flush=True)
     if child.wait():
         raise SystemExit(f"the run with tolerance {tolerance:g} failed")
 
