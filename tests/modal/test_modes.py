@@ -166,6 +166,8 @@ def test_command(tmp_path, capsys):
 RING = [f"auxiliary_tethers.{key}" for key in (
     "length=5176.0", "area=3e-9", "density=1400.0", "youngs_modulus=5e9", 'element="truss"', "elements=1"
 )]  # fmt: skip
+HEAT = ["thermal.expansion=2e-5", "thermal.reference_temperature=300", "thermal.temperature=[250, 300]"]
+HEAT += ["thermal.time=[0, 9]"]
 ON_OFF = ['voltage.law="on-off"', "voltage.on=0", "voltage.rise_time=10"]
 
 
@@ -176,6 +178,7 @@ ON_OFF = ['voltage.law="on-off"', "voltage.on=0", "voltage.rise_time=10"]
         ("voltage-off", ["initial.spin_rate=0"], "`initial.spin_rate` must not be zero"),
         ("baseline", ON_OFF, "`voltage.law` must be"),
         ("voltage-off", ["tip_thrust.force=1e-3"], "`tip_thrust` must be left out"),
+        ("voltage-off", HEAT, "`thermal.time` must be absent, as modes need a steady temperature"),
         ("sun-facing", ["solar_wind.relative=true"], "`solar_wind.relative` must be false"),
         ("voltage-off", RING, "`auxiliary_tethers` must be left out"),
         ("voltage-off", ["event.time=[1.0]", "event.release=[1]"], "`event` must be left out"),

@@ -33,6 +33,7 @@ STRUCTURE = (
 EVENT = {"event.time": (5.0,), "event.release": (1,)}
 """Keys that require each other."""
 
+HEAT = {"thermal.expansion": 2e-5, "thermal.reference_temperature": 300.0, "thermal.temperature": 250.0}
 PULSE = {"tip_thrust.force": 1e-3, "tip_thrust.on": 0.0, "tip_thrust.off": 5.0, "tip_thrust.rise_time": 1.0}
 WAVES = {"voltage.law": "harmonic", "voltage.cosine": (0.1,)}
 TABLE = {"voltage.law": "piecewise-linear", "voltage.time": (0.0, 5.0), "voltage.table": (0.5, 1.0)}
@@ -76,6 +77,10 @@ def beside(key: str) -> dict:
         return ORBIT
     if name == "reference_distance_au":
         return ORBIT
+    if key == "thermal.time":
+        return HEAT | {"thermal.temperature": (250.0, 200.0)}
+    if table == "thermal":
+        return HEAT
     if name == "wires":
         return {"tethers.wire_radius": 1e-5}
     if name in {"thrust_law", "electron_temperature_ev", "tether_radius"}:
@@ -205,7 +210,7 @@ def test_every_key_can_be_overridden(key, sail):
         "initial.heliocentric_position_au": (0.0, 1.0, 0.5), "initial.coning_angle_deg": 3.0,
         "event.time": (5.0,), "event.release": (2,), "solar_wind.time": (0.0, 1e9),
         "voltage.law": "harmonic", "voltage.cosine": (0.5,), "voltage.sine": (0.5,),
-        "voltage.time": (0.0, 1.0), "voltage.table": (0.5, 0.25),
+        "voltage.time": (0.0, 1.0), "voltage.table": (0.5, 0.25), "thermal.time": (0.0, 1.0),
         "auxiliary_tethers.element": "cable", "auxiliary_tethers.elements": 2,
         "auxiliary_tethers.strain": "engineering",
         "tethers.wires": 4, "solar_wind.relative": True, "tip_thrust.direction": "radial",
@@ -293,7 +298,7 @@ def test_a_tracer_is_refused_for_structure_by_name(key, sail):
 @pytest.mark.parametrize("key", [key for key in SAIL_KEYS if key not in STRUCTURE])
 def test_a_tracer_is_accepted_for_every_number(key, sail):
     shapes = {"gravity.acceleration": 3, "initial.heliocentric_position_au": 3, "voltage.cosine": 1}
-    shapes |= {"orbit.position_au": 3, "orbit.velocity": 3}
+    shapes |= {"orbit.position_au": 3, "orbit.velocity": 3, "thermal.time": 2}
     shapes |= {"voltage.sine": 1, "voltage.time": 2, "voltage.table": 2, "solar_wind.time": 2}
     example = jnp.ones(shapes[key]) if key in shapes else 1.0
     seen = []

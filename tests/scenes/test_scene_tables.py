@@ -33,7 +33,7 @@ FIELDS = {
 
 UNITS = {
     "-", "m", "m^2", "m^4", "kg", "kg/m^3", "Pa", "s", "V", "V/s", "m/s", "m/s^2", "1/m^3", "deg",
-    "rad", "rad/s", "au", "N", "W", "eV", "u",
+    "rad", "rad/s", "au", "N", "W", "eV", "u", "K", "1/K",
 }  # fmt: skip
 
 
@@ -236,6 +236,7 @@ def test_a_description_says_what_a_key_takes():
 ALIASES = {
     Shape.SCALAR: value_types.Number, Shape.MEMBER: value_types.PerMember, Shape.VECTOR: value_types.Vector,
     Shape.VECTORS: value_types.Vectors, Shape.SERIES: value_types.Series, Shape.GRID: value_types.Grid,
+    Shape.HISTORY: value_types.History,
 }  # fmt: skip
 """Annotation of physical numbers of each shape."""
 
