@@ -9,7 +9,7 @@ from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.scene import Scene, load_scene, parse, to_toml
 from esail_jax.scenes.structure import split
 from support.quick import jit
-from support.whole_runs import check_derivative, check_going_on, numbers
+from support.whole_runs import check_going_on
 
 RELEASE = {"event.time": [100.3], "event.release": [2]}
 SMALL = RELEASE | {
@@ -132,22 +132,6 @@ def test_a_run_that_starts_after_a_release_does_not_join_the_tether_again():
 
     for found in (tips(), jit(tips)()):
         np.testing.assert_allclose(found, whole["tip_position_I"][-1], rtol=0, atol=1e-7)
-
-
-@pytest.mark.slow
-def test_derivative_through_a_release():
-    """The derivative of the final positions by four numbers exists through a release (collocation).
-
-    Forward mode, reverse mode and difference quotients agree. The quotients are accurate to 1e-4 only,
-    because their runs have different steps.
-    """
-    settings = SMALL | METHODS["collocation"] | {"integrator.t_end": 120.0, "output.interval": 120.0}
-
-    def outcome(x):
-        end = esail.simulate("baseline", settings | numbers(x))
-        return jnp.concatenate([end["tip_position_I"][-1].ravel(), end["hub_position_I"][-1]])
-
-    check_derivative(outcome, np.linspace(0.2, 1.0, 12), 1e-4, 1e-7)
 
 
 def test_events_of_a_file():
