@@ -85,14 +85,15 @@ def check_modes(both, at):
 
 
 @pytest.mark.slow
-def test_a_steered_run_and_an_early_control(both):
+def test_a_steered_run_and_an_early_control(both, request):
     """Derivatives of the end are fourth-order difference quotients of the run itself, to 2e-5.
 
     They are taken by the amplitude of a voltage law, whose phase follows the attitude; by the wind at the
     start; and by all numbers together, where the spin changes the phase. Truncation is below 1e-7: the run
-    is nearly linear in amplitude and wind. Iterations end at 1e-8 m and steps have errors of 1e-7 m, while
-    the tips move by centimetres.
+    is nearly linear in amplitude and wind, which change the end by some 1e-4 m. Collocation takes other
+    steps for other numbers: their errors, 1e-11 of 10 km, add 5e-7 m to the bound.
     """
+    noise = 5e-7 if request.node.callspec.params["both"] == "collocation" else 0.0
     x = jnp.array([20e3, 18e3, 22e3, 4e-3, 1.5, *CONTROL])
     (_, forward), reverse = both(x)
 
@@ -106,7 +107,7 @@ def test_a_steered_run_and_an_early_control(both):
         (reverse[6], unit[6], 8e4),
         (forward, ALONG, 0.02),
     ):
-        np.testing.assert_allclose(size * found, quotient(size * change), rtol=2e-5)
+        np.testing.assert_allclose(size * found, quotient(size * change), rtol=2e-5, atol=noise)
 
 
 @pytest.mark.slow
