@@ -132,7 +132,8 @@ def state_of(table: Any, moving: Moving, mode: int) -> Complex[Host, " m"]:
 
     def turned(part):
         frame = MovingFrame(jnp.asarray(turning), jnp.zeros(3))
-        return np.asarray(independent(moving.system, frame.turned(expanded(moving.system, part, 1))))
+        motion = expanded(moving.system, jnp.asarray(part), derivative=1)
+        return np.asarray(independent(moving.system, frame.turned(motion)))
 
     rate = turned(u.real) + 1j * turned(u.imag) + table.eigenvalue[mode] * u
     return np.concatenate([u, rate / abs(found.spin)])
