@@ -72,16 +72,17 @@ def angular_momentum(run, normal, arms):
 
 
 def point_mass(run, scene):
-    """Heliocentric position [m] at the end of a point mass with the mean thrust of the run, constant in the
-    orbital frame but for its fall with the distance, F = F_mean (r_mean/r)."""
-    r = np.linalg.norm(run["heliocentric_position"], axis=1)
-    mean = (run["thrust_O"] * r[:, None]).mean(0) / masses(scene)
+    """Heliocentric position [m] at the end of a point mass with the thrust of the run in the orbital frame,
+    smoothed by a polynomial of fourth degree in time: its mean over a turn."""
+    t_end = run.time[-1]
+    fits = np.polyfit(run.time / t_end, run["thrust_O"] / masses(scene), 4)
 
-    def rate(_, y):
+    def rate(t, y):
         size = np.linalg.norm(y[:3])
         k = y[:3] / size
         i = np.array([-k[1], k[0], 0.0]) / np.hypot(k[0], k[1])
-        push = np.stack([i, np.cross(k, i), k], 1) @ mean / size
+        mean = (t / t_end) ** np.arange(4, -1, -1) @ fits
+        push = np.stack([i, np.cross(k, i), k], 1) @ mean
         return np.concatenate([y[3:], -SOLAR_MU * k / size**2 + push])
 
     start = np.concatenate([run["heliocentric_position"][0], run["heliocentric_velocity"][0]])
