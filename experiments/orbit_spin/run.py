@@ -25,6 +25,7 @@ SAIL = {
     "tethers.element": "truss",
     "tethers.bending": False,
     "tethers.bending_damping_time": None,
+    "voltage.law": "feedback",
     "voltage.gain": 0.2,
     "integrator.t_end": DAYS * 86400.0,
     "output.interval": 1800.0,
