@@ -1,5 +1,5 @@
-"""Spin of a sail that keeps its angle to the Sun, on an orbit about the Sun, against d(ln L)/dt = Omega tan
-alpha; and its path against that of a point mass with the mean thrust.
+"""Spin of a sail that keeps its angle to the Sun, on an orbit about the Sun, against the law
+d ln(L cos alpha)/dt = Omega tan alpha; and its path against that of a point mass with the mean thrust.
 
     python experiments/orbit_spin/run.py            writes results.csv, run_*.csv and spin.png here
 """
@@ -17,7 +17,7 @@ from esail_jax.constants import SOLAR_MU
 
 HERE = Path(__file__).parent
 ANGLES = (35.0, -35.0, 20.0)
-DAYS = 8.0
+DAYS = 6.0
 
 SAIL = {
     "tethers.count": 6,
@@ -25,7 +25,8 @@ SAIL = {
     "tethers.element": "truss",
     "tethers.bending": False,
     "tethers.bending_damping_time": None,
-    "voltage.gain": 0.3,
+    "voltage.law": "feedback",
+    "voltage.gain": 0.2,
     "integrator.t_end": DAYS * 86400.0,
     "output.interval": 1800.0,
 }
@@ -72,16 +73,17 @@ def angular_momentum(run, normal, arms):
 
 
 def point_mass(run, scene):
-    """Heliocentric position [m] at the end of a point mass with the mean thrust of the run, constant in the
-    orbital frame but for its fall with the distance, F = F_mean (r_mean/r)."""
-    r = np.linalg.norm(run["heliocentric_position"], axis=1)
-    mean = (run["thrust_O"] * r[:, None]).mean(0) / masses(scene)
+    """Heliocentric position [m] at the end of a point mass with the thrust of the run in the orbital frame,
+    smoothed by a polynomial of fourth degree in time: its mean over a turn."""
+    t_end = run.time[-1]
+    fits = np.polyfit(run.time / t_end, run["thrust_O"] / masses(scene), 4)
 
-    def rate(_, y):
+    def rate(t, y):
         size = np.linalg.norm(y[:3])
         k = y[:3] / size
         i = np.array([-k[1], k[0], 0.0]) / np.hypot(k[0], k[1])
-        push = np.stack([i, np.cross(k, i), k], 1) @ mean / size
+        mean = (t / t_end) ** np.arange(4, -1, -1) @ fits
+        push = np.stack([i, np.cross(k, i), k], 1) @ mean
         return np.concatenate([y[3:], -SOLAR_MU * k / size**2 + push])
 
     start = np.concatenate([run["heliocentric_position"][0], run["heliocentric_velocity"][0]])
@@ -105,7 +107,9 @@ def measured(angle):
     sun = np.unwrap(np.arctan2(r[:, 1], r[:, 0]))
     turned = np.interp(middle, run.time, sun - sun[0])
     late = middle > 0.1 * run.time[-1]
-    slope = np.polyfit(turned[late], np.log(momentum[late]), 1)[0]
+    angle_now = np.deg2rad(np.interp(middle, run.time, tilt))
+    slope = np.polyfit(turned[late], np.log(momentum * np.cos(angle_now))[late], 1)[0]
+    whole = np.polyfit(turned[late], np.log(momentum)[late], 1)[0]
     held = tilt[run.time > 0.1 * run.time[-1]]
     alone = point_mass(run, scene)
     moved = np.linalg.norm(run["hub_position_I"][-1])
@@ -113,7 +117,8 @@ def measured(angle):
         "target_deg": angle,
         "held_deg": round(float(held.mean()), 3),
         "mean_tan": round(float(np.tan(np.deg2rad(held)).mean()), 4),
-        "d_lnL_d_sun": round(float(slope), 4),
+        "d_ln(L cos a)_d_phi": round(float(slope), 4),
+        "d_lnL_d_phi": round(float(whole), 4),
         "displacement_m": f"{moved:.5g}",
         "point_mass_error": f"{np.linalg.norm(run['heliocentric_position'][-1] - alone) / moved:.2e}",
         "steps": run.stats["steps"],
@@ -121,7 +126,11 @@ def measured(angle):
         "energy_balance_error": f"{np.abs(run['energy_balance_error']).max():.1e}",
         "external_work": f"{run['external_work'][-1]:.4g}",
     }
-    days, exact = middle / 86400.0, np.exp(np.tan(np.deg2rad(tilt)).mean() * turned)
+    # ln(L cos alpha) grows by the integral of tan alpha over the Sun's angle phi.
+    tangent = np.tan(angle_now)
+    gained = np.cumsum(np.append(0.0, 0.5 * (tangent[1:] + tangent[:-1]) * np.diff(turned)))
+    exact = np.exp(gained) * np.cos(angle_now[0]) / np.cos(angle_now)
+    days = middle / 86400.0
     return row, days, np.interp(middle, run.time, tilt), momentum / momentum[:20].mean(), exact
 
 
@@ -134,7 +143,7 @@ def main():
         rows.append(row)
         np.savetxt(
             HERE / f"run_{angle:g}.csv", np.stack([days, held, momentum, exact], 1)[::8], fmt="%.6g",
-            delimiter=",", header="day,angle_deg,L/L_0,exp(phi tan alpha)", comments="",
+            delimiter=",", header="day,angle_deg,L/L_0,law", comments="",
         )  # fmt: skip
         lines = left.plot(days, momentum, label=f"{angle:g} deg")
         left.plot(days, exact, "--", color=lines[0].get_color())
@@ -143,7 +152,7 @@ def main():
             table = csv.DictWriter(file, rows[0], lineterminator="\n")
             table.writeheader()
             table.writerows(rows)
-        left.set(xlabel="day", ylabel="$L/L_0$; dashed: exp($\\varphi$ tan $\\alpha$)")
+        left.set(xlabel="day", ylabel="$L/L_0$; dashed: law")
         right.set(xlabel="day", ylabel="angle of the spin plane [deg]")
         left.legend()
         figure.savefig(HERE / "spin.png", dpi=110)

@@ -220,7 +220,7 @@ def test_feedback_follows_the_sun_line():
     the wind stays, and it lies in the plane of the wind and of X_O = Z_H x Z_O."""
     one, angle = jnp.ones(()), np.deg2rad(35.0)
     target = jnp.array([np.sin(angle), 0.0, np.cos(angle)])
-    law = OrbitalFeedback(one, one, target, None, None, one)
+    law = OrbitalFeedback(jnp.ones(1), one, target, None, None, one)
     for phi in (0.0, 1.0, 2.5):
         out, forward = (np.array([np.cos(phi + x), np.sin(phi + x), 0.0]) for x in (0.0, 0.5 * np.pi))
         measured = Measurements(one, jnp.zeros(3), jnp.zeros((3, 1)), jnp.zeros((3, 1)), jnp.asarray(out))
@@ -231,7 +231,7 @@ def test_feedback_follows_the_sun_line():
 @pytest.mark.parametrize(
     ("overrides", "message"),
     [
-        ({"orbit.velocity": [0, 0, 0]}, r"`orbit.velocity` must not be zero, but is \[0.0, 0.0, 0.0\]"),
+        ({"orbit.velocity": [0, 0, 0]}, r"`orbit.velocity` must not be zero, but is \[0, 0, 0\]"),
         ({"orbit.position_au": [0.0, 0.0, 0.0]}, r"`orbit.position_au` must not be zero"),
         ({"orbit.position_au": [0, 0, 1]}, r"`orbit.position_au` must not lie on the ecliptic's axis"),
         ({"orbit.position_au": [1.0, float("nan"), 0.0]}, r"`orbit.position_au` must be finite"),
