@@ -282,7 +282,13 @@ def test_a_tracer_is_refused_for_structure_by_name(key, sail):
 @pytest.mark.parametrize("key", [key for key in SAIL_KEYS if key not in STRUCTURE])
 def test_a_tracer_is_accepted_for_every_number(key, sail):
     shapes = {"gravity.acceleration": 3, "initial.heliocentric_position_au": 3, "voltage.cosine": 1}
-    shapes |= {"voltage.sine": 1, "voltage.time": 2, "voltage.table": 2, "solar_wind.time": 2, "thermal.time": 2}
+    shapes |= {
+        "voltage.sine": 1,
+        "voltage.time": 2,
+        "voltage.table": 2,
+        "solar_wind.time": 2,
+        "thermal.time": 2,
+    }
     example = jnp.ones(shapes[key]) if key in shapes else 1.0
     seen = []
 
