@@ -27,11 +27,12 @@ Host = np.ndarray
 TOGETHER = 32
 """Number of directions whose derivatives are computed by one call."""
 
-MAX_ITERATIONS = 12
+MAX_ITERATIONS = 20
 """Largest number of Newton steps."""
 
-LONGEST_STEP = 0.02
-"""Largest displacement in a Newton step, relative to the largest coordinate."""
+LONGEST_STEP = 2e-3
+"""Largest displacement in a Newton step, relative to the largest coordinate. After a longer one the time
+steps, whose length is given, may not converge."""
 
 CONVERGED = 1e-9
 """A Newton step is small if it is at most this part of the largest coordinate."""
