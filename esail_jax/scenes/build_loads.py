@@ -141,7 +141,7 @@ def origin_of(n: Numbers) -> Float[Array, "3"]:
     """Heliocentric position [m] of the origin of the inertial frame at t = 0; zero for a chain that has
     none."""
     key = "orbit.position_au" if "orbit.position_au" in n else "initial.heliocentric_position_au"
-    return n.get(key, jnp.zeros(3)) * ASTRONOMICAL_UNIT
+    return (n[key] if key in n else jnp.zeros(3)) * ASTRONOMICAL_UNIT
 
 
 def orbital_attitude(n: Numbers) -> Rotation:
