@@ -1,6 +1,7 @@
 """One moment of a run as a matplotlib figure: the frames of an animation."""
 
 import dataclasses
+import textwrap
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -21,6 +22,9 @@ ARROW = 0.62
 
 DOTS_PER_INCH = 100
 """Resolution of the figure."""
+
+PIXELS_PER_LETTER = 5.0
+"""Mean width of a letter of a remark, at 7 points."""
 
 LOW_STRIP = 0.13
 """Part of the height below the picture for the key of the colours."""
@@ -74,7 +78,8 @@ class Drawing:
         self.wind_name = ax.text(0.0, 0.0, "solar wind", color=WIND, fontsize=8, va="top")
         self.wind_name.set_visible(motion.wind is not None)
         self.figure.text(0.015, 0.985, statement(motion, style), color=INK, fontsize=9, va="top")
-        self.figure.text(0.015, 0.015, remark(motion), color=SOFT, fontsize=7, va="bottom")
+        lines = textwrap.fill(remark(motion), int(style.width / PIXELS_PER_LETTER))
+        self.figure.text(0.015, 0.01, lines, color=SOFT, fontsize=7, va="bottom")
         self.clock = self.figure.text(0.985, 0.985, "", color=INK, fontsize=9, va="top", ha="right")
         if self.quantity:
             self.add_key()
