@@ -136,6 +136,8 @@ def ensemble(options: argparse.Namespace) -> ExitCode:
     from esail_jax.commands.ensemble import run_distributed, run_here, task_of
 
     task = task_of(scene, options.members, options.variations, options.seed, options.sampling, names)
+    if options.members > 1 and not options.variations and not options.quiet:
+        print("Without --vary all members are equal.", file=sys.stderr)
     if options.distributed:
         return run_distributed(task, options.output, options.resume, options.quiet)
     status = run_here(task, options.output, options.processes, options.resume, options.quiet)

@@ -137,8 +137,6 @@ def check_ensemble(options: argparse.Namespace) -> None:
         if value is not None and value < least:
             must = "be positive" if least else "not be negative"
             raise UsageError(f"`--{name}` must {must}, but is {value}")
-    if options.members > 1 and not options.variations:
-        raise UsageError("`--vary` must be given for more than one member, which would all be equal")
     given = [getattr(options, name) is not None for name in ("coordinator", "process")]
     if any(given) and not options.distributed:
         raise UsageError("`--coordinator` and `--process` must come with --distributed, but do not")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import esail_jax as esail
+import esail_jax.commands.ensemble
 from esail_jax.cli import main
 from esail_jax.ensembles import load_ensemble
 from esail_jax.plotting.ensemble import plot_ensemble
@@ -108,3 +109,13 @@ def test_bad_input(more, key, tmp_path, capsys):
     out, err = capsys.readouterr()
     assert out == "" and err.count("\n") == 1 and key in err and " must " in err, err
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("more", "said"), [([], 1), (["--vary", "tethers.length=uniform:9e3:1e4"], 0)])
+def test_members_without_variation_are_announced(more, said, tmp_path, monkeypatch, capsys):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(esail_jax.commands.ensemble, "run_here", interrupted)
+    assert main(["ensemble", "baseline", "-o", str(tmp_path / "run"), "--members", "2", *more]) == 130
+    assert capsys.readouterr().err.count("Without --vary all members are equal.") == said
