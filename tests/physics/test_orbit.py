@@ -140,7 +140,7 @@ def totals(system, point):
     potential = -SOLAR_MU * ((mass / jnp.linalg.norm(place.tether[0], axis=0)).sum() + hub)
     momentum = jnp.cross(place.tether[0], momenta.tether[0], axis=0).sum((1, 2))
     momentum = momentum + jnp.cross(place.hub, momenta.hub).sum(0)
-    return kinetic + potential + elastic_energy(system, point.q), momentum
+    return kinetic + potential + elastic_energy(system, point.time, point.q), momentum
 
 
 @pytest.mark.slow

@@ -67,12 +67,13 @@ def test_energy_goes_through_a_release():
     """A release does no work: a sail without wind and damping keeps its energy to 1e-9.
 
     The bound is ten times the effect of collocation's tolerance. The released root has no reaction and
-    moves away from the hub; the other two tethers pull the hub out of its place.
+    moves away from the hub; the other two tethers pull the hub out of its place. The released tether
+    springs back, and the run says that it goes slack.
     """
     solution = esail.simulate(free_sail("collocation"))
     energy = solution["kinetic_energy"] + solution["elastic_energy"]
     assert np.abs(energy / energy[0] - 1.0).max() < 1e-9
-    assert solution.stats["message"] == ""
+    assert solution.stats["message"].startswith("Tether 2 goes slack")
     before = solution.time < RELEASE["event.time"][0]
     force = np.linalg.norm(solution["reaction_B"], axis=2)
     assert (force[before] > 0.2).all() and (force[~before][:, [0, 2]] > 0.1).all()

@@ -1,4 +1,4 @@
-"""The independent simulator `ring_reference.py` with relative wind and thrust at the tips."""
+"""The independent simulator `ring_reference.py` with thrust at the tips."""
 
 import numpy as np
 
@@ -7,40 +7,31 @@ from support.ring_sail import reference
 
 
 class PushedSail(Sail):
-    """A sail whose thrust is that of the wind relative to the points of the tethers, and with forces on the
-    tips. The spin axis is found as the normal of the circle of the roots.
+    """A sail with forces on the tips. The spin axis is found as the normal of the circle of the roots.
 
-    relative: whether the wind is relative. tip_force: [N], one per tether. direction: of the tip forces."""
+    tip_force: [N], one per tether. direction: of the tip forces."""
 
-    relative, tip_force, direction = False, 0.0, "tangential"
+    tip_force, direction = 0.0, "tangential"
 
     @classmethod
     def of(cls, scene):
-        """The simulator of a scene with [tip_thrust] that always acts, or relative wind, or both."""
+        """The simulator of a scene, with [tip_thrust] that always acts if it has one."""
         made = cls.__new__(cls)
         vars(made).update(vars(reference(scene)))
-        made.relative = scene.solar_wind.relative
         if scene.tip_thrust is not None:
             force = np.asarray(scene.tip_thrust.force, float)
             made.tip_force = np.broadcast_to(force, made.p)
             made.direction = scene.tip_thrust.direction
         return made
 
-    def members(self, group, q, v, *time):
-        """Forces and energies as those of the sail in a wind that does not feel its motion, plus what the
-        velocity of the tethers and the forces at the tips add."""
-        found = super().members(group, q, v, *time)
-        if self.relative:
-            at, rate = q[group.index], v[group.index]
-            slope = np.einsum("egk,ekx->egx", group.d, at)
-            moving = np.einsum("egk,ekx->egx", group.s, rate)
-            along = (slope * moving).sum(-1) / (slope**2).sum(-1)
-            drag = -group.push[:, None, None] * (moving - along[..., None] * slope)
-            nodal = np.einsum("eg,egk,egx->ekx", group.weight, group.s, drag)
-            found.nodal = found.nodal + group.gather @ nodal.reshape(-1, 3)
+    def members(self, group, q, v, time=0.0):
+        """Forces, energies and powers as those of the sail, plus those of the forces at the tips."""
+        found = super().members(group, q, v, time)
         if group is self.groups[0]:
+            push = self.pushed(q)
             found.nodal = found.nodal.copy()
-            found.nodal[self.tips] += self.pushed(q)
+            found.nodal[self.tips] += push
+            found.power = found.power + (push * v[self.tips]).sum()
         return found
 
     def pushed(self, q):
