@@ -42,10 +42,10 @@ if TYPE_CHECKING:
         PlasmaBrake,
     )
     from esail_jax.scenes.common_tables import Gravity, Integrator, Output
+    from esail_jax.scenes.orbit_table import HeliocentricOrbit
     from esail_jax.scenes.rules import SceneError
     from esail_jax.scenes.sail_tables import (
         Event,
-        HeliocentricOrbit,
         Hub,
         Initial,
         SolarWind,
@@ -111,9 +111,9 @@ MODULES = {
     "scenes.chain_tables": ("Chain", "ChainInitial", "ChainVoltage", "ChainWind", "Orbit", "PlasmaBrake"),
     "scenes.common_tables": ("Gravity", "Integrator", "Output"),
     "scenes.rules": ("SceneError",),
+    "scenes.orbit_table": ("HeliocentricOrbit",),
     "scenes.sail_tables": (
         "Event",
-        "HeliocentricOrbit",
         "Hub",
         "Initial",
         "SolarWind",

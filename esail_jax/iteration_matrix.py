@@ -21,8 +21,8 @@ from esail_jax.elements.tether import TetherBatch
 from esail_jax.numerics import block_tridiagonal, bordered, structured
 from esail_jax.numerics.block_tridiagonal import ChainFactors
 from esail_jax.numerics.segments import Segments
+from esail_jax.point_fields import PointFields
 from esail_jax.system import System
-from esail_jax.terms import PointFields
 
 
 def point_jacobian(

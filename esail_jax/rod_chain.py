@@ -26,8 +26,9 @@ from esail_jax.array_types import Array, Float, Scalar, VectorPerPoint
 from esail_jax.coordinates import Coordinates
 from esail_jax.elements.axial import AbstractAxialEnergy, AxialDissipation
 from esail_jax.elements.hinges import Hinges
+from esail_jax.point_fields import PointFields
 from esail_jax.system import Power, System
-from esail_jax.terms import PointFields, find_term
+from esail_jax.terms import find_term
 
 Rods = Float[Array, "3 vector"]
 

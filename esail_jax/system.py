@@ -29,12 +29,8 @@ from esail_jax.environment.kepler_orbit import nodal_tide, tide
 from esail_jax.measurements import Measurements
 from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import dot, stacked
-from esail_jax.terms import (
-    PointFields,
-    Term,
-    inner_terms_of,
-    needs_command,
-)
+from esail_jax.point_fields import PointFields
+from esail_jax.terms import Term, inner_terms_of, needs_command
 
 
 class Power(NamedTuple):

@@ -7,7 +7,8 @@ import jax.numpy as jnp
 
 from esail_jax.array_types import PerElement, PerPoint, Scalar
 from esail_jax.numerics.vectors import root
-from esail_jax.terms import Dissipation, Energy, Invariants
+from esail_jax.point_fields import Invariants
+from esail_jax.terms import Dissipation, Energy
 
 Strain = Literal["green-lagrange", "engineering"]
 

@@ -15,7 +15,8 @@ from typing import ClassVar
 
 from esail_jax.array_types import PerElement, PerPoint
 from esail_jax.numerics.vectors import reciprocal
-from esail_jax.terms import Dissipation, Energy, Invariants
+from esail_jax.point_fields import Invariants
+from esail_jax.terms import Dissipation, Energy
 
 STRAIGHT_TURN = 1e-4
 """Default of `tethers.straight_turn`, kappa_0 L [rad]: the bending dissipation fades out for a tether whose

@@ -19,7 +19,8 @@ from esail_jax.coordinates import Coordinates
 from esail_jax.elements.axial import AbstractAxialEnergy
 from esail_jax.elements.tether import TetherBatch
 from esail_jax.numerics.vectors import dot, norm
-from esail_jax.terms import Dissipation, PointFields, Term, find_term, inner_terms_of
+from esail_jax.point_fields import PointFields
+from esail_jax.terms import Dissipation, Term, find_term, inner_terms_of
 
 Tips = Float[Array, "3 *state tether"]
 OwnVectors = Float[Array, "3 *state vector tether"] | None

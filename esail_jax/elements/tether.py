@@ -20,7 +20,7 @@ from esail_jax.elements import ancf_cable, truss
 from esail_jax.numerics.lockstep import per_member_table
 from esail_jax.numerics.quadrature import gauss_legendre
 from esail_jax.numerics.vectors import stacked
-from esail_jax.terms import PointFields
+from esail_jax.point_fields import PointFields
 
 Element = Literal["cable", "truss", "rod"]
 KINDS = {"cable": ancf_cable, "truss": truss, "rod": truss}

@@ -23,7 +23,8 @@ import numpy as np
 from esail_jax.array_types import Array, Float, Instants, PerElement, PerPoint, Scalar
 from esail_jax.elements.axial import AbstractAxialEnergy, Strain, axial_strain
 from esail_jax.environment.temperature import SteadyTemperature, TemperatureSeries
-from esail_jax.terms import Energy, Invariants, PointFields, invariants_of
+from esail_jax.point_fields import Invariants, PointFields, invariants_of
+from esail_jax.terms import Energy
 
 PerInstant = Float[Array, "*instant #element"]
 """One number per element, at one or several instants."""

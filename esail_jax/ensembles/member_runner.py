@@ -6,6 +6,7 @@ batch run in lockstep, and several GPUs divide the batch among them. Members tha
 alone, as a single run, which can repair steps and explains its failure.
 """
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -30,6 +31,7 @@ from esail_jax.observables.balance import TERMS
 from esail_jax.observables.run_warning import joined_warnings
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
+from esail_jax.scenes.thermal_table import Thermal
 from esail_jax.simulation.problem import require_64_bit
 from esail_jax.simulation.schedule import save_times
 from esail_jax.simulation.simulate import simulate
@@ -77,7 +79,8 @@ class MemberRunner:
         rows, complete, steps, errors = jax.tree.map(np.array, found)
         steps, messages = steps.astype(float), []
         for k, member in enumerate(members):
-            message = joined_warnings({name: x[k] for name, x in rows.items()}, errors[k].tolist())
+            of_member = {name: x[k] for name, x in rows.items()}
+            message = joined_warnings(of_member, errors[k].tolist(), self._heat(int(member)))
             if not complete[k]:
                 alone, message = self.run_alone(int(member))
                 complete[k], steps[k] = alone.complete, alone.steps
@@ -88,6 +91,13 @@ class MemberRunner:
             self.scene, np.asarray(members), self.time, select_members(self.inputs, members),
             {name: rows[name] for name in self.observables}, complete, tuple(messages), steps,
         )  # fmt: skip
+
+    def _heat(self, member: int) -> Thermal | None:
+        """The table [thermal] of a member, with its own numbers."""
+        table = self.scene.thermal
+        names = () if table is None else [name for name in vars(table) if f"thermal.{name}" in self.inputs]
+        own = {name: self.inputs[f"thermal.{name}"][member] for name in names}
+        return dataclasses.replace(table, **own) if own else table
 
     # ---- program and batch ----------------------------------------------------------------------
 

@@ -173,8 +173,10 @@ class RunWriter:
                 self._append(file)
             message = progress.message
             if progress.status == "complete":
-                seen = ({name: x[()] for name, x in file[of].items()} for of in ("observables", "numerics"))
-                message = run_warning(*seen)
+                rows, numerics = (
+                    {name: x[()] for name, x in file[of].items()} for of in ("observables", "numerics")
+                )
+                message = run_warning(rows, numerics, self.scene.thermal)
             if progress.checkpoint is not None:
                 save_checkpoint(file, progress.checkpoint)
             if progress.point is not None:

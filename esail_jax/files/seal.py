@@ -8,6 +8,7 @@ refused before HDF5 reads it. HDF5 programs skip the user block.
 import hashlib
 import os
 from pathlib import Path
+from typing import BinaryIO
 
 USER_BLOCK = 512
 """Size [bytes] of the user block, the smallest that HDF5 allows."""
@@ -16,25 +17,27 @@ MAGIC = b"esail_jax run file, SHA-256 of what follows this block: "
 """Text before the checksum."""
 
 
-def digest_of(path: Path) -> bytes:
-    """Returns the SHA-256 of a file after its user block, as hexadecimal digits."""
-    with open(path, "rb") as file:
-        file.seek(USER_BLOCK)
-        return hashlib.file_digest(file, "sha256").hexdigest().encode()
+def seal_of(file: BinaryIO) -> bytes:
+    """Returns the user block that belongs to the content of an open file: the text, the SHA-256 of what
+    follows the block as hexadecimal digits, and zeros."""
+    file.seek(USER_BLOCK)
+    digest = hashlib.file_digest(file, "sha256").hexdigest()  # type: ignore[arg-type]
+    return (MAGIC + digest.encode() + b"\n").ljust(USER_BLOCK, b"\0")
 
 
 def write_seal(path: Path) -> None:
     """Writes the checksum of a closed file into its user block."""
-    seal = MAGIC + digest_of(path) + b"\n"
     with open(path, "r+b") as file:
-        file.write(seal.ljust(USER_BLOCK, b"\0"))
+        seal = seal_of(file)
+        file.seek(0)
+        file.write(seal)
 
 
 def is_sealed(path: str | os.PathLike) -> bool:
-    """Tells whether the checksum of a file is right. False for a file without one."""
+    """Tells whether the checksum of a file is right. False for a file without one. The file is opened once:
+    a running simulation may replace it by the next one at any moment."""
     with open(path, "rb") as file:
-        block = file.read(USER_BLOCK)
-    return block == (MAGIC + digest_of(Path(path)) + b"\n").ljust(USER_BLOCK, b"\0")
+        return file.read(USER_BLOCK) == seal_of(file)
 
 
 def has_seal(path: str | os.PathLike) -> bool:

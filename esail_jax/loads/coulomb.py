@@ -12,7 +12,8 @@ from esail_jax.loads.electron_current import Collector
 from esail_jax.loads.voltage import Constant, VoltageLaw
 from esail_jax.measurements import Measurements
 from esail_jax.numerics.vectors import dot, reciprocal
-from esail_jax.terms import ControlledLoad, PointFields
+from esail_jax.point_fields import PointFields
+from esail_jax.terms import ControlledLoad
 
 
 class CoulombThrust(ControlledLoad):

@@ -7,7 +7,8 @@ import jax.numpy as jnp
 from esail_jax.array_types import Array, Float, Instants, PerElement, Scalar, VectorPerPoint
 from esail_jax.constants import ATOMIC_MASS, ELEMENTARY_CHARGE, VACUUM_PERMITTIVITY
 from esail_jax.numerics.vectors import dot, reciprocal
-from esail_jax.terms import Load, PointFields
+from esail_jax.point_fields import PointFields
+from esail_jax.terms import Load
 
 DRAG_FACTOR = 3.864
 """Coefficient [-] of the drag per length (Janhunen 2014)."""

@@ -47,8 +47,8 @@ def modes(
     source, overrides: the scene, as for `simulate`. count: number of modes, those of the lowest
     frequencies; None: all, of large sails with unequal tethers the lowest LOWEST (`solving.py`). converge:
     also solve with twice as many elements, for `relative_change`. floquet: also find the periodic orbit at
-    the scene's sailing angle and its multipliers (`Floquet`), which takes about a minute for the baseline;
-    it needs a hub and wind.
+    the scene's sailing angle and its multipliers (`Floquet`), which takes about two minutes for the
+    baseline; it needs a hub and wind.
 
     The result is not differentiable. Raises SceneError if the scene has no steady spinning state, and
     SimulationError if none is found.

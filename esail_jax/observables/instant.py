@@ -14,9 +14,10 @@ from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.numerics.angles import smallest_eigenvector
 from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import dot
+from esail_jax.point_fields import PointFields
 from esail_jax.steppers.consistent import consistent_motion
 from esail_jax.system import Power, System
-from esail_jax.terms import PointFields, find_term
+from esail_jax.terms import find_term
 
 
 class Instant(eqx.Module):

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from esail_jax.observables.balance import balance_warning
+from esail_jax.scenes.thermal_table import Thermal
 
 WARN_ABOVE = 7e-3
 """A warning is given if the estimated error of tips or forces exceeds this fraction of their range. The
@@ -12,34 +13,44 @@ value lies half-way between the largest estimate of runs with errors up to 1e-3 
 estimate of runs with errors of 1e-2 and more (`experiments/stability`)."""
 
 SLACK = -1e-9
-"""Largest axial strain of a tether below which it is called slack: more than rounding."""
+"""Largest elastic strain of a tether below which it is called slack: more than rounding."""
 
 STEP_ERRORS = {"tip_error": "the tips", "root_force_error": "the forces at the roots"}
 """The error estimates of fixed-step methods (`steppers/step_error.py`), as fractions of a range: their
 names and the words for the warning."""
 
 
-def run_warning(rows: Mapping[str, np.ndarray], numerics: Mapping[str, np.ndarray]) -> str:
+def run_warning(
+    rows: Mapping[str, np.ndarray], numerics: Mapping[str, np.ndarray], heat: Thermal | None = None
+) -> str:
     """Returns the warnings about a finished run: one if its energy balance is violated, one if its steps
     are too long, one if tethers go slack, or an empty text.
 
-    rows: observables by name; numerics: statistics of the steps per saved interval."""
+    rows: observables by name; numerics: statistics of the steps per saved interval; heat: the table
+    [thermal] of the scene, None without one."""
     parts = [float(numerics[name][-1]) for name in STEP_ERRORS if name in numerics]
-    return joined_warnings(rows, parts)
+    return joined_warnings(rows, parts, heat)
 
 
-def joined_warnings(rows: Mapping[str, np.ndarray], parts: Sequence[float]) -> str:
+def joined_warnings(
+    rows: Mapping[str, np.ndarray], parts: Sequence[float], heat: Thermal | None = None
+) -> str:
     """Returns the warnings of `run_warning` from the error estimates `parts`, which are empty for methods
     with error control."""
-    return " ".join(filter(None, (balance_warning(rows), step_warning(parts), slack_warning(rows))))
+    return " ".join(filter(None, (balance_warning(rows), step_warning(parts), slack_warning(rows, heat))))
 
 
-def slack_warning(rows: Mapping[str, np.ndarray]) -> str:
-    """Returns a warning if the whole of a tether is under compression at a saved instant: its largest axial
-    strain is negative. A run that did not save that observable is not judged."""
-    if "max_axial_strain" not in rows:
+def slack_warning(rows: Mapping[str, np.ndarray], heat: Thermal | None = None) -> str:
+    """Returns a warning if the whole of a tether is under compression at a saved instant: its largest
+    elastic strain, the strain less the thermal one, is negative. A run that did not save the observables
+    of which this follows is not judged."""
+    if "max_axial_strain" not in rows or (heat is not None and "temperature" not in rows):
         return ""
-    slack = np.flatnonzero((np.asarray(rows["max_axial_strain"]) < SLACK).any(axis=0)) + 1
+    strain = np.asarray(rows["max_axial_strain"])
+    if heat is not None:
+        above = np.asarray(rows["temperature"]) - np.asarray(heat.reference_temperature)
+        strain = strain - np.asarray(heat.expansion) * above
+    slack = np.flatnonzero((strain < SLACK).any(axis=0)) + 1
     if not slack.size:
         return ""
     which = f"Tether {slack[0]} goes" if slack.size == 1 else f"Tethers {', '.join(map(str, slack))} go"

@@ -5,9 +5,9 @@ from typing import Protocol, runtime_checkable
 from esail_jax.scenes import rules
 from esail_jax.scenes.chain_tables import Chain, ChainInitial, ChainVoltage, ChainWind, Orbit, PlasmaBrake
 from esail_jax.scenes.common_tables import Integrator
+from esail_jax.scenes.orbit_table import HeliocentricOrbit
 from esail_jax.scenes.sail_tables import (
     Event,
-    HeliocentricOrbit,
     Hub,
     Initial,
     SolarWind,

@@ -20,7 +20,6 @@ from esail_jax.scenes.rules import (
     choice,
     increasing,
     non_negative,
-    nonzero_vector,
     positive,
     positive_integer,
     true_or_false,
@@ -273,19 +272,6 @@ class Initial:
 
 ORIGIN_AU = (0.7071067811865476, 0.7071067811865476, 0.0)
 """Heliocentric position [au] of the origin of a sail that has neither a position nor an orbit."""
-
-
-@table
-class HeliocentricOrbit:
-    """Kepler orbit about the Sun of the origin of the inertial frame, whose axes do not turn. The hub
-    starts on it."""
-
-    position_au: Vector = declare(
-        nonzero_vector, shape=Shape.VECTOR, unit="au", doc="Heliocentric position of the hub at t = 0."
-    )
-    velocity: Vector = declare(
-        nonzero_vector, shape=Shape.VECTOR, unit="m/s", doc="Heliocentric velocity of the hub at t = 0."
-    )
 
 
 @table

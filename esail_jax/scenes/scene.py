@@ -19,11 +19,11 @@ from esail_jax.scenes.common_tables import Gravity, Integrator, Output
 from esail_jax.scenes.consistency import check_together, method_name
 from esail_jax.scenes.declarations import rule_of
 from esail_jax.scenes.merging import merged, unknown
+from esail_jax.scenes.orbit_table import HeliocentricOrbit
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.sail_tables import (
     ORIGIN_AU,
     Event,
-    HeliocentricOrbit,
     Hub,
     Initial,
     SolarWind,

@@ -7,7 +7,14 @@ import dataclasses
 from collections.abc import Container
 from typing import Any
 
-from esail_jax.scenes import chain_tables, common_tables, sail_tables, thermal_table, tip_tables
+from esail_jax.scenes import (
+    chain_tables,
+    common_tables,
+    orbit_table,
+    sail_tables,
+    thermal_table,
+    tip_tables,
+)
 
 SAIL_TABLES = {
     "hub": sail_tables.Hub,
@@ -19,7 +26,7 @@ SAIL_TABLES = {
     "tip_thrust": tip_tables.TipThrust,
     "thermal": thermal_table.Thermal,
     "gravity": common_tables.Gravity,
-    "orbit": sail_tables.HeliocentricOrbit,
+    "orbit": orbit_table.HeliocentricOrbit,
     "initial": sail_tables.Initial,
     "integrator": common_tables.Integrator,
     "event": sail_tables.Event,

@@ -32,9 +32,8 @@ class Problem(NamedTuple):
 
     origin: heliocentric position of the origin of the coordinates at t = 0 [m]; start_energy: kinetic and
     elastic energy at the start [J]; inertia: the factored mass matrix of a sail (None for a chain);
-    energy_floor:
-    the energy [J] below which the balance of a chain is not judged (None where the method needs no
-    guard)."""
+    energy_floor: the energy [J] below which the balance of a chain is not judged (None where the method
+    needs no guard)."""
 
     model: System | RodChain
     stepper: AbstractStepper

@@ -203,7 +203,7 @@ def collected(run: Begun, save, throw: bool, progress=None) -> Solution:
         "terms": host.compiled.problem.terms,
         "numerics_units": host.compiled.numerics,
         "method": host.compiled.problem.stepper.name,
-        "message": message or run_warning(rows, numerics),
+        "message": message or run_warning(rows, numerics, run.scene.thermal),
     }
     if save is not None:
         rows = {name: rows[name] for name in save}
@@ -259,9 +259,11 @@ def check_names(scene: Scene, save: Sequence[str] | None) -> None:
         known = known_names(scene.chain is not None)
         if name not in known:
             raise SceneError("save", f"hold names of observables{nearest(name, known)}", f"has {name!r}")
-        part = NEEDED_TABLES.get(described(name).needs)
-        if scene.chain is None and part is not None and getattr(scene, part) is None:
-            raise SceneError("save", f"hold no {name!r} without [{part}]", "does")
+        need = described(name).needs
+        if scene.chain is None and need in NEEDED_TABLES and getattr(scene, NEEDED_TABLES[need]) is None:
+            raise SceneError("save", f"hold no {name!r} without [{NEEDED_TABLES[need]}]", "does")
+        if need == "wires" and scene.tethers.wire_radius is None:
+            raise SceneError("save", f"hold no {name!r} without `tethers.wire_radius`", "does")
 
 
 def check_max_steps(max_steps: int | None) -> None:

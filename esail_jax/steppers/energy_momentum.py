@@ -26,11 +26,12 @@ from esail_jax.array_types import Float, Instants, Rotation, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.numerics import bordered, structured
 from esail_jax.numerics.quadrature import gauss_legendre
+from esail_jax.point_fields import PointFields
 from esail_jax.steppers.fixed_step import FixedStep
 from esail_jax.steppers.fixed_step_solution import solve_step
 from esail_jax.steppers.fixed_step_state import FrozenFactors, IterationInfo, StepState, Unknowns
 from esail_jax.system import Power, Residual, System
-from esail_jax.terms import Energy, PointFields, Term
+from esail_jax.terms import Energy, Term
 
 ROUNDING = 1e-13
 """Largest last increment of a converged step, relative to the size of the coordinates. An iteration reduces

@@ -26,8 +26,9 @@ from esail_jax.array_types import Array, Bool, Float, PerTether, Scalar
 from esail_jax.coordinates import Coordinates
 from esail_jax.elements.axial import AbstractAxialEnergy
 from esail_jax.numerics.vectors import dot, norm
+from esail_jax.point_fields import PointFields
 from esail_jax.system import System
-from esail_jax.terms import PointFields, find_term
+from esail_jax.terms import find_term
 
 Signal = Float[Array, "3 time tether"]
 

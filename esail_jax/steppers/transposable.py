@@ -7,8 +7,9 @@ import jax.numpy as jnp
 
 from esail_jax.array_types import Array, Instants, Nodal
 from esail_jax.numerics.vectors import dot
+from esail_jax.point_fields import PointFields
 from esail_jax.system import Power, System, add_fields
-from esail_jax.terms import PointFields, needs_command
+from esail_jax.terms import needs_command
 
 
 class Transposable(System):

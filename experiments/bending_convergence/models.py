@@ -18,6 +18,7 @@ from esail_jax.elements.axial import AxialEnergy
 from esail_jax.elements.bending import BendingEnergy
 from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.numerics.vectors import dot
+from esail_jax.point_fields import PointFields
 from esail_jax.scenes.build import build
 from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.structure import split
@@ -25,7 +26,7 @@ from esail_jax.steppers.fixed_step import STEPS_PER_FACTORISATION as BLOCK
 from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
 from esail_jax.steppers.stepper import Point
 from esail_jax.system import Power
-from esail_jax.terms import PointFields, Term, find_term
+from esail_jax.terms import Term, find_term
 
 STEP = 0.1
 """Step [s] of every mesh."""

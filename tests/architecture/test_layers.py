@@ -15,7 +15,7 @@ PACKAGE = Path(__file__).parents[2] / "esail_jax"
 LAYERS = (
     ("constants", "array_types", "atomic_file", "compilation", "cores", "errors"),
     ("numerics", "environment"),
-    ("coordinates", "measurements", "terms"),
+    ("coordinates", "measurements", "point_fields", "terms"),
     ("elements", "loads", "joints"),
     ("assembly", "system"),
     ("iteration_matrix", "rod_chain"),

@@ -10,10 +10,10 @@ from esail_jax.elements.bending import BendingDissipation, BendingEnergy, curvat
 from esail_jax.elements.rigid_body import RigidBody
 from esail_jax.elements.tether import TetherBatch
 from esail_jax.numerics.vectors import dot
+from esail_jax.point_fields import PointFields, invariants_of
 from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.scene import load_scene
 from esail_jax.scenes.structure import split
-from esail_jax.terms import PointFields, invariants_of
 from support.quick import jit
 
 

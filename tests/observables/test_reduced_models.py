@@ -89,3 +89,5 @@ def test_only_on_request_and_with_wind(small, nothing_compiles):
     assert not set(REDUCED) & set(observable_shapes(esail.load_scene("baseline", small)))
     with pytest.raises(esail.SceneError, match=r"`save` must hold no 'flat_sail_thrust_O' without"):
         esail.simulate("voltage-off", small, save=["flat_sail_thrust_O"])
+    with pytest.raises(esail.SceneError, match=r"`save` must hold no 'electric_power' without `teth"):
+        esail.simulate("baseline", small, save=["electric_power"])

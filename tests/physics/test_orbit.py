@@ -15,9 +15,9 @@ from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.loads.voltage import Constant, OrbitalFeedback
 from esail_jax.measurements import Measurements
 from esail_jax.observables import elastic_energy
+from esail_jax.point_fields import PointFields
 from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.structure import split
-from esail_jax.terms import PointFields
 from support.quick import jit
 from support.ring_sail import SAIL, TIGHT, reference, ring_scene
 

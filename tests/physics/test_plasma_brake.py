@@ -7,7 +7,7 @@ import pytest
 
 import esail_jax as esail
 from esail_jax.loads.plasma_brake import PlasmaBrake, ions
-from esail_jax.terms import PointFields
+from esail_jax.point_fields import PointFields
 from support.quick import jit
 
 MOTION, SPEED = 1.078e-3, 7.56e3

@@ -141,17 +141,6 @@ def test_bad_input(overrides, message, nothing_compiles):
         esail.load_scene("baseline", {"tethers.count": 3, "tip_thrust.force": 1e-3} | overrides)
 
 
-def test_not_on_a_chain(nothing_compiles):
-    """A chain of rods has no remote units that could push."""
-    with pytest.raises(esail.SceneError, match=r"`tip_thrust` must be left out of a scene with \[chain\]"):
-        esail.Scene(
-            chain=esail.Chain(rods=2, mass=0.1, length=1.0, area=1e-6, youngs_modulus=1e9),
-            initial=esail.ChainInitial(rod_vector=[0, -1, 0]),
-            integrator=esail.Integrator(t_end=1.0),
-            tip_thrust=esail.TipThrust(force=1.0),
-        )
-
-
 def test_slack_tethers_are_named():
     """A tether without tension at an instant is named in the message of the run; zero strain, as at rest,
     is not slack."""

@@ -309,3 +309,19 @@ def test_the_implicit_method_resumes_too(file, tmp_path):
 # The last test of the file, because it drops the programs that the others share.
 def test_load_compiles_nothing(whole, nothing_compiles):
     assert esail.load(whole)["tension"].shape == (51, 3)
+
+
+HEAT = esail.Thermal(expansion=2e-5, reference_temperature=300.0, temperature=250.0)
+
+
+@pytest.mark.parametrize("table", [{"tip_thrust": esail.TipThrust(force=1.0)}, {"thermal": HEAT}])
+def test_tables_of_a_sail_are_refused(table, nothing_compiles):
+    """A chain has no remote units that could push, and its rods have no temperature."""
+    (name,) = table
+    with pytest.raises(esail.SceneError, match=rf"`{name}` must be left out of a scene with \[chain\]"):
+        esail.Scene(
+            chain=esail.Chain(rods=2, mass=0.1, length=1.0, area=1e-6, youngs_modulus=1e9),
+            initial=esail.ChainInitial(rod_vector=[0, -1, 0]),
+            integrator=esail.Integrator(t_end=1.0),
+            **table,
+        )

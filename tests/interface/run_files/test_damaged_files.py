@@ -1,11 +1,15 @@
 """Run files that were damaged after they were written: flipped bits, truncation, replaced parts."""
 
+import os
+
 import h5py
 import numpy as np
 import pytest
 
 import esail_jax as esail
 from esail_jax.cli import main
+from esail_jax.files import seal
+from esail_jax.files.seal import write_seal
 from support.bits import esail_run
 
 
@@ -69,3 +73,20 @@ def test_a_file_without_a_checksum_is_refused(file_of_a_run, tmp_path):
     path.write_bytes(bytes(512) + file_of_a_run[512:])
     with pytest.raises(esail.RunFileError, match="its checksum is missing"):
         esail.load(path)
+
+
+def test_a_file_that_is_replaced_while_it_is_read_is_intact(file_of_a_run, tmp_path, monkeypatch):
+    """A running simulation replaces its file by the next one. A reader that looks at the checksum of one
+    and the content of the other would call an intact file damaged."""
+    path, later = tmp_path / "a.h5", tmp_path / "b.h5"
+    path.write_bytes(file_of_a_run)
+    later.write_bytes(bytes(512) + file_of_a_run[512:] + b"more")
+    write_seal(later)
+    original = seal.seal_of
+
+    def meanwhile(file):
+        os.replace(later, path)
+        return original(file)
+
+    monkeypatch.setattr(seal, "seal_of", meanwhile)
+    assert seal.is_sealed(path) and not later.exists()

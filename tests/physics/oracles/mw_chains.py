@@ -15,7 +15,7 @@ import numpy as np
 
 from esail_jax.elements.axial import AxialEnergy
 from esail_jax.elements.tether import TetherBatch
-from esail_jax.terms import PointFields
+from esail_jax.point_fields import PointFields
 from oracles.ledger import relative_error
 from oracles.mw_rods import (
     QUICKLY,

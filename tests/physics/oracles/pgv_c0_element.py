@@ -21,8 +21,9 @@ from esail_jax.elements.bending import BendingDissipation, BendingEnergy, curvat
 from esail_jax.elements.tether import TetherBatch
 from esail_jax.joints.roots import FrameRoots
 from esail_jax.numerics.vectors import dot
+from esail_jax.point_fields import PointFields, invariants_of
 from esail_jax.system import System
-from esail_jax.terms import PointFields, SummedDeformations, find_term, invariants_of
+from esail_jax.terms import SummedDeformations, find_term
 from oracles.ledger import relative_error
 
 GAUSS = 5

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from esail_jax import constants
-from esail_jax.terms import PointFields
+from esail_jax.point_fields import PointFields
 
 from . import pgv_a_forms as forms
 from . import pgv_a_sail as sail

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.elements.bending import BendingDissipation
-from esail_jax.terms import PointFields
+from esail_jax.point_fields import PointFields
 from oracles.ledger import Errors, fails, holds, relative_error
 from oracles.pgv_c0_element import (
     cables,
