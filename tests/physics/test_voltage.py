@@ -114,7 +114,7 @@ def test_harmonics_of_the_phase():
         state = q._replace(tether=tether, hub=hub)
         time = jnp.zeros(())
         (load,) = system.loads
-        return load.commanded(system.measurements(time, state)), system.rotation(time, state)
+        return load.commanded(system.measurements(time, state, state)), system.rotation(time, state)
 
     volts, axes = found(turns, random.normal(size=(40, *q.tether.shape)))
     origin = np.array(scene.initial.heliocentric_position_au)
@@ -374,7 +374,7 @@ def test_order_of_loads_does_not_matter():
 
     @jit
     def found(system):
-        voltage = find_term(system.loads, CoulombThrust).commanded(system.measurements(time, q))
+        voltage = find_term(system.loads, CoulombThrust).commanded(system.measurements(time, q, q))
         slopes = [jax.grad(work, 1)(x, q) for x in (system, Transposable.of(system))]
         return work(system, q), slopes, voltage
 
