@@ -17,6 +17,7 @@ import numpy as np
 from jax.experimental import serialize_executable
 
 from esail_jax.compilation import store
+from esail_jax.compilation.collector import collector_paused
 from esail_jax.compilation.keys import key_of, settings
 from esail_jax.compilation.options import COMPILER_OPTIONS, Options, compile_lowered, lower
 
@@ -52,7 +53,8 @@ class Program:
 
     @functools.cached_property
     def _made(self) -> tuple[jax.stages.Traced, Any]:
-        return self._make()
+        with collector_paused():
+            return self._make()
 
     @property
     def traced(self) -> jax.stages.Traced:
@@ -80,7 +82,8 @@ class Program:
             found = load_executable(self.key) if self._lowered is None else None
             if found is None:
                 self.facts  # noqa: B018 - kept beside the executable
-                lowered = self._lowered or lower(self.traced)
+                with collector_paused():
+                    lowered = self._lowered or lower(self.traced)
                 self._lowered = None
                 found = compile_and_save(self.key, lambda: self.compile(lowered))
             return found
@@ -89,7 +92,7 @@ class Program:
         """Traces and lowers the program, unless its executable is kept. Python runs this part of compiling
         in one thread at a time."""
         if not is_kept(self.key):
-            with self._lock:
+            with self._lock, collector_paused():
                 self._lowered = lower(self.traced)
 
     def __call__(self, *leaves: Any) -> Leaves:
