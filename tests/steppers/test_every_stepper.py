@@ -368,6 +368,7 @@ def test_batch_of_traced_runs_equals_a_loop_on_the_host(name):
         assert before < 1e-9 and after > 1e-3
 
 
+@pytest.mark.slow
 @cases(quick="tsit5")
 def test_derivative(name):
     """Forward mode agrees with the difference quotient of host runs to 1e-6, and reverse with forward mode
