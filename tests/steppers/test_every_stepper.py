@@ -21,7 +21,8 @@ from esail_jax.rod_chain import error_scale
 from esail_jax.scenes.build import build_chain
 from esail_jax.scenes.scene import Scene, parse
 from esail_jax.scenes.structure import split
-from esail_jax.simulation.host import HostRun, compile_scene, paths
+from esail_jax.simulation.host import HostRun, compile_scene
+from esail_jax.simulation.restoring import paths
 from esail_jax.simulation.results import join
 from esail_jax.steppers.collocation import Collocation
 from esail_jax.steppers.energy_momentum import EnergyMomentum
