@@ -9,6 +9,7 @@ import jax
 
 from esail_jax.compilation import store
 from esail_jax.compilation.call import NAMED
+from esail_jax.compilation.collector import collector_paused
 from esail_jax.compilation.keys import key_of
 from esail_jax.compilation.options import COMPILER_OPTIONS, compile_lowered, lower
 from esail_jax.compilation.program import compile_and_save, load_executable
@@ -83,7 +84,8 @@ class CompiledFunction:
             # A static value is not hashable, or an argument is no array: `jax.jit` raises the right error.
             return self._jitted(*args, **kwargs)
         if program is None:
-            traced = self._jitted.trace(*args, **kwargs)
+            with collector_paused():
+                traced = self._jitted.trace(*args, **kwargs)
             if len(traced.jaxpr.in_avals) != len(leaves):
                 # `f` encloses traced values, which have become inputs of the program.
                 return self._jitted(*args, **kwargs)
@@ -109,12 +111,15 @@ def compile_traced(traced: jax.stages.Traced) -> Callable:
     function, in which the programs of this package are represented by their keys."""
     key = None
     if store.location() is not None:
-        named = traced.lower(_private_parameters=NAMED)
+        with collector_paused():
+            named = traced.lower(_private_parameters=NAMED)
         key = key_of("lowered", named.as_text(), COMPILER_OPTIONS)
         found = load_executable(key, (named.in_tree, named.out_tree))
         if found is not None:
             return found
-    return compile_and_save(key, lambda: compile_lowered(lower(traced)))
+    with collector_paused():
+        lowered = lower(traced)
+    return compile_and_save(key, lambda: compile_lowered(lowered))
 
 
 def is_compiled_here(leaves: list[Any]) -> bool:

@@ -17,6 +17,7 @@ import numpy as np
 from jax.experimental import serialize_executable
 
 from esail_jax.compilation import store
+from esail_jax.compilation.collector import collector_paused
 from esail_jax.compilation.keys import key_of, settings
 from esail_jax.compilation.options import COMPILER_OPTIONS, Options, compile_lowered, lower
 
@@ -49,10 +50,12 @@ class Program:
         self.key, self._make, self.compile = key, make, compile
         self._lock = threading.RLock()
         self._lowered: jax.stages.Lowered | None = None
+        self._executable: Callable | None = None
 
     @functools.cached_property
     def _made(self) -> tuple[jax.stages.Traced, Any]:
-        return self._make()
+        with collector_paused():
+            return self._make()
 
     @property
     def traced(self) -> jax.stages.Traced:
@@ -73,23 +76,30 @@ class Program:
         save(self.key, "facts", found)
         return found
 
-    @functools.cached_property
+    @property
     def executable(self) -> Callable:
-        """The executable, loaded or compiled."""
+        """The executable, loaded or compiled. Other programs are compiled at the same time: a
+        `functools.cached_property` of Python 3.11 would have one lock for all of them."""
         with self._lock:
-            found = load_executable(self.key) if self._lowered is None else None
-            if found is None:
-                self.facts  # noqa: B018 - kept beside the executable
-                lowered = self._lowered or lower(self.traced)
-                self._lowered = None
-                found = compile_and_save(self.key, lambda: self.compile(lowered))
-            return found
+            if self._executable is None:
+                self._executable = self._loaded() or self._compiled()
+            return self._executable
+
+    def _loaded(self) -> Callable | None:
+        return load_executable(self.key) if self._lowered is None else None
+
+    def _compiled(self) -> Callable:
+        self.facts  # noqa: B018 - kept beside the executable
+        with collector_paused():
+            lowered = self._lowered or lower(self.traced)
+        self._lowered = None
+        return compile_and_save(self.key, lambda: self.compile(lowered))
 
     def lower(self) -> None:
         """Traces and lowers the program, unless its executable is kept. Python runs this part of compiling
         in one thread at a time."""
         if not is_kept(self.key):
-            with self._lock:
+            with self._lock, collector_paused():
                 self._lowered = lower(self.traced)
 
     def __call__(self, *leaves: Any) -> Leaves:

@@ -4,7 +4,7 @@ import h5py
 import numpy as np
 
 from esail_jax.coordinates import Coordinates
-from esail_jax.simulation.host import paths
+from esail_jax.simulation.restoring import paths
 from esail_jax.simulation.results import Checkpoint
 from esail_jax.simulation.statistics import Pending
 from esail_jax.steppers.stepper import Point
@@ -26,7 +26,7 @@ def save_checkpoint(file: h5py.File, checkpoint: Checkpoint) -> None:
 
 def load_checkpoint(file: h5py.File) -> Checkpoint:
     """Returns the checkpoint of a run file. Its motion is a mapping of arrays by path, which
-    `simulation.host.restored` reads."""
+    `simulation.restoring.restored` reads."""
     group, motion = file["state"], {}
 
     def visit(name, data):

@@ -1,10 +1,13 @@
-"""The driver on the host: calls of compiled programs in sequence, with a checkpoint after each."""
+"""The driver on the host: calls of compiled programs in sequence, with a checkpoint after each.
 
-from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+The next call begins, in another thread, while the observables of the one before are evaluated and written.
+XLA runs programs that one thread has called one after the other, those of two threads side by side."""
 
-import jax
-import jax.numpy as jnp
+import functools
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import NamedTuple
+
 import numpy as np
 
 from esail_jax.errors import SimulationError
@@ -15,7 +18,8 @@ from esail_jax.simulation.advance import Advanced, Window
 from esail_jax.simulation.look import with_running_observables
 from esail_jax.simulation.problem import Problem, check_steady, require_64_bit
 from esail_jax.simulation.programs import Programs, compile_programs
-from esail_jax.simulation.results import Checkpoint, Chunk, join
+from esail_jax.simulation.restoring import restored
+from esail_jax.simulation.results import Checkpoint, Chunk
 from esail_jax.simulation.schedule import is_multiple, save_times, segments, switch_times
 from esail_jax.simulation.statistics import COUNTS, Pending
 from esail_jax.steppers.log import Log
@@ -106,9 +110,19 @@ class HostRun:
         SimulationError if the run fails, after the last good chunk."""
         if self.checkpoint.rows == len(self.times):
             return  # interrupted after the last instant
-        number = self.checkpoint.segment
+        with ThreadPoolExecutor(1) as pool:
+            yield from self._calls(functools.partial(pool.submit, self._begin))
+
+    def _calls(self, begin: "Callable[[int, int, Motion], Future[Begun]]") -> Iterator[Chunk]:
+        """Yields the chunks. begin: begins a call in another thread."""
+        number, ahead = self.checkpoint.segment, None
         while number < len(self.segments):
-            call = self._advance(number)
+            checkpoint = self.checkpoint
+            begun = ahead or begin(number, checkpoint.rows, checkpoint.motion)
+            call, ahead = self._finished(begun.result()), None
+            if not call.ended and name_of(call.done.motion.state.result) == "successful":
+                rows = self._rows_after(call, min(call.passed, call.saved))
+                ahead = begin(number, rows, call.done.motion)
             seen = self._look(call)
             if seen.result == "successful":
                 self.checkpoint = self._after(call, seen, number)
@@ -126,10 +140,11 @@ class HostRun:
         segment = self.segments[number]
         return problem.in_segment(np.asarray(segment.start), np.asarray(segment.until))
 
-    def _advance(self, number: int) -> "Call":
-        """Calls the compiled program once, for the next saved instants of a segment."""
+    def _begin(self, number: int, row: int, motion: Motion) -> "Begun":
+        """Calls the compiled program for the next saved instants of a segment. Its results may not be
+        there yet."""
         segment, programs = self.segments[number], self.compiled.programs
-        times = self._window(self.checkpoint.rows, segment.stop)
+        times = self._window(row, segment.stop)
         saved = len(times)
         # The stop of a segment may be no saved instant.
         stops = saved > 0 and times[-1] == segment.stop
@@ -138,12 +153,22 @@ class HostRun:
         padded = np.append(times, np.full(programs.instants - len(times), times[-1]))
         window, batches = Window(padded, np.asarray(len(times))), np.asarray(programs.batches)
         problem = self._problem(number)
-        done = programs.advance(problem, self.checkpoint.motion, window, self.max_steps, batches)
+        done = programs.advance(problem, motion, window, self.max_steps, batches)
+        return Begun(problem, times, saved, segment.stop, done)
+
+    def _finished(self, begun: "Begun") -> "Call":
+        """Waits for the results of a call."""
+        problem, times, saved, stop, done = begun
         self.counts = np.asarray(done.counts)
-        log = Log.from_table(np.asarray(done.kept), programs.statistics)
+        log = Log.from_table(np.asarray(done.kept), self.compiled.programs.statistics)
         passed = int(done.passed)
-        ended = passed == len(times) and times[-1] == segment.stop
+        ended = passed == len(times) and times[-1] == stop
         return Call(problem, times, saved, done, passed, log, bool(ended))
+
+    def _rows_after(self, call: "Call", count: int) -> int:
+        """Returns the number of instants saved before the next call, if this one has saved `count`."""
+        is_kept = not count or self._common(call.times[count - 1])
+        return self.checkpoint.rows + count * is_kept
 
     def _look(self, call: "Call") -> "Seen":
         """Evaluates the observables and the statistics at the saved instants that a call has passed."""
@@ -172,9 +197,9 @@ class HostRun:
         """Returns the checkpoint after a good call, at the start of the next segment if this one has
         ended."""
         motion, before = call.done.motion, self.checkpoint
-        rows, pending, energy = before.rows, seen.steps, before.energy
-        if not seen.count or self._common(call.times[seen.count - 1]):
-            rows, pending, energy = rows + seen.count, seen.left, seen.energy
+        rows, pending, energy = self._rows_after(call, seen.count), seen.steps, before.energy
+        if rows - before.rows == seen.count:
+            pending, energy = seen.left, seen.energy
             if call.passed < len(call.times):
                 pending = pending.merged(float(call.done.time), self.statistics)
         if call.ended and not self.segments[number].last:
@@ -209,6 +234,18 @@ class HostRun:
         return SimulationError(f"{RESULTS[result]} {text}".strip(), result)
 
 
+class Begun(NamedTuple):
+    """A call of the compiled program that may not have ended. times: the instants [s], the first `saved` of
+    which are saved; stop: end of the segment [s]; done: the results, for which the host may have to
+    wait."""
+
+    problem: Problem
+    times: np.ndarray
+    saved: int
+    stop: float
+    done: Advanced
+
+
 class Call(NamedTuple):
     """One call of the compiled program.
 
@@ -239,39 +276,3 @@ class Seen(NamedTuple):
     left: Pending
     energy: tuple[float, float]
     result: str
-
-
-def paths(tree: Any) -> dict[str, Any]:
-    """Returns the leaves of a tree by their path."""
-    leaves = jax.tree_util.tree_leaves_with_path(tree)
-    return {
-        "/".join(str(getattr(key, "name", getattr(key, "idx", key))) for key in path): x
-        for path, x in leaves
-    }
-
-
-def restored(like: Motion, arrays: Mapping[str, np.ndarray]) -> Motion:
-    """Returns a motion from arrays by path. Raises ValueError unless they have the names, shapes and types
-    of `like`."""
-    expected = paths(like)
-    for name in expected.keys() | arrays.keys():
-        if name not in expected or name not in arrays:
-            raise ValueError(f"{name} is {'missing' if name in expected else 'unknown'}")
-        kind = (np.shape(expected[name]), jnp.result_type(expected[name]))
-        found = (np.shape(arrays[name]), jnp.result_type(arrays[name]))
-        if kind != found:
-            raise ValueError(f"{name} is {found[1]}{list(found[0])}, not {kind[1]}{list(kind[0])}")
-    return jax.tree.unflatten(jax.tree.structure(like), [arrays[name] for name in expected])
-
-
-def all_rows(
-    chunks: list[Chunk], part: str, count: int, shapes: Mapping[str, tuple[int, ...]]
-) -> dict[str, np.ndarray]:
-    """Rows of all chunks, filled up with NaN to `count` instants: a failed run does not reach all. shapes:
-    those of the rows at one instant, for a run that reached none."""
-    if chunks:
-        rows = join([getattr(chunk, part) for chunk in chunks])
-    else:
-        rows = {name: np.zeros((0, *shape)) for name, shape in shapes.items()}
-    missing = {name: np.full((count - len(x), *x.shape[1:]), np.nan) for name, x in rows.items()}
-    return {name: np.concatenate([x, missing[name]]) for name, x in rows.items()}

@@ -1,6 +1,6 @@
 """The intermediate results of a run on the host: chunks and checkpoints."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,3 +40,16 @@ class Checkpoint(NamedTuple):
 def join(parts: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
     """Concatenates the rows of consecutive chunks. parts: at least one mapping of arrays by name."""
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def all_rows(
+    chunks: list[Chunk], part: str, count: int, shapes: Mapping[str, tuple[int, ...]]
+) -> dict[str, np.ndarray]:
+    """Rows of all chunks, filled up with NaN to `count` instants: a failed run does not reach all. shapes:
+    those of the rows at one instant, for a run that reached none."""
+    if chunks:
+        rows = join([getattr(chunk, part) for chunk in chunks])
+    else:
+        rows = {name: np.zeros((0, *shape)) for name, shape in shapes.items()}
+    missing = {name: np.full((count - len(x), *x.shape[1:]), np.nan) for name, x in rows.items()}
+    return {name: np.concatenate([x, missing[name]]) for name, x in rows.items()}

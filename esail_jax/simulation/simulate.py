@@ -14,8 +14,8 @@ from esail_jax.observables import described, known_names
 from esail_jax.observables.run_warning import run_warning
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene, load_scene
-from esail_jax.simulation.host import HostRun, all_rows, compile_scene
-from esail_jax.simulation.results import Checkpoint, Chunk
+from esail_jax.simulation.host import HostRun, compile_scene
+from esail_jax.simulation.results import Checkpoint, Chunk, all_rows
 from esail_jax.simulation.schedule import save_times
 from esail_jax.simulation.solution import Solution
 from esail_jax.simulation.stability import INSTANTS, Stability, stability_of

@@ -4,6 +4,7 @@ import dataclasses
 
 import jax
 import jax.numpy as jnp
+import pytest
 
 import esail_jax as esail
 from esail_jax.compilation.size import count_equations
@@ -36,6 +37,7 @@ def scenes():
     }
 
 
+@pytest.mark.slow
 def test_an_absent_part_leaves_no_equations():
     """A step has fewer equations without bending, damping, voltage or hub; a voltage of zero changes
     nothing."""

@@ -3,6 +3,8 @@
 import dataclasses
 import functools
 import json
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import jax
@@ -13,6 +15,7 @@ import pytest
 from esail_jax.compilation import keys, program, store
 from esail_jax.compilation.jit import jit
 from esail_jax.compilation.keys import Unkeyed, key_of, text_of
+from esail_jax.compilation.program import Program
 from esail_jax.numerics.vectors import dot, norm
 from esail_jax.scenes.value_types import Kind
 from support.new_process import output_of
@@ -130,6 +133,7 @@ print(json.dumps([rows, len(traced)]))
 """Prints the checksum of a run's observables and how often its step was traced."""
 
 
+@pytest.mark.slow
 def test_a_second_process_loads_a_run_bit_for_bit(folder):
     """Without LAPACK's addresses, which JAX sets while lowering, the loaded program would end the
     process."""
@@ -145,3 +149,22 @@ def test_a_dataclass_counts_by_its_fields():
     table = Integrator(t_end=1.0)
     texts = {text_of(table), text_of(dataclasses.replace(table, t_end=2.0))}
     assert len(texts) == 2
+
+
+def test_two_programs_are_compiled_at_the_same_time():
+    """Each compilation waits for the other one to begin. With a lock for all programs, as
+    `functools.cached_property` of Python 3.11 has, they would wait for ever."""
+    both = threading.Barrier(2, timeout=30.0)
+
+    def compiled_beside_another(lowered):
+        both.wait()
+        return lowered.compile()
+
+    def program(factor):
+        traced = jax.jit(lambda x: [factor * x]).trace(1.0)
+        return Program(lambda: (traced, None), None, compiled_beside_another)
+
+    programs = program(2.0), program(3.0)
+    with ThreadPoolExecutor(2) as pool:
+        executables = list(pool.map(lambda made: made.executable, programs))
+    assert [run(np.asarray(5.0))[0] for run in executables] == [10.0, 15.0]

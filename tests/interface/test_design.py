@@ -144,6 +144,7 @@ def test_bare_objective_for_any_optimiser(torque):
     assert of(parameters)[0][0] < 0.3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", [10.0, -10.0, 0.0])
 def test_spin_plane_is_measured_from_its_target(start):
     """At the start of a run the spin plane is that of the hub, which gives the objective in closed form.

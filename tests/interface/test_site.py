@@ -22,6 +22,7 @@ PAGES = sorted(
 """Pages with examples in Python."""
 
 
+@pytest.mark.slow
 def test_the_site_is_built_without_a_warning(tmp_path):
     """A warning is an error: a link to a page that does not exist, or a picture that is missing. Every key
     of a scene and every observable has its row."""

@@ -109,6 +109,7 @@ def test_closed_forms(validate):
     validate("MOD-6", case, "a tilted axis rests in space", "precession", abs(tilt / SPIN - 1.0), 1e-10)
 
 
+@pytest.mark.slow
 def test_table_2_of_the_paper(validate):
     """First bending 4.468e-3 and 4.513e-3 Hz and first stretching 2.176e-2 Hz, converged to 1e-4.
 

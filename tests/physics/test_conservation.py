@@ -72,6 +72,7 @@ def test_energy_of_the_baseline_without_wind(validate):
     validate("CSV-7", case, reference, "order in h, distance from 3", np.abs(orders - 3.0).max(), 0.1)
 
 
+@pytest.mark.slow
 def test_angular_momentum_of_a_free_unequal_sail_is_constant(small, validate):
     """The angular momentum about the origin, from nodal positions and momenta, is constant without
     external forces."""

@@ -84,6 +84,7 @@ def test_baseline_follows_the_time_exact_solution_over_three_periods(validate):
     assert found["thrust_O"] < 1e-6
 
 
+@pytest.mark.slow
 def test_comparison_can_fail():
     """The comparison notices half a per cent more tip mass."""
     reference = np.load(GOLDEN / "unequal.npz")

@@ -37,7 +37,8 @@ def free_sail(method: str) -> Scene:
     return parse("\n".join(kept), "free sail")
 
 
-@pytest.mark.parametrize("method", ["collocation", pytest.param("generalized-alpha", marks=SLOW)])
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["collocation", "generalized-alpha"])
 def test_released_tether_keeps_its_momentum(method):
     """A released tether keeps the momentum that it has at the release, and the rest of the sail the
     opposite one.

@@ -323,6 +323,7 @@ def test_planar_cone_keeps_its_coning_angle(sailing, coning):
     assert np.abs(np.rad2deg(away) - coning).max() > 1.0
 
 
+@pytest.mark.slow
 def test_a_constant_voltage_is_reported_as_given():
     """A constant voltage is a row as well, tether by tether; a sail without wind has no voltage."""
     given = {"voltage.value": [20e3, 0.0, 15e3]}

@@ -79,6 +79,7 @@ def test_traced_run_equals_the_host_run(run, differentiated):
         assert np.abs(np.asarray(host[name]) - traced[name]).max() < 1e-11 * scale + 1e-14, name
 
 
+@pytest.mark.slow
 def test_vmap_over_voltages_equals_a_loop(small):
     """Members of a batch do not influence each other."""
     volts = jnp.array([10e3, 20e3])

@@ -85,6 +85,7 @@ def test_a_perturbed_run_that_fails_counts_until_its_failure(count):
         assert abs(found.growth_rate / 0.3 - 1.0) < 0.02
 
 
+@pytest.mark.slow
 def test_growth_in_a_double_pendulum_is_that_of_two_runs():
     """The tangent is the difference of two runs whose starts differ by 1e-7 m/s, while that is small.
 
@@ -111,6 +112,7 @@ def test_growth_in_a_double_pendulum_is_that_of_two_runs():
     assert regular.stats["stability"].growth < 5.0 and not regular.stats["message"]
 
 
+@pytest.mark.slow
 def test_the_command_writes_the_growth_and_warns(tmp_path, capsys):
     """After 60 s of chaos the growth exceeds 10^6: the file says so, and so does `esail info`. A complete
     run is not changed."""

@@ -258,6 +258,7 @@ def test_derivative_of_a_run():
 # ---- failure ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_step_that_is_too_long_says_so():
     """The stage equations of a step of half a turn cannot be solved; no shorter step is tried."""
     with pytest.raises(SimulationError, match=r"could not be solved. At t = 0 s with a step of 800 s. Ask"):

@@ -21,7 +21,8 @@ from esail_jax.rod_chain import error_scale
 from esail_jax.scenes.build import build_chain
 from esail_jax.scenes.scene import Scene, parse
 from esail_jax.scenes.structure import split
-from esail_jax.simulation.host import HostRun, compile_scene, paths
+from esail_jax.simulation.host import HostRun, compile_scene
+from esail_jax.simulation.restoring import paths
 from esail_jax.simulation.results import join
 from esail_jax.steppers.collocation import Collocation
 from esail_jax.steppers.energy_momentum import EnergyMomentum
@@ -368,6 +369,7 @@ def test_batch_of_traced_runs_equals_a_loop_on_the_host(name):
         assert before < 1e-9 and after > 1e-3
 
 
+@pytest.mark.slow
 @cases(quick="tsit5")
 def test_derivative(name):
     """Forward mode agrees with the difference quotient of host runs to 1e-6, and reverse with forward mode

@@ -44,6 +44,7 @@ def test_members_are_single_runs(scene, inputs, ensemble):
     assert np.ptp(ensemble["coning_angle"][:, -1, 0]) > 1e-6  # members differ
 
 
+@pytest.mark.slow
 def test_every_core_takes_a_member(scene, inputs, ensemble, monkeypatch):
     """With two cores two members run at a time, with the same results.
 
@@ -76,6 +77,7 @@ def test_processes_share_the_cores(processes, set_already, threads, monkeypatch)
     assert os.environ["NPROC"] == threads
 
 
+@pytest.mark.slow
 def test_simulate_members_draws_inputs(scene, inputs, ensemble):
     """With distributions and a number of members in place of inputs, members have the same numbers and
     rows."""

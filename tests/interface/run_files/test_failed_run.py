@@ -42,6 +42,7 @@ def break_from(monkeypatch, stepper, start):
     monkeypatch.setattr(stepper, "block", block)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_failed_run_keeps_what_was_good_and_says_why(kind, scenes, wholes, tmp_path, monkeypatch, capsys):
     scene, whole, (_, stepper, scale) = scenes[kind], wholes(kind), KINDS[kind]

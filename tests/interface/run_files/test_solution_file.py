@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import esail_jax as esail
-import esail_jax.simulation.host
+import esail_jax.simulation.restoring
 from support.bits import check_same, esail_run, status_of
 
 
@@ -39,7 +39,7 @@ def test_load_gives_back_what_was_saved(solution, tmp_path):
     assert set(again.observables) == set(solution.observables)
     for name in solution.observables:
         assert np.asarray(again[name]).tobytes() == np.asarray(solution[name]).tobytes(), name
-    motion = esail_jax.simulation.host.restored(solution.checkpoint.motion, again.checkpoint.motion)
+    motion = esail_jax.simulation.restoring.restored(solution.checkpoint.motion, again.checkpoint.motion)
     assert jax.tree.all(jax.tree.map(np.array_equal, motion, solution.checkpoint.motion))
     assert again.checkpoint[1:3] == solution.checkpoint[1:3]
     assert again.result == esail.RESULTS.successful

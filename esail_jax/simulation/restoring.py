@@ -1,0 +1,33 @@
+"""A motion as arrays by path, which a run file holds, and the motion that is restored from them."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from esail_jax.steppers.stepper import Motion
+
+
+def paths(tree: Any) -> dict[str, Any]:
+    """Returns the leaves of a tree by their path."""
+    leaves = jax.tree_util.tree_leaves_with_path(tree)
+    return {
+        "/".join(str(getattr(key, "name", getattr(key, "idx", key))) for key in path): x
+        for path, x in leaves
+    }
+
+
+def restored(like: Motion, arrays: Mapping[str, np.ndarray]) -> Motion:
+    """Returns a motion from arrays by path. Raises ValueError unless they have the names, shapes and types
+    of `like`."""
+    expected = paths(like)
+    for name in expected.keys() | arrays.keys():
+        if name not in expected or name not in arrays:
+            raise ValueError(f"{name} is {'missing' if name in expected else 'unknown'}")
+        kind = (np.shape(expected[name]), jnp.result_type(expected[name]))
+        found = (np.shape(arrays[name]), jnp.result_type(arrays[name]))
+        if kind != found:
+            raise ValueError(f"{name} is {found[1]}{list(found[0])}, not {kind[1]}{list(kind[0])}")
+    return jax.tree.unflatten(jax.tree.structure(like), [arrays[name] for name in expected])
