@@ -1,5 +1,5 @@
-"""The command `esail`: run, scenes, init, info, plot, animate, view, modes, ensemble, design, bench,
-cache.
+"""The command `esail`: run, scenes, init, info, plot, export, animate, view, modes, ensemble, design,
+bench, cache.
 
 The options are those of `commands/parser.py`, the exit codes those of `commands/exit_codes.py`. Errors are
 one line on stderr.
@@ -17,6 +17,7 @@ from esail_jax.commands.options import (
     check_animate,
     check_design,
     check_ensemble,
+    check_export,
     check_modes,
     check_view,
     objective_weights,
@@ -76,6 +77,15 @@ def plot(options: argparse.Namespace) -> ExitCode:
     from esail_jax.commands.plot import draw_file
 
     draw_file(options.run, options.output)
+    return ExitCode.DONE
+
+
+def export(options: argparse.Namespace) -> ExitCode:
+    """`esail export`."""
+    check_export(options)
+    from esail_jax.commands.export import export_run
+
+    export_run(options.run, options.output)
     return ExitCode.DONE
 
 
@@ -173,8 +183,9 @@ def cache(options: argparse.Namespace) -> ExitCode:
 
 
 COMMANDS = {
-    "run": run, "scenes": scenes, "init": init, "info": info, "plot": plot, "animate": animate,
-    "view": view, "modes": modes, "ensemble": ensemble, "design": design, "bench": bench, "cache": cache,
+    "run": run, "scenes": scenes, "init": init, "info": info, "plot": plot, "export": export,
+    "animate": animate, "view": view, "modes": modes, "ensemble": ensemble, "design": design,
+    "bench": bench, "cache": cache,
 }  # fmt: skip
 
 

@@ -14,6 +14,9 @@ MOVIES = (".webp", ".gif", ".mp4")
 PAGES = (".html", ".htm")
 """Endings of the files that `esail view` writes."""
 
+TABLES = (".csv", ".nc")
+"""Endings of the files that `esail export` writes."""
+
 SIDES = range(64, 4097)
 """Widths and heights [pixel] that `esail animate` draws."""
 
@@ -74,6 +77,15 @@ def check_looks(options: argparse.Namespace) -> None:
     """Raises UsageError for an exaggeration that is not positive and finite, and for an output that exists
     already."""
     check_positive(options, "exaggeration")
+    refuse_existing(options.output, options.overwrite)
+
+
+def check_export(options: argparse.Namespace) -> None:
+    """Raises UsageError for an output of another format than those of `esail export`, and for one that
+    exists already."""
+    suffix = options.output.suffix.lower()
+    if suffix not in TABLES:
+        raise UsageError(f"`-o` must end in {' or '.join(TABLES)}, but ends in {suffix!r}")
     refuse_existing(options.output, options.overwrite)
 
 

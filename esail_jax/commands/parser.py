@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from esail_jax.commands.arguments import add_command, add_looks, add_scene
 from esail_jax.commands.options import UsageError
 
 OBJECTIVES_HELP = (
@@ -33,32 +34,11 @@ def parser() -> Parser:
     )
     commands = top.add_subparsers(dest="command", metavar="COMMAND")
     for add in (
-        add_run, add_scenes, add_init, add_info, add_plot, add_animate, add_view, add_modes, add_design,
-        add_ensemble, add_bench, add_cache,
+        add_run, add_scenes, add_init, add_info, add_plot, add_export, add_animate, add_view, add_modes,
+        add_design, add_ensemble, add_bench, add_cache,
     ):  # fmt: skip
         add(commands)
     return top
-
-
-def add_command(commands: Any, name: str, text: str) -> argparse.ArgumentParser:
-    """A parser of one command. text: its help."""
-    return commands.add_parser(
-        name, help=text, description=f"{text[0].upper()}{text[1:]}.", allow_abbrev=False
-    )
-
-
-def add_scene(command: argparse.ArgumentParser) -> None:
-    """Adds the arguments of every command that simulates a given scene."""
-    command.add_argument("scene", help="name of a built-in scene, or path of a TOML file")
-    command.add_argument("--t-end", metavar="SECONDS", help="end time [s] instead of the scene's")
-    command.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="table.key=VALUE",
-        dest="settings",
-        help="value of a scene key instead of the scene's, in TOML; may be given several times",
-    )
 
 
 def add_run(commands: Any) -> None:
@@ -115,25 +95,15 @@ def add_plot(commands: Any) -> None:
     )
 
 
-def add_looks(command: argparse.ArgumentParser) -> None:
-    """Adds the options of the commands that show runs in motion."""
-    command.add_argument(
-        "--member", type=int, action="append", default=[], metavar="I", dest="members",
-        help="number of the member of an ensemble, from 0",
+def add_export(commands: Any) -> None:
+    """Adds `esail export`."""
+    export = add_command(commands, "export", "write the observables of a run as a table for other programs")
+    export.add_argument("run", type=Path, metavar="RUN.h5", help="run file")
+    export.add_argument(
+        "-o", "--output", required=True, type=Path, metavar="FILE",
+        help="file to write: .csv (comma-separated values) or .nc (netCDF; needs xarray)",
     )  # fmt: skip
-    command.add_argument(
-        "--exaggeration", type=float, metavar="K",
-        help="factor of the lateral displacements (default: chosen, so that the motion is visible)",
-    )  # fmt: skip
-    command.add_argument(
-        "--axes", choices=("inertial", "spinning"),
-        help="axes of a sail: inertial, or those of the hub (default: inertial)",
-    )  # fmt: skip
-    command.add_argument(
-        "--colour", choices=("tension", "voltage", "strain", "none"),
-        help="quantity that colours tethers or rods (default: tension)",
-    )  # fmt: skip
-    command.add_argument("--overwrite", action="store_true", help="replace the file if it exists")
+    export.add_argument("--overwrite", action="store_true", help="replace the file if it exists")
 
 
 def add_animate(commands: Any) -> None:

@@ -15,7 +15,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from esail_jax.array_types import Float, Inexact
-from esail_jax.equilibria.sparse import Sparse, SparseMatrices, indices
+from esail_jax.equilibria.couplings import NONE, indices
+from esail_jax.equilibria.sparse import Sparse, SparseMatrices
 from esail_jax.equilibria.steady_state import translations
 from esail_jax.system import System
 
@@ -32,7 +33,7 @@ HELICAL = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 1.0], [0.0, 1j, -1j]]) / np.arra
 def hub_motions(system: System, y: Float[Host, " n"], axes: Float[Host, "3 3"]) -> Float[Host, "n 6"]:
     """Returns the displacements of y in translations of the hub along `axes` (columns) and in rotations
     about the axes through its centre."""
-    hub = indices(system)[1]
+    hub = indices(system).hub
     found = np.zeros((len(y), 6))
     if len(hub):
         points = y[hub].reshape(4, 3)
@@ -47,15 +48,16 @@ def rigid_hub_basis(system: System, y: Float[Host, " n"], axes: Float[Host, "3 3
     """Returns the basis of all motions with a rigid hub: the tethers' coordinates, in the axes of each
     tether (along the spin axis, radial, azimuthal), and the hub's six motions.
 
-    Columns are ordered tether by tether, the hub's last."""
-    places, hub = indices(system)
+    Columns are ordered tether by tether, each followed by the auxiliary tether from its tip to the next
+    one, in the same axes; the hub's are last."""
+    places, hub, ring = indices(system)
     count, size = places.shape[-1], len(y)
     rows, columns, values = [], [], []
     column = 0
     for i in range(count):
         turned = axes @ rotation_about_x(2.0 * np.pi * i / count)
         own = places[:, :, :, i].transpose(0, 2, 1)  # coefficient, node, component
-        own = own[own[:, :, 0] >= 0]
+        own = np.concatenate([own[own[:, :, 0] != NONE], ring[:, :, i].T])
         m = len(own)
         local = column + np.arange(3 * m).reshape(m, 3)
         rows.append(np.repeat(own[:, :, None], 3, axis=2).ravel())

@@ -1,10 +1,9 @@
 """Sparse matrices of the linearised equations of a sail, in a time proportional to its number of nodes.
 
-The tethers of a sail meet at the hub only, and a node of a tether is coupled with its two neighbours.
-Nodes that are three apart on a tether, and the same node of all tethers, therefore have columns without a
-common row (but those of the hub) and can be differentiated together: one derivative along the sum of their
-directions gives all their columns (Curtis, Powell and Reid 1974). A cable needs 18 such derivatives, its
-hub twelve columns and twelve rows more, whatever the number of tethers and elements.
+A node of a tether or of the ring acts on its neighbours only, and the hub on all (`couplings.py`). The
+columns of nodes of one colour are found by one derivative along the sum of their directions. A sail of
+cables needs 18 such derivatives, about twice as many with a ring, and its hub twelve columns and twelve
+rows more, whatever the number of tethers and elements.
 """
 
 from typing import NamedTuple, TypeAlias
@@ -18,6 +17,7 @@ from esail_jax.array_types import Array, Float
 from esail_jax.compilation.options import START_OPTIONS
 from esail_jax.compilation.program import program_of
 from esail_jax.coordinates import Multipliers
+from esail_jax.equilibria.couplings import NONE, Couplings, couplings, indices
 from esail_jax.equilibria.moving_frame import MovingFrame, forces
 from esail_jax.system import System
 
@@ -25,9 +25,6 @@ Host = np.ndarray
 
 Sparse: TypeAlias = sp.sparray | sp.spmatrix
 """A sparse matrix of any format."""
-
-NODE_COLOURS = 3
-"""Number of groups of nodes along a tether: nodes of a group have no common neighbour."""
 
 
 class SparseMatrices(NamedTuple):
@@ -86,18 +83,6 @@ def sampled(
     return Samples(left, violation, columns, jax.vmap(turned)(directions), jax.vmap(back)(hub_rows))
 
 
-def indices(system: System) -> tuple[Host, Host]:
-    """Returns the places of the tethers' coordinates in y, (coef, xyz, node, tether) with -1 for the roots'
-    positions, and those of the hub, which is empty without one."""
-    tethers = system.tethers
-    k, n, p = tethers.coefs, tethers.elements, tethers.count
-    cuts = (3 * k * n * p, 3 * (k * n + k - 1) * p)
-    places = np.full((k, 3, n + 1, p), -1)
-    places[:, :, 1:] = np.arange(cuts[0]).reshape(k, 3, n, p)
-    places[1:, :, 0] = np.arange(*cuts).reshape(k - 1, 3, p)
-    return places, np.arange(cuts[1], cuts[1] + (12 if system.hub is not None else 0))
-
-
 def linearised_sparse(
     system: System, frame: MovingFrame, y: Float[Host, " n"], lam: Multipliers
 ) -> SparseMatrices:
@@ -105,15 +90,13 @@ def linearised_sparse(
 
     Raises ValueError if the system has couplings that the sparsity does not provide for: the products with
     a random vector are compared."""
-    places, hub = indices(system)
-    k, _, nodes, _ = places.shape
-    size, groups = len(y), min(NODE_COLOURS, nodes)
+    at, coupled = indices(system), couplings(system)
+    hub, size = at.hub, len(y)
     probe = np.random.default_rng(0).standard_normal(size)
-    seeds = [np.zeros(size) for _ in range(groups * k * 3)]
-    for c, direction in enumerate(seeds):
-        group, coef, axis = np.unravel_index(c, (groups, k, 3))
-        chosen = places[coef, axis, group::NODE_COLOURS]
-        direction[chosen[chosen >= 0]] = 1.0
+    seeds = [np.zeros(size) for _ in coupled.seeds]
+    for (colour, slot), direction in zip(coupled.seeds, seeds, strict=True):
+        chosen = coupled.places[coupled.colour == colour, slot]
+        direction[chosen[chosen != NONE]] = 1.0
     units = np.eye(size)[hub] if len(hub) else np.zeros((0, size))
     directions = np.stack([*seeds, *units, probe])
     arguments = jax.tree.map(jnp.asarray, (system, frame, y, lam, directions, units))
@@ -122,58 +105,50 @@ def linearised_sparse(
     )
     parts = []
     for columns, rows in zip(samples.columns, samples.rows, strict=True):
-        matrix = assembled(places, hub, columns[:-1], rows)
+        matrix = assembled(coupled, hub, columns[:-1], rows)
         difference = np.abs(matrix @ probe - columns[-1])
         scale = abs(matrix) @ np.abs(probe)
         if (difference > 1e-9 * scale + 1e-14 * scale.max()).any():
-            raise ValueError("the tethers must be coupled by the hub only, but are coupled otherwise")
+            raise ValueError("only hub and ring must couple the tethers, but they are coupled otherwise")
         parts.append(matrix)
-    constraint = assembled_constraints(places, hub, samples.constraints[:-1])
+    constraint = assembled_constraints(coupled, hub, samples.constraints[:-1])
     return SparseMatrices(parts[2], parts[1], parts[0], constraint, samples.balance, samples.violation)
 
 
-def assembled(places: Host, hub: Host, columns: Host, rows: Host) -> Sparse:
+def assembled(coupled: Couplings, hub: Host, columns: Host, rows: Host) -> Sparse:
     """Returns a sparse matrix from its derivatives along the directions of `linearised_sparse`."""
-    coefs, _, nodes, _ = places.shape
-    groups = min(NODE_COLOURS, nodes)
     found = []
-    for c, values in enumerate(columns[: groups * coefs * 3]):
-        group, coef, axis = np.unravel_index(c, (groups, coefs, 3))
-        for node in range(group, nodes, NODE_COLOURS):
-            column = places[coef, axis, node]
-            near = places[:, :, max(0, node - 1) : node + 2]
-            pairs = np.broadcast_arrays(near, column)
-            used = (pairs[0] >= 0) & (pairs[1] >= 0)
-            row = pairs[0][used]
-            found.append((values[row], row, pairs[1][used]))
+    for (colour, slot), values in zip(coupled.seeds, columns, strict=False):
+        of_colour = coupled.colour[coupled.second] == colour
+        near = coupled.places[coupled.first[of_colour]]
+        pairs = np.broadcast_arrays(near, coupled.places[coupled.second[of_colour], slot, None])
+        used = (pairs[0] != NONE) & (pairs[1] != NONE)
+        row = pairs[0][used]
+        found.append((values[row], row, pairs[1][used]))
     size = columns.shape[1]
-    for place, values in zip(hub, columns[groups * coefs * 3 :], strict=True):
+    for place, values in zip(hub, columns[len(coupled.seeds) :], strict=True):
         row = np.flatnonzero(values)
         found.append((values[row], row, np.full(len(row), place)))
     for place, values in zip(hub, rows, strict=True):
-        column = np.flatnonzero(values[: hub[0]])
+        column = np.setdiff1d(np.flatnonzero(values), hub)
         found.append((values[column], np.full(len(column), place), column))
     data, row, column = (np.concatenate(part) for part in zip(*found, strict=True))
     return sp.csr_matrix((data, (row, column)), shape=(size, size))
 
 
-def assembled_constraints(places: Host, hub: Host, columns: Host) -> Sparse:
+def assembled_constraints(coupled: Couplings, hub: Host, columns: Host) -> Sparse:
     """Returns Phi_y. A hub's conditions read the hub's coordinates; those of a clamped root read them and
-    the coordinates of its own tether."""
-    coefs, _, nodes, count = places.shape
-    groups, size = min(NODE_COLOURS, nodes), len(hub) + (places >= 0).sum()
-    held = columns.shape[1]
+    the coordinates of its own tether's root."""
+    count, held = len(coupled.roots), columns.shape[1]
+    size = (coupled.places != NONE).sum() + len(hub)
     found = [(np.zeros(0), np.zeros(0, int), np.zeros(0, int))]
     own = 6 if len(hub) else 0
-    for c, values in enumerate(columns[: groups * coefs * 3]):
-        group, coef, axis = np.unravel_index(c, (groups, coefs, 3))
-        column = places[coef, axis, group]  # the conditions read the root node, group 0
-        if group or (column < 0).any():
-            continue
-        clamps = values[own:].reshape(-1, count)
-        for j, of_tether in enumerate(clamps):
-            found.append((of_tether, own + j * count + np.arange(count), column))
-    for place, values in zip(hub, columns[groups * coefs * 3 :], strict=True):
+    for (colour, slot), values in zip(coupled.seeds, columns, strict=False):
+        column = coupled.places[coupled.roots, slot]
+        chosen = np.flatnonzero((coupled.colour[coupled.roots] == colour) & (column != NONE))
+        for j, of_tether in enumerate(values[own:].reshape(-1, count)):
+            found.append((of_tether[chosen], own + j * count + chosen, column[chosen]))
+    for place, values in zip(hub, columns[len(coupled.seeds) :], strict=True):
         row = np.flatnonzero(values)
         found.append((values[row], row, np.full(len(row), place)))
     data, row, column = (np.concatenate(part) for part in zip(*found, strict=True))

@@ -10,8 +10,9 @@ proportional to the number of nodes.
     [ R^T                       ] [ tau  ]     [ 0           ]
 
 t is the translation along the axis and a the acceleration along it. R are the rotations about the axis that
-no force opposes: that of the whole sail with a hub, that of each pinned tether without one. The steps keep
-t^T y and R^T y as they are; tau is the moment that the steady spin needs, zero in an equilibrium.
+no force opposes: that of the whole sail with a hub or a ring, that of each pinned tether without either.
+The steps keep t^T y and R^T y as they are; tau is the moment that the steady spin needs, zero in an
+equilibrium.
 """
 
 import jax
@@ -22,6 +23,7 @@ from scipy.sparse.linalg import splu
 
 from esail_jax.array_types import Float, Vector
 from esail_jax.coordinates import Coordinates, Multipliers
+from esail_jax.equilibria.couplings import indices
 from esail_jax.equilibria.equilibrium import (
     MAX_ITERATIONS,
     MAX_SLOPE_CHANGE,
@@ -29,7 +31,7 @@ from esail_jax.equilibria.equilibrium import (
     Equilibrium,
 )
 from esail_jax.equilibria.moving_frame import MovingFrame, expanded, independent, rotation_about
-from esail_jax.equilibria.sparse import Sparse, SparseMatrices, indices, linearised_sparse
+from esail_jax.equilibria.sparse import Sparse, SparseMatrices, linearised_sparse
 from esail_jax.system import System
 
 Host = np.ndarray
@@ -111,22 +113,26 @@ def columns_of(vectors: list[Float[Host, " n"]], size: int) -> Float[Host, "n k"
 
 def translations(system: System) -> Float[Host, "n 3"]:
     """Returns the displacements of y in the three translations of a system with a hub."""
-    places, hub = indices(system)
-    found = np.zeros(((places >= 0).sum() + len(hub), 3))
+    at = indices(system)
+    found = np.zeros((at.size, 3))
+    points = at.ring
+    if system.ring is not None and system.ring.segments.coefs == 2:
+        points = at.ring[:, 1:-1:2]  # between the slopes at the ends, positions and slopes take turns
     for axis in range(3):
-        found[places[0, axis, 1:].ravel(), axis] = 1.0
-        found[hub.reshape(4, 3)[:, axis], axis] = 1.0
+        found[at.tether[0, axis, 1:].ravel(), axis] = 1.0
+        found[at.hub.reshape(4, 3)[:, axis], axis] = 1.0
+        found[points[axis].ravel(), axis] = 1.0
     return found
 
 
 def neutral_turns(system: System, y: Float[Host, " n"], axis: Float[Host, "3"]) -> list[Float[Host, " n"]]:
     """Returns the rotations about the axis that no force opposes, with unit length."""
     turn = np.asarray(rotation_about(system, jnp.asarray(axis), jnp.asarray(y)))
-    if system.hub is not None:
-        return [turn / np.linalg.norm(turn)]
-    if system.clamped:
+    if system.clamped and system.hub is None:
         return []
-    places, _ = indices(system)
+    if system.hub is not None or system.ring is not None:
+        return [turn / np.linalg.norm(turn)]
+    places = indices(system).tether
     found = []
     for tether in range(places.shape[-1]):
         own = places[..., tether]
@@ -139,10 +145,15 @@ def neutral_turns(system: System, y: Float[Host, " n"], axis: Float[Host, "3"]) 
 
 def largest_slope(system: System, change: Float[Host, " n"]) -> float:
     """Returns the largest change of r_x at any node, and of the chord of an element."""
-    q = expanded(system, jnp.asarray(change), derivative=1).tether
-    lengths = np.broadcast_to(system.tethers.element_length, (system.tethers.elements, q.shape[-1]))
-    chords = np.diff(np.asarray(q)[0], axis=1) / lengths
-    return max(1e-300, np.abs(chords).max(), np.abs(np.asarray(q)[1:]).max(initial=0.0))
+    q = expanded(system, jnp.asarray(change), derivative=1)
+    parts = [(system.tethers, q.tether)]
+    parts += [] if system.ring is None else [(system.ring.segments, system.ring.nodal(q))]
+    slopes = []
+    for batch, nodal in parts:
+        vectors = np.asarray(nodal)
+        lengths = np.broadcast_to(batch.element_length, (batch.elements, vectors.shape[-1]))
+        slopes += [np.diff(vectors[0], axis=1) / lengths, vectors[1:]]
+    return max(1e-300, *(np.abs(x).max(initial=0.0) for x in slopes))
 
 
 def added(lam: Multipliers, change: Float[Host, " c"]) -> Multipliers:

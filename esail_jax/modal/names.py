@@ -1,6 +1,8 @@
 """Names of modes, derived from their shapes.
 
-A mode belongs to the direction, or to the hub, that has the largest share of its kinetic energy. Its order
+A mode belongs to the direction of the tethers, to the hub, or to the auxiliary tethers, whichever has the
+largest share of its kinetic energy; the energy of auxiliary tethers is that of their motion relative to
+the line between their ends. Its order
 is the number of nodes along the tether, points at rest relative to the root: the k-th shape of a string has
 k of them (Sturm). Around the circle it is a wave of number n that moves with the spin (forward) or against
 it (backward).
@@ -32,13 +34,22 @@ GROWING = 1e-7
 """Growth rates below this fraction of the frequency are rounding."""
 
 
+RING = "auxiliary tethers"
+"""Kind of a mode in which the auxiliary tethers move most."""
+
+KINDS = (*DIRECTIONS, "hub", RING)
+"""Kinds of modes, in the order of the shares of the kinetic energy."""
+
+
 class Character(NamedTuple):
-    """What a mode is: its kind (a name of DIRECTIONS or `hub`), the shares of the kinetic energy of the
-    three directions and the hub, and the number of nodes along the tether (-1 for the hub)."""
+    """What a mode is: its kind (one of KINDS), the shares of the kinetic energy of all KINDS, the number of
+    nodes along the tether or the auxiliary tether (-1 for the hub), and the direction (one of DIRECTIONS)
+    in which it moves most (-1 for the hub)."""
 
     kind: str
-    shares: Float[Host, "4"]
+    shares: Float[Host, "5"]
     nodes: int
+    direction: int
 
 
 def characters(shape: Shape, places: Places, copies: int) -> list[Character]:
@@ -47,16 +58,22 @@ def characters(shape: Shape, places: Places, copies: int) -> list[Character]:
     mass = places.mass[None, :, :count, None]
     energy = copies * (mass * np.abs(shape.tether) ** 2).sum((1, 2))
     hub = (places.hub[:, None] * np.abs(shape.hub) ** 2).sum(0)
-    shares = np.concatenate([energy, hub[None]])
+    ring = np.zeros_like(energy)
+    if shape.ring is not None:
+        ring = copies * (places.ring.mass[None, :, :count, None] * np.abs(shape.ring) ** 2).sum((1, 2))
+    shares = np.concatenate([energy, hub[None], ring.sum(0)[None]])
     shares /= shares.sum(0)
     found = []
     for m, share in enumerate(shares.T):
         largest = int(share.argmax())
-        if largest == len(DIRECTIONS):
-            found.append(Character("hub", share, -1))
-        else:
-            line = strongest_line(shape.tether[largest, :, :, m])
-            found.append(Character(DIRECTIONS[largest], share, sign_changes(line)))
+        kind = KINDS[largest]
+        if kind == "hub":
+            found.append(Character(kind, share, -1, -1))
+            continue
+        moving = shape.ring if kind == RING else shape.tether
+        direction = int(ring[:, m].argmax()) if kind == RING else largest
+        line = strongest_line(moving[direction, :, :, m])
+        found.append(Character(kind, share, sign_changes(line), direction))
     return found
 
 
@@ -76,9 +93,13 @@ def sign_changes(line: Float[Host, " point"]) -> int:
 
 
 def along_tether(character: Character) -> str:
-    """Returns the name of a tether's motion along its length."""
+    """Returns the name of a tether's motion along its length, or of an auxiliary tether's."""
     kind, nodes = character.kind, character.nodes
-    if kind == "axial":
+    if kind == RING:
+        way = DIRECTIONS[character.direction]
+        motion = "axial (stretching)" if way == "axial" else f"{way} bending"
+        name = f"{ordinal(nodes + 1)} {motion} of the {kind}"
+    elif kind == "axial":
         name = f"{ordinal(nodes + 1)} axial (stretching)"
     elif nodes == 0:
         name = "in-plane swing (lagging)" if kind == "in-plane" else "out-of-plane swing (coning)"
@@ -87,7 +108,7 @@ def along_tether(character: Character) -> str:
     if character.shares.max() >= PURE:
         return name
     order = np.argsort(character.shares)[::-1][:2]
-    parts = [f"{100 * character.shares[k]:.0f} % {(*DIRECTIONS, 'hub')[k]}" for k in order]
+    parts = [f"{100 * character.shares[k]:.0f} % {KINDS[k]}" for k in order]
     return f"{name}, mixed ({', '.join(parts)})"
 
 

@@ -39,7 +39,7 @@ def named_group(
     shapes, count = group.shapes, system.tethers.count
     shape = known.get(id(shapes.local))
     if shape is None:
-        shape = known[id(shapes.local)] = shape_of(system, places, shapes.local, shapes.hub)
+        shape = known[id(shapes.local)] = shape_of(system, places, shapes.local, shapes.hub, shapes.n)
     copies = 1 if shapes.n is None else count
     every = names.characters(shape, places, copies)
     found = []
@@ -54,7 +54,7 @@ def named_group(
         else:
             name = plain_name(character, hub, places)
             if shapes.n is None:
-                name += among_unequal(character, shape.tether[..., k], value, spin)
+                name += among_unequal(character, shape, k, value, spin)
             else:
                 name += names.around_circle(shapes.n, count, forward_of(vibration, spin))
         if vibration.damping_ratio >= 1.0:
@@ -90,19 +90,18 @@ def forward_of(vibration: Vibration, spin: float) -> bool | None:
     return None if vibration.wave == 0 else (vibration.wave < 0) == (spin > 0.0)
 
 
-def among_unequal(character: names.Character, tether: Host, value: complex, spin: float) -> str:
-    """Returns the part of a name that tells which of the unequal tethers move, and how.
-
-    tether: displacements (direction, point, tether) of one mode."""
-    count = tether.shape[2]
+def among_unequal(character: names.Character, shape: Shape, k: int, value: complex, spin: float) -> str:
+    """Returns the part of a name that tells which of the unequal tethers move in mode k, and how."""
+    count = shape.tether.shape[2]
     if count == 1 or character.kind == "hub":
         return ""
-    line = tether[names.DIRECTIONS.index(character.kind)]
+    moving = shape.ring if character.kind == names.RING else shape.tether
+    line = moving[character.direction, :, :, k]
     line = line - line[:1]
     energy = (np.abs(line) ** 2).sum(0)
     strongest = int(energy.argmax())
     if energy[strongest] > MAINLY * energy.sum():
-        return f", mostly tether {strongest + 1}"
+        return f", mostly {'segment' if character.kind == names.RING else 'tether'} {strongest + 1}"
     amplitude = (line * line[:, strongest : strongest + 1].conj()).sum(0)
     amplitude /= np.sqrt(np.maximum(energy, 1e-300 + 1e-12 * energy.max()))
     waves = np.abs(np.fft.fft(amplitude)) ** 2

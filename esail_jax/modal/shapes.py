@@ -1,4 +1,5 @@
-"""Shapes of modes: displacements along every tether, in the axes of that tether, and of the hub."""
+"""Shapes of modes: displacements along every tether, in the axes of that tether, of the hub, and of the
+auxiliary tethers (`ring_shapes.py`)."""
 
 from typing import NamedTuple
 
@@ -6,13 +7,10 @@ import numpy as np
 
 from esail_jax.array_types import Complex, Float
 from esail_jax.equilibria.motions import rotation_about_x
+from esail_jax.modal.ring_shapes import POINTS, RingPlaces, along_batch, ring_displacement, ring_places_of
 from esail_jax.system import System
 
 Host = np.ndarray
-
-POINTS = 8
-"""Number of points per element at which a shape is evaluated. The highest vibration that a cubic element
-can have changes its sign three times in it."""
 
 DIRECTIONS = ("axial", "in-plane", "out-of-plane")
 """Directions of a displacement: along the chord of the steady tether, along the azimuth, and normal to
@@ -23,10 +21,13 @@ class Shape(NamedTuple):
     """Displacements in one or several modes, the last axis, in any common unit of length.
 
     tether: at the points of `Places`, in the directions of DIRECTIONS; the first point is the root.
-    hub: translation along, and rotation [1/m of the unit] about, the axes of B; zero without a hub."""
+    hub: translation along, and rotation [1/m of the unit] about, the axes of B; zero without a hub. ring:
+    of the auxiliary tethers, relative to the line between their ends, in the directions of DIRECTIONS; None
+    without a ring."""
 
     tether: Complex[Host, "3 point tether mode"]
     hub: Complex[Host, "6 mode"]
+    ring: Complex[Host, "3 ring_point tether mode"] | None = None
 
 
 class Places(NamedTuple):
@@ -35,12 +36,13 @@ class Places(NamedTuple):
     distance: from the root along the undeformed tether [m], (point, tether); mass: what each point stands
     for [kg], (point, tether), the remote units at the last one; hub: mass and moments of inertia of the hub
     for its six motions; axes: unit vectors of DIRECTIONS (direction, component, tether), in the axes of
-    each tether (along the spin axis, radial, azimuthal)."""
+    each tether (along the spin axis, radial, azimuthal); ring: those of the ring, None without one."""
 
     distance: Float[Host, "point tether"]
     mass: Float[Host, "point tether"]
     hub: Float[Host, "6"]
     axes: Float[Host, "3 3 tether"]
+    ring: RingPlaces | None = None
 
 
 def nodal(system: System, local: Host, hub: Host) -> Host:
@@ -61,19 +63,8 @@ def nodal(system: System, local: Host, hub: Host) -> Host:
     found = np.concatenate([root, free])[None]
     if k == 1:
         return found
-    return np.concatenate([found, local[3 * n :].reshape(1, n + 1, 3, count, modes)])
-
-
-def along_tethers(system: System, nodes: Host) -> Host:
-    """Returns vectors (component, point, tether, mode) at the points of `Places` from nodal vectors."""
-    tethers = system.tethers
-    xi = (np.arange(POINTS) + 0.5) / POINTS
-    table = tethers.shape_table(xi, 0)
-    ends = [nodes[c, here] for here in (slice(-1), slice(1, None)) for c in range(tethers.coefs)]
-    inside = np.einsum("qa,aeitm->ieqtm", table, np.stack(ends))
-    inside = inside.reshape(3, -1, *nodes.shape[-2:])
-    first, last = (np.moveaxis(nodes[0, node], 0, 0)[:, None] for node in (0, -1))
-    return np.concatenate([first, inside, last], axis=1)
+    slopes = local[3 * n : 3 * (2 * n + 1)]
+    return np.concatenate([found, slopes.reshape(1, n + 1, 3, count, modes)])
 
 
 def places_of(system: System, steady: Host) -> Places:
@@ -96,12 +87,20 @@ def places_of(system: System, steady: Host) -> Places:
     chord = tip / np.linalg.norm(tip, axis=0)
     azimuthal = np.cross(np.array([[1.0], [0.0], [0.0]]), chord, axis=0)
     azimuthal /= np.linalg.norm(azimuthal, axis=0)
-    return Places(distance, mass, inertia, np.stack([chord, azimuthal, np.cross(chord, azimuthal, axis=0)]))
+    axes = np.stack([chord, azimuthal, np.cross(chord, azimuthal, axis=0)])
+    ring = None if system.ring is None else ring_places_of(system.ring, steady[3 * (n - 1) : 3 * n])
+    return Places(distance, mass, inertia, axes, ring)
 
 
-def shape_of(system: System, places: Places, local: Host, hub: Host) -> Shape:
+def shape_of(system: System, places: Places, local: Host, hub: Host, wave: int | None) -> Shape:
     """Returns the shapes of motions with a rigid hub. local: (coordinate, tether, mode) for the first
-    tethers of the sail; hub: (6, mode)."""
-    vectors = along_tethers(system, nodal(system, local, hub))
+    tethers of the sail; hub: (6, mode); wave: number of the wave of which `local` has the first tether;
+    None if it has all tethers."""
+    nodes = nodal(system, local, hub)
+    vectors = along_batch(system.tethers, nodes)
     axes = places.axes[:, :, : local.shape[1]]
-    return Shape(np.einsum("dit,iptm->dptm", axes, vectors), hub)
+    ring = None
+    if places.ring is not None:
+        own = local[len(local) - 3 * system.ring.own_vectors :]
+        ring = ring_displacement(system.ring, places.ring, nodes[0, -1], own, wave)
+    return Shape(np.einsum("dit,iptm->dptm", axes, vectors), hub, ring)

@@ -70,11 +70,13 @@ def solve(
     if bool(at.converged):
         reduced = [(basis.T @ a @ basis).tocsc() for a in matrices[:3]]
         conditions = motions.conditions(system, matrices)
-        # Zero eigenvalues: two of the spin angle; without a hub two of the angle of each pinned tether.
+        # Zero eigenvalues: two of the spin angle; without hub and ring two of each pinned tether's angle.
         each = 0 if system.clamped and not hub else 2
-        every = each if hub else each * tethers
+        coupled = hub or system.ring is not None
+        every = each if coupled else each * tethers
         if motions.tethers_are_equal(reduced, tethers, hub):
-            groups, at_rest = by_waves(reduced, conditions @ basis, tethers, own, hub, spin, each)
+            joined = system.ring is not None
+            groups, at_rest = by_waves(reduced, conditions @ basis, tethers, own, hub, joined, spin, each)
         elif 2 * basis.shape[1] <= DENSE_STATES:
             groups, at_rest = all_at_once(reduced, conditions @ basis, tethers, own, hub, spin, every)
         else:
@@ -90,10 +92,10 @@ def from_centre(basis: Sparse, y: Host, system: System, axes: Host) -> Host:
     """Returns the coordinates of y in the axes of the tethers, from the hub's centre, less its position."""
     if system.hub is None:
         return basis.T @ y
-    from esail_jax.equilibria.sparse import indices
+    from esail_jax.equilibria.couplings import indices
     from esail_jax.equilibria.steady_state import translations
 
-    hub = y[indices(system)[1]].reshape(4, 3)
+    hub = y[indices(system).hub].reshape(4, 3)
     return basis.T @ (y - translations(system) @ (0.5 * (hub[0] + hub[1])))
 
 
@@ -103,35 +105,37 @@ def by_waves(
     count: int,
     own: int,
     hub: bool,
+    ring: bool,
     spin: float,
     neutral: int,
 ) -> tuple[list[Motions], int]:
     """Returns the vibrations of equal tethers, and the number of zero eigenvalues.
 
-    count: number of tethers; own: number of coordinates of each; neutral: number of zero eigenvalues of a
-    wave, with a hub of n = 0 only."""
+    count: number of tethers; own: number of coordinates of each, with its segment of the ring; neutral:
+    number of zero eigenvalues of a wave, with a hub or a ring of n = 0 only."""
     groups: list[Motions] = []
     at_rest, alone = 0, None
     for n in range(count // 2 + 1):
         standing = n == 0 or 2 * n == count
         with_hub = hub and (n in (0, 1) or count <= 2)
-        if with_hub or alone is None:
+        coupled = with_hub or ring
+        if coupled or alone is None:
             # A wave with n = 0 or n = p / 2 is real, and so are the matrices if the hub rests.
             wave = motions.waves(count, own, hub, n)
             wave = wave.real if standing else wave
             blocks = [(wave.conj().T @ a @ wave).toarray() for a in reduced]
             free = motions.allowed((conditions @ wave).toarray())
             blocks = [free.conj().T @ a @ free for a in blocks]
-            if not with_hub:
+            if not coupled:
                 blocks = [a.real for a in blocks]
             spectrum = dense_spectrum(*blocks, spin=spin)
             motion = wave @ (free @ spectrum.motion)
             local = motion[:own, None]
             six = motion[own * count :] if with_hub else np.zeros((6, local.shape[2]))
             solved = (spectrum, blocks[0], local, six)
-            alone = None if with_hub else solved
+            alone = None if coupled else solved
         else:
-            solved = alone  # tethers on a resting hub do not influence each other: equal for all n
+            solved = alone  # without a ring, tethers on a resting hub do not act on each other
         spectrum, mass, local, six = solved
         found, zero = vibrations(
             spectrum.eigenvalue,
@@ -139,7 +143,7 @@ def by_waves(
             mass,
             spin,
             not standing,
-            neutral if n == 0 or not hub else 0,
+            neutral if n == 0 or not (hub or ring) else 0,
         )
         # A zero of a travelling wave is one of the opposite number, too.
         at_rest += zero * (1 if standing else 2)

@@ -22,7 +22,7 @@ from esail_jax.system import System
 
 def check_has_modes(scene: Scene) -> None:
     """Raises SceneError, with one line, if the scene has no steady spinning state."""
-    for name in ("chain", "event", "auxiliary_tethers", "tip_thrust", "orbit"):
+    for name in ("chain", "event", "tip_thrust", "orbit"):
         if getattr(scene, name) is not None:
             raise SceneError(name, "be left out of a scene whose modes are asked for", "is given")
     if scene.solar_wind is not None and scene.solar_wind.relative:

@@ -85,11 +85,13 @@ class ModeTable:
             count = self.places.mass.shape[1]
             phase = np.exp(2j * np.pi * found.n * np.arange(count) / count)
             local = local * phase[:, None]
-        tether, hub = shape_of(self.system, self.places, local, hub)
+        tether, hub, ring = shape_of(self.system, self.places, local, hub, None)
         if conjugate:
             tether, hub = tether.conj(), hub.conj()
+            ring = None if ring is None else ring.conj()
         largest = tether.ravel()[np.abs(tether).argmax()]
-        return Shape(tether[..., 0] / largest, hub[:, 0] / largest)
+        ring = None if ring is None else ring[..., 0] / largest
+        return Shape(tether[..., 0] / largest, hub[:, 0] / largest, ring)
 
     def records(self) -> list[dict[str, Any]]:
         """Returns the modes as dictionaries that JSON can hold."""

@@ -9,7 +9,13 @@ from matplotlib.patches import Circle
 
 from esail_jax.plotting.data import KILOMETRE
 
-COLOURS = {"in-plane": "tab:blue", "out-of-plane": "tab:orange", "axial": "tab:green", "hub": "black"}
+COLOURS = {
+    "in-plane": "tab:blue",
+    "out-of-plane": "tab:orange",
+    "axial": "tab:green",
+    "hub": "black",
+    "auxiliary tethers": "tab:purple",
+}
 """Colour of every kind of motion."""
 
 SHOWN = 4

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from esail_jax.html import html_table
 from esail_jax.scenes import rules
 from esail_jax.scenes.chain_tables import Chain, ChainInitial, ChainVoltage, ChainWind, Orbit, PlasmaBrake
 from esail_jax.scenes.common_tables import Gravity, Integrator, Output
@@ -127,6 +128,19 @@ class Scene:
             f"interval  {self.output.interval:g} s",
         ]
         return "\n  ".join(lines)
+
+    def _repr_html_(self) -> str:
+        """The scene as a table of its keys, which a notebook shows."""
+        rows = []
+        for table, content in vars(self).items():
+            for field in () if content is None else dataclasses.fields(content):
+                value = getattr(content, field.name)
+                if value is not None:
+                    about = field.metadata["unit"], field.metadata["doc"]
+                    rows.append(
+                        (f"{table}.{field.name}", rules.describe(value).removeprefix("is "), *about)
+                    )
+        return html_table(repr(self), ("key", "value", "unit", "meaning"), rows)
 
     def parts(self) -> list[str]:
         """The parts of the model in words, the moving ones first."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from esail_jax.array_types import Array, Float
 from esail_jax.errors import nearest
+from esail_jax.html import html_table
 from esail_jax.observables import described
 from esail_jax.observables.entry import Observable
 from esail_jax.scenes.scene import Scene
@@ -128,6 +129,18 @@ class Solution(eqx.Module, Mapping):
             f"compiling {stats['compile_time']:.2f} s\n"
             f"  {outcome}"
         )
+
+    def _repr_html_(self) -> str:
+        """The run as a table of its observables, which a notebook shows."""
+        if self.scene is None or isinstance(self.time, jax.core.Tracer):
+            return html_table(repr(self), ("observable", "unit"), self.units().items())
+        rows = []
+        for name in self:
+            entry, values = described(name), np.asarray(self[name])
+            finite = values[np.isfinite(values)]
+            ends = (f"{finite.min():.6g}", f"{finite.max():.6g}") if finite.size else ("", "")
+            rows.append((name, entry.unit, ", ".join(("time", *entry.axes)), *ends))
+        return html_table(repr(self), ("observable", "unit", "axes", "smallest", "largest"), rows)
 
 
 OWN_AXES = ("angle", "row", "col")

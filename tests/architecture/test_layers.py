@@ -13,7 +13,7 @@ import pytest
 PACKAGE = Path(__file__).parents[2] / "esail_jax"
 
 LAYERS = (
-    ("constants", "array_types", "atomic_file", "compilation", "cores", "errors"),
+    ("constants", "array_types", "atomic_file", "compilation", "cores", "errors", "html"),
     ("numerics", "environment"),
     ("coordinates", "measurements", "point_fields", "terms"),
     ("elements", "loads", "joints"),

@@ -174,7 +174,6 @@ def test_a_run_that_saves_nothing_before_it_fails_is_nan(solution):
 
 
 def test_a_solution_becomes_a_dataset(solution):
-    pytest.importorskip("xarray")
     data = solution.to_xarray()
     assert set(data.data_vars) == set(solution)
     assert data["time"].attrs["units"] == "s"

@@ -1,0 +1,61 @@
+"""The observables of a run file as a table of comma-separated values, or in a netCDF file.
+
+    with atomic_file("run.csv") as part:
+        write_csv("run.h5", part)
+
+A table has one line for each saved instant and one column for each number of it. This module needs JAX for
+netCDF only.
+"""
+
+import csv
+import importlib.util
+import itertools
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from esail_jax.errors import InputError
+from esail_jax.files.opening import intact, open_single
+
+
+def write_csv(run: str | os.PathLike, path: Path) -> None:
+    """Writes the observables of a run file as comma-separated values.
+
+    The first line names the columns: `time [s]`, `kinetic_energy [J]`, `coning_angle[1] [rad]` (tether 1).
+    Places along an axis are counted from 1, as tethers are in messages. Numbers have all their digits.
+    Raises RunFileError."""
+    with open_single(run) as file, intact(run), open(path, "w", encoding="utf-8", newline="") as table:
+        headers, values = zip(*columns(file), strict=True)
+        writer = csv.writer(table)
+        writer.writerow(headers)
+        writer.writerows(zip(*(column.tolist() for column in values), strict=True))
+
+
+def columns(file: h5py.File) -> Iterator[tuple[str, np.ndarray]]:
+    """Yields header and numbers of every column of an open run file."""
+    yield "time [s]", file["time"][()]
+    for name, data in file["observables"].items():
+        values, unit = data[()], data.attrs["unit"]
+        for place in itertools.product(*map(range, values.shape[1:])):
+            where = f"[{','.join(str(index + 1) for index in place)}]" if place else ""
+            yield f"{name}{where} [{unit}]", values[(..., *place)]
+
+
+def check_netcdf() -> None:
+    """Raises InputError if the library that writes netCDF files is missing."""
+    if importlib.util.find_spec("xarray") is None:
+        raise InputError(
+            "`-o` must end in .csv unless xarray is installed, but ends in .nc: "
+            "`pip install 'esail_jax[xarray]'` installs it"
+        )
+
+
+def write_netcdf(run: str | os.PathLike, path: Path) -> None:
+    """Writes the observables of a run file with units, symbols and named axes as netCDF (version 3, which
+    every reader of netCDF knows). Raises RunFileError."""
+    from esail_jax.files.run_file import load
+
+    load(run).to_xarray().to_netcdf(path, engine="scipy")
