@@ -145,13 +145,15 @@ class Feedback(VoltageLaw):
 
     Tethers whose thrust turns the spin axis n towards `target`, a unit vector in the inertial frame, get a
     higher voltage. d: the part of the target in the spin plane; e_i: radial direction of tether i; u: unit
-    vector along the wind. measured_axis: "hub", n = X_B and e_i of the roots; "angular-momentum", n
-    along the sail's angular momentum L about its centre of mass (opposite to X_B for a negative spin, as is
-    the target then), and e_i of the chords. Inner motions leave L alone, so that its feedback excites none.
-    Feedback of X_B makes the nutation grow at the rate at which it turns the axis: with L = C w n + A n x n'
-    of a body with the moments of inertia C and A and the torque c d, the exponents of small deviations are
-    -c/(C w) and i w C/A + c/(C w). gain: g [-], reduced if V could change faster than slew_rate [V/s] as the
-    roots turn at the given spin_rate [rad/s].
+    vector along the wind. gain: g [-], reduced if V could change faster than slew_rate [V/s] as the roots
+    turn at the given spin_rate [rad/s].
+
+    measured_axis: "hub", n = X_B and e_i of the roots; "angular-momentum", n along the sail's angular
+    momentum L about its centre of mass (opposite to X_B for a negative spin, as is the target then), and
+    e_i of the chords. Internal forces do not change L, so that its feedback excites no vibration. Feedback
+    of X_B makes the nutation grow at the rate at which it turns the axis: for a body with the moments of
+    inertia C and A, L = C w n + A n x n', and with the torque c d the exponents of small deviations are
+    -c/(C w) and i w C/A + c/(C w).
     """
 
     value: PerTether

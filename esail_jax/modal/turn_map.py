@@ -24,7 +24,7 @@ from jax import lax
 
 from esail_jax.array_types import Array, Float, Scalar, Vector
 from esail_jax.coordinates import Coordinates
-from esail_jax.equilibria.moving_frame import MovingFrame, expanded, independent, uniform
+from esail_jax.equilibria.moving_frame import MovingFrame, expanded, independent
 from esail_jax.iteration_matrix import inertia_of
 from esail_jax.numerics.angles import rotation_by
 from esail_jax.simulation.advance import Window, move

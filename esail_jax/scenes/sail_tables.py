@@ -229,7 +229,7 @@ class Voltage:
     measured_axis: MeasuredAxisName | None = declare(
         choice(MeasuredAxisName),
         unit="-",
-        doc="Law feedback: what is measured as the spin axis, \"hub\" if left out.",
+        doc='Law feedback: what is measured as the spin axis, "hub" if left out.',
         default=None,
     )
     coning_angle_deg: Number | None = declare(
