@@ -283,7 +283,8 @@ def test_feedback_turns_the_axis_to_its_target(axis):
 
 def test_feedback_measures_the_angular_momentum():
     """The angular momentum of a sail of straight tethers that turns like a rigid body, from the moments of
-    inertia of rods, point masses and a cylinder. It is far from the origin and moves, which adds nothing."""
+    inertia of rods, point masses and a cylinder. The sail is far from the origin and moves, which adds
+    nothing."""
     scene = esail.load_scene("baseline", SMALL | {"initial.coning_angle_deg": 5.0})
     model = build_jitted(*split(scene))
     system, q = model.system, model.q
