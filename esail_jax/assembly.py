@@ -100,6 +100,28 @@ class Assembly(eqx.Module):
             total = total + (points * momenta.ring).sum((1, 2))
         return total if momenta.hub is None else total + momenta.hub.sum(0)
 
+    def uniform(self, vector: Vector) -> Coordinates:
+        """Coordinates of a uniform displacement of a sail with a hub."""
+        ring = None if self.ring is None else self.ring.uniform(vector)
+        return Coordinates(self.tethers.uniform(vector), jnp.broadcast_to(vector, (4, 3)), ring)
+
+    def mean(self, x: Coordinates) -> Vector:
+        """Position, velocity or acceleration of the centre of mass of a sail with a hub."""
+        return self.momentum(x) / self.momentum(self.uniform(jnp.array([1.0, 0.0, 0.0])))[0]
+
+    def centred(self, x: Coordinates) -> Coordinates:
+        """Coordinates relative to the centre of mass, or rates relative to its velocity, with a hub.
+
+        Those relative to the hub are taken first, so that few digits are lost far from the origin."""
+        x = x.axpy(-1.0, self.uniform(self.hub.centre(x.hub)))
+        return x.axpy(-1.0, self.uniform(self.mean(x)))
+
+    def angular_momentum(self, q: Coordinates, v: Coordinates) -> Vector:
+        """Angular momentum [kg m^2/s] about the origin of the positions q, of a sail with a hub."""
+        p = self.momenta(v)
+        total = jnp.cross(q.tether, p.tether, axis=1).sum((0, 2, 3)) + jnp.cross(q.hub, p.hub).sum(0)
+        return total if q.ring is None else total + jnp.cross(q.ring, p.ring, axis=0).sum((1, 2))
+
     # ---- constraints -----------------------------------------------------------------------
 
     @property

@@ -71,7 +71,7 @@ def tangent(
     """
     tethers = system.tethers
     fields, rates = tethers.interpolate(q.tether), tethers.interpolate(v.tether)
-    jacobian = point_jacobian(system.with_commanded_loads(time, q), time, fields, rates, rate_factor)
+    jacobian = point_jacobian(system.with_commanded_loads(time, q, v), time, fields, rates, rate_factor)
     axes = np.eye(3)
     if system.orbit is not None:
         by_position, by_velocity = system.orbit.gradients

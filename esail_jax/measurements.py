@@ -21,7 +21,8 @@ class Measurements(NamedTuple):
 
     spin_axis: X_B. radial_directions: from the spin axis through every root. chords: from every root to its
     tip. position: centre of the hub in I [m], for a sail on an orbit only. wind: direction of the solar
-    wind at the origin of I, on an orbit at the hub; the load that knows the wind adds it.
+    wind at the origin of I, on an orbit at the hub; the load that knows the wind adds it. momentum_axis:
+    direction of the angular momentum about the centre of mass, for sails with a hub only.
     """
 
     time: Scalar
@@ -30,6 +31,12 @@ class Measurements(NamedTuple):
     chords: Float[Array, "3 tether"]
     wind: Vector | None = None
     position: Vector | None = None
+    momentum_axis: Vector | None = None
+
+    def outward_from(self, axis: Vector) -> Float[Array, "3 tether"]:
+        """Unit vectors along the parts of the chords that are normal to an axis."""
+        flat = self.chords - axis[:, None] * (axis @ self.chords)
+        return flat / jnp.linalg.norm(flat, axis=0)
 
     @property
     def root_phase(self) -> Float[Array, "2 tether"]:
@@ -39,8 +46,7 @@ class Measurements(NamedTuple):
     @property
     def tether_phase(self) -> Float[Array, "2 tether"]:
         """cos phi and sin phi of the tethers' chords."""
-        flat = self.chords - self.spin_axis[:, None] * (self.spin_axis @ self.chords)
-        return self.phase(flat / jnp.linalg.norm(flat, axis=0))
+        return self.phase(self.outward_from(self.spin_axis))
 
     def phase(self, directions: Float[Array, "3 tether"]) -> Float[Array, "2 tether"]:
         """cos phi and sin phi of unit vectors in the spin plane."""

@@ -126,7 +126,7 @@ class System(Assembly):
     ) -> tuple[Residual, Power]:
         """Residual of the equations of motion and constraints at one state, and the power of its forces."""
         inertial = self.relative_to_free_fall(time, q, v, vdot)
-        commanded = self.with_commanded_loads(time, q)
+        commanded = self.with_commanded_loads(time, q, v)
         forces, power = commanded.member_forces(time, q, v, inertial)
         return self.complete_residual(time, q, v, forces, lam, power)
 
@@ -146,7 +146,7 @@ class System(Assembly):
         motion = (states_inside(x) for x in (q, v, inertial))
         system = self
         if self.controlled:
-            system = self.with_commands(jax.vmap(self.commands)(times, q))
+            system = self.with_commands(jax.vmap(self.commands)(times, q, v))
         found, power = system.member_forces(times[:, None], *motion)
         ring = None if found.ring is None else jnp.moveaxis(found.ring, 1, 0)
         forces = Coordinates(jnp.moveaxis(found.tether, 2, 0), inertial.hub, ring)
@@ -157,19 +157,24 @@ class System(Assembly):
         """Tells whether a control law has to be asked before forces can be evaluated."""
         return any(needs_command(load) for load in self.loads)
 
-    def measurements(self, time: Scalar, q: Coordinates) -> Measurements:
+    def measurements(self, time: Scalar, q: Coordinates, v: Coordinates) -> Measurements:
         """The kinematic part of what control laws may measure at a state."""
         axes, nodes = self.rotation(time, q), q.tether[0]
         chords = nodes[:, -1] - nodes[:, 0]
         chords = chords / jnp.linalg.norm(chords, axis=0)
-        measured = Measurements(time, axes[:, 0], axes @ self.roots.radial_directions, chords)
+        outward = axes @ self.roots.radial_directions
+        measured = Measurements(time, axes[:, 0], outward, chords)
+        if self.hub is None:
+            return measured
+        momentum = self.angular_momentum(self.centred(q), v)
+        measured = measured._replace(momentum_axis=momentum / jnp.sqrt(momentum @ momentum))
         if self.kepler_orbit is None:
             return measured
         return measured._replace(position=self.hub.centre(q.hub))
 
-    def commands(self, time: Scalar, q: Coordinates) -> tuple[PerTether | None, ...]:
+    def commands(self, time: Scalar, q: Coordinates, v: Coordinates) -> tuple[PerTether | None, ...]:
         """The command of every load's control law at a state; None for loads that need none."""
-        measurements = self.measurements(time, q)
+        measurements = self.measurements(time, q, v)
         return tuple(load.commanded(measurements) if needs_command(load) else None for load in self.loads)
 
     def with_commands(self, commands: tuple[Float[Array, "*state tether"] | None, ...]) -> "System":
@@ -180,9 +185,9 @@ class System(Assembly):
         )
         return eqx.tree_at(lambda system: system.loads, self, loads)
 
-    def with_commanded_loads(self, time: Scalar, q: Coordinates) -> "System":
+    def with_commanded_loads(self, time: Scalar, q: Coordinates, v: Coordinates) -> "System":
         """The system whose loads have the commands of a state."""
-        return self.with_commands(self.commands(time, q)) if self.controlled else self
+        return self.with_commands(self.commands(time, q, v)) if self.controlled else self
 
     def member_forces(
         self, time: Instants, q: Coordinates, v: Coordinates, inertial: Coordinates
@@ -237,7 +242,7 @@ class System(Assembly):
             forces = forces._replace(hub=matmul(self.hub.mass_matrix, forces.hub))
         external = power.external
         if self.tip_thrust is not None:
-            pushed = self.tip_thrust.at(self.measurements(time, q))
+            pushed = self.tip_thrust.at(self.measurements(time, q, v))
             forces = forces._replace(tether=forces.tether.at[0, :, -1].add(-pushed))
             external = external + (pushed * v.tether[0, :, -1]).sum()
         constraints = Multipliers(None, None)

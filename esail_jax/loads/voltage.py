@@ -4,7 +4,7 @@ Limits 0 <= V <= V_max hold by construction: every law but the constant one ends
 """
 
 from abc import abstractmethod
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import equinox as eqx
 import jax
@@ -24,6 +24,9 @@ NEWTON_STEPS = 6
 """Newton steps of `modulation`."""
 
 Volts = Float[Array, "*any"]
+
+AxisName = Literal["hub", "angular-momentum"]
+"""What attitude feedback measures as the spin axis: X_B, or the direction of the angular momentum."""
 
 
 class VoltageLaw(eqx.Module):
@@ -140,10 +143,17 @@ class OnOff(VoltageLaw):
 class Feedback(VoltageLaw):
     """Attitude feedback V = V_0 (1 + g (n . u) d . (e_i x n)).
 
-    Tethers whose thrust turns the spin axis n = X_B towards `target`, a unit vector in the inertial frame,
-    get a higher voltage. d: the part of the target in the spin plane; e_i: radial direction of root i; u:
-    unit vector along the wind. gain: g [-], reduced if V could change faster than slew_rate [V/s] as the
-    roots turn at the given spin_rate [rad/s].
+    Tethers whose thrust turns the spin axis n towards `target`, a unit vector in the inertial frame, get a
+    higher voltage. d: the part of the target in the spin plane; e_i: radial direction of tether i; u: unit
+    vector along the wind. gain: g [-], reduced if V could change faster than slew_rate [V/s] as the roots
+    turn at the given spin_rate [rad/s].
+
+    measured_axis: "hub", n = X_B and e_i of the roots; "angular-momentum", n along the sail's angular
+    momentum L about its centre of mass (opposite to X_B for a negative spin, as is the target then), and
+    e_i of the chords. Internal forces do not change L, so that its feedback excites no vibration. Feedback
+    of X_B makes the nutation grow at the rate at which it turns the axis: for a body with the moments of
+    inertia C and A, L = C w n + A n x n', and with the torque c d the exponents of small deviations are
+    -c/(C w) and i w C/A + c/(C w).
     """
 
     value: PerTether
@@ -152,14 +162,19 @@ class Feedback(VoltageLaw):
     maximum: Scalar | None
     slew_rate: Scalar | None
     spin_rate: Scalar
+    measured_axis: AxisName = eqx.field(static=True, default="hub")
 
     name: ClassVar[str] = "attitude feedback"
     smooth: ClassVar[bool] = True
 
     def commanded(self, measurements: Measurements) -> PerTether:
-        axis, target = measurements.spin_axis, self.aim(measurements)
+        axis, outward = measurements.spin_axis, measurements.radial_directions
+        target = self.aim(measurements)
+        if self.measured_axis == "angular-momentum":
+            axis, target = measurements.momentum_axis, jnp.sign(self.spin_rate) * target
+            outward = measurements.outward_from(axis)
         miss = target - axis * (axis @ target)
-        lever = miss @ jnp.cross(measurements.radial_directions, axis[:, None], axis=0)
+        lever = miss @ jnp.cross(outward, axis[:, None], axis=0)
         gain = self.gain * (axis @ measurements.wind)
         if self.slew_rate is not None:
             fastest = jnp.abs(self.value * self.spin_rate * gain) * jnp.sqrt(miss @ miss + 1e-30)

@@ -24,7 +24,7 @@ from jax import lax
 
 from esail_jax.array_types import Array, Float, Scalar, Vector
 from esail_jax.coordinates import Coordinates
-from esail_jax.equilibria.moving_frame import MovingFrame, expanded, independent, uniform
+from esail_jax.equilibria.moving_frame import MovingFrame, expanded, independent
 from esail_jax.iteration_matrix import inertia_of
 from esail_jax.numerics.angles import rotation_by
 from esail_jax.simulation.advance import Window, move
@@ -91,29 +91,6 @@ def from_state(system: System, spin: Scalar | float, z: State) -> tuple[Coordina
     return expanded(system, z[:n]), expanded(system, spin * z[n:], derivative=1)
 
 
-def everywhere(system: System, vector: Vector) -> Coordinates:
-    """Returns the coordinates of a uniform displacement."""
-    return uniform(system, vector)._replace(hub=jnp.broadcast_to(vector, (4, 3)))
-
-
-def mean(system: System, x: Coordinates) -> Vector:
-    """Returns the position, velocity or acceleration of the centre of mass."""
-    mass = system.momentum(everywhere(system, jnp.array([1.0, 0.0, 0.0])))[0]
-    return system.momentum(x) / mass
-
-
-def centred(system: System, x: Coordinates) -> Coordinates:
-    """Returns coordinates relative to the centre of mass, or rates relative to its velocity."""
-    return x.axpy(-1.0, everywhere(system, mean(system, x)))
-
-
-def angular_momentum(system: System, q: Coordinates, v: Coordinates) -> Vector:
-    """Returns the angular momentum about the origin [kg m^2/s]."""
-    p = system.momenta(v)
-    total = jnp.cross(q.tether, p.tether, axis=1).sum((0, 2, 3)) + jnp.cross(q.hub, p.hub).sum(0)
-    return total if q.ring is None else total + jnp.cross(q.ring, p.ring, axis=0).sum((1, 2))
-
-
 def renumbered(system: System, x: Coordinates, places: int) -> Coordinates:
     """Returns coordinates in which every tether has the number of the one that is `places` further, and
     the hub's body axes are turned back accordingly: the same sail, described from another tether."""
@@ -170,7 +147,7 @@ def turn_map(
         acceleration, _ = consistent_acceleration(system, jnp.zeros(()), q, v)
         back = rotation_by(-precession * wind)
         q, v, acceleration = (
-            centred(system, renumbered(system, x, places)).rotate(back) for x in (q, v, acceleration)
+            system.centred(renumbered(system, x, places)).rotate(back) for x in (q, v, acceleration)
         )
         return to_state(system, spin, q, v), to_state(system, spin, v, acceleration)
 
@@ -190,10 +167,10 @@ def local(system: System, spin: Scalar | float, z: State) -> Local:
         found, rates = jax.jvp(lambda q: system.constraints(jnp.zeros(()), q), (q,), (v,))
         rates = jax.tree.map(lambda x: x / spin, rates)
         rows = [jnp.ravel(x) for x in jax.tree.leaves((found, rates))]
-        return jnp.concatenate([*rows, mean(system, q), mean(system, v) / spin])
+        return jnp.concatenate([*rows, system.mean(q), system.mean(v) / spin])
 
     def momentum(z):
-        return angular_momentum(system, *from_state(system, spin, z))
+        return system.angular_momentum(*from_state(system, spin, z))
 
     def turned(axis):
         q, v = (MovingFrame(axis, jnp.zeros(3)).turned(x) for x in from_state(system, spin, z))
@@ -209,4 +186,4 @@ def settled(system: System, spin: Scalar | float, z: State) -> State:
     q, v = from_state(system, spin, z)
     for _ in range(PROJECTIONS):
         q, v = project(system, jnp.zeros(()), q, v)
-    return to_state(system, spin, centred(system, q), centred(system, v))
+    return to_state(system, spin, system.centred(q), system.centred(v))

@@ -11,6 +11,7 @@ from esail_jax.environment.orbit import orbital_frame
 from esail_jax.iteration_matrix import FactoredMass
 from esail_jax.joints.roots import radial_directions
 from esail_jax.loads.coulomb import CoulombThrust
+from esail_jax.measurements import Measurements
 from esail_jax.numerics.angles import smallest_eigenvector
 from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import dot
@@ -61,6 +62,11 @@ class Instant(eqx.Module):
     def centre(self) -> Vector:
         """Position of the hub centre O_B, or of the fixed centre of the rotating frame [m]."""
         return jnp.zeros(3) if self.system.hub is None else self.system.hub.centre(self.q.hub)
+
+    @property
+    def measured(self) -> Measurements:
+        """What control laws may measure."""
+        return self.system.measurements(self.time, self.q, self.v)
 
     @property
     def heliocentric(self) -> tuple[Vector, Vector]:
@@ -177,7 +183,7 @@ def make_instant(
     if system.kepler_orbit is not None:
         origin, velocity = system.kepler_orbit.at(time)
     vdot, lam, forces, power = consistent_motion(system, time, q, v, mass)
-    load, thrust = None, find_term(system.with_commanded_loads(time, q).loads, CoulombThrust)
+    load, thrust = None, find_term(system.with_commanded_loads(time, q, v).loads, CoulombThrust)
     if thrust is not None:
         fields, rates = system.tethers.interpolate(q.tether), system.tethers.interpolate(v.tether)
         load = thrust.force(time, fields, rates)

@@ -87,18 +87,18 @@ def reaction_moments(i: Instant) -> Vector:
 def voltage(i: Instant) -> Float[Array, " tether"]:
     """Voltage [V] that the sail's voltage law commands."""
     load = find_term(i.system.loads, CoulombThrust)
-    return load.commanded(i.system.measurements(i.time, i.q))
+    return load.commanded(i.measured)
 
 
 def electron_current(i: Instant) -> Float[Array, " tether"]:
     """Electron current [A] that every tether collects at its voltage."""
-    position = i.system.measurements(i.time, i.q).position
+    position = i.measured.position
     return find_term(i.system.loads, CoulombThrust).collector.current(i.time, voltage(i), position)
 
 
 def electric_power(i: Instant) -> Scalar:
     """Electric power [W] of all tethers, the sum of voltage times current."""
-    position = i.system.measurements(i.time, i.q).position
+    position = i.measured.position
     return find_term(i.system.loads, CoulombThrust).collector.power(i.time, voltage(i), position)
 
 

@@ -97,11 +97,11 @@ def voltage_law(structure: Structure, n: Numbers, wind: Wind) -> voltage.Voltage
         return voltage.OnOff(value, *switched, maximum, slew)
     if law == "feedback":
         pitch = n | {"initial.sailing_angle_deg": n["voltage.target_sailing_angle_deg"]}
-        gain, spin = n["voltage.gain"], n["initial.spin_rate"]
+        gain, rest = n["voltage.gain"], (maximum, slew, n["initial.spin_rate"])
+        axis = structure["voltage.measured_axis"] or "hub"
         if structure.has("orbit"):
-            target = orbital_attitude(pitch)[:, 0]
-            return voltage.OrbitalFeedback(value, gain, target, maximum, slew, spin)
-        return voltage.Feedback(value, gain, starting_attitude(pitch)[0][:, 0], maximum, slew, spin)
+            return voltage.OrbitalFeedback(value, gain, orbital_attitude(pitch)[:, 0], *rest, axis)
+        return voltage.Feedback(value, gain, starting_attitude(pitch)[0][:, 0], *rest, axis)
     if law == "constant-thrust":
         return ConstantThrust(n["voltage.thrust"], n["tethers.length"], wind, maximum)
     if law == "planar-cone":

@@ -136,6 +136,10 @@ def check_voltage(scene: Parts) -> None:
         if np.shape(table.table)[0] != instants:
             must = f"have as many rows as `voltage.time` has instants ({instants})"
             raise SceneError("voltage.table", must, f"has {np.shape(table.table)[0]}")
+    if table.measured_axis == "angular-momentum":
+        reason = "without [hub]" if scene.hub is None else "with [[event]]"
+        if scene.hub is None or scene.event is not None:
+            raise SceneError("voltage.measured_axis", f'be "hub" {reason}', f'is "{table.measured_axis}"')
     if table.law == "planar-cone" and scene.hub is not None:
         raise SceneError("voltage.law", "not be planar-cone with a hub", 'is "planar-cone"')
     if table.law == "planar-cone" and scene.solar_wind is not None:

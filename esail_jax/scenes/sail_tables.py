@@ -31,6 +31,7 @@ LawName = Literal[
     "constant", "harmonic", "piecewise-linear", "on-off", "feedback", "planar-cone", "constant-thrust"
 ]
 ThrustLawName = Literal["linear", "debye-sheath"]
+MeasuredAxisName = Literal["hub", "angular-momentum"]
 
 
 def amplitudes(function: str) -> Any:
@@ -151,7 +152,7 @@ LAWS: dict[LawName, tuple[str, ...]] = {
     "harmonic": ("value", "cosine", "sine", "maximum", "slew_rate"),
     "piecewise-linear": ("value", "time", "table", "maximum", "slew_rate"),
     "on-off": ("value", "on", "off", "rise_time", "maximum", "slew_rate"),
-    "feedback": ("value", "gain", "target_sailing_angle_deg", "maximum", "slew_rate"),
+    "feedback": ("value", "gain", "target_sailing_angle_deg", "measured_axis", "maximum", "slew_rate"),
     "planar-cone": ("coning_angle_deg", "spin_rate", "maximum", "slew_rate"),
     "constant-thrust": ("thrust", "maximum"),
 }
@@ -163,7 +164,7 @@ THRUST_LAWS: dict[ThrustLawName, tuple[str, ...]] = {
 }
 """Laws of the thrust, and the keys that each law needs; all others are for other laws."""
 
-OPTIONAL_LAW_KEYS = ("cosine", "sine", "off", "maximum", "slew_rate")
+OPTIONAL_LAW_KEYS = ("cosine", "sine", "off", "measured_axis", "maximum", "slew_rate")
 """Keys that a law takes but does not require."""
 
 
@@ -223,6 +224,12 @@ class Voltage:
         any_number,
         unit="deg",
         doc="Law feedback: sailing angle that defines the target of the spin axis.",
+        default=None,
+    )
+    measured_axis: MeasuredAxisName | None = declare(
+        choice(MeasuredAxisName),
+        unit="-",
+        doc='Law feedback: what is measured as the spin axis, "hub" if left out.',
         default=None,
     )
     coning_angle_deg: Number | None = declare(

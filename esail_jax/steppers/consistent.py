@@ -43,7 +43,7 @@ def consistent_motion(
     if system.hub is None:
         rest = system.place_roots(time, rest, derivative=2)
     at_rest = system.relative_to_free_fall(time, q, v, rest)
-    commanded = system.with_commanded_loads(time, q)
+    commanded = system.with_commanded_loads(time, q, v)
     loads, power = commanded.member_forces(time, q, v, at_rest)
     residual, _ = system.complete_residual(time, q, v, loads, system.no_multipliers(), power)
     phi_ddot = system.constraint_acceleration(time, q, v, rest)
