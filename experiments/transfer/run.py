@@ -1,7 +1,7 @@
-"""A year on an orbit about the Sun with all tethers resolved: outward and inward arcs, the spin plane held
+"""Half a year on an orbit about the Sun with all tethers resolved: outward and inward arcs, the spin plane held
 by the feedback law, the power limited.
 
-    python experiments/transfer/run.py [--days 365.25] [--runs DIR]
+    python experiments/transfer/run.py [--days 180] [--runs DIR]
 
 writes results.csv, outward.csv, inward.csv and transfer.png here, and the run files to DIR, if given.
 """
@@ -162,7 +162,7 @@ def draw(tables):
 
 def main():
     options = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    options.add_argument("--days", type=float, default=365.25)
+    options.add_argument("--days", type=float, default=180.0)
     options.add_argument("--runs", type=Path, help="folder for the run files")
     given = options.parse_args()
     rows, tables = [], {}
