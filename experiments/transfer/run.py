@@ -1,5 +1,5 @@
-"""Half a year on an orbit about the Sun with all tethers resolved: outward and inward arcs, the spin plane held
-by the feedback law, the power limited.
+"""Half a year on an orbit about the Sun with all tethers resolved: outward and inward arcs, the spin plane
+held by the feedback law, the power limited.
 
     python experiments/transfer/run.py [--days 180] [--runs DIR]
 

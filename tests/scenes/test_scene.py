@@ -27,6 +27,7 @@ STRUCTURE = (
     "initial.elongation", "event.time", "event.release", "voltage.law",
     "auxiliary_tethers.element", "auxiliary_tethers.elements", "auxiliary_tethers.strain",
     "tethers.wires", "solar_wind.relative", "solar_wind.thrust_law", "tip_thrust.direction",
+    "voltage.measured_axis",
 )  # fmt: skip
 """Keys that determine the structure, the saved instants or the events, and so cannot be traced."""
 
@@ -47,8 +48,8 @@ SHEATH |= {"solar_wind.electron_temperature_ev": 12.0, "solar_wind.tether_radius
 LAW_OF = {
     "cosine": WAVES, "sine": WAVES, "slew_rate": WAVES, "maximum": WAVES, "law": WAVES, "time": TABLE,
     "table": TABLE, "on": SWITCH, "off": SWITCH, "rise_time": SWITCH, "gain": FEEDBACK,
-    "target_sailing_angle_deg": FEEDBACK, "coning_angle_deg": CONE, "spin_rate": CONE,
-    "power_limit": {"tethers.wire_radius": 1e-5}, "thrust": PUSHED,
+    "target_sailing_angle_deg": FEEDBACK, "measured_axis": FEEDBACK, "coning_angle_deg": CONE,
+    "spin_rate": CONE, "power_limit": {"tethers.wire_radius": 1e-5}, "thrust": PUSHED,
 }  # fmt: skip
 """The overrides that a key of [voltage] requires."""
 
@@ -214,7 +215,7 @@ def test_every_key_can_be_overridden(key, sail):
         "auxiliary_tethers.element": "cable", "auxiliary_tethers.elements": 2,
         "auxiliary_tethers.strain": "engineering",
         "tethers.wires": 4, "solar_wind.relative": True, "tip_thrust.direction": "radial",
-        "solar_wind.thrust_law": "debye-sheath",
+        "solar_wind.thrust_law": "debye-sheath", "voltage.measured_axis": "hub",
         "orbit.position_au": (0.0, 1.0, 0.5), "orbit.velocity": (1e3, 2e4, 0.0),
     }  # fmt: skip
     value = values.get(key, 0.125)
@@ -225,6 +226,21 @@ def test_every_key_can_be_overridden(key, sail):
     for other in SAIL_TABLES:
         if other != table and not any(x.startswith(other + ".") for x in extra):
             assert getattr(scene, other) == getattr(sail, other)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        ({"hub.height": None, "hub.radius": None, "hub.density": None}, r"without \[hub\]"),
+        (EVENT, r"with \[\[event\]\]"),
+    ],
+)
+def test_feedback_of_the_angular_momentum_needs_a_whole_sail_with_a_hub(overrides, message, sail):
+    """Without a hub the sail turns about a fixed centre; a released tether is no part of the sail."""
+    asked = FEEDBACK | {"voltage.measured_axis": "angular-momentum"}
+    sail.replace(asked)
+    with pytest.raises(esail.SceneError, match=f'`voltage.measured_axis` must be "hub" {message}'):
+        sail.replace(asked | overrides)
 
 
 def test_straight_turn_sets_the_curvature_below_which_bending_is_not_damped():
