@@ -35,6 +35,7 @@ def range_errors(solution, exact):
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "ring", [ring if ring == "slack" else pytest.param(ring, marks=pytest.mark.slow) for ring in RINGS]
 )
@@ -172,6 +173,7 @@ def test_breathing_of_a_ring_of_point_masses(element, validate):
 # ---- conservation -------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_free_sail_with_a_ring_keeps_energy_and_momenta(validate):
     """Without wind and damping energy-momentum keeps energy, momentum and angular momentum of an unequal
     sail with a tension-only ring of cables, to rounding of the iterations."""
@@ -337,6 +339,7 @@ def test_derivatives_by_every_number_of_the_ring(validate):
         assert abs(back[key] @ (size * EACH) - along) < 1e-8 * magnitude, key
 
 
+@pytest.mark.slow
 def test_batch_of_lengths_equals_a_loop():
     """Members of a batch with other segment lengths do not influence each other, also through the steady
     start."""
@@ -362,6 +365,7 @@ def command_line(scene, *more):
     return [str(x) for x in ("run", scene, *more, "--quiet")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "method", ["collocation", pytest.param("generalized-alpha", marks=pytest.mark.slow)]
 )
@@ -421,6 +425,7 @@ def test_bad_ring_is_refused_in_one_line(case):
     assert "\n" not in str(refused.value)
 
 
+@pytest.mark.slow
 def test_ring_without_a_steady_start_is_refused():
     """Segments whose force grows more slowly with length than the centrifugal force leave no steady
     start."""

@@ -60,6 +60,7 @@ def test_direction():
     assert np.allclose(force[:, 2], [0.48 * sigma, -0.36 * sigma, 0.0], rtol=0, atol=1e-14 * sigma)
 
 
+@pytest.mark.slow
 def test_decay_of_an_orbit(validate):
     """After whole orbits a satellite that starts at rest in Hill's axes is lower by 2 F t / (m n): exact
     for a constant force. The tether tilts by 0.01 rad, whose square counts: 1e-3 is accepted."""

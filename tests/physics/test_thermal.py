@@ -143,6 +143,7 @@ def test_run_follows_an_independent_integration(validate):
     )
 
 
+@pytest.mark.slow
 def test_energy_of_heating():
     """The energy-momentum method balances the energy of a sail whose temperatures change, to rounding: the
     work of heating is -N eps_T' per length. The work is zero at the start, its rate is the power, and a run

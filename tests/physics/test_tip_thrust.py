@@ -153,6 +153,7 @@ def test_slack_tethers_are_named():
     assert slack_warning({"max_axial_strain": strain}).startswith("Tethers 1, 2 go slack:")
 
 
+@pytest.mark.slow
 def test_a_push_towards_the_hub_makes_tethers_slack(small):
     """A radial force of 0.3 N towards the hub is more than the spin holds: the message of the run says
     so."""
