@@ -33,9 +33,15 @@ if TYPE_CHECKING:
 
 def scene_of(options: argparse.Namespace) -> "Scene":
     """Reads and checks the scene of a command, before JAX is imported: an error is reported at once."""
+    from esail_jax.scenes.own_law import KEY
     from esail_jax.scenes.scene import load_scene
 
-    return load_scene(options.scene, settings(options))
+    overrides = settings(options)
+    if getattr(options, "voltage_law", None) is not None:
+        from esail_jax.commands.own_law import read_law
+
+        overrides[KEY] = read_law(options.voltage_law)
+    return load_scene(options.scene, overrides)
 
 
 def run(options: argparse.Namespace) -> ExitCode:

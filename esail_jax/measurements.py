@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from esail_jax.array_types import Array, Float, Scalar, Vector
+from esail_jax.array_types import Array, Float, PerTether, Rotation, Scalar, Vector
 
 FADE = 1e-4
 """Sine of the angle between wind and spin axis at which cos phi and sin phi fade by 1/sqrt(2)."""
@@ -23,6 +23,12 @@ class Measurements(NamedTuple):
     tip. position: centre of the hub in I [m], for a sail on an orbit only. wind: direction of the solar
     wind at the origin of I, on an orbit at the hub; the load that knows the wind adds it. momentum_axis:
     direction of the angular momentum about the centre of mass, for sails with a hub only.
+
+    The others are for laws that users write (`sensors.with_motion`), and None for those of the package.
+    rotation: attitude C_B^I of the hub, or of the turning frame. angular_velocity: of B, in B [rad/s].
+    tip_position: of every tip relative to the hub centre, in B [m]. tip_velocity: the rate of tip_position
+    [m/s]. root_tension: axial force in the first element of every tether [N]. voltage: of every tether, as
+    applied since the last sample [V]; zero at the first sample, None for laws that are not sampled.
     """
 
     time: Scalar
@@ -32,6 +38,17 @@ class Measurements(NamedTuple):
     wind: Vector | None = None
     position: Vector | None = None
     momentum_axis: Vector | None = None
+    rotation: Rotation | None = None
+    angular_velocity: Vector | None = None
+    tip_position: Float[Array, "3 tether"] | None = None
+    tip_velocity: Float[Array, "3 tether"] | None = None
+    root_tension: PerTether | None = None
+    voltage: PerTether | None = None
+
+    @property
+    def sun(self) -> Vector:
+        """Direction towards the Sun, from which the wind blows."""
+        return -self.wind
 
     def outward_from(self, axis: Vector) -> Float[Array, "3 tether"]:
         """Unit vectors along the parts of the chords that are normal to an axis."""

@@ -30,7 +30,8 @@ from esail_jax.measurements import Measurements
 from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import dot, stacked
 from esail_jax.point_fields import PointFields
-from esail_jax.terms import Term, inner_terms_of, needs_command
+from esail_jax.sensors import with_motion
+from esail_jax.terms import ControlledLoad, Term, inner_terms_of, needs_command
 
 
 class Power(NamedTuple):
@@ -158,7 +159,14 @@ class System(Assembly):
         return any(needs_command(load) for load in self.loads)
 
     def measurements(self, time: Scalar, q: Coordinates, v: Coordinates) -> Measurements:
-        """The kinematic part of what control laws may measure at a state."""
+        """What the control laws of the loads may measure at a state, without the wind."""
+        found = self.directions(time, q, v)
+        if any(isinstance(load, ControlledLoad) and load.measures_motion for load in self.loads):
+            return with_motion(self, time, q, v, found)
+        return found
+
+    def directions(self, time: Scalar, q: Coordinates, v: Coordinates) -> Measurements:
+        """The measurements that are directions, and the position of a sail on an orbit."""
         axes, nodes = self.rotation(time, q), q.tether[0]
         chords = nodes[:, -1] - nodes[:, 0]
         chords = chords / jnp.linalg.norm(chords, axis=0)
@@ -183,6 +191,11 @@ class System(Assembly):
             load if command is None else load.with_command(self.tethers.repeat_per_element(command))
             for load, command in zip(self.loads, commands, strict=True)
         )
+        return eqx.tree_at(lambda system: system.loads, self, loads)
+
+    def holding(self, volts: PerTether) -> "System":
+        """The system whose sampled voltage law holds other voltages [V]."""
+        loads = tuple(load.holding(volts, self.tethers.elements) for load in self.loads)
         return eqx.tree_at(lambda system: system.loads, self, loads)
 
     def with_commanded_loads(self, time: Scalar, q: Coordinates, v: Coordinates) -> "System":
@@ -242,7 +255,7 @@ class System(Assembly):
             forces = forces._replace(hub=matmul(self.hub.mass_matrix, forces.hub))
         external = power.external
         if self.tip_thrust is not None:
-            pushed = self.tip_thrust.at(self.measurements(time, q, v))
+            pushed = self.tip_thrust.at(self.directions(time, q, v))
             forces = forces._replace(tether=forces.tether.at[0, :, -1].add(-pushed))
             external = external + (pushed * v.tether[0, :, -1]).sum()
         constraints = Multipliers(None, None)

@@ -219,6 +219,16 @@ class ControlledLoad(Load):
         """Tells whether the command depends on neither time nor state."""
 
     @property
+    def is_sampled(self) -> bool:
+        """Tells whether the command is held between the samples of a control law, and so constant there."""
+        return False
+
+    @property
+    def measures_motion(self) -> bool:
+        """Tells whether the control law needs all measurements (`sensors.with_motion`)."""
+        return False
+
+    @property
     @abstractmethod
     def law_name(self) -> str:
         """Name of the control law."""
@@ -240,6 +250,11 @@ class ControlledLoad(Load):
 def needs_command(load: Load) -> TypeGuard[ControlledLoad]:
     """Tells whether the system has to ask a control law before the load's forces can be evaluated."""
     return isinstance(load, ControlledLoad) and not load.constant
+
+
+def has_law(load: ControlledLoad) -> bool:
+    """Tells whether the command of a load ever changes."""
+    return needs_command(load) or load.is_sampled
 
 
 def find_term(terms: Iterable[Term], kind: type) -> Any:

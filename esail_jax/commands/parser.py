@@ -59,6 +59,11 @@ def add_run(commands: Any) -> None:
         action="store_true",
         help="also measure how a small perturbation of the start grows, and warn of chaotic motion",
     )
+    run.add_argument(
+        "--voltage-law",
+        metavar="FILE.py:NAME",
+        help="voltage law of your own: an object in a Python file, or a class or function that gives one",
+    )
     run.add_argument("--quiet", action="store_true", help="print no progress bar and no summary")
 
 

@@ -24,6 +24,7 @@ from esail_jax.files.run_file import (
     scene_of_run,
 )
 from esail_jax.files.state import load_checkpoint
+from esail_jax.loads.law_structure import identity_of
 from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.scene import Scene, parse
 from esail_jax.simulation.host import CompiledScene, HostRun, compile_scene
@@ -155,6 +156,7 @@ def check_output(scene: Scene, path: Path, resume: bool) -> str:
         raise RunFileError(f"`-o` must not exist yet (or use --resume), but {path} does")
     with open_single(path) as file, intact(path):
         before = parse(file["scene"][()].decode(), str(path))
+        check_law(scene, file.attrs.get("voltage_law"), path)
         if scene_of_run(before) != scene_of_run(scene):
             raise RunFileError(
                 f"`--resume` must continue the same scene (t_end apart), but {path} holds another"
@@ -173,6 +175,17 @@ def check_output(scene: Scene, path: Path, resume: bool) -> str:
             return "new"
         check_checkpoint(before, scene, file["state"], path)
         return "resume"
+
+
+def check_law(scene: Scene, before: str | None, path: Path) -> None:
+    """Raises RunFileError unless a run goes on under the user's voltage law that the file names."""
+    law = None if scene.voltage_law is None else identity_of(scene.voltage_law)
+    if law != before:
+        must = (
+            f"be left out to go on with {path}" if before is None else f"be {before} to go on with {path}"
+        )
+        got = "is missing" if law is None else f"is {law}"
+        raise RunFileError(f"`--voltage-law` must {must}, but {got}")
 
 
 def check_checkpoint(before: Scene, scene: Scene, state: h5py.Group, path: Path) -> None:

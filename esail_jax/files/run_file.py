@@ -25,6 +25,7 @@ from esail_jax.files.hdf5 import (
 )
 from esail_jax.files.opening import SCHEMA_VERSION, intact, open_single, to_python
 from esail_jax.files.state import load_checkpoint, load_point, save_checkpoint, save_point
+from esail_jax.loads.law_structure import identity_of
 from esail_jax.observables import Observable, described
 from esail_jax.observables.run_warning import run_warning
 from esail_jax.scenes.method_choice import accuracy_of, with_method
@@ -106,6 +107,8 @@ def create(file: h5py.File, content: Content) -> None:
         "wall_time": 0.0,
         "compile_time": 0.0,
     }
+    if content.scene.voltage_law is not None:
+        attributes["voltage_law"] = identity_of(content.scene.voltage_law)
     file.attrs.update(attributes)
     create_quantity(file, "time", (0,), ["time"], "s", "t", grows=True)
     create_observables(file, content.observables, content.scene.sizes, {"time": 0}, grows=True)

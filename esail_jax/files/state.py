@@ -12,13 +12,17 @@ from esail_jax.system import Power
 
 
 def save_checkpoint(file: h5py.File, checkpoint: Checkpoint) -> None:
-    """Writes /state: the arrays of the motion by path, and what belongs to it."""
+    """Writes /state: the arrays of the motion and of a sampled voltage law by path, and what belongs to
+    them."""
     if "state" in file:
         del file["state"]
     group = file.create_group("state")
     arrays = checkpoint.motion if isinstance(checkpoint.motion, dict) else paths(checkpoint.motion)
     for name, leaf in arrays.items():
         group[f"motion/{name}"] = np.asarray(leaf)
+    control = checkpoint.control if isinstance(checkpoint.control, dict) else paths(checkpoint.control)
+    for name, leaf in control.items():
+        group[f"control/{name}"] = np.asarray(leaf)
     group["pending"] = checkpoint.pending.table
     group["energy"] = np.array(checkpoint.energy)
     group.attrs.update({"rows": checkpoint.rows, "segment": checkpoint.segment})
@@ -27,16 +31,25 @@ def save_checkpoint(file: h5py.File, checkpoint: Checkpoint) -> None:
 def load_checkpoint(file: h5py.File) -> Checkpoint:
     """Returns the checkpoint of a run file. Its motion is a mapping of arrays by path, which
     `simulation.restoring.restored` reads."""
-    group, motion = file["state"], {}
+    group = file["state"]
+    motion, control = arrays_of(group["motion"]), None
+    if "control" in group:
+        control = arrays_of(group["control"])
+    rows, segment = (int(group.attrs[name]) for name in ("rows", "segment"))
+    energy = tuple(float(x) for x in group["energy"][()])
+    return Checkpoint(motion, rows, segment, Pending(group["pending"][()]), energy, control)
+
+
+def arrays_of(group: h5py.Group) -> dict[str, np.ndarray]:
+    """Returns the arrays in a group and its groups, by path."""
+    found = {}
 
     def visit(name, data):
         if isinstance(data, h5py.Dataset):
-            motion[name] = data[()]
+            found[name] = data[()]
 
-    group["motion"].visititems(visit)
-    rows, segment = (int(group.attrs[name]) for name in ("rows", "segment"))
-    energy = tuple(float(x) for x in group["energy"][()])
-    return Checkpoint(motion, rows, segment, Pending(group["pending"][()]), energy)
+    group.visititems(visit)
+    return found
 
 
 def save_point(file: h5py.File, point: Point) -> None:

@@ -9,7 +9,8 @@ from esail_jax.array_types import Array, Float, Instants, PerElement, PerTether,
 from esail_jax.elements.tether import per_element
 from esail_jax.environment.solar_wind import LocalWind, Wind
 from esail_jax.loads.electron_current import Collector
-from esail_jax.loads.voltage import Constant, VoltageLaw
+from esail_jax.loads.own_law import SampledLaw, sampled_law
+from esail_jax.loads.voltage import VoltageLaw
 from esail_jax.measurements import Measurements
 from esail_jax.numerics.vectors import dot, reciprocal
 from esail_jax.point_fields import PointFields
@@ -47,13 +48,20 @@ class CoulombThrust(ControlledLoad):
         collector: Collector | None = None,
     ) -> "CoulombThrust":
         """The load on tethers of `elements` elements each. A constant voltage is set here, once."""
-        constant = isinstance(voltage_law, Constant)
-        voltage = per_element(voltage_law.value, elements) if constant else None
+        voltage = per_element(voltage_law.value, elements) if voltage_law.constant else None
         return cls(wind, voltage_law, voltage, relative, collector)
 
     @property
     def constant(self) -> bool:
-        return isinstance(self.voltage_law, Constant)
+        return self.voltage_law.constant
+
+    @property
+    def is_sampled(self) -> bool:
+        return self.sampled is not None
+
+    @property
+    def measures_motion(self) -> bool:
+        return self.voltage_law.measures_motion
 
     @property
     def law_name(self) -> str:
@@ -65,8 +73,23 @@ class CoulombThrust(ControlledLoad):
 
     def commanded(self, measurements: Measurements) -> PerTether:
         """Voltage V [V] of every tether, within its limits."""
+        return self.voltage_law.voltage(self.with_wind(measurements))
+
+    def with_wind(self, measurements: Measurements) -> Measurements:
+        """The measurements with the direction of the wind."""
         wind = self.wind.direction(measurements.time, measurements.position)
-        return self.voltage_law.voltage(measurements._replace(wind=wind))
+        return measurements._replace(wind=wind)
+
+    @property
+    def sampled(self) -> SampledLaw | None:
+        """The voltage law, if it is a sampled one."""
+        return sampled_law(self.voltage_law)
+
+    def holding(self, volts: PerTether, elements: int) -> "CoulombThrust":
+        """The load whose sampled law holds other voltages [V], on tethers of `elements` elements."""
+        law = self.voltage_law.holding(volts)
+        voltage = per_element(volts, elements) if law.constant else None
+        return dataclasses.replace(self, voltage_law=law, voltage=voltage)
 
     def with_command(self, command: Float[Array, "*state element"]) -> "CoulombThrust":
         return dataclasses.replace(self, voltage=command)

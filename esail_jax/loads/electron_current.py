@@ -1,5 +1,6 @@
 """Electron current and electric power of charged wires in the solar wind, and a limit of the power."""
 
+import dataclasses
 from typing import ClassVar
 
 import equinox as eqx
@@ -61,6 +62,13 @@ class PowerLimited(VoltageLaw):
 
     maximum: ClassVar[None] = None
     name: ClassVar[str] = "voltage of limited power"
+
+    @property
+    def measures_motion(self) -> bool:
+        return self.law.measures_motion
+
+    def holding(self, volts: PerTether) -> "PowerLimited":
+        return dataclasses.replace(self, law=self.law.holding(volts))
 
     def commanded(self, measurements: Measurements) -> PerTether:
         return self.law.voltage(measurements)

@@ -42,6 +42,20 @@ class VoltageLaw(eqx.Module):
     maximum: eqx.AbstractVar[Scalar | None]
     name: eqx.AbstractClassVar[str]
 
+    @property
+    def constant(self) -> bool:
+        """Tells whether the voltages depend on neither time nor state. Such a law has them as `value`."""
+        return False
+
+    @property
+    def measures_motion(self) -> bool:
+        """Tells whether the law needs all measurements, also those of rates, positions and tensions."""
+        return False
+
+    def holding(self, volts: PerTether) -> "VoltageLaw":
+        """The law that holds other voltages [V], if it is a sampled one (`own_law.SampledLaw`)."""
+        return self
+
     @abstractmethod
     def commanded(self, measurements: Measurements) -> PerTether:
         """Voltages V [V] before limits."""
@@ -58,6 +72,10 @@ class Constant(VoltageLaw):
 
     maximum: ClassVar[None] = None
     name: ClassVar[str] = "constant voltage"
+
+    @property
+    def constant(self) -> bool:
+        return True
 
     def commanded(self, measurements: Measurements) -> PerTether:
         return self.value

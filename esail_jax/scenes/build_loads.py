@@ -13,8 +13,11 @@ from esail_jax.loads import voltage
 from esail_jax.loads.constant_thrust import ConstantThrust
 from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.loads.electron_current import Collector, power_limited
+from esail_jax.loads.law_structure import NUMBER
+from esail_jax.loads.own_law import ContinuousLaw, SampledLaw
 from esail_jax.loads.plasma_brake import PlasmaBrake, ions
 from esail_jax.loads.tip_thrust import Switching, TipThrust
+from esail_jax.scenes.own_law import KEY, PERIOD
 from esail_jax.scenes.structure import Numbers, Structure
 
 
@@ -104,9 +107,22 @@ def voltage_law(structure: Structure, n: Numbers, wind: Wind) -> voltage.Voltage
         return voltage.Feedback(value, gain, starting_attitude(pitch)[0][:, 0], *rest, axis)
     if law == "constant-thrust":
         return ConstantThrust(n["voltage.thrust"], n["tethers.length"], wind, maximum)
+    if law == "python":
+        return users_law(structure, n)
     if law == "planar-cone":
         return planar_cone(n, wind, maximum, slew)
     return voltage.Constant(value)
+
+
+def users_law(structure: Structure, n: Numbers) -> voltage.VoltageLaw:
+    """The voltage law that a user wrote, within the limits of [voltage]."""
+    found, period = structure[KEY], structure[PERIOD]
+    law = found, tuple(n[f"{KEY}.{i}"] for i in range(found.others.count(NUMBER)))
+    maximum, slew = n.get("voltage.maximum"), n.get("voltage.slew_rate")
+    if period is None:
+        return ContinuousLaw(*law, maximum)
+    change = None if slew is None else slew * period
+    return SampledLaw(*law, maximum, change, jnp.zeros(structure["tethers.count"]))
 
 
 def planar_cone(n: Numbers, wind: Wind, maximum: Array | None, slew: Array | None) -> voltage.PlanarCone:

@@ -7,6 +7,7 @@ import numpy as np
 from esail_jax.scenes import rules
 from esail_jax.scenes.methods import METHODS, SAIL_METHOD, SAIL_STEP_METHOD, takes
 from esail_jax.scenes.orbit_checks import check_off_axis, check_orbit
+from esail_jax.scenes.own_law import check_own_law
 from esail_jax.scenes.parts import Parts
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.sail_tables import (
@@ -51,8 +52,22 @@ def check_together(scene: Parts) -> None:
         have, lack = ("solar_wind", "voltage") if scene.voltage is None else ("voltage", "solar_wind")
         first = names_of(tables_of([scene.main])[lack])[0]
         raise SceneError(f"{lack}.{first}", f"be given with [{have}]", "is missing")
+    if scene.voltage_law is not None:
+        check_law_of_user(scene)
     check_integrator(scene)
     check_off_axis("initial.heliocentric_position_au", scene.initial.heliocentric_position_au)
+
+
+def check_law_of_user(scene: Parts) -> None:
+    """Checks that a voltage law in Python stands in a scene that can have it. Raises SceneError."""
+    table = scene.voltage
+    if scene.chain is not None:
+        raise SceneError("voltage_law", "be left out with a chain", "is given")
+    if table is None:
+        raise SceneError("voltage_law", "be left out without [solar_wind]", "is given")
+    if table.law != "python":
+        raise SceneError("voltage.law", 'be "python" with `voltage_law`', f'is "{table.law}"')
+    check_own_law(scene.voltage_law, table.slew_rate)
 
 
 def check_integrator(scene: Parts) -> None:
@@ -115,6 +130,8 @@ def check_voltage(scene: Parts) -> None:
     table = scene.voltage
     used = LAWS[table.law]
     for name in used:
+        if table.law == "python":
+            continue  # `value` is the reference of a design and of the default tolerance
         if getattr(table, name) is None and name not in OPTIONAL_LAW_KEYS:
             with_law = "" if table.law == "constant" else f" with the law {table.law}"
             raise SceneError(f"voltage.{name}", "be given" + with_law, "is missing")

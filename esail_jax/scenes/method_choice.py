@@ -27,6 +27,7 @@ from esail_jax.scenes.methods import (
     METHODS,
     STIFF_CHAIN_METHOD,
 )
+from esail_jax.scenes.own_law import KEY
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.structure import Numbers, Structure, split
 from esail_jax.steppers.runge_kutta import REACH
@@ -74,6 +75,7 @@ def with_method(scene: Scene) -> Scene:
 def sail_tolerance(scene: Scene) -> float | Array:
     """Default tolerance of a sail: COLLOCATION_TOLERANCE, or less for tethers that hardly stretch."""
     _, numbers = split(scene)
+    numbers = {key: x for key, x in numbers.items() if not key.startswith(f"{KEY}.")}
     limits = FINEST_TOLERANCE, COLLOCATION_TOLERANCE
     if any(isinstance(x, jax.core.Tracer) for x in numbers.values()):
         return jnp.clip(lax.stop_gradient(STRAIN_FRACTION * smallest_strain(numbers)), *limits)
@@ -103,7 +105,7 @@ def chain_method(scene: Scene) -> dict[str, str | float]:
     taken, as it controls its own error."""
     table = scene.integrator
     explicit: dict[str, str | float] = {"method": CHAIN_METHOD}
-    numbers = [x for part in vars(scene).values() if part is not None for x in vars(part).values()]
+    numbers = [x for part in scene.tables.values() for x in vars(part).values()]
     if any(isinstance(x, jax.core.Tracer) for x in numbers) or table.tolerance is not None:
         return explicit
     structure, numbers = split(scene)

@@ -1,6 +1,6 @@
 """The attributes of a scene that its checks read."""
 
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 from esail_jax.scenes import rules
 from esail_jax.scenes.chain_tables import Chain, ChainInitial, ChainVoltage, ChainWind, Orbit, PlasmaBrake
@@ -36,6 +36,7 @@ class Parts(Protocol):
     plasma_brake: PlasmaBrake | None
     tip_thrust: TipThrust | None
     thermal: Thermal | None
+    voltage_law: Any
 
     @property
     def members(self) -> rules.Members: ...

@@ -28,7 +28,14 @@ from esail_jax.scenes.value_types import Grid, Number, PerMember, Series, Shape,
 
 ElongationName = Literal["steady", "paper"]
 LawName = Literal[
-    "constant", "harmonic", "piecewise-linear", "on-off", "feedback", "planar-cone", "constant-thrust"
+    "constant",
+    "harmonic",
+    "piecewise-linear",
+    "on-off",
+    "feedback",
+    "planar-cone",
+    "constant-thrust",
+    "python",
 ]
 ThrustLawName = Literal["linear", "debye-sheath"]
 MeasuredAxisName = Literal["hub", "angular-momentum"]
@@ -155,6 +162,7 @@ LAWS: dict[LawName, tuple[str, ...]] = {
     "feedback": ("value", "gain", "target_sailing_angle_deg", "measured_axis", "maximum", "slew_rate"),
     "planar-cone": ("coning_angle_deg", "spin_rate", "maximum", "slew_rate"),
     "constant-thrust": ("thrust", "maximum"),
+    "python": ("value", "maximum", "slew_rate"),
 }
 """Modulation laws of the voltage, and the keys that each law takes."""
 

@@ -21,6 +21,7 @@ from esail_jax.scenes.consistency import check_together, method_name
 from esail_jax.scenes.declarations import rule_of
 from esail_jax.scenes.merging import merged, unknown
 from esail_jax.scenes.orbit_table import HeliocentricOrbit
+from esail_jax.scenes.own_law import KEY, check_has_law, with_own_law
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.sail_tables import (
     ORIGIN_AU,
@@ -49,6 +50,9 @@ class Scene:
         )
 
     Every value is checked on construction. Raises SceneError with one line that names the key.
+
+    voltage_law: a voltage law that the user wrote, an `equinox.Module`
+    (`loads/own_law.py` says what it must have), with `law = "python"` in [voltage]; no file holds it.
     """
 
     initial: Initial | ChainInitial
@@ -67,14 +71,17 @@ class Scene:
     plasma_brake: PlasmaBrake | None = None
     event: Event | None = None
     output: Output | None = None
+    voltage_law: Any = None
 
     def __post_init__(self):
         if (self.chain is None) == (self.tethers is None):
             raise SceneError(
                 "tethers", "be given, or `chain`", f"{'neither' if self.chain is None else 'both'} is"
             )
+        if self.voltage_law is not None and self.voltage is None and self.solar_wind is not None:
+            object.__setattr__(self, "voltage", Voltage(law="python"))
         object.__setattr__(self, self.main, checked(self.main, vars(self)[self.main], None))
-        for table in (name for name in vars(self) if vars(self)[name] is not None):
+        for table in self.tables:
             if table not in tables_of([self.main]):
                 raise SceneError(table, f"be left out of a scene with [{self.main}]", "is given")
             kind, content = tables_of([self.main])[table], getattr(self, table)
@@ -88,6 +95,11 @@ class Scene:
         if self.chain is None and self.orbit is None and self.initial.heliocentric_position_au is None:
             start = dataclasses.replace(self.initial, heliocentric_position_au=ORIGIN_AU)
             object.__setattr__(self, "initial", start)
+
+    @property
+    def tables(self) -> dict[str, Any]:
+        """The tables that the scene has, by name."""
+        return {name: x for name, x in vars(self).items() if name in TABLES and x is not None}
 
     @property
     def main(self) -> str:
@@ -110,9 +122,10 @@ class Scene:
 
     def replace(self, overrides: Mapping[str, Any]) -> "Scene":
         """The scene with other values, by key. A key of an absent table adds the table; the value None
-        removes a key, or under a table's name the table. Raises SceneError."""
-        tables = {name: given(content) for name, content in vars(self).items() if content is not None}
-        return scene_of(tables, overrides, Path())
+        removes a key, or under a table's name the table. `voltage_law` is the key of a user's law: it takes
+        the place of the law in [voltage], of which the keys `own_law.KEPT` stay. Raises SceneError."""
+        tables = {name: given(content) for name, content in self.tables.items()}
+        return scene_of(tables, overrides, Path(), self.voltage_law)
 
     def __repr__(self) -> str:
         table, method = self.integrator, method_name(self) or "chosen when the scene is run"
@@ -132,8 +145,8 @@ class Scene:
     def _repr_html_(self) -> str:
         """The scene as a table of its keys, which a notebook shows."""
         rows = []
-        for table, content in vars(self).items():
-            for field in () if content is None else dataclasses.fields(content):
+        for table, content in self.tables.items():
+            for field in dataclasses.fields(content):
                 value = getattr(content, field.name)
                 if value is not None:
                     about = field.metadata["unit"], field.metadata["doc"]
@@ -178,7 +191,7 @@ def checked(table: str, content: Any, members: rules.Members | None) -> Any:
     return type(content)(**values)
 
 
-def from_tables(tables: Mapping[str, Any]) -> Scene:
+def from_tables(tables: Mapping[str, Any], voltage_law: Any = None) -> Scene:
     """A scene from nested mappings; a repeated table is one mapping of lists. Raises SceneError."""
     if "chain" in tables and "tethers" in tables:
         raise SceneError("chain", "be left out of a scene with [tethers]", "is given")
@@ -201,19 +214,26 @@ def from_tables(tables: Mapping[str, Any]) -> Scene:
     for table in ("tethers", "initial", "integrator"):
         if table in kinds and table not in parts:
             raise SceneError(f"{table}.{names_of(kinds[table])[0]}", "be given", "is missing")
-    return Scene(**parts)
+    return Scene(**parts, voltage_law=voltage_law)
 
 
-def scene_of(tables: Mapping[str, Any], overrides: Mapping[str, Any], folder: Path) -> Scene:
+def scene_of(
+    tables: Mapping[str, Any], overrides: Mapping[str, Any], folder: Path, voltage_law: Any = None
+) -> Scene:
     """A scene from the tables of a file and overrides by key. The overrides come before any check, so that
     they may give what the file lacks; a table's name with the value None removes the table before anything
-    else. folder: where relative names of files in the tables start. Raises SceneError."""
+    else. folder: where relative names of files in the tables start; voltage_law: the user's law of a scene
+    that has one. Raises SceneError."""
+    if KEY in overrides:
+        voltage_law = overrides[KEY]
+        tables = with_own_law(dict(tables), voltage_law)
+        overrides = {key: x for key, x in overrides.items() if key != KEY}
     removed = {key for key, value in overrides.items() if key in TABLES and value is None}
     tables, overrides = (
         {key: value for key, value in values.items() if key not in removed}
         for values in (tables, overrides)
     )
-    return from_tables(merged(*with_wind_file(tables, overrides, folder)))
+    return from_tables(merged(*with_wind_file(tables, overrides, folder)), voltage_law)
 
 
 def parse(text: str, source: str, overrides: Mapping[str, Any] | None = None) -> Scene:
@@ -258,9 +278,12 @@ def toml_value(value: Any) -> str:
 
 def load_scene(source: "str | os.PathLike | Scene", overrides: Mapping[str, Any] | None = None) -> Scene:
     """A built-in scene by name, a TOML file by path, or a `Scene` itself, with overrides by key, which may
-    also give what a file lacks. Raises SceneError, also for a scene that this machine cannot compute."""
+    also give what a file lacks. Raises SceneError, also for a scene that this machine cannot compute, and
+    for one that names a law in Python but does not have it."""
     scene = source.replace(overrides or {}) if isinstance(source, Scene) else read_scene(source, overrides)
     check_size(scene)
+    if scene.chain is None and scene.voltage is not None:
+        check_has_law(scene.voltage.law, scene.voltage_law)
     return scene
 
 

@@ -11,7 +11,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.array_types import Array, PerTether
+from esail_jax.loads.law_structure import divided
 from esail_jax.scenes.declarations import rule_of
+from esail_jax.scenes.own_law import KEY, PERIOD, period_of
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.tables import TABLES
 from esail_jax.scenes.value_types import Shape
@@ -33,6 +35,11 @@ class Structure:
     def __getitem__(self, key: str) -> Any:
         return dict(self.choices)[key]
 
+    @property
+    def is_sampled(self) -> bool:
+        """Tells whether the scene has a user's voltage law with a control period."""
+        return any(key == PERIOD and value is not None for key, value in self.choices)
+
     def has(self, table: str) -> bool:
         """Tells whether the scene has this number, or any number of this table."""
         return any(key == table or key.startswith(table + ".") for key in self.numbers)
@@ -53,6 +60,10 @@ def split(scene: Scene) -> tuple[Structure, Numbers]:
                 numbers[key] = array_of(value, None if tail is None else (scene.members.count, *tail))
     if scene.integrator.step is not None:
         numbers["integrator.step"] = array_of(scene.integrator.step)
+    if scene.voltage_law is not None:
+        law, found = divided(scene.voltage_law)
+        choices += [(KEY, law), (PERIOD, period_of(scene.voltage_law))]
+        numbers |= {f"{KEY}.{i}": x for i, x in enumerate(found)}
     if scene.event is not None:
         numbers["event.release_time"] = release_times(scene)
     return Structure(tuple(choices), frozenset(numbers)), numbers

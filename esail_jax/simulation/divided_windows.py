@@ -35,4 +35,6 @@ def divided_windows(
     begins = (previous == start) & (start > begin)
     number = jnp.searchsorted(times, np.array(schedule.times))
     ones = np.ones(len(times), int)
-    return Windows(times[:, None], ones, start, begins, until), number, np.zeros(len(schedule.times), int)
+    samples = begins & jnp.isin(start, jnp.asarray(schedule.samples, float))
+    windows = Windows(times[:, None], ones, start, begins, until, samples)
+    return windows, number, np.zeros(len(schedule.times), int)

@@ -20,7 +20,14 @@ from esail_jax.simulation.problem import Problem, check_steady, require_64_bit
 from esail_jax.simulation.programs import Programs, compile_programs
 from esail_jax.simulation.restoring import restored
 from esail_jax.simulation.results import Checkpoint, Chunk
-from esail_jax.simulation.schedule import is_multiple, save_times, segments, switch_times
+from esail_jax.simulation.sampling import Control
+from esail_jax.simulation.schedule import (
+    is_multiple,
+    sampling_instants,
+    save_times,
+    segments,
+    switch_times,
+)
 from esail_jax.simulation.statistics import COUNTS, Pending
 from esail_jax.steppers.log import Log
 from esail_jax.steppers.results import RESULTS, name_of
@@ -32,7 +39,7 @@ NO_LIMIT = np.inf
 
 class CompiledScene(NamedTuple):
     """A scene with its compiled programs and its start. scene: as given; resolved: with its method; begin:
-    start of the run [s]."""
+    start of the run [s]; control: the first sample of a sampled voltage law, None without one."""
 
     scene: Scene
     resolved: Scene
@@ -40,6 +47,7 @@ class CompiledScene(NamedTuple):
     problem: Problem
     motion: Motion
     begin: float
+    control: Control | None = None
 
     @property
     def numerics(self) -> dict[str, str]:
@@ -67,7 +75,7 @@ def compile_scene(
     if scene.chain is None:
         check_steady(scene, begun)
     begin = 0.0 if point is None else float(point.time)
-    return CompiledScene(scene, resolved, programs, begun.problem, begun.motion, begin)
+    return CompiledScene(scene, resolved, programs, begun.problem, begun.motion, begin, begun.control)
 
 
 class HostRun:
@@ -86,9 +94,13 @@ class HostRun:
         self.compiled, self.max_steps = compiled, max_steps
         self.statistics = compiled.problem.stepper.statistics
         if checkpoint is None:
-            checkpoint = Checkpoint(compiled.motion, 0, 0, Pending.empty(self.statistics), (np.nan, 0.0))
+            empty = Pending.empty(self.statistics)
+            checkpoint = Checkpoint(compiled.motion, 0, 0, empty, (np.nan, 0.0), compiled.control)
         elif isinstance(checkpoint.motion, Mapping):
-            checkpoint = checkpoint._replace(motion=restored(compiled.motion, checkpoint.motion))
+            checkpoint = checkpoint._replace(
+                motion=restored(compiled.motion, checkpoint.motion),
+                control=restored(compiled.control, checkpoint.control or {}),
+            )
         self.checkpoint, self.point = checkpoint, None
         motion = checkpoint.motion
         since = [float(motion.state.taken), float(motion.state.rejected)]
@@ -99,6 +111,7 @@ class HostRun:
         restarts = compiled.programs.restart is not None
         switches = switch_times(scene) if restarts else ()
         self.segments = segments(compiled.begin, float(self.times[-1]), switches)
+        self.samples = set(sampling_instants(scene))
 
     @property
     def steps(self) -> int:
@@ -138,7 +151,8 @@ class HostRun:
         if self.compiled.programs.restart is None:
             return problem
         segment = self.segments[number]
-        return problem.in_segment(np.asarray(segment.start), np.asarray(segment.until))
+        problem = problem.in_segment(np.asarray(segment.start), np.asarray(segment.until))
+        return problem.under(self.checkpoint.control)
 
     def _begin(self, number: int, row: int, motion: Motion) -> "Begun":
         """Calls the compiled program for the next saved instants of a segment. Its results may not be
@@ -198,15 +212,19 @@ class HostRun:
         ended."""
         motion, before = call.done.motion, self.checkpoint
         rows, pending, energy = self._rows_after(call, seen.count), seen.steps, before.energy
+        control = before.control
         if rows - before.rows == seen.count:
             pending, energy = seen.left, seen.energy
             if call.passed < len(call.times):
                 pending = pending.merged(float(call.done.time), self.statistics)
         if call.ended and not self.segments[number].last:
             number += 1
-            until = np.asarray(self.segments[number].until)
-            motion = self.compiled.programs.restart(self._problem(number), motion, seen.last, until)
-        return Checkpoint(motion, rows, number, pending, energy)
+            start, until = self.segments[number].start, np.asarray(self.segments[number].until)
+            due = None if control is None else np.asarray(start in self.samples)
+            motion, control = self.compiled.programs.restart(
+                self._problem(number), motion, seen.last, until, control, due
+            )
+        return Checkpoint(motion, rows, number, pending, energy, control)
 
     def _window(self, row: int, stop: float) -> np.ndarray:
         """Returns the next saved instants, at most as many as one call has room for. The last instant of

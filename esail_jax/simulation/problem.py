@@ -8,10 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from esail_jax import observables
-from esail_jax.array_types import Array, Scalar, Vector
+from esail_jax.array_types import Array, Bool, PerTether, Scalar, Vector
 from esail_jax.compilation.jit import traced_once
 from esail_jax.elements.hinges import Hinges
 from esail_jax.iteration_matrix import Inertia, inertia_of
+from esail_jax.numerics.lockstep import select
 from esail_jax.rod_chain import RodChain, energy_floor
 from esail_jax.scenes.build import build, build_chain
 from esail_jax.scenes.build_loads import origin_of
@@ -19,6 +20,7 @@ from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.stepper_choice import stepper_of
 from esail_jax.scenes.structure import Numbers, Structure
+from esail_jax.simulation.sampling import Control, sample, sampled_load
 from esail_jax.steppers.consistent import project
 from esail_jax.steppers.stepper import AbstractStepper, Motion, Point
 from esail_jax.system import Power, System
@@ -33,7 +35,8 @@ class Problem(NamedTuple):
     origin: heliocentric position of the origin of the coordinates at t = 0 [m]; start_energy: kinetic and
     elastic energy at the start [J]; inertia: the factored mass matrix of a sail (None for a chain);
     energy_floor: the energy [J] below which the balance of a chain is not judged (None where the method
-    needs no guard)."""
+    needs no guard); held: the voltages [V] that a sampled voltage law holds (None without one, and if the
+    model has them already)."""
 
     model: System | RodChain
     stepper: AbstractStepper
@@ -41,6 +44,7 @@ class Problem(NamedTuple):
     start_energy: Scalar
     inertia: Inertia | None
     energy_floor: Scalar | None
+    held: PerTether | None = None
 
     @property
     def system(self) -> System:
@@ -63,15 +67,28 @@ class Problem(NamedTuple):
             return self
         return self._replace(model=self.model.with_events_until(start).in_segment(start, until))
 
+    def under(self, control: Control | None) -> "Problem":
+        """Returns the problem with the voltages that a sampled law holds, which its model does not have
+        yet (`settled`). control: None without such a law."""
+        return self._replace(held=None if control is None else control.voltage)
+
+    def settled(self) -> "Problem":
+        """Returns the problem whose model has the voltages that a sampled law holds."""
+        if self.held is None:
+            return self
+        return self._replace(model=self.model.holding(self.held), held=None)
+
 
 class Start(NamedTuple):
     """The start of a run. unbalanced: unbalanced force of the steady elongation [N], per tether; q:
-    positions of a sail at the start. `check_steady` judges both."""
+    positions of a sail at the start. `check_steady` judges both. control: the first sample of a sampled
+    voltage law; None without one. The problem does not contain it (`Problem.under`)."""
 
     problem: Problem
     motion: Motion
     unbalanced: Array
     q: Any
+    control: Control | None
 
 
 @traced_once(static_argnums=(0,))
@@ -120,15 +137,30 @@ def start(
     if point is not None:
         energy = energy - point.work.external + point.work.dissipated
     problem = Problem(model, stepper, origin, energy, inertia, floor)
-    state, last = stepper.init(problem.model, begin, jnp.asarray(jnp.inf))
-    return Start(problem, Motion(state, last, jnp.zeros(2)), unbalanced, q)
+    control = None
+    if not structure.has("chain") and sampled_load(model) is not None:
+        control = sample(model, begin, None)
+    state, last = stepper.init(problem.under(control).settled().model, begin, jnp.asarray(jnp.inf))
+    return Start(problem, Motion(state, last, jnp.zeros(2)), unbalanced, q, control)
 
 
-def restart(problem: Problem, motion: Motion, point: Point, until: Scalar) -> Motion:
-    """Returns the motion that starts from a point on the constraints at a switch time. problem: the problem
-    after the event; until: the next switch time [s]."""
-    state, last = problem.stepper.init(problem.model, point, until)
-    return Motion(state, last, motion.counts)
+def restart(
+    problem: Problem,
+    motion: Motion,
+    point: Point,
+    until: Scalar,
+    control: Control | None = None,
+    due: Bool[Array, ""] | None = None,
+) -> tuple[Motion, Control | None]:
+    """Returns the motion that starts from a point on the constraints at a switch time, and what a sampled
+    voltage law holds from there on.
+
+    problem: the problem after the event; until: the next switch time [s]; control: what a sampled law held
+    before; due: whether the switch time is a sampling instant. The last two are None without such a law."""
+    if control is not None:
+        control = select(due, sample(problem.system, point, control), control)
+    state, last = problem.stepper.init(problem.under(control).settled().model, point, until)
+    return Motion(state, last, motion.counts), control
 
 
 def require_64_bit() -> None:

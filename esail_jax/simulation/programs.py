@@ -84,7 +84,8 @@ def _compiled(structure: Structure, tree: Any, types: tuple, names: tuple[str, .
             return program, pool.submit(program.compile)
 
         starting, starts = ready("the start", start, (structure,), given, START_OPTIONS, fused=False)
-        problem, motion = starting.result.problem, starting.result.motion
+        problem, motion, control = (getattr(starting.result, x) for x in ("problem", "motion", "control"))
+        begun = problem.under(control)
         step = motion.last.taken.shape[0]
         size = degrees_of_freedom(problem.system)
         instants = int(np.clip(NUMBERS_PER_CALL // (4 * size), 1, MAX_INSTANTS))
@@ -96,16 +97,17 @@ def _compiled(structure: Structure, tree: Any, types: tuple, names: tuple[str, .
             "the time steps",
             advance_window,
             (batches,),
-            (problem, motion, window, number, integer),
+            (begun, motion, window, number, integer),
             COMPILER_OPTIONS,
         )
         points = stepping.result.points
-        arguments = problem, points, integer
+        arguments = begun, points, integer
         looking, looks = ready("the observables", look_at_points, (names,), arguments, LOOK_OPTIONS)
         restarting = None
-        if any(structure.has(key) for key in SWITCHED):
+        if structure.is_sampled or any(structure.has(key) for key in SWITCHED):
             one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), points)
-            arguments = problem, motion, one, number
+            due = None if control is None else jax.ShapeDtypeStruct((), bool)
+            arguments = begun, motion, one, number, control, due
             restarting, restarts = ready("switch times", restart, (), arguments, START_OPTIONS, fused=False)
             restarts.result()
         for done in (starts, advances, looks):
@@ -120,13 +122,13 @@ def advance_window(
 ) -> Advanced:
     """Advances to the instants of a window and keeps the logs of at most `batches` batches as tables."""
     return advance(
-        problem, motion, window, max_steps, max_batches, lambda steps: steps.log.table(), batches
+        problem.settled(), motion, window, max_steps, max_batches, lambda steps: steps.log.table(), batches
     )
 
 
 def look_at_points(names: tuple[str, ...] | None, problem: Problem, points: Point, count: Array) -> Any:
     """Evaluates the observables with these names at the first `count` points."""
-    return look_at_window(problem, points, count, names)
+    return look_at_window(problem.settled(), points, count, names)
 
 
 def motion_log(motion: Motion) -> Log:

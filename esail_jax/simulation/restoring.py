@@ -1,13 +1,13 @@
 """A motion as arrays by path, which a run file holds, and the motion that is restored from them."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax.steppers.stepper import Motion
+T = TypeVar("T")
 
 
 def paths(tree: Any) -> dict[str, Any]:
@@ -19,9 +19,9 @@ def paths(tree: Any) -> dict[str, Any]:
     }
 
 
-def restored(like: Motion, arrays: Mapping[str, np.ndarray]) -> Motion:
-    """Returns a motion from arrays by path. Raises ValueError unless they have the names, shapes and types
-    of `like`."""
+def restored(like: T, arrays: Mapping[str, np.ndarray]) -> T:
+    """Returns a tree such as a motion from arrays by path. Raises ValueError unless they have the names,
+    shapes and types of `like`."""
     expected = paths(like)
     for name in expected.keys() | arrays.keys():
         if name not in expected or name not in arrays:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from esail_jax.array_types import Array, Bool, Float, Int
+from esail_jax.scenes.own_law import period_of
 from esail_jax.scenes.rules import known
 from esail_jax.scenes.sail_tables import Voltage
 from esail_jax.scenes.scene import Scene
@@ -33,9 +34,10 @@ def switch_times(scene: Scene) -> tuple[float, ...]:
     """Returns the switch times [s] in increasing order, at which the stepper is initialised again.
 
     They are the times of all events, the times `on` and `off` of the voltage and of the thrust at the tips,
-    and the instants of the temperatures, where these have kinks, if they are positive. A time that is a
-    tracer has no value and is left out: for `on` and `off` the error control of the method has to find it,
-    for temperatures see `divided_at`. The voltage of a chain is constant and has no such time."""
+    the instants of the temperatures, where these have kinks, and the sampling instants of a user's voltage
+    law, if they are positive. A time that is a tracer has no value and is left out: for `on` and `off` the
+    error control of the method has to find it, for temperatures see `divided_at`. The voltage of a chain is
+    constant and has no such time."""
     times = set() if scene.event is None else set(scene.event.time)
     tables = [
         table for table in (scene.voltage, scene.tip_thrust) if isinstance(table, Voltage | TipThrust)
@@ -46,7 +48,20 @@ def switch_times(scene: Scene) -> tuple[float, ...]:
     for switched in instants:
         if switched is not None and known(switched) is not None:
             times |= set(known(switched).ravel().tolist())
+    samples = sampling_instants(scene)
+    if samples:
+        period = period_of(scene.voltage_law)
+        times = {time for time in times if not is_multiple(time, period)} | set(samples)
     return tuple(sorted(time for time in times if time > 0.0))
+
+
+def sampling_instants(scene: Scene) -> tuple[float, ...]:
+    """Returns the sampling instants [s] of a user's voltage law after the start: all multiples of its
+    period until `t_end`. A switch time that differs from one of them by rounding only is replaced by it."""
+    period = period_of(scene.voltage_law)
+    if period is None:
+        return ()
+    return tuple((np.arange(1, int(scene.integrator.t_end / period * (1.0 + SNAP)) + 1) * period).tolist())
 
 
 def divided_at(scene: Scene) -> tuple[str, ...]:
@@ -85,13 +100,14 @@ class Windows(NamedTuple):
 
     times: instants [s]; count: how many of them are used, the others repeat the last; start: the start of
     the segment that contains the window [s]; begins: true if the window is the first one after a switch
-    time; until: the next switch time [s]."""
+    time; until: the next switch time [s]; samples: true if the window begins at a sampling instant."""
 
     times: Float[Array | np.ndarray, "window instant"]
     count: Int[Array | np.ndarray, " window"]
     start: Float[Array | np.ndarray, " window"]
     begins: Bool[Array | np.ndarray, " window"]
     until: Float[Array | np.ndarray, " window"]
+    samples: Bool[Array | np.ndarray, " window"]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -100,8 +116,9 @@ class Schedule:
 
     times: the saved instants [s]; switches: the switch times [s]; begin: the start [s]; size: the largest
     number of instants in a window; least: the least number of windows; divided: keys of traced numbers of
-    the scene at whose instants the run is divided, too. Windows also contain instants that are not saved:
-    the ends of segments, and cuts that divide the run into enough windows for its derivative."""
+    the scene at whose instants the run is divided, too; samples: the switch times that are sampling
+    instants of a voltage law. Windows also contain instants that are not saved: the ends of segments, and
+    cuts that divide the run into enough windows for its derivative."""
 
     times: tuple[float, ...]
     switches: tuple[float, ...]
@@ -109,6 +126,7 @@ class Schedule:
     size: int
     least: int
     divided: tuple[str, ...] = ()
+    samples: tuple[float, ...] = ()
 
     def windows(self) -> tuple[Windows, np.ndarray, np.ndarray]:
         """Returns the windows, and for every saved time the index of its window and its place in that
@@ -136,5 +154,6 @@ class Schedule:
         times = np.array([[*w, *[w[-1]] * (self.size - len(w))] for w, *_ in rows])
         count = np.array([len(w) for w, *_ in rows])
         start, begins, until = (np.array([row[i] for row in rows]) for i in (1, 2, 3))
+        samples = begins & np.isin(start, self.samples)
         index = np.array([where[time] for time in self.times])
-        return Windows(times, count, start, begins, until), index[:, 0], index[:, 1]
+        return Windows(times, count, start, begins, until, samples), index[:, 0], index[:, 1]

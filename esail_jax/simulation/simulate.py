@@ -12,6 +12,7 @@ import numpy as np
 from esail_jax.errors import SimulationError, nearest
 from esail_jax.observables import described, known_names
 from esail_jax.observables.run_warning import run_warning
+from esail_jax.scenes.own_law import KEY, period_of
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene, load_scene
 from esail_jax.simulation.host import HostRun, compile_scene
@@ -41,6 +42,7 @@ def simulate(
     throw: bool = True,
     stepper: AbstractStepper | None = None,
     stability: bool = False,
+    voltage_law: Any = None,
 ) -> Solution:
     """Integrates the equations of motion of a scene and returns the observables at the saved instants.
 
@@ -62,7 +64,10 @@ def simulate(
     integration, instead of the scene's; stability: whether to carry a small perturbation along, which
     takes some three times as long as the run: `stats["stability"]` is then a `Stability`
     (`simulation/stability.py`), and the message warns of a motion on which accurate runs would not
-    agree.
+    agree; voltage_law: a voltage law of your own (`loads/own_law.py`) in place of the scene's. Its numbers
+    may be tracers, too. With a control period it is sampled at the start and at every multiple of the
+    period; a row at a sampling instant has the voltages before the sample. A run from `start` begins with
+    a new memory.
 
     Under a trace nothing can raise: `result` is not `RESULTS.successful`, and the observables are NaN from
     the failure on. A derivative records the steps in buffers of fixed size: WINDOWS_PER_TURN windows for
@@ -70,10 +75,12 @@ def simulate(
     or as many as `max_steps` asks for. A run that needs more ends with `RESULTS.too_many_steps`.
 
     Raises SceneError for bad input, SimulationError for a failed run, RuntimeError in 32-bit mode."""
-    scene = load_scene(scene, overrides)
+    scene = load_scene(scene, with_law(overrides, voltage_law))
     check_times(times, 0.0 if start is None else start.time)
     check_names(scene, save)
     check_max_steps(max_steps)
+    if stability and period_of(scene.voltage_law) is not None:
+        raise SceneError("stability", "be False with a sampled `voltage_law`", "is True")
     if under_trace(scene, start, stepper):
         if stability:
             raise SceneError("stability", "be False under a trace", "is True")
@@ -121,6 +128,7 @@ def run(
     start: Point | None = None,
     max_steps: int | None = None,
     stepper: AbstractStepper | None = None,
+    voltage_law: Any = None,
 ) -> Iterator[Chunk]:
     """Integrates a scene and yields the results of consecutive saved instants as soon as they are known.
 
@@ -131,7 +139,7 @@ def run(
     with the length of the run. The arguments are those of `simulate`, but all numbers must be concrete.
 
     Raises SceneError when it is called, and SimulationError after the last good chunk of a failed run."""
-    scene = load_scene(scene, overrides)
+    scene = load_scene(scene, with_law(overrides, voltage_law))
     check_times(times, 0.0 if start is None else start.time)
     check_names(scene, save)
     check_max_steps(max_steps)
@@ -140,6 +148,11 @@ def run(
             "scene", "have plain numbers in `run`", "has a number under a trace (use `simulate`)"
         )
     return begin(scene, save, times, start, max_steps, stepper).host.chunks()
+
+
+def with_law(overrides: Mapping[str, Any] | None, law: Any) -> Mapping[str, Any] | None:
+    """Returns the overrides of a scene with a user's voltage law, if one is given."""
+    return overrides if law is None else {**(overrides or {}), KEY: law}
 
 
 # ---- on the host --------------------------------------------------------------------------------

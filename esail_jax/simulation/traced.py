@@ -83,27 +83,27 @@ def run(
 
     @keep_tapes
     def body(carry, window):
-        motion, before = carry
+        motion, before, control = carry
         now = problem.in_segment(window.start, window.until) if switched else problem
         if switched:
-            motion = lax.cond(
-                window.begins,
-                lambda: select(
-                    is_good(motion),
-                    restart(now, motion, on_constraints(now, before)[0], window.until),
-                    motion,
-                ),
-                lambda: motion,
-            )
+            due = None if control is None else window.samples
+
+            def begin():
+                point = on_constraints(now, before)[0]
+                found = restart(now, motion, point, window.until, control, due)
+                return select(is_good(motion), found, (motion, control))
+
+            motion, control = lax.cond(window.begins, begin, lambda: (motion, control))
+        now = now.under(control).settled()
         motion, points, passed = move(now, motion, Window(window.times, window.count), max_steps)
         last = jax.tree.map(lambda x: x[window.count - 1], points)
-        return (motion, last), (points, passed)
+        return (motion, last, control), (points, passed, None if control is None else control.voltage)
 
     nothing = jax.tree.map(
         lambda x: x[0], room_for(1, lambda: point_of(problem, begun.motion, windows.times[0, 0]))
     )
-    first = differentiable((begun.motion, nothing), (numbers, stepper, point))
-    (motion, _), (points, passed) = lax.scan(body, first, windows)
+    first = differentiable((begun.motion, nothing, begun.control), (numbers, stepper, point))
+    (motion, *_), (points, passed, held) = lax.scan(body, first, windows)
 
     # All saved instants, in batches of equal length. The last instant is repeated to fill the last batch.
     instants = len(place)
@@ -114,11 +114,12 @@ def run(
     between = windows.start[number], windows.until[number]
 
     def observed(row):
-        segment, point = row
+        segment, point, volts = row
         now = problem.in_segment(*segment) if switched else problem
-        return look(now, point, names)[:2]
+        return look(now._replace(held=volts).settled(), point, names)[:2]
 
-    found = lax.map(observed, (between, points), batch_size=together)
+    held = None if held is None else held[number]
+    found = lax.map(observed, (between, points, held), batch_size=together)
     rows, points, good = jax.tree.map(lambda x: x[:instants], (*found, place < passed[number]))
     result = motion.state.result
     rows, _, kept = with_running_observables(problem, rows, (jnp.nan, 0.0), jnp)

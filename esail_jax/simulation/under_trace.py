@@ -14,7 +14,13 @@ from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.stepper_choice import stepper_class
 from esail_jax.scenes.structure import split
 from esail_jax.simulation.problem import require_64_bit
-from esail_jax.simulation.schedule import Schedule, divided_at, save_times, switch_times
+from esail_jax.simulation.schedule import (
+    Schedule,
+    divided_at,
+    sampling_instants,
+    save_times,
+    switch_times,
+)
 from esail_jax.simulation.solution import Solution
 from esail_jax.simulation.traced import traced_run
 from esail_jax.steppers.stepper import AbstractStepper, Point
@@ -26,8 +32,8 @@ needs up to 45 blocks of steps in a turn, three windows."""
 
 def under_trace(scene: Scene, start: Any, stepper: Any) -> bool:
     """Tells whether any number is a tracer, or whether `jax.jit` or the like traces this call."""
-    leaves = [x for table in vars(scene).values() if table is not None for x in vars(table).values()]
-    leaves += jax.tree.leaves((start, stepper))
+    leaves = [x for table in scene.tables.values() for x in vars(table).values()]
+    leaves += jax.tree.leaves((start, stepper, scene.voltage_law))
     return any(isinstance(leaf, jax.core.Tracer) for leaf in (*leaves, jax.device_put(0.0)))
 
 
@@ -64,7 +70,8 @@ def simulate_traced(
         least = max(1, int(np.ceil(wanted / room * (UNEVEN if step is None else MARGIN))))
     switches = switch_times(scene)
     instants = tuple(saved.tolist()), switches, begin
-    schedule = Schedule(*instants, kind.instants_per_window, least, divided_at(scene))
+    samples = sampling_instants(scene)
+    schedule = Schedule(*instants, kind.instants_per_window, least, divided_at(scene), samples)
     names = None if save is None or scene.chain is not None else tuple(save)
     limit = jnp.asarray(jnp.inf if max_steps is None else float(max_steps))
     found = traced_run(structure, schedule, names, numbers, limit, stepper, start)
