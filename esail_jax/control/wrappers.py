@@ -61,7 +61,7 @@ class Noisy(Wrapper):
     spread: dict[str, Scalar | float]
     seed: Int[Array, ""]
 
-    def __init__(self, law: Any, spread: dict[str, Scalar | float], seed: int):
+    def __init__(self, law: Any, spread: dict[str, Scalar | float], seed: int | Int[Array, ""]):
         known = ("rotation", *DIRECTIONS, *AMOUNTS)
         for name in spread:
             if name not in known:

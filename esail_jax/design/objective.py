@@ -10,6 +10,7 @@ from jax import lax
 
 from esail_jax.array_types import Array, Float, Scalar
 from esail_jax.design import objectives
+from esail_jax.scenes.own_law import KEY
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
 from esail_jax.simulation.simulate import simulate
@@ -24,15 +25,16 @@ class Objective:
 
         J(p) = sum_k w_k J_k(p) / J_k(reference)
 
-    Parameters p are a dictionary of numbers or arrays by scene key, in the units of the scene. J is
-    differentiable and may be compiled, so it can be handed to any optimiser:
-    `jax.value_and_grad(objective)(p)`, `jax.jit(objective)`. The reference is the run with constant
+    Parameters p are a dictionary of numbers or arrays by scene key, in the units of the scene; the key
+    `voltage_law` takes a voltage law that a user wrote (`loads/own_law.py`). J is differentiable and may be
+    compiled, so it can be handed to any optimiser: `jax.value_and_grad(objective)(p)`,
+    `jax.jit(objective)`. The reference is the run with constant
     voltage, for which every J_k counts 1. It is simulated when it is first needed, and then kept. An
     objective to be retained (`objectives.RETAINED`, the thrust) counts as in `objectives.weighted_sum`.
 
-    scene: a sail with a voltage; weights: by name of an objective (`objectives.py`); circumstances:
-    arrays by scene key, whose first axis counts circumstances (winds, errors of lengths) over which J is
-    averaged.
+    scene: a sail with a voltage; weights: by name of an objective (`objectives.py`), or by a function of
+    a `Solution` that gives a number to be made small; circumstances: arrays by scene key, whose first axis
+    counts circumstances (winds, errors of lengths) over which J is averaged.
 
     Raises SceneError for names that do not exist and for a scene without voltage. A run that fails raises
     SimulationError, or gives NaN under a trace.
@@ -41,7 +43,7 @@ class Objective:
     def __init__(
         self,
         scene: Scene,
-        weights: Mapping[str, float],
+        weights: Mapping[str, float] | Mapping[objectives.Goal, float],
         circumstances: Mapping[str, Array | np.ndarray] | None = None,
     ):
         for name in weights:
@@ -63,7 +65,7 @@ class Objective:
         run = simulate(self.scene, dict(parameters) | circumstance)
         return objectives.weighted_sum(run, self.weights, references)
 
-    def measure(self, run: Solution) -> dict[str, float]:
+    def measure(self, run: Solution) -> dict[objectives.Goal, float]:
         """Values of the objectives of a run, by name."""
         found = objectives.values(run, tuple(self.weights))
         return {name: float(value) for name, value in found.items()}
@@ -80,13 +82,15 @@ class Objective:
             return self.simulate_reference()
 
     @functools.cached_property
-    def reference_values(self) -> dict[str, float]:
+    def reference_values(self) -> dict[objectives.Goal, float]:
         """Values of the objectives of `reference_run`, by name."""
         with jax.ensure_compile_time_eval():
             return self.measure(self.reference_run)
 
     @functools.cached_property
-    def references(self) -> dict[str, float] | dict[str, Float[np.ndarray, " circumstance"]]:
+    def references(
+        self,
+    ) -> dict[objectives.Goal, float] | dict[objectives.Goal, Float[np.ndarray, " circumstance"]]:
         """The values by which the objectives are divided, by name.
 
         With circumstances, an objective to be made small is divided by its mean over all circumstances at
@@ -104,7 +108,7 @@ class Objective:
     def simulate_reference(self, circumstance: Mapping[str, Any] | None = None) -> Solution:
         """The run with constant voltage, within the power limit, in the scene or in one circumstance."""
         law = {f"voltage.{x}": None for x in vars(self.scene.voltage) if x not in KEPT}
-        constant = self.scene.replace(law | {"voltage.law": "constant"})
+        constant = self.scene.replace(law | {"voltage.law": "constant", KEY: None})
         return simulate(constant, circumstance)
 
 

@@ -143,8 +143,15 @@ NAMES = (*OBJECTIVES, *RETAINED)
 """Names of the objectives without parameters."""
 
 
-def function_of(name: str) -> Callable[[Solution], Scalar]:
-    """The function of a run that a name stands for. Raises SceneError for an unknown name."""
+Goal = str | Callable[[Solution], Scalar]
+"""The name of an objective to be made small or to be retained, or a function of a run to be made small."""
+
+
+def function_of(name: Goal) -> Callable[[Solution], Scalar]:
+    """The function of a run that a name stands for; a function stands for itself. Raises SceneError for an
+    unknown name."""
+    if not isinstance(name, str):
+        return name
     if name in RETAINED:
         return RETAINED[name][0]
     if name in OBJECTIVES:
@@ -164,7 +171,7 @@ def function_of(name: str) -> Callable[[Solution], Scalar]:
     return lambda run: function(run, *aim)
 
 
-def values(run: Solution, names: tuple[str, ...]) -> dict[str, Scalar]:
+def values(run: Solution, names: tuple[Goal, ...]) -> dict[Goal, Scalar]:
     """Values of the named objectives of a run."""
     rows = {name: jnp.asarray(x) for name, x in run.observables.items()}
     run = dataclasses.replace(run, time=jnp.asarray(run.time), observables=rows)
@@ -172,7 +179,7 @@ def values(run: Solution, names: tuple[str, ...]) -> dict[str, Scalar]:
 
 
 def weighted_sum(
-    run: Solution, weights: Mapping[str, float], references: Mapping[str, Scalar | float]
+    run: Solution, weights: Mapping[Goal, float], references: Mapping[Goal, Scalar | float]
 ) -> Scalar:
     """sum_k w_k c_k(J_k / R_k), where R_k are the references and c_k(x) = x for an objective to be made
     small.

@@ -17,6 +17,7 @@ from jax import lax
 from esail_jax.array_types import Array, Float, Scalar
 from esail_jax.compilation.jit import jit
 from esail_jax.design.objective import Objective
+from esail_jax.design.objectives import Goal
 from esail_jax.design.optimiser import Optimiser, State
 from esail_jax.scenes.scene import Scene
 from esail_jax.simulation.solution import Solution
@@ -39,9 +40,9 @@ class Variable:
 class Design:
     """A design problem: objectives of a scene's run, minimised over some of its numbers.
 
-    scene: a sail with a voltage; weights: by name of an objective (`objectives.py`); variables: by scene
-    key; circumstances: arrays by scene key, one entry per circumstance, over which the objective is
-    averaged; method: "lbfgs" or "adam"; rate: step of Adam.
+    scene: a sail with a voltage; weights: by name of an objective (`objectives.py`), or by a function of a
+    `Solution`; variables: by scene key; circumstances: arrays by scene key, one entry per circumstance,
+    over which the objective is averaged; method: "lbfgs" or "adam"; rate: step of Adam.
 
     Nothing is simulated before it is needed. Raises SceneError for names that do not exist.
     """
@@ -49,7 +50,7 @@ class Design:
     def __init__(
         self,
         scene: Scene,
-        weights: Mapping[str, float],
+        weights: Mapping[str, float] | Mapping[Goal, float],
         variables: Mapping[str, Variable],
         circumstances: Mapping[str, Array | np.ndarray] | None = None,
         method: str = "lbfgs",

@@ -12,7 +12,6 @@ import jax
 import numpy as np
 
 from esail_jax.array_types import Array
-from esail_jax.errors import InputError
 
 
 @dataclasses.dataclass(frozen=True)
@@ -35,16 +34,10 @@ NUMBER = None
 
 
 def divided(law: Any) -> tuple[LawStructure, tuple[Array, ...]]:
-    """The structure of a law and its numbers. Raises InputError if the structure cannot be compared with
-    others: static fields must be hashable."""
+    """The structure of a law and its numbers."""
     leaves, tree = jax.tree.flatten(law)
     numbers = tuple(array_of(x) for x in leaves if is_number(x))
-    found = LawStructure(tree, tuple(NUMBER if is_number(x) else x for x in leaves))
-    try:
-        hash(found)
-    except TypeError as error:
-        raise InputError(f"`voltage_law` must have hashable static fields, but has not: {error}") from None
-    return found, numbers
+    return LawStructure(tree, tuple(NUMBER if is_number(x) else x for x in leaves)), numbers
 
 
 def is_number(leaf: Any) -> bool:

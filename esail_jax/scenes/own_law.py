@@ -20,8 +20,8 @@ KEPT = ("value", "maximum", "slew_rate", "power_limit")
 def with_own_law(tables: dict[str, Any], law: Any) -> dict[str, Any]:
     """The tables of a scene with a user's law in place of their own; None takes a user's law away."""
     table = tables.get("voltage", {})
-    if not isinstance(table, Mapping):
-        return tables
+    if "chain" in tables or not isinstance(table, Mapping):
+        return tables  # refused by later checks
     if law is None:
         kept = {name: x for name, x in table.items() if name != "law" or x != "python"}
     else:

@@ -1,0 +1,348 @@
+"""Voltage laws that users write: at every state, and by sample and hold with a memory.
+
+The laws and the sail are those of `support/own_laws.py`. All runs of a sampled law share its programs.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import esail_jax as esail
+import support.own_laws
+from esail_jax.cli import main
+from esail_jax.scenes.build import build_jitted
+from esail_jax.scenes.scene import load_scene, parse, to_toml
+from esail_jax.scenes.structure import split
+from esail_jax.sensors import with_motion
+from esail_jax.simulation.schedule import sampling_instants, switch_times
+from support.own_laws import PERIOD, SAIL, Clock, Swinging, Waves
+from support.quick import jit, quickly
+
+FIXED = {"integrator.method": "generalized-alpha", "integrator.step": 0.1}
+SHORT = FIXED | {"integrator.t_end": 60.0}
+"""A run with one sample after the start, by a method that compiles quickly."""
+
+METHODS = {
+    "generalized-alpha": FIXED,
+    "collocation": {},
+    "energy-momentum": FIXED | {"integrator.method": "energy-momentum"},
+}
+
+
+def simulate(law, overrides=None, **options):
+    return esail.simulate("baseline", SAIL | (overrides or {}), voltage_law=law, **options)
+
+
+# ---- values -------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_a_law_of_the_package_written_again_gives_the_same_motion():
+    """The law "harmonic" and the same formula as a user's law differ by rounding. Its position in the
+    compiled program is another, so that sums may be rounded in another order: 1e-12 of the range."""
+    mine = simulate(Waves())
+    theirs = esail.simulate("baseline", SAIL | {"voltage.law": "harmonic", "voltage.cosine": [0.1]})
+    for name in ("voltage", "tip_position_I", "angular_velocity_B", "thrust_O"):
+        assert np.abs(mine[name] - theirs[name]).max() <= 1e-11 * np.ptp(theirs[name]), name
+
+
+@pytest.mark.parametrize("method", quickly(METHODS))
+def test_a_sampled_law_is_a_sequence_of_runs_with_constant_voltages(method):
+    """Between two samples the voltage is constant. Runs with these constant voltages, each from the end of
+    the one before, give the same tips (1e-9 of their range: the first step of a run and the projection of
+    its start on the constraints are rounded differently)."""
+    whole = simulate(Swinging(), METHODS[method])
+    parts, start = [], None
+    for first, last in ((0.0, 35.0), (35.0, 70.0), (70.0, 105.0), (105.0, 120.0)):
+        times = [t for t in whole.time if first < t <= last] + [last] * (last not in whole.time)
+        row = int(np.argmax(whole.time > first))
+        scene = SAIL | METHODS[method] | {"voltage.value": whole["voltage"][row].tolist()}
+        run = esail.simulate("baseline", scene, times=times, start=start, save=["tip_position_I"])
+        start = run.final_state
+        parts += [run["tip_position_I"][i] for i, t in enumerate(times) if t in whole.time]
+    tips = whole["tip_position_I"]
+    assert np.abs(np.stack(parts) - tips[1:]).max() <= 1e-9 * np.ptp(tips)
+    # The law does change the voltages from sample to sample, and has seen the start and three samples.
+    assert len(np.unique(whole["voltage"][:, 0])) == 4
+    assert int(whole.checkpoint.control.memory["count"]) == 4
+
+
+@pytest.mark.slow
+def test_samples_are_taken_at_multiples_of_the_period():
+    """V = 20 kV + 10 V/s i t at t = 0, 35, 70, 105 s. A row at a sampling instant has the voltage before
+    the sample."""
+    run = simulate(Clock(), times=[0.0, 34.0, 35.0, 36.0, 70.0, 71.0, 120.0], save=["voltage"])
+    sampled = np.array([0.0, 0.0, 0.0, 35.0, 35.0, 70.0, 105.0])
+    assert np.allclose(run["voltage"], 20e3 + 10.0 * np.outer(sampled, [1, 2, 3]), rtol=1e-15)
+
+
+@pytest.mark.slow
+def test_limits_hold_for_every_law():
+    """Upper limit, slew rate from sample to sample, and zero as lower limit."""
+    limited = {"voltage.maximum": 40e3, "voltage.slew_rate": 300.0}
+    run = simulate(Clock(800.0), limited, save=["voltage"])
+    volts = run["voltage"]
+    assert volts.max() <= 40e3 and volts.min() >= 0.0
+    assert np.abs(np.diff(volts, axis=0)).max() == pytest.approx(300.0 * PERIOD, rel=1e-12)
+    down = simulate(Clock(-800.0), limited | {"voltage.slew_rate": 1e6}, save=["voltage"])["voltage"]
+    assert down[-1, 2] == 0.0
+
+
+@pytest.mark.slow
+def test_the_power_limit_holds_for_a_sampled_law():
+    """The voltages are scaled down together at every instant, not only at samples."""
+    wires = {"tethers.wire_radius": 12.5e-6, "tethers.wires": 4, "voltage.power_limit": 4.0}
+    run = simulate(Clock(50.0), wires, save=["voltage", "electric_power"])
+    assert run["electric_power"] == pytest.approx(np.full(13, 4.0), rel=1e-12)
+    ratio = run["voltage"][-1] / run["voltage"][-1, 0]
+    free = 20e3 + 50.0 * 105.0 * np.array([1.0, 2.0, 3.0])
+    assert np.allclose(ratio, free / free[0], rtol=1e-12)
+
+
+def test_sampling_instants_divide_the_run():
+    """They are multiples of the period, and replace switch times that differ from them by rounding."""
+    scene = load_scene("baseline", SAIL | {"voltage_law": Clock(period=0.1), "integrator.t_end": 0.7})
+    assert sampling_instants(scene) == tuple(0.1 * np.arange(1, 8))
+    event = scene.replace({"event.time": [0.3], "event.release": [1]})  # 3 * 0.1 is larger by rounding
+    assert switch_times(event) == sampling_instants(scene)
+    assert switch_times(scene.replace({"event.time": [0.35], "event.release": [1]}))[3] == 0.35
+
+
+# ---- measurements -------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_measurements_are_those_of_the_run():
+    """Tip positions in B, their rates, the angular velocity and the tension at the root of a moving sail.
+
+    The rate is compared with central differences over 0.02 s (1e-6 of the largest rate: the fastest motion
+    here has 0.5 s and an amplitude of 1e-8 of the length). The tension is the mean centrifugal force of unit
+    and tether beyond a point of the element, to 3e-3 (coning, vibration and hub)."""
+    times = [100.0 - 0.01, 100.0, 100.0 + 0.01]
+    run = simulate(Waves(), times=times)
+    scene = load_scene("baseline", SAIL)
+    structure, numbers = split(scene)
+    system = build_jitted(structure, numbers).system
+    at = simulate(Waves(), times=[100.0], save=[]).final_state
+    found = with_motion(system, at.time, at.q, at.v, system.directions(at.time, at.q, at.v))
+
+    hub, tips = run["hub_position_I"], run["tip_position_I"]
+    body = np.einsum("tib,tki->tbk", run["rotation_IB"], tips - hub[:, None])
+    assert np.allclose(found.rotation, run["rotation_IB"][1], atol=1e-13)
+    assert np.allclose(found.angular_velocity, run["angular_velocity_B"][1], rtol=0, atol=1e-13)
+    assert np.allclose(found.tip_position, body[1], rtol=0, atol=1e-7)
+    rate = (body[2] - body[0]) / 0.02
+    assert np.abs(found.tip_velocity - rate).max() <= 1e-6 * np.abs(rate).max() + 1e-6
+    table, spin = scene.tethers, float(run["angular_velocity_B"][1, 0])
+    line = table.density * table.area * table.length
+    pull = (1.5 + line / 3.0) * table.length * spin**2
+    assert np.allclose(found.root_tension, pull, rtol=3e-3)
+
+
+# ---- derivatives and batches --------------------------------------------------------------------
+
+NAMES = ("sailing_angle", "voltage", "tip_position_I")
+
+
+def outcome(law):
+    run = simulate(law, save=NAMES)
+    return jnp.stack(
+        [run["sailing_angle"][-1], run["voltage"][-1, 0] / 20e3, run["tip_position_I"][-1, 1, 2]]
+    )
+
+
+@pytest.mark.slow
+def test_derivatives_by_the_numbers_of_a_law(validate):
+    """Forward mode by both gains agrees with the fourth-order difference quotient of concrete runs (1e-6,
+    the errors of the steps are 1e-9), and reverse mode with forward mode (1e-10)."""
+    law, along = Swinging(), Swinging(0.7, -1.0)
+    arrays = lambda x: Swinging(jnp.asarray(x.gain), jnp.asarray(x.rate))  # noqa: E731
+    value, forward = jit(lambda x: jax.jvp(outcome, (x,), (arrays(along),)))(arrays(law))
+    assert np.allclose(value, outcome(law), rtol=1e-9)
+
+    def at(e):
+        return np.asarray(outcome(Swinging(law.gain + e * along.gain, law.rate + e * along.rate)))
+
+    e = 2e-2
+    quotient = (8.0 * (at(e) - at(-e)) - (at(2 * e) - at(-2 * e))) / (12.0 * e)
+    error = np.abs(forward / quotient - 1.0).max()
+    validate(
+        "LAW-1", "sampled voltage law with a memory, four samples", "difference quotient, fourth order",
+        "angle, voltage and tip by the gains", error, 1e-6,
+    )  # fmt: skip
+    weights = np.array([1.0, 1.0, 1e-4])
+    reverse = jit(jax.grad(lambda x: weights @ outcome(x)))(arrays(law))
+    found = reverse.gain * along.gain + reverse.rate * along.rate
+    assert abs(found / (weights @ forward) - 1.0) < 1e-10
+
+
+@pytest.mark.slow
+def test_a_network_is_trained_through_a_run():
+    """An `equinox` network as a law: a step against the gradient of a user's objective changes it by the
+    square of the gradient's norm times the step, to 1 %."""
+    net = eqx.nn.MLP(2, "scalar", 4, 1, key=jax.random.key(0))
+
+    class Policy(eqx.Module):
+        net: eqx.nn.MLP
+        period: float = eqx.field(static=True, default=PERIOD)
+
+        def commanded(self, measurements):
+            return 20e3 * (1.0 + 0.2 * jnp.tanh(jax.vmap(self.net, 1)(measurements.root_phase)))
+
+    def cost(policy):
+        return 1e3 * simulate(policy, SHORT, save=["sailing_angle"])["sailing_angle"][-1] ** 2
+
+    policy = Policy(net)
+    numbers, others = eqx.partition(policy, eqx.is_array)
+    value, slope = jit(jax.value_and_grad(lambda x: cost(eqx.combine(x, others))))(numbers)
+    size = sum(jnp.sum(x**2) for x in jax.tree.leaves(eqx.filter(slope, eqx.is_array)))
+    step = 1e-5 * value / size
+    after = cost(eqx.apply_updates(policy, jax.tree.map(lambda g: -step * g, slope)))
+    assert (value - after) / (step * size) == pytest.approx(1.0, rel=1e-2)
+
+
+@pytest.mark.slow
+def test_a_law_in_a_design_objective_and_an_objective_of_a_user():
+    """`Objective` takes a law under the key `voltage_law`, and a function of a solution among its weights:
+    the value is that of the function, over its value at constant voltage."""
+    from esail_jax.design import Objective
+
+    def last_angle(run):
+        return run["sailing_angle"][-1]
+
+    objective = Objective(load_scene("baseline", SAIL | SHORT), {last_angle: 2.0})
+    constant = esail.simulate("baseline", SAIL | SHORT)["sailing_angle"][-1]
+    wanted = 2.0 * simulate(Clock(), SHORT)["sailing_angle"][-1] / constant
+    assert float(objective({"voltage_law": Clock()})) == pytest.approx(wanted, rel=1e-9)
+    slope = jit(jax.grad(lambda x: objective({"voltage_law": Clock(x)})))(10.0)
+    e = 0.5
+    ends = [float(objective({"voltage_law": Clock(10.0 + x)})) for x in (-e, e)]
+    assert float(slope) == pytest.approx((ends[1] - ends[0]) / (2 * e), rel=1e-4)
+
+
+# ---- files --------------------------------------------------------------------------------------
+
+
+def run_file(path, end, law="Swinging", *more):
+    keys = ("tethers.count", "tethers.elements", "output.interval")
+    settings = [x for key in keys for x in ("--set", f"{key}={SAIL[key]}")]
+    named = ["--voltage-law", f"{support.own_laws.__file__}:{law}"] if law else []
+    end = ["--t-end", str(end)]
+    return main(["run", "baseline", *settings, *named, *end, "-o", str(path), "--quiet", *more])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("first", [60.0, 70.0, 3.0])
+def test_a_run_resumed_between_two_samples_is_bit_for_bit_the_same(first, tmp_path):
+    """The file holds the voltages and the memory of the law. The first end is between two samples, at a
+    sampling instant, or before the first of them."""
+    once, twice = tmp_path / "once.h5", tmp_path / "twice.h5"
+    assert run_file(once, 120.0) == 0
+    assert run_file(twice, first) == 0
+    assert run_file(twice, 120.0, "Swinging", "--resume") == 0
+    one, other = esail.load(once), esail.load(twice)
+    for name in one:
+        assert np.array_equal(one[name], other[name], equal_nan=True), name
+    assert one.scene.voltage.law == "python"
+
+
+@pytest.mark.slow
+def test_resuming_asks_for_the_law_of_the_file(tmp_path, capsys):
+    """Without the law, or with another one, nothing is computed and the file stays as it is."""
+    path = tmp_path / "a.h5"
+    assert run_file(path, 60.0) == 0
+    before = path.read_bytes()
+    for law, got in (("", "is missing"), ("Clock", "is own_laws.Clock")):
+        capsys.readouterr()
+        assert run_file(path, 120.0, law, "--resume") == 2
+        err = capsys.readouterr().err
+        assert err.startswith("`--voltage-law` must be own_laws.Swinging") and got in err
+        assert err.count("\n") == 1
+    assert path.read_bytes() == before
+
+
+# ---- bad input ----------------------------------------------------------------------------------
+
+
+class Nothing(eqx.Module):
+    pass
+
+
+class Both(eqx.Module):
+    period: float = eqx.field(static=True, default=1.0)
+
+    def commanded(self, measurements):
+        return 1.0
+
+    def init(self, measurements):
+        return 0.0
+
+    def update(self, measurements, memory):
+        return 1.0, memory
+
+
+class TwoVolts(eqx.Module):
+    def commanded(self, measurements):
+        return jnp.zeros(2)
+
+
+class Forgetful(Swinging):
+    def update(self, measurements, memory):
+        return 20e3, {"before": 0.0}
+
+
+BAD = {
+    "no module": (lambda m: 20e3, {}, "`voltage_law` must be an equinox.Module, but is a function"),
+    "no method": (Nothing(), {}, "must have the method `commanded`, .* but Nothing has none of them"),
+    "two ways": (Both(), {}, "but Both has commanded and init and update"),
+    "period": (Clock(period=-3.0), {}, "`voltage_law.period` must be positive, but is -3.0"),
+    "no period": (Clock(period=None), {}, "`voltage_law.period` must be positive, but is None"),
+    "slew rate": (Waves(), {"voltage.slew_rate": 3.0}, "`voltage.slew_rate` must be left out unless"),
+    "shape": (TwoVolts(), {}, "must return one voltage, or one for each of 3 .* of shape \\(2,\\)"),
+    "memory": (Forgetful(), {}, "`voltage_law.update` must return a memory like the one before"),
+    "law": (Waves(), {"voltage.law": "constant"}, '`voltage.law` must be "python" with `voltage_law`'),
+    "other key": (Waves(), {"voltage.gain": 1.0}, "`voltage.gain` must be left out with the law python"),
+    "no wind": (Waves(), {"solar_wind": None}, "must be given with \\[voltage\\], but is missing"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_a_bad_law_is_refused_in_one_line_before_anything_is_compiled(case):
+    law, overrides, message = BAD[case]
+    with pytest.raises(ValueError, match=message) as caught:
+        simulate(law, overrides)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_scene_that_names_a_law_in_python_needs_it():
+    """The TOML text of such a scene is read, but cannot be run without the law."""
+    scene = load_scene("baseline", SAIL | {"voltage_law": Waves()})
+    again = parse(to_toml(scene), "text")
+    assert again.voltage.law == "python" and again.replace({"voltage_law": Waves()}) == scene
+    with pytest.raises(esail.SceneError, match="`voltage_law` must be given with"):
+        esail.simulate(again)
+    constant = scene.replace({"voltage_law": None, "voltage.law": "constant"})
+    assert constant.voltage_law is None and constant.voltage.value == 20e3
+    with pytest.raises(esail.SceneError, match="`voltage_law` must be left out with a chain"):
+        load_scene("hanging-chain", {"voltage_law": Waves()})
+
+
+def test_a_growth_rate_with_samples_is_refused():
+    with pytest.raises(esail.SceneError, match="`stability` must be False with a sampled `voltage_law`"):
+        simulate(Clock(), stability=True)
+
+
+class Free(eqx.Module):
+    """A law whose period is a parameter, and so traced under a gradient."""
+
+    period: float
+
+    def commanded(self, measurements):
+        return 20e3
+
+
+def test_a_traced_period_is_refused():
+    with pytest.raises(esail.SceneError, match="must be a plain number"):
+        jax.grad(lambda t: simulate(Free(t))["sailing_angle"][-1])(30.0)
