@@ -34,14 +34,14 @@ class Wrapper(eqx.Module):
         """The memory at the start."""
 
     @abstractmethod
-    def update(self, measurements: Measurements, memory: Any) -> tuple[PerTether, Any]:
+    def update(self, measurements: Measurements, memory: Any) -> tuple[PerTether | Scalar, Any]:
         """The voltages [V] and the next memory."""
 
     def first(self, measurements: Measurements) -> Any:
         """The memory of the wrapped law at the start; None if it has none."""
         return self.law.init(measurements) if hasattr(self.law, "update") else None
 
-    def next(self, measurements: Measurements, memory: Any) -> tuple[PerTether, Any]:
+    def next(self, measurements: Measurements, memory: Any) -> tuple[PerTether | Scalar, Any]:
         """The voltages [V] of the wrapped law, and its next memory."""
         if hasattr(self.law, "update"):
             return self.law.update(measurements, memory)
@@ -71,7 +71,7 @@ class Noisy(Wrapper):
     def init(self, measurements: Measurements) -> Any:
         return jnp.zeros((), int), self.first(measurements)
 
-    def update(self, measurements: Measurements, memory: Any) -> tuple[PerTether, Any]:
+    def update(self, measurements: Measurements, memory: Any) -> tuple[PerTether | Scalar, Any]:
         count, inner = memory
         key = jax.random.fold_in(jax.random.key(self.seed), count)
         volts, inner = self.next(self.disturbed(measurements, key), inner)
@@ -127,7 +127,7 @@ class Delayed(Wrapper):
         line = jax.tree.map(lambda x: jnp.broadcast_to(x, (self.samples, *jnp.shape(x))), measurements)
         return line, self.first(measurements)
 
-    def update(self, measurements: Measurements, memory: Any) -> tuple[PerTether, Any]:
+    def update(self, measurements: Measurements, memory: Any) -> tuple[PerTether | Scalar, Any]:
         line, inner = memory
         volts, inner = self.next(jax.tree.map(lambda x: x[0], line), inner)
         line = jax.tree.map(lambda xs, x: jnp.concatenate([xs[1:], x[None]]), line, measurements)
@@ -151,7 +151,7 @@ class Without(Wrapper):
     def init(self, measurements: Measurements) -> Any:
         return self.first(measurements._replace(**dict.fromkeys(self.names)))
 
-    def update(self, measurements: Measurements, memory: Any) -> tuple[PerTether, Any]:
+    def update(self, measurements: Measurements, memory: Any) -> tuple[PerTether | Scalar, Any]:
         return self.next(measurements._replace(**dict.fromkeys(self.names)), memory)
 
 
@@ -168,7 +168,7 @@ class FailedSource(Wrapper):
     def init(self, measurements: Measurements) -> Any:
         return self.first(measurements)
 
-    def update(self, measurements: Measurements, memory: Any) -> tuple[PerTether, Any]:
+    def update(self, measurements: Measurements, memory: Any) -> tuple[PerTether | Scalar, Any]:
         volts, memory = self.next(measurements, memory)
         count = measurements.chords.shape[1]
         volts = jnp.broadcast_to(jnp.asarray(volts, float), (count,))
