@@ -1,5 +1,5 @@
-"""A voltage source that fails, and a tether that is lost: what becomes of a sail of twelve tethers in a day with
-constant voltages, with the package's feedback, and with the steering law of this folder.
+"""A voltage source that fails, and a tether that is lost: what becomes of a sail of twelve tethers in a day
+with constant voltages, with the package's feedback, and with the steering law of this folder.
 
     python experiments/control/failures.py
 
@@ -8,6 +8,7 @@ writes failures.csv and failures.png.
 
 from pathlib import Path
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from laws import VOLTS, Steering
@@ -15,7 +16,6 @@ from matplotlib.figure import Figure
 from sail import AIM, DAY, circumstance, sail
 from tables import write
 
-import equinox as eqx
 import esail_jax as esail
 from esail_jax import control
 from esail_jax.environment.orbit import orbital_frame
@@ -74,8 +74,8 @@ def main():
         late = run.time > 6 * 3600.0
         change = np.sqrt(np.mean((run["voltage"][:, kept] / VOLTS - 1.0) ** 2))
         lag = np.rad2deg(np.abs(run["lagging_angle"][:, kept]).max())
-        table.append((name, float(np.sqrt((off[late] ** 2).mean())), float(off[-1]), float(change), float(lag),
-                      float(run["smallest_tether_distance"].min())))  # fmt: skip
+        numbers = np.sqrt((off[late] ** 2).mean()), off[-1], change, lag
+        table.append((name, *map(float, (*numbers, run["smallest_tether_distance"].min()))))
         lines[name] = run.time / 3600.0, off
         print(*table[-1], run.stats["message"], f"{run.stats['wall_time']:.1f} s", flush=True)
     header = ("case", "rms miss after 6 h [deg]", "miss after a day [deg]", "rms voltage change",

@@ -1,5 +1,5 @@
-"""The sailing angle held at 15 deg for a day: gains tuned by gradient, a network trained through the run, the
-package's feedback, and constant voltages, in winds that the tuning has not seen.
+"""The sailing angle held at 15 deg for a day: gains tuned by gradient, a network trained through the run,
+the package's feedback, and constant voltages, in winds that the tuning has not seen.
 
     python experiments/control/hold.py
 
@@ -44,7 +44,6 @@ def trainer(law, duration):
     """The cost of a law and its gradient, compiled once for all circumstances."""
     numbers, others = eqx.partition(law, eqx.is_array)
 
-
     def value(x, given, seed):
         return cost(control.Noisy(eqx.combine(x, others), NOISE, seed), given, duration)
 
@@ -88,7 +87,7 @@ def tuned_steering():
         def update(self, measurements, memory):
             return self.law().update(measurements, memory)
 
-    found, history = train(Logarithms(jnp.log(jnp.array([0.5, 0.05]))), 3 * TURN, 40, 0.25, TRAINING)
+    found, history = train(Logarithms(jnp.log(jnp.array([0.5, 0.05, 0.05]))), 3 * TURN, 40, 0.25, TRAINING)
     return found.law(), history
 
 
@@ -124,9 +123,29 @@ def gradient_cost(law):
             for x in (-2 * e, -e, e, 2 * e)
         ]
         quotient = (8 * (ends[2] - ends[1]) - (ends[3] - ends[0])) / (12 * e)
-        rows.append((turns, float(found[0]), float(slope), float(slope) / quotient - 1.0, *seconds))
+        apart = open_loop(duration, given)
+        rows.append((turns, float(found[0]), float(slope), float(slope) / quotient - 1.0, *seconds, *apart))
         print("gradient", rows[-1], flush=True)
     return rows
+
+
+def open_loop(duration, given):
+    """Seconds of the run with constant voltages, and of its gradient by them, in the same circumstance."""
+
+    def of_volts(volts, given, seed):
+        run = esail.simulate(
+            "baseline", sail(duration, interval=60.0) | given | {"voltage.value": volts}, save=SAVED
+        )
+        return jnp.mean(miss(run) ** 2) + LAG * jnp.mean(run["lagging_angle"] ** 2)
+
+    seconds, volts = [], jnp.full(4, 20e3)
+    for function in (esail.jit(of_volts), esail.jit(jax.grad(of_volts))):
+        jax.block_until_ready(function(volts, *given))
+        began = time.perf_counter()
+        for _ in range(3):
+            jax.block_until_ready(function(volts, *given))
+        seconds.append((time.perf_counter() - began) / 3)
+    return seconds
 
 
 def main():
@@ -161,13 +180,35 @@ def main():
             table.append((label, rms.mean(), rms.max(), np.mean(change), swing))
             lines[label] = found[0][1].time / 3600.0, found[0][2]
             print(table[-1], flush=True)
-    write("hold.csv", ("law", "mean rms [deg]", "worst rms [deg]", "rms voltage change", "largest lag [deg]"), table)
-    write("training.csv", ("law", "step", "cost", "seconds"),
-          [(n, *x) for n, h in (("steering", history), ("network", learning)) for x in h])
-    write("gradient.csv", ("turns", "cost", "by gain", "relative error", "run [s]", "with gradient [s]"), gradient_cost(Steering(*jnp.array([0.5, 0.05, 0.05]))))
+    write(
+        "hold.csv",
+        ("law", "mean rms [deg]", "worst rms [deg]", "rms voltage change", "largest lag [deg]"),
+        table,
+    )
+    write(
+        "training.csv",
+        ("law", "step", "cost", "seconds"),
+        [(n, *x) for n, h in (("steering", history), ("network", learning)) for x in h],
+    )
+    write(
+        "gradient.csv",
+        (
+            "turns",
+            "cost",
+            "by gain",
+            "relative error",
+            "run [s]",
+            "with gradient [s]",
+            "open loop [s]",
+            "with gradient [s]",
+        ),
+        gradient_cost(Steering(*jnp.array([0.5, 0.05, 0.05]))),
+    )
     figure = Figure(figsize=(7.0, 3.6), layout="constrained")
     axes = figure.subplots()
-    for (label, (hours, off)), style in zip(lines.items(), ("k:", "C0-", "C1-", "C2-", "C2--", "C3-", "C3--", "C4-", "C4--")):
+    for (label, (hours, off)), style in zip(
+        lines.items(), ("k:", "C0-", "C1-", "C2-", "C2--", "C3-", "C3--", "C4-", "C4--"), strict=True
+    ):
         axes.semilogy(hours, np.maximum(off, 1e-3), style, label=label, lw=1.0)
     axes.set(xlabel="time [h]", ylabel="angle to the aim [deg]", xlim=(0, 24))
     axes.legend(fontsize=7, ncols=2)

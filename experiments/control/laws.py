@@ -12,8 +12,8 @@ VOLTS = 20e3
 
 
 def aim_of(wind, sailing_angle):
-    """Unit vector in I of the spin axis that has a sailing angle [rad], in the plane of the Sun line and the
-    orbit."""
+    """Unit vector in I of the spin axis whose components in the orbital frame O are (sin alpha, 0,
+    cos alpha), alpha the sailing angle [rad]."""
     return orbital_frame(wind) @ jnp.array([jnp.sin(sailing_angle), 0.0, jnp.cos(sailing_angle)])
 
 
@@ -64,9 +64,13 @@ class Steering(eqx.Module):
     gain: jax.Array
     integral: jax.Array
     damping: jax.Array
-    sailing_angle: float = eqx.field(static=True, default=float(np.deg2rad(15.0)))
+    sailing_angle: float | jax.Array = float(np.deg2rad(15.0))
     period: float = eqx.field(static=True, default=60.0)
     lost: tuple[int, ...] = eqx.field(static=True, default=())
+
+    def towards(self, sailing_angle):
+        """The law with another sailing angle [rad] as its aim."""
+        return eqx.tree_at(lambda law: law.sailing_angle, self, sailing_angle)
 
     def init(self, measurements):
         return jnp.zeros(3)

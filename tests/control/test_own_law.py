@@ -118,8 +118,8 @@ def test_measurements_are_those_of_the_run():
     """Tip positions in B, their rates, the angular velocity and the tension at the root of a moving sail.
 
     The rate is compared with central differences over 0.02 s (1e-6 of the largest rate: the fastest motion
-    here has 0.5 s and an amplitude of 1e-8 of the length). The tension is the mean centrifugal force of unit
-    and tether beyond a point of the element, to 3e-3 (coning, vibration and hub)."""
+    here has 0.5 s and an amplitude of 1e-8 of the length). The tension is the mean centrifugal force of the
+    unit and of the tether beyond a point of the element, to 3e-3 (coning, vibration and hub)."""
     times = [100.0 - 0.01, 100.0, 100.0 + 0.01]
     run = simulate(Waves(), times=times)
     scene = load_scene("baseline", SAIL)
