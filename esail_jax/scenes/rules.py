@@ -18,8 +18,13 @@ class SceneError(InputError):
     """A scene that cannot be built; the message names the key, what it must be and what it is."""
 
     def __init__(self, key: str, must: str, got: str):
-        super().__init__(f"`{key}` must {must}, but {got}")
+        super().__init__(one_line(f"`{key}` must {must}, but {got}"))
         self.key, self.must, self.got = key, must, got
+
+
+def one_line(text: str) -> str:
+    """The text with characters that cannot be printed, such as line breaks, as escape sequences."""
+    return "".join(x if x.isprintable() else x.encode("unicode_escape").decode() for x in text)
 
 
 @dataclasses.dataclass(frozen=True)

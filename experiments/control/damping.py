@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from laws import Steering
 from matplotlib.figure import Figure
-from sail import TURN, sail
+from sail import CONSTANT, TURN, sail
 from tables import write
 
 import esail_jax as esail
@@ -32,7 +32,8 @@ def main():
     table, lines = [], {}
     for damping in (None, 0.1, 0.3, 1.0, 3.0):
         law = None if damping is None else Steering(*jnp.array([0.0, 0.0, damping]))
-        run = esail.simulate("baseline", given, voltage_law=law, save=saved)
+        limits = CONSTANT if law is None else {}
+        run = esail.simulate("baseline", given | limits, voltage_law=law, save=saved)
         lag, time = np.rad2deg(run["lagging_angle"]), run.time
         after = [(time > 3 * TURN) & (time < 6 * TURN), time > 17 * TURN]
         rms = [float(np.sqrt((lag[part] ** 2).mean())) for part in after]

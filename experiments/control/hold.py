@@ -16,7 +16,7 @@ import numpy as np
 import optax
 from laws import Policy, Steering
 from matplotlib.figure import Figure
-from sail import DAY, SAVED, TURN, circumstance, miss, sail
+from sail import CONSTANT, DAY, SAVED, TURN, circumstance, miss, sail
 from tables import write
 
 import esail_jax as esail
@@ -134,7 +134,9 @@ def open_loop(duration, given):
 
     def of_volts(volts, given, seed):
         run = esail.simulate(
-            "baseline", sail(duration, interval=60.0) | given | {"voltage.value": volts}, save=SAVED
+            "baseline",
+            sail(duration, interval=60.0) | given | CONSTANT | {"voltage.value": volts},
+            save=SAVED,
         )
         return jnp.mean(miss(run) ** 2) + LAG * jnp.mean(run["lagging_angle"] ** 2)
 
@@ -161,7 +163,7 @@ def main():
     strong = feedback | {"voltage.gain": float(steering.gain)}
     untuned = Steering(*jnp.array([0.5, 0.0, 0.0]))
     laws = {
-        "constant voltage": (None, {}),
+        "constant voltage": (None, CONSTANT),
         "feedback, gain 0.5": (None, feedback),
         "feedback, tuned gain": (None, strong),
         "steering, gain 0.5": (untuned, {}),

@@ -16,7 +16,7 @@ import numpy as np
 import optax
 from laws import Steering, aim_of
 from matplotlib.figure import Figure
-from sail import TURN, sail
+from sail import CONSTANT, TURN, sail
 from tables import write
 
 import esail_jax as esail
@@ -100,7 +100,7 @@ def transition(replans, seed):
     wind = gusty_wind(seed, (TURNS + 2) * TURN)
     lengths = {"tethers.length": 10e3 + 10.0 * np.random.default_rng(seed).standard_normal(4)}
     first = sail(HORIZON * TURN, 10.0, orbit=PLACE) | lengths
-    point = esail.simulate("baseline", first, times=[0.0], save=[]).final_state
+    point = esail.simulate("baseline", first | CONSTANT, times=[0.0], save=[]).final_state
     rows, aims = [], jnp.deg2rad(jnp.array([10.0, 12.0, 14.0, 16.0]))
     for turn in range(TURNS):
         seconds = 0.0
@@ -120,7 +120,7 @@ def transition(replans, seed):
 
 def main():
     cost(jnp.full(HORIZON + 1, TO), esail.simulate(  # compiles
-        "baseline", sail(HORIZON * TURN, 10.0, orbit=PLACE), times=[0.0], save=[]).final_state)  # fmt: skip
+        "baseline", sail(HORIZON * TURN, 10.0, orbit=PLACE) | CONSTANT, times=[0.0], save=[]).final_state)  # fmt: skip
     found = {"planned once a turn": transition(True, 3), "ramp": transition(False, 3)}
     for name, rows in found.items():
         reached = next((row[0] for i, row in enumerate(rows) if max(r[1] for r in rows[i:]) < 0.5), "never")

@@ -16,6 +16,9 @@ AIM = np.deg2rad(15.0)
 SAVED = ["heliocentric_position", "tip_position_I", "voltage", "coning_angle", "lagging_angle"]
 
 
+CONSTANT = {"voltage.maximum": None}
+"""Override for runs with constant voltages, which take no limit."""
+
 ORBIT = {
     "orbit.position_au": [1.0, 0.0, 0.0],
     "orbit.velocity": [0.0, 29.78e3, 0.0],
@@ -36,6 +39,7 @@ def sail(duration, sailing_angle_deg=14.0, interval=300.0, orbit=ORBIT):
         "integrator.t_end": duration,
         "integrator.tolerance": 1e-8,
         "output.interval": interval,
+        "voltage.maximum": 40e3,
     } | orbit
 
 
