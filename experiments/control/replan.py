@@ -119,8 +119,9 @@ def transition(replans, seed):
 
 
 def main():
-    cost(jnp.full(HORIZON + 1, TO), esail.simulate(  # compiles
-        "baseline", sail(HORIZON * TURN, 10.0, orbit=PLACE) | CONSTANT, times=[0.0], save=[]).final_state)  # fmt: skip
+    scene = sail(HORIZON * TURN, 10.0, orbit=PLACE) | CONSTANT
+    begin = esail.simulate("baseline", scene, times=[0.0], save=[]).final_state
+    cost(jnp.full(HORIZON + 1, TO), begin)  # compiles
     found = {"planned once a turn": transition(True, 3), "ramp": transition(False, 3)}
     for name, rows in found.items():
         reached = next((row[0] for i, row in enumerate(rows) if max(r[1] for r in rows[i:]) < 0.5), "never")
