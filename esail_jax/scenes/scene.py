@@ -168,6 +168,7 @@ class Scene:
             "gravity", "orbit", "plasma_brake",
         )  # fmt: skip
         names += [name.replace("_", " ") for name in others if getattr(self, name) is not None]
+        names += [] if self.voltage_law is None else [f"voltage law {type(self.voltage_law).__name__}"]
         if self.event is not None:
             names.append(count_of(len(self.event.time), "event"))
         return names

@@ -35,7 +35,7 @@ GYRO, TRACKER, CAMERA = 1e-5, 1e-4, 1e-4
 """Standard deviations: gyroscopes [rad/s], star tracker and directions of the remote units [rad]."""
 
 HUB, ACROSS, ALONG = (1e-3, 1e-5), (5.0, 0.02), (0.01, 0.01)
-"""Standard deviations of the start, of positions and velocities: the coordinates of the hub [rad or m, 1/s],
+"""Standard deviations of the start, of positions and velocities: coordinates of the hub [rad or m, 1/s],
 and the tips across and along their tethers [m, m/s]."""
 
 DRIFT = (1e-6, 1e-8), (1e-3, 1e-3), (1e-4, 1e-4)

@@ -2,8 +2,8 @@
 gradient on the flexible sail, both tracked by the steering law.
 
 A plan is a table of the sailing angle, linear between eleven instants two turns apart. The plan of a rigid
-sail is a ramp over twelve turns. The other one is optimised with bounds on the lagging angle and on the
-power (augmented Lagrangian, Adam).
+sail is a ramp over twelve turns. The other one is optimised with bounds on the lagging angle, the
+power and the distance of tethers (augmented Lagrangian, Adam).
 
     python experiments/control/transition.py
 
@@ -28,11 +28,18 @@ import esail_jax as esail
 HERE = Path(__file__).parent
 TURNS, KNOTS = 20, 11
 FROM, TO = np.deg2rad(10.0), np.deg2rad(25.0)
-MOST_LAG, MOST_POWER = np.deg2rad(1.6), 9.0
-"""Bounds: lagging angle [rad] and electric power [W] of four tethers of four wires of 25 um."""
+MOST_LAG, MOST_POWER, LEAST_DISTANCE = np.deg2rad(1.6), 9.0, 10e3
+"""Bounds: lagging angle [rad], electric power [W] of four tethers of four wires of 25 um, and distance of
+remote units to other tethers [m]."""
 
 WIRES = {"tethers.wire_radius": 12.5e-6, "tethers.wires": 4}
-SAVED = ["heliocentric_position", "tip_position_I", "lagging_angle", "electric_power", "coning_angle"]
+SAVED = [
+    "heliocentric_position",
+    "tip_position_I",
+    "lagging_angle",
+    "electric_power",
+    "smallest_tether_distance",
+]
 
 
 class Tracking(eqx.Module):
@@ -60,13 +67,14 @@ def fly(plan):
 
 def measures(plan):
     """Mean square of the miss in the last two turns [rad^2], the mean over the whole run, and by how much
-    the bounds are exceeded: the largest lagging angle and power, relative."""
+    the bounds are exceeded, relative: the largest lagging angle, power, and contact of tethers."""
     run = fly(plan)
     off = miss(run, TO) ** 2
     late = jnp.asarray(run.time) > (TURNS - 2) * TURN
     lag = jnp.abs(run["lagging_angle"]).max() / MOST_LAG - 1.0
     power = run["electric_power"].max() / MOST_POWER - 1.0
-    return (off * late).sum() / late.sum(), off.mean(), jnp.stack([lag, power])
+    contact = 1.0 - run["smallest_tether_distance"].min() / LEAST_DISTANCE
+    return (off * late).sum() / late.sum(), off.mean(), jnp.stack([lag, power, contact])
 
 
 def plan_by_gradient(start, rounds=9, steps=15):
@@ -78,7 +86,7 @@ def plan_by_gradient(start, rounds=9, steps=15):
         return 30.0 * late + whole + ((active**2 - multipliers**2) / (2.0 * weight)).sum(), excess
 
     of = esail.jit(jax.value_and_grad(lagrangian, has_aux=True))
-    plan, multipliers, weight = jnp.asarray(start), jnp.zeros(2), 0.3
+    plan, multipliers, weight = jnp.asarray(start), jnp.zeros(3), 0.3
     seconds = []
     for number in range(rounds):
         optimiser = optax.adam(optax.cosine_decay_schedule(np.deg2rad(0.6) * 0.75**number, steps))

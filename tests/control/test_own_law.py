@@ -222,6 +222,22 @@ def test_a_law_in_a_design_objective_and_an_objective_of_a_user():
     assert float(slope) == pytest.approx((ends[1] - ends[0]) / (2 * e), rel=1e-4)
 
 
+@pytest.mark.slow
+def test_members_of_an_ensemble_and_chunks_have_the_law():
+    """Members with other spin rates equal single runs by `esail.run`, to rounding (1e-11 of a voltage)."""
+    from esail_jax.ensembles import simulate_members
+
+    spins, scene = np.array([4e-3, 4.1e-3]), SAIL | SHORT | {"voltage_law": Swinging()}
+    found = simulate_members(
+        load_scene("baseline", scene), {"initial.spin_rate": spins}, observables=["voltage"]
+    )
+    for member, spin in enumerate(spins):
+        changed = SAIL | SHORT | {"initial.spin_rate": spin}
+        chunks = esail.run("baseline", changed, voltage_law=Swinging(), save=["voltage"])
+        rows = np.concatenate([chunk.observables["voltage"] for chunk in chunks])
+        assert np.allclose(found["voltage"][member], rows, rtol=1e-11)
+
+
 # ---- files --------------------------------------------------------------------------------------
 
 
@@ -320,6 +336,7 @@ def test_a_scene_that_names_a_law_in_python_needs_it():
     """The TOML text of such a scene is read, but cannot be run without the law."""
     scene = load_scene("baseline", SAIL | {"voltage_law": Waves()})
     again = parse(to_toml(scene), "text")
+    assert "voltage law Waves" in repr(scene) and "voltage law" not in repr(again)
     assert again.voltage.law == "python" and again.replace({"voltage_law": Waves()}) == scene
     with pytest.raises(esail.SceneError, match="`voltage_law` must be given with"):
         esail.simulate(again)
