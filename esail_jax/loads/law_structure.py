@@ -6,6 +6,7 @@ derivatives. The structure decides which program is compiled.
 
 import dataclasses
 import hashlib
+import re
 from typing import Any
 
 import jax
@@ -61,6 +62,11 @@ def identity_of(law: Any) -> str:
         if is_number(leaf):
             digest.update(np.ascontiguousarray(np.asarray(leaf)).tobytes())
         else:
-            digest.update(getattr(leaf, "__qualname__", repr(leaf)).encode())
-    digest.update(str(tree).encode())
+            digest.update(without_addresses(getattr(leaf, "__qualname__", repr(leaf))))
+    digest.update(without_addresses(str(tree)))
     return f"{type(law).__module__}.{type(law).__qualname__} {digest.hexdigest()[:16]}"
+
+
+def without_addresses(text: str) -> bytes:
+    """The description of an object without its address in memory, which is another in every process."""
+    return re.sub(r" at 0x[0-9a-f]+", "", text).encode()

@@ -87,7 +87,8 @@ def segments(begin: float, end: float, switches: Sequence[float]) -> list[Segmen
     """Returns the segments of a run from `begin` to `end` [s], in order."""
     inner = [time for time in switches if begin < time < end]
     starts, stops = [begin, *inner], [*inner, end]
-    later = [min((time for time in switches if time > start), default=np.inf) for start in starts]
+    known = np.append(np.sort(np.asarray(switches, float)), np.inf)
+    later = known[np.searchsorted(known, starts, side="right")].tolist()
     last = [stop == end for stop in stops]
     return [Segment(*values) for values in zip(starts, stops, later, last, strict=True)]
 
@@ -133,7 +134,7 @@ class Schedule:
         window (both with the axis `time`)."""
         rows: list[tuple] = []
         where: dict = {}
-        end = self.times[-1]
+        end, times = self.times[-1], np.array(self.times)
         for segment in segments(self.begin, end, self.switches):
             share = (segment.stop - segment.start) / max(end - self.begin, 1e-300)
             cuts = segment.start + (segment.stop - segment.start) * (
@@ -141,7 +142,8 @@ class Schedule:
                 / max(1, int(np.ceil(self.least * share)))
             )
             first = segment.start == self.begin
-            saved = [t for t in self.times if (segment.start < t or first) and t <= segment.stop]
+            low, high = np.searchsorted(times, (segment.start, segment.stop), side="right")
+            saved = self.times[0 if first else low : high]
             ends = {*cuts.tolist(), segment.stop}
             window: list[float] = []
             begins = not first
@@ -151,9 +153,9 @@ class Schedule:
                 if len(window) == self.size or time in ends:
                     rows.append((window, segment.start, begins, segment.until))
                     window, begins = [], False
-        times = np.array([[*w, *[w[-1]] * (self.size - len(w))] for w, *_ in rows])
+        padded = np.array([[*w, *[w[-1]] * (self.size - len(w))] for w, *_ in rows])
         count = np.array([len(w) for w, *_ in rows])
         start, begins, until = (np.array([row[i] for row in rows]) for i in (1, 2, 3))
         samples = begins & np.isin(start, self.samples)
         index = np.array([where[time] for time in self.times])
-        return Windows(times, count, start, begins, until, samples), index[:, 0], index[:, 1]
+        return Windows(padded, count, start, begins, until, samples), index[:, 0], index[:, 1]

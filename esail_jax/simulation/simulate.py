@@ -69,10 +69,11 @@ def simulate(
     period; a row at a sampling instant has the voltages before the sample. A run from `start` begins with
     a new memory.
 
-    Under a trace nothing can raise: `result` is not `RESULTS.successful`, and the observables are NaN from
-    the failure on. A derivative records the steps in buffers of fixed size: WINDOWS_PER_TURN windows for
-    every turn of the sail, but at least LEAST_WINDOWS, with `blocks_per_window` blocks of the stepper each;
-    or as many as `max_steps` asks for. A run that needs more ends with `RESULTS.too_many_steps`.
+    Under a trace nothing can raise: `result` is not `RESULTS.successful`, the observables are NaN from
+    the failure on, and derivatives of them in reverse mode are NaN. A derivative records the steps in
+    buffers of fixed size: WINDOWS_PER_TURN windows for every turn of the sail, but at least LEAST_WINDOWS,
+    with `blocks_per_window` blocks of the stepper each; or more, if `max_steps` asks for more. A run that
+    needs more ends with `RESULTS.too_many_steps`.
 
     Raises SceneError for bad input, SimulationError for a failed run, RuntimeError in 32-bit mode."""
     scene = load_scene(scene, with_law(overrides, voltage_law))

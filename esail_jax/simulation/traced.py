@@ -22,7 +22,7 @@ from esail_jax.simulation.look import look, on_constraints, with_running_observa
 from esail_jax.simulation.problem import restart, start
 from esail_jax.simulation.schedule import Schedule
 from esail_jax.steppers.results import RESULTS
-from esail_jax.steppers.stepper import INSTANTS_TOGETHER, AbstractStepper, Point, nan_like
+from esail_jax.steppers.stepper import INSTANTS_TOGETHER, AbstractStepper, Point
 from esail_jax.system import Power
 
 
@@ -127,9 +127,9 @@ def run(
         drifted = ~(kept | ~good).all()
         result = RESULTS.where(drifted & is_good(motion), RESULTS.energy_drift, result)
         good = jnp.cumprod(good & kept).astype(bool)
-    rows = {name: jnp.where(along(good, x), x, jnp.nan) for name, x in rows.items()}
-    final = jax.tree.map(lambda x: x[-1], points)
-    final = select(good[-1], final, nan_like(final))
+    zero = zero_of((numbers, stepper, point))
+    rows = {name: nan_unless(along(good, x), x, zero) for name, x in rows.items()}
+    final = jax.tree.map(lambda x: nan_unless(good[-1], x[-1], zero), points)
     return Traced(rows, final, result, motion.counts, problem.stepper.error_estimates(motion.state))
 
 
@@ -155,6 +155,22 @@ def is_motion(x: Any) -> bool:
 def is_good(motion) -> Array:
     """Returns whether the stepper can go on."""
     return motion.state.result == RESULTS.successful
+
+
+def zero_of(arguments: Any) -> Scalar:
+    """Returns zero, as a function of all numbers of a run."""
+    numbers = [x for x in jax.tree.leaves(arguments) if jnp.issubdtype(jnp.result_type(x), jnp.inexact)]
+    return sum((jnp.where(jnp.isfinite(x), 0.0 * x, 0.0).sum() for x in numbers), jnp.zeros(()))
+
+
+def nan_unless(good: Array, x: Array, zero: Scalar) -> Array:
+    """Returns x, and NaN where a run has failed.
+
+    zero: `zero_of` the run's arguments. Its product with NaN makes derivatives of failed rows NaN as well.
+    A selection alone would give the derivative of the rows before the failure, without a warning."""
+    if not jnp.issubdtype(x.dtype, jnp.inexact):
+        return x
+    return jnp.where(good, x, 0.0) + jnp.where(good, 0.0, jnp.nan) * zero
 
 
 def along(mask: Array, like: Array) -> Array:

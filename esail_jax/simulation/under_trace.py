@@ -64,10 +64,11 @@ def simulate_traced(
     if step is not None and stepper is None:
         wanted = np.ceil((saved[-1] - begin) / step) + 1
     room = kind.blocks_per_window * kind.blocks_per_batch * kind.steps_per_block
-    if wanted is None:
+    least = 1
+    if step is None or stepper is not None:
         least = max(LEAST_WINDOWS, int(np.ceil(WINDOWS_PER_TURN * turns(scene, saved[-1] - begin))))
-    else:
-        least = max(1, int(np.ceil(wanted / room * (UNEVEN if step is None else MARGIN))))
+    if wanted is not None:
+        least = max(least, int(np.ceil(wanted / room * (UNEVEN if step is None else MARGIN))))
     switches = switch_times(scene)
     instants = tuple(saved.tolist()), switches, begin
     samples = sampling_instants(scene)

@@ -113,3 +113,39 @@ def test_reverse_mode_agrees_with_forward_mode(run, differentiated):
         parts = np.asarray(pulled_back(weights))
         assert abs(parts.sum() - forward) < 1e-9 * np.abs(parts).sum()
         assert abs(forward) > 1e-3 * np.abs(parts).sum()  # the parts do not cancel
+
+
+@pytest.mark.slow
+def test_a_derivative_of_a_failed_run_is_nan(small):
+    """The bound of steps ends the run after a quarter. The observables are NaN from there on; so is the
+    reverse gradient of their mean, which would otherwise be that of the rows before. Forward mode has the
+    derivative of these rows."""
+
+    def energies(volts, most):
+        given = {**small, "output.interval": 5.0, "voltage.value": volts}
+        return esail.simulate("baseline", given, save=["kinetic_energy"], max_steps=most)["kinetic_energy"]
+
+    failed, whole = 50, 10_000
+    gradients = [jit(jax.grad(lambda v: energies(v, most).mean()))(20e3) for most in (failed, whole)]  # noqa: B023
+    assert np.isnan(gradients[0]) and np.isfinite(gradients[1]) and gradients[1] != 0.0
+    rows, slopes = jit(lambda v: jax.jvp(lambda v: energies(v, failed), (v,), (1.0,)))(20e3)
+    assert np.array_equal(np.isfinite(rows), [True, True, False, False, False])
+    assert np.array_equal(np.isfinite(slopes), np.isfinite(rows))
+
+
+def test_a_bound_of_steps_leaves_a_derivative_its_room(monkeypatch):
+    """A bound of steps with error control asks for more windows, never for fewer than without a bound: the
+    number of steps in a window is not known before the run."""
+    from esail_jax.simulation import under_trace
+
+    found = []
+
+    def taken(structure, schedule, *rest):
+        found.append(schedule.least)
+        raise StopIteration
+
+    monkeypatch.setattr(under_trace, "traced_run", taken)
+    for most in (None, 10, 10**6):
+        with pytest.raises(StopIteration):
+            under_trace.simulate_traced(esail.load_scene("baseline"), max_steps=most)
+    assert found[0] == found[1] == under_trace.LEAST_WINDOWS and found[2] > found[0]
