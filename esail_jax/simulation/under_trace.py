@@ -67,6 +67,7 @@ def simulate_traced(
     least = 1
     if step is None or stepper is not None:
         least = max(LEAST_WINDOWS, int(np.ceil(WINDOWS_PER_TURN * turns(scene, saved[-1] - begin))))
+        least = max(least, int(np.ceil(kinks(scene, begin, saved[-1]) / KINKS_PER_WINDOW)))
     if wanted is not None:
         least = max(least, int(np.ceil(wanted / room * (UNEVEN if step is None else MARGIN))))
     switches = switch_times(scene)
@@ -83,6 +84,10 @@ def simulate_traced(
     return Solution(jnp.asarray(saved), rows, found.result, found.point, stats)
 
 
+KINKS_PER_WINDOW = 2
+"""Largest number of kinks in a window. A step that ends at a kink of the wind or of a table of voltages is
+shorter than the one before, and begins another block of steps; windows with six kinks needed too many."""
+
 MARGIN, UNEVEN = 1.25, 4.0
 """Safety factors for the number of windows, because some blocks end early: with steps of a given size, and
 with error control, where blocks of 7 steps alternate with blocks of 24 in a long run of the baseline."""
@@ -93,3 +98,15 @@ def turns(scene: Scene, duration: float) -> float:
     chain."""
     spin = None if scene.chain is not None else known(scene.initial.spin_rate)
     return 0.0 if spin is None else float(np.max(np.abs(spin))) * duration / (2.0 * np.pi)
+
+
+def kinks(scene: Scene, begin: float, end: float) -> int:
+    """Returns the number of instants in a run [s] at which the wind or a table of voltages has a kink. If
+    the instants are tracers, all are counted."""
+    tables = () if scene.chain is not None else (scene.solar_wind, scene.voltage)
+    series = [table.time for table in tables if table is not None and table.time is not None]
+    times = [known(x) for x in series]
+    return sum(
+        np.size(x) if time is None else int(((time > begin) & (time < end)).sum())
+        for x, time in zip(series, times, strict=True)
+    )

@@ -134,8 +134,7 @@ def open_loop(duration, given):
 
     def of_volts(volts, given, seed):
         scene = sail(duration, interval=60.0) | given | CONSTANT | {"voltage.value": volts}
-        # The wind bends every minute: a turn takes more steps than a derivative has room for by default.
-        run = esail.simulate("baseline", scene, save=SAVED, max_steps=int(duration / 5.0))
+        run = esail.simulate("baseline", scene, save=SAVED)
         return jnp.mean(miss(run) ** 2) + LAG * jnp.mean(run["lagging_angle"] ** 2)
 
     seconds, volts = [], jnp.full(4, 20e3)

@@ -145,7 +145,13 @@ def test_a_bound_of_steps_leaves_a_derivative_its_room(monkeypatch):
         raise StopIteration
 
     monkeypatch.setattr(under_trace, "traced_run", taken)
+    scene = esail.load_scene("baseline")
     for most in (None, 10, 10**6):
         with pytest.raises(StopIteration):
-            under_trace.simulate_traced(esail.load_scene("baseline"), max_steps=most)
+            under_trace.simulate_traced(scene, max_steps=most)
     assert found[0] == found[1] == under_trace.LEAST_WINDOWS and found[2] > found[0]
+    # A wind with a kink every 10 s: 471 within the run.
+    gusts = {"solar_wind.time": np.arange(0.0, 5000.0, 10.0), "solar_wind.speed": np.full(500, 4e5)}
+    with pytest.raises(StopIteration):
+        under_trace.simulate_traced(scene.replace(gusts))
+    assert found[3] == -(-471 // under_trace.KINKS_PER_WINDOW)
