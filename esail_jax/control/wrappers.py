@@ -158,7 +158,8 @@ class Without(Wrapper):
 class FailedSource(Wrapper):
     """A law whose voltage source of one tether fails: its voltage is zero from an instant on.
 
-    tether: number of the tether, from 1; time: the instant [s].
+    tether: number of the tether, from 1; time: the instant [s]. A slew rate of the scene limits this fall
+    as any other change.
     """
 
     law: Any

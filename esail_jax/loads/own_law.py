@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from esail_jax.array_types import Array, PerTether, Scalar
 from esail_jax.errors import InputError
@@ -34,8 +35,17 @@ def per_tether(volts: Any, count: int) -> PerTether:
 
 
 def arrays(memory: Any) -> Any:
-    """A memory whose numbers are arrays of a definite type."""
-    return jax.tree.map(lambda x: jnp.asarray(x, jnp.result_type(x)), memory)
+    """A memory whose numbers are arrays of a definite type. Raises InputError for anything else, such as
+    keys of `jax.random`, which no file can hold."""
+
+    def array(x: Any) -> Array:
+        if not isinstance(x, jax.Array | np.ndarray | np.generic | bool | int | float | complex) or (
+            jnp.issubdtype(jnp.result_type(x), jax.dtypes.extended)
+        ):
+            raise InputError(f"`voltage_law` must have a memory of numbers, but it holds {x!r:.60}")
+        return jnp.asarray(x, jnp.result_type(x))
+
+    return jax.tree.map(array, memory)
 
 
 def check_same(before: Any, after: Any) -> None:

@@ -109,9 +109,10 @@ class HostRun:
         self.interval = scene.output.interval if times is None else None
         self.times = save_times(scene.integrator.t_end, scene.output.interval) if times is None else times
         restarts = compiled.programs.restart is not None
-        switches = switch_times(scene) if restarts else ()
-        self.segments = segments(compiled.begin, float(self.times[-1]), switches)
-        self.samples = set(sampling_instants(scene))
+        end = float(self.times[-1])
+        switches = switch_times(scene, end) if restarts else ()
+        self.segments = segments(compiled.begin, end, switches)
+        self.samples = set(sampling_instants(scene, end))
 
     @property
     def steps(self) -> int:

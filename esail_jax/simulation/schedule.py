@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from esail_jax.array_types import Array, Bool, Float, Int
-from esail_jax.scenes.own_law import period_of
-from esail_jax.scenes.rules import known
+from esail_jax.scenes.own_law import PERIOD, period_of
+from esail_jax.scenes.rules import SceneError, known
 from esail_jax.scenes.sail_tables import Voltage
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.tip_tables import TipThrust
@@ -16,6 +16,9 @@ from esail_jax.scenes.tip_tables import TipThrust
 SNAP = 1e-9
 """Fraction of an interval by which a time may miss a multiple of it: multiples of decimal fractions are
 rounded in binary."""
+
+MOST_SAMPLES = 10**6
+"""Largest number of samples of a voltage law in a run: two years of one a minute."""
 
 
 def save_times(t_end: float, interval: float) -> np.ndarray:
@@ -30,8 +33,9 @@ def is_multiple(time: float, interval: float) -> bool:
     return bool(abs(ratio - round(ratio)) <= SNAP * max(1.0, ratio))
 
 
-def switch_times(scene: Scene) -> tuple[float, ...]:
-    """Returns the switch times [s] in increasing order, at which the stepper is initialised again.
+def switch_times(scene: Scene, end: float | None = None) -> tuple[float, ...]:
+    """Returns the switch times [s] in increasing order, at which the stepper is initialised again. end: of
+    the run [s], that of the scene if None.
 
     They are the times of all events, the times `on` and `off` of the voltage and of the thrust at the tips,
     the instants of the temperatures, where these have kinks, and the sampling instants of a user's voltage
@@ -48,20 +52,24 @@ def switch_times(scene: Scene) -> tuple[float, ...]:
     for switched in instants:
         if switched is not None and known(switched) is not None:
             times |= set(known(switched).ravel().tolist())
-    samples = sampling_instants(scene)
+    samples = sampling_instants(scene, end)
     if samples:
         period = period_of(scene.voltage_law)
         times = {time for time in times if not is_multiple(time, period)} | set(samples)
     return tuple(sorted(time for time in times if time > 0.0))
 
 
-def sampling_instants(scene: Scene) -> tuple[float, ...]:
+def sampling_instants(scene: Scene, end: float | None = None) -> tuple[float, ...]:
     """Returns the sampling instants [s] of a user's voltage law after the start: all multiples of its
-    period until `t_end`. A switch time that differs from one of them by rounding only is replaced by it."""
+    period until the end of the run [s], that of the scene if None. Raises SceneError if they are more than
+    MOST_SAMPLES. A switch time that differs from one of them by rounding only is replaced by it."""
     period = period_of(scene.voltage_law)
     if period is None:
         return ()
-    return tuple((np.arange(1, int(scene.integrator.t_end / period * (1.0 + SNAP)) + 1) * period).tolist())
+    last = (scene.integrator.t_end if end is None else end) / period * (1.0 + SNAP)
+    if last > MOST_SAMPLES:
+        raise SceneError(PERIOD, f"leave at most {MOST_SAMPLES:.0e} samples", f"is {period:g}")
+    return tuple((np.arange(1, int(last) + 1) * period).tolist())
 
 
 def divided_at(scene: Scene) -> tuple[str, ...]:

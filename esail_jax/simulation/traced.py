@@ -159,7 +159,7 @@ def is_good(motion) -> Array:
 
 def zero_of(arguments: Any) -> Scalar:
     """Returns zero, as a function of all numbers of a run."""
-    numbers = [x for x in jax.tree.leaves(arguments) if jnp.issubdtype(jnp.result_type(x), jnp.inexact)]
+    numbers = [x for x in jax.tree.leaves(arguments) if jnp.issubdtype(jnp.result_type(x), jnp.floating)]
     return sum((jnp.where(jnp.isfinite(x), 0.0 * x, 0.0).sum() for x in numbers), jnp.zeros(()))
 
 

@@ -70,9 +70,10 @@ def simulate_traced(
         least = max(least, int(np.ceil(kinks(scene, begin, saved[-1]) / KINKS_PER_WINDOW)))
     if wanted is not None:
         least = max(least, int(np.ceil(wanted / room * (UNEVEN if step is None else MARGIN))))
-    switches = switch_times(scene)
+    end = float(saved[-1])
+    switches = switch_times(scene, end)
     instants = tuple(saved.tolist()), switches, begin
-    samples = sampling_instants(scene)
+    samples = sampling_instants(scene, end)
     schedule = Schedule(*instants, kind.instants_per_window, least, divided_at(scene), samples)
     names = None if save is None or scene.chain is not None else tuple(save)
     limit = jnp.asarray(jnp.inf if max_steps is None else float(max_steps))
@@ -86,7 +87,8 @@ def simulate_traced(
 
 KINKS_PER_WINDOW = 2
 """Largest number of kinks in a window. A step that ends at a kink of the wind or of a table of voltages is
-shorter than the one before, and begins another block of steps; windows with six kinks needed too many."""
+shorter than the one before, and begins another block of steps. Windows with three kinks needed too many
+blocks in a run of twelve turns."""
 
 MARGIN, UNEVEN = 1.25, 4.0
 """Safety factors for the number of windows, because some blocks end early: with steps of a given size, and

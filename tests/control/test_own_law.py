@@ -73,7 +73,9 @@ def test_a_sampled_law_is_a_sequence_of_runs_with_constant_voltages(method):
 def test_samples_are_taken_at_multiples_of_the_period():
     """V = 20 kV + 10 V/s i t at t = 0, 35, 70, 105 s. A row at a sampling instant has the voltage before
     the sample."""
-    run = simulate(Clock(), times=[0.0, 34.0, 35.0, 36.0, 70.0, 71.0, 120.0], save=["voltage"])
+    # The end of the run is that of `times`, after the scene's own.
+    end = {"integrator.t_end": 20.0}
+    run = simulate(Clock(), end, times=[0.0, 34.0, 35.0, 36.0, 70.0, 71.0, 120.0], save=["voltage"])
     sampled = np.array([0.0, 0.0, 0.0, 35.0, 35.0, 70.0, 105.0])
     assert np.allclose(run["voltage"], 20e3 + 10.0 * np.outer(sampled, [1, 2, 3]), rtol=1e-15)
 
@@ -105,6 +107,9 @@ def test_sampling_instants_divide_the_run():
     """They are multiples of the period, and replace switch times that differ from them by rounding."""
     scene = load_scene("baseline", SAIL | {"voltage_law": Clock(period=0.1), "integrator.t_end": 0.7})
     assert sampling_instants(scene) == tuple(0.1 * np.arange(1, 8))
+    assert sampling_instants(scene, 0.35) == tuple(0.1 * np.arange(1, 4))
+    with pytest.raises(esail.SceneError, match="must leave at most 1e\\+06 samples, but is 1e-07"):
+        sampling_instants(scene.replace({"voltage_law": Clock(period=1e-7)}))
     event = scene.replace({"event.time": [0.3], "event.release": [1]})  # 3 * 0.1 is larger by rounding
     assert switch_times(event) == sampling_instants(scene)
     assert switch_times(scene.replace({"event.time": [0.35], "event.release": [1]}))[3] == 0.35
@@ -279,6 +284,25 @@ def test_resuming_asks_for_the_law_of_the_file(tmp_path, capsys):
     assert path.read_bytes() == before
 
 
+@pytest.mark.parametrize(
+    ("law", "message"),
+    [
+        ("laws.txt:Law", "must look like FILE.py:NAME, but is 'laws.txt:Law'"),
+        ("missing.py:Law", "must name an existing file, but there is no missing.py"),
+        ("laws.py:Law", "raises AttributeError: module 'laws' has no attribute 'Law'"),
+        ("laws.py:broken", "raises ZeroDivisionError"),
+    ],
+)
+def test_a_law_that_cannot_be_read_is_refused_in_one_line(law, message, tmp_path, monkeypatch, capsys):
+    """Nothing is written, and a fault in the user's file is named."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "laws.py").write_text("def broken():\n    return 1 / 0\n", encoding="utf-8")
+    assert main(["run", "baseline", "-o", "a.h5", "--voltage-law", law]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("`--voltage-law` must ") and message in err and err.count("\n") == 1
+    assert not (tmp_path / "a.h5").exists()
+
+
 # ---- bad input ----------------------------------------------------------------------------------
 
 
@@ -304,6 +328,16 @@ class TwoVolts(eqx.Module):
         return jnp.zeros(2)
 
 
+class Texts(Swinging):
+    def init(self, measurements):
+        return "nothing"
+
+
+class Keys(Swinging):
+    def init(self, measurements):
+        return jax.random.key(0)
+
+
 class Forgetful(Swinging):
     def update(self, measurements, memory):
         return 20e3, {"before": 0.0}
@@ -317,6 +351,8 @@ BAD = {
     "no period": (Clock(period=None), {}, "`voltage_law.period` must be positive, but is None"),
     "slew rate": (Waves(), {"voltage.slew_rate": 3.0}, "`voltage.slew_rate` must be left out unless"),
     "shape": (TwoVolts(), {}, "must return one voltage, or one for each of 3 .* of shape \\(2,\\)"),
+    "text": (Texts(), {}, "must have a memory of numbers, but it holds 'nothing'"),
+    "key": (Keys(), {}, "must have a memory of numbers, but it holds "),
     "memory": (Forgetful(), {}, "`voltage_law.update` must return a memory like the one before"),
     "law": (Waves(), {"voltage.law": "constant"}, '`voltage.law` must be "python" with `voltage_law`'),
     "other key": (Waves(), {"voltage.gain": 1.0}, "`voltage.gain` must be left out with the law python"),
