@@ -18,7 +18,7 @@ from esail_jax.environment.kepler_orbit import KeplerOrbit
 from esail_jax.joints.roots import FrameRoots, HubRoots
 from esail_jax.loads.tip_thrust import TipThrust
 from esail_jax.numerics.small_matrices import matmul
-from esail_jax.terms import ControlledLoad, Dissipation, Load, Term, has_law
+from esail_jax.terms import Dissipation, Load, Term, has_law
 
 
 class Assembly(eqx.Module):
@@ -70,7 +70,7 @@ class Assembly(eqx.Module):
             slack = any(isinstance(term, TensionOnlyEnergy) for term in self.ring.energies)
             names.append(f"auxiliary tethers ({self.ring.segments.kind}{', tension only' * slack})")
             names += [f"auxiliary {term.name}" for term in self.ring.dissipations]
-        names += [x.law_name for x in self.loads if isinstance(x, ControlledLoad) and has_law(x)]
+        names += [load.law_name for load in self.loads if has_law(load)]
         names += [] if self.tip_thrust is None else [self.tip_thrust.name]
         names += ["gravity"] * (self.gravity is not None)
         names += ["circular orbit"] * (self.orbit is not None)

@@ -64,3 +64,12 @@ def split_second_derivative(r_x: VectorPerPoint, r_xx: VectorPerPoint) -> tuple[
     """Splits r_xx = a r_x + n into a and the vector n normal to r_x."""
     along = dot(r_x, r_xx) * reciprocal(dot(r_x, r_x))
     return along, r_xx - along * r_x
+
+
+def add_fields(parts: list[PointFields]) -> PointFields:
+    """Sum of the contributions of several terms, field by field; None where no term contributes."""
+    sums = []
+    for values in zip(*parts, strict=True) if parts else ((),) * len(PointFields._fields):
+        present = [value for value in values if value is not None]
+        sums.append(sum(present[1:], present[0]) if present else None)
+    return PointFields(*sums)

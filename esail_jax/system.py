@@ -29,7 +29,7 @@ from esail_jax.environment.kepler_orbit import nodal_tide, tide
 from esail_jax.measurements import Measurements
 from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import dot, stacked
-from esail_jax.point_fields import PointFields
+from esail_jax.point_fields import PointFields, add_fields
 from esail_jax.sensors import with_motion
 from esail_jax.terms import ControlledLoad, Term, inner_terms_of, needs_command
 
@@ -292,12 +292,3 @@ def states_inside(x: Coordinates) -> Coordinates:
     """Coordinates of several states, the first axis, with this axis where elements expect it."""
     ring = None if x.ring is None else jnp.moveaxis(x.ring, 0, 1)
     return Coordinates(jnp.moveaxis(x.tether, 0, 2), x.hub, ring)
-
-
-def add_fields(parts: list[PointFields]) -> PointFields:
-    """Sum of the contributions of several terms, field by field; None where no term contributes."""
-    sums = []
-    for values in zip(*parts, strict=True) if parts else ((),) * len(PointFields._fields):
-        present = [value for value in values if value is not None]
-        sums.append(sum(present[1:], present[0]) if present else None)
-    return PointFields(*sums)

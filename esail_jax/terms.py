@@ -252,9 +252,10 @@ def needs_command(load: Load) -> TypeGuard[ControlledLoad]:
     return isinstance(load, ControlledLoad) and not load.constant
 
 
-def has_law(load: ControlledLoad) -> bool:
-    """Tells whether the command of a load ever changes."""
-    return needs_command(load) or load.is_sampled
+def has_law(load: Load) -> TypeGuard[ControlledLoad]:
+    """Tells whether a control law ever changes the load's command, at every state or from sample to
+    sample."""
+    return isinstance(load, ControlledLoad) and (not load.constant or load.is_sampled)
 
 
 def find_term(terms: Iterable[Term], kind: type) -> Any:

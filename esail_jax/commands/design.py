@@ -18,7 +18,8 @@ from esail_jax.design.optimiser import State
 from esail_jax.design.problem import Design
 from esail_jax.files.opening import RunFileError
 from esail_jax.files.run_file import save
-from esail_jax.scenes.scene import Scene, to_toml
+from esail_jax.scenes.scene import Scene
+from esail_jax.scenes.toml_text import to_toml
 from esail_jax.simulation.simulate import simulate
 from esail_jax.simulation.solution import Solution
 

@@ -28,7 +28,8 @@ from esail_jax.files.hdf5 import atomic_hdf5, create_observables, create_quantit
 from esail_jax.files.opening import SCHEMA_VERSION, RunFileError, intact, open_run, to_python
 from esail_jax.observables import listed
 from esail_jax.scenes.method_choice import accuracy_of, with_method
-from esail_jax.scenes.scene import Scene, parse, to_toml
+from esail_jax.scenes.scene import Scene, parse
+from esail_jax.scenes.toml_text import to_toml
 from esail_jax.simulation.schedule import save_times
 
 COMPLETE, FAILED, MISSING = "complete", "failed", "missing"

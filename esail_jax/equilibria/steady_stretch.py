@@ -13,8 +13,7 @@ from jax import lax
 from esail_jax.array_types import Array, Float, Int, Nodal, PerTether, Scalar
 from esail_jax.elements.tether import TetherBatch
 from esail_jax.numerics import block_tridiagonal as chains
-from esail_jax.point_fields import PointFields
-from esail_jax.system import add_fields
+from esail_jax.point_fields import PointFields, add_fields
 from esail_jax.terms import Energy
 
 RAMP_STEPS, NEWTON_STEPS = 12, 20

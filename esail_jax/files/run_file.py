@@ -29,7 +29,8 @@ from esail_jax.loads.law_structure import identity_of
 from esail_jax.observables import Observable, described
 from esail_jax.observables.run_warning import run_warning
 from esail_jax.scenes.method_choice import accuracy_of, with_method
-from esail_jax.scenes.scene import Scene, parse, to_toml
+from esail_jax.scenes.scene import Scene, parse
+from esail_jax.scenes.toml_text import to_toml
 from esail_jax.simulation.host import CompiledScene, HostRun
 from esail_jax.simulation.problem import require_64_bit
 from esail_jax.simulation.results import Checkpoint, Chunk, join

@@ -19,7 +19,8 @@ from esail_jax.array_types import Array, PerTether, Scalar
 from esail_jax.errors import InputError
 from esail_jax.loads.electron_current import PowerLimited
 from esail_jax.loads.law_structure import LawStructure
-from esail_jax.loads.voltage import VoltageLaw, limit
+from esail_jax.loads.voltage import VoltageLaw
+from esail_jax.loads.voltage_limits import limit
 from esail_jax.measurements import Measurements
 
 

@@ -14,16 +14,12 @@ from jax import lax
 
 from esail_jax.array_types import Array, Float, PerTether, Scalar, Vector
 from esail_jax.environment.orbit import orbital_frame
+from esail_jax.loads.voltage_limits import limit, slew_rate_factor
 from esail_jax.measurements import Measurements
 from esail_jax.numerics.smooth_step import MAX_STEP_SLOPE, pulse
 
-BLEND = 0.02
-"""Half width, as a fraction of V_max, of the range in which a limit is approached smoothly."""
-
 NEWTON_STEPS = 6
 """Newton steps of `modulation`."""
-
-Volts = Float[Array, "*any"]
 
 AxisName = Literal["hub", "angular-momentum"]
 """What attitude feedback measures as the spin axis: X_B, or the direction of the angular momentum."""
@@ -249,21 +245,6 @@ def cone_load(
     return 2.0 * inertia * spin_rate**2 * jnp.sin(coning) / (length**2 * jnp.cos(sailing))
 
 
-def within_slew_rate(
-    time: Float[Array, " instant"], table: Float[Array, "instant tether"], slew_rate: Scalar
-) -> Float[Array, "instant tether"]:
-    """The table [V] limited in slew rate: no entry differs from the limited entry before it by more than
-    slew_rate [V/s] allows."""
-
-    def reach(before, row):
-        commanded, max_change = row
-        here = before + jnp.clip(commanded - before, -max_change, max_change)
-        return here, here
-
-    _, others = lax.scan(reach, table[0], (table[1:], slew_rate * jnp.diff(time)))
-    return jnp.concatenate([table[:1], others])
-
-
 def modulation(
     x: PerTether, load_bar: PerTether, load_per_volt: Scalar, spin_rate: Scalar, slew_rate: Scalar
 ) -> PerTether:
@@ -286,27 +267,3 @@ def modulation(
         rate, slope = jax.jvp(fastest, (size,), (jnp.ones_like(size),))
         size = jnp.where(rate > allowed, size - (rate - allowed) / slope, size)
     return jnp.sign(x) * size * slew_rate_factor(fastest(size), allowed)
-
-
-def slew_rate_factor(fastest: PerTether, slew_rate: Scalar | PerTether) -> PerTether:
-    """Fraction of a modulation that a slew rate allows. fastest: its largest rate [V/s]."""
-    return jnp.minimum(1.0, slew_rate / jnp.maximum(fastest, 1e-30))
-
-
-def limit(voltage: Volts, maximum: Scalar | None, smooth: bool) -> Volts:
-    """The voltage within its limits 0 and V_max. maximum: V_max; None for no upper limit.
-
-    smooth: with an upper limit, V bends within BLEND V_max of a limit, so that a derivative changes before
-    the limit is reached.
-    """
-    if maximum is None:
-        return jnp.maximum(voltage, 0.0)
-    if not smooth:
-        return jnp.clip(voltage, 0.0, maximum)
-    width = BLEND * maximum
-    return maximum - smooth_positive_part(maximum - smooth_positive_part(voltage, width), width)
-
-
-def smooth_positive_part(x: Volts, width: Scalar | float) -> Volts:
-    """Smoothed max(x, 0): 0 below -width, x above width, and a parabola in between."""
-    return jnp.where(x > width, x, jnp.maximum(x + width, 0.0) ** 2 / (4.0 * width))

@@ -17,6 +17,7 @@ from esail_jax.loads.law_structure import NUMBER
 from esail_jax.loads.own_law import ContinuousLaw, SampledLaw
 from esail_jax.loads.plasma_brake import PlasmaBrake, ions
 from esail_jax.loads.tip_thrust import Switching, TipThrust
+from esail_jax.loads.voltage_limits import within_slew_rate
 from esail_jax.scenes.own_law import KEY, PERIOD
 from esail_jax.scenes.structure import Numbers, Structure
 
@@ -93,7 +94,7 @@ def voltage_law(structure: Structure, n: Numbers, wind: Wind) -> voltage.Voltage
     if law == "piecewise-linear":
         time, table = n["voltage.time"], value * per_tether(n["voltage.table"], value)
         if slew is not None:
-            table = voltage.within_slew_rate(time, table, slew)
+            table = within_slew_rate(time, table, slew)
         return voltage.TimeTable(time, table, maximum)
     if law == "on-off":
         switched = (n.get(f"voltage.{x}") for x in ("on", "off", "rise_time"))

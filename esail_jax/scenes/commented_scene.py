@@ -8,8 +8,8 @@ import textwrap
 import tomllib
 
 from esail_jax.scenes.key_reference import KeyDescription, describe_keys
-from esail_jax.scenes.scene import toml_value
 from esail_jax.scenes.tables import tables_of
+from esail_jax.scenes.toml_text import toml_value
 
 HEADING = re.compile(r"\[\[?(\w+)\]\]?\s*$")
 """A line that begins a table."""

@@ -5,15 +5,12 @@ from collections.abc import Iterable
 import numpy as np
 
 from esail_jax.scenes import rules
+from esail_jax.scenes.law_keys import LAWS, OPTIONAL_LAW_KEYS
 from esail_jax.scenes.methods import METHODS, SAIL_METHOD, SAIL_STEP_METHOD, takes
 from esail_jax.scenes.orbit_checks import check_off_axis, check_orbit
 from esail_jax.scenes.own_law import check_own_law
 from esail_jax.scenes.parts import Parts
 from esail_jax.scenes.rules import SceneError
-from esail_jax.scenes.sail_tables import (
-    LAWS,
-    OPTIONAL_LAW_KEYS,
-)
 from esail_jax.scenes.tables import names_of, tables_of
 from esail_jax.scenes.thermal_table import check_thermal
 from esail_jax.scenes.tip_tables import TipThrust

@@ -14,6 +14,7 @@ from esail_jax.scenes.declarations import (
     table,
     vector,
 )
+from esail_jax.scenes.law_keys import LawName, ThrustLawName
 from esail_jax.scenes.rules import (
     any_number,
     between,
@@ -27,17 +28,6 @@ from esail_jax.scenes.rules import (
 from esail_jax.scenes.value_types import Grid, Number, PerMember, Series, Shape, Vector
 
 ElongationName = Literal["steady", "paper"]
-LawName = Literal[
-    "constant",
-    "harmonic",
-    "piecewise-linear",
-    "on-off",
-    "feedback",
-    "planar-cone",
-    "constant-thrust",
-    "python",
-]
-ThrustLawName = Literal["linear", "debye-sheath"]
 MeasuredAxisName = Literal["hub", "angular-momentum"]
 
 
@@ -152,28 +142,6 @@ class SolarWind:
         doc="Distance of the Sun at which speed and density are given, 1 if left out; used with [orbit].",
         default=None,
     )
-
-
-LAWS: dict[LawName, tuple[str, ...]] = {
-    "constant": ("value",),
-    "harmonic": ("value", "cosine", "sine", "maximum", "slew_rate"),
-    "piecewise-linear": ("value", "time", "table", "maximum", "slew_rate"),
-    "on-off": ("value", "on", "off", "rise_time", "maximum", "slew_rate"),
-    "feedback": ("value", "gain", "target_sailing_angle_deg", "measured_axis", "maximum", "slew_rate"),
-    "planar-cone": ("coning_angle_deg", "spin_rate", "maximum", "slew_rate"),
-    "constant-thrust": ("thrust", "maximum"),
-    "python": ("value", "maximum", "slew_rate"),
-}
-"""Modulation laws of the voltage, and the keys that each law takes."""
-
-THRUST_LAWS: dict[ThrustLawName, tuple[str, ...]] = {
-    "linear": ("cutoff_voltage",),
-    "debye-sheath": ("electron_temperature_ev", "tether_radius"),
-}
-"""Laws of the thrust, and the keys that each law needs; all others are for other laws."""
-
-OPTIONAL_LAW_KEYS = ("cosine", "sine", "off", "measured_axis", "maximum", "slew_rate")
-"""Keys that a law takes but does not require."""
 
 
 @table

@@ -11,8 +11,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from esail_jax.html import html_table
 from esail_jax.scenes import rules
 from esail_jax.scenes.chain_tables import Chain, ChainInitial, ChainVoltage, ChainWind, Orbit, PlasmaBrake
@@ -33,7 +31,7 @@ from esail_jax.scenes.sail_tables import (
     Voltage,
 )
 from esail_jax.scenes.size_limits import check_size
-from esail_jax.scenes.tables import REPEATED, TABLES, given, names_of, tables_of
+from esail_jax.scenes.tables import TABLES, given, names_of, tables_of
 from esail_jax.scenes.thermal_table import Thermal
 from esail_jax.scenes.tip_tables import AuxiliaryTethers, RemoteUnits, TipThrust
 from esail_jax.scenes.wind_file import with_wind_file
@@ -245,36 +243,6 @@ def parse(text: str, source: str, overrides: Mapping[str, Any] | None = None) ->
     except (ValueError, RecursionError) as error:  # also numbers of thousands of digits
         raise SceneError(source, "be a TOML file", f"is not: {error}") from None
     return scene_of(tables, overrides or {}, Path(source).parent)
-
-
-def to_toml(scene: Scene) -> str:
-    """TOML text from which `parse` makes the same scene again, digit for digit."""
-    lines = []
-    for table in TABLES:
-        content = getattr(scene, table)
-        if content is None:
-            continue
-        values, heading, entries = given(content), f"[{table}]", [given(content)]
-        if table in REPEATED:
-            heading = f"[[{table}]]"
-            entries = [dict(zip(values, row, strict=True)) for row in zip(*values.values(), strict=True)]
-        for entry in entries:
-            lines += [heading, *(f"{k} = {toml_value(v)}" for k, v in entry.items()), ""]
-    return "\n".join(lines)
-
-
-def toml_value(value: Any) -> str:
-    """A value in TOML notation, with every digit."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return f'"{value}"'
-    if isinstance(value, int):
-        return str(value)
-    array = np.asarray(value, float)
-    if array.ndim == 0:
-        return repr(float(array))
-    return "[" + ", ".join(toml_value(x) for x in array) + "]"
 
 
 def load_scene(source: "str | os.PathLike | Scene", overrides: Mapping[str, Any] | None = None) -> Scene:

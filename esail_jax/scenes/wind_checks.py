@@ -6,9 +6,9 @@ import numpy as np
 
 from esail_jax.constants import DEBYE_LENGTHS, ELEMENTARY_CHARGE, VACUUM_PERMITTIVITY
 from esail_jax.scenes import rules
+from esail_jax.scenes.law_keys import THRUST_LAWS
 from esail_jax.scenes.parts import Parts
 from esail_jax.scenes.rules import SceneError
-from esail_jax.scenes.sail_tables import THRUST_LAWS
 
 
 def check_wind(scene: Parts) -> None:

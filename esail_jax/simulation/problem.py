@@ -149,8 +149,8 @@ def restart(
     motion: Motion,
     point: Point,
     until: Scalar,
-    control: Control | None = None,
-    due: Bool[Array, ""] | None = None,
+    control: Control | None,
+    due: Bool[Array, ""] | None,
 ) -> tuple[Motion, Control | None]:
     """Returns the motion that starts from a point on the constraints at a switch time, and what a sampled
     voltage law holds from there on.

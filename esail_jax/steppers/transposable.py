@@ -7,8 +7,8 @@ import jax.numpy as jnp
 
 from esail_jax.array_types import Array, Instants, Nodal
 from esail_jax.numerics.vectors import dot
-from esail_jax.point_fields import PointFields
-from esail_jax.system import Power, System, add_fields
+from esail_jax.point_fields import PointFields, add_fields
+from esail_jax.system import Power, System
 from esail_jax.terms import needs_command
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import esail_jax as esail
 from esail_jax.scenes.method_choice import with_method
-from esail_jax.scenes.scene import to_toml
+from esail_jax.scenes.toml_text import to_toml
 
 FOLDER = Path(__file__).parent / "runs"
 

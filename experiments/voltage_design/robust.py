@@ -16,7 +16,8 @@ from run import TORQUE, TURN, WAVES, finer, plain, planar_cone_harmonic
 import esail_jax as esail
 from esail_jax.design import Design, objectives
 from esail_jax.environment.gusts import gusty_wind
-from esail_jax.scenes.scene import Scene, to_toml
+from esail_jax.scenes.scene import Scene
+from esail_jax.scenes.toml_text import to_toml
 
 HERE = Path(__file__).parent
 TETHERS, LENGTH = 12, 10e3

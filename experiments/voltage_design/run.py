@@ -20,7 +20,7 @@ from esail_jax.design import Design, Variable, objectives
 from esail_jax.environment.solar_wind import SteadyWind
 from esail_jax.numerics import smooth_step as steps
 from esail_jax.plotting.design import design_figure
-from esail_jax.scenes.scene import to_toml
+from esail_jax.scenes.toml_text import to_toml
 
 HERE = Path(__file__).parent
 TURN = 2.0 * np.pi / 4e-3  # s, one spin period

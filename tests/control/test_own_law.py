@@ -13,8 +13,9 @@ import esail_jax as esail
 import support.own_laws
 from esail_jax.cli import main
 from esail_jax.scenes.build import build_jitted
-from esail_jax.scenes.scene import load_scene, parse, to_toml
+from esail_jax.scenes.scene import load_scene, parse
 from esail_jax.scenes.structure import split
+from esail_jax.scenes.toml_text import to_toml
 from esail_jax.sensors import with_motion
 from esail_jax.simulation.schedule import sampling_instants, switch_times
 from support.own_laws import PERIOD, SAIL, Clock, Swinging, Waves

@@ -5,7 +5,7 @@ import pytest
 
 import esail_jax as esail
 from esail_jax import cli
-from esail_jax.scenes.scene import to_toml
+from esail_jax.scenes.toml_text import to_toml
 
 
 @pytest.fixture(params=[2, 4])

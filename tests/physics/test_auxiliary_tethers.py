@@ -373,7 +373,7 @@ def test_resumed_run_is_bit_identical_and_the_ring_holds_a_released_tether(metho
     """A run with a ring of cables and a release that is continued from its file is that of one run, bit for
     bit; and the released tether stays joined to its neighbours by the ring."""
     from esail_jax.cli import main
-    from esail_jax.scenes.scene import to_toml
+    from esail_jax.scenes.toml_text import to_toml
 
     scene = ring_scene({
         "auxiliary_tethers.element": "cable",

@@ -6,8 +6,9 @@ import pytest
 
 import esail_jax as esail
 from esail_jax.scenes.build import build_jitted
-from esail_jax.scenes.scene import Scene, load_scene, parse, to_toml
+from esail_jax.scenes.scene import Scene, load_scene, parse
 from esail_jax.scenes.structure import split
+from esail_jax.scenes.toml_text import to_toml
 from support.quick import jit
 from support.whole_runs import check_going_on
 

@@ -297,7 +297,7 @@ def test_batch_equals_a_loop():
 def test_resumed_run_is_bit_identical(method, tmp_path):
     """A run that is continued from its file is that of one run, bit for bit, also between two knots."""
     from esail_jax.cli import main
-    from esail_jax.scenes.scene import to_toml
+    from esail_jax.scenes.toml_text import to_toml
 
     step = {} if method == "collocation" else {"integrator.step": 0.1}
     given = {key: value.tolist() for key, (value, _) in NUMBERS.items()}

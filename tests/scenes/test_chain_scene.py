@@ -12,8 +12,9 @@ from esail_jax import cli
 from esail_jax.files import run_file
 from esail_jax.scenes.declarations import rule_of
 from esail_jax.scenes.sail_tables import Initial
-from esail_jax.scenes.scene import load_scene, parse, to_toml
+from esail_jax.scenes.scene import load_scene, parse
 from esail_jax.scenes.tables import CHAIN_TABLES
+from esail_jax.scenes.toml_text import to_toml
 from esail_jax.scenes.value_types import Shape
 from esail_jax.simulation.host import HostRun
 from support import small_chain
