@@ -49,6 +49,7 @@ def test_a_law_of_the_package_written_again_gives_the_same_motion():
         assert np.abs(mine[name] - theirs[name]).max() <= 1e-11 * np.ptp(theirs[name]), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", quickly(METHODS))
 def test_a_sampled_law_is_a_sequence_of_runs_with_constant_voltages(method):
     """Between two samples the voltage is constant. Runs with these constant voltages, each from the end of

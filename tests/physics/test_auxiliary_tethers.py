@@ -120,6 +120,7 @@ def ring_of_points(scene):
     return rho, force(2 * rho * sine, a.length, stiff[1]), np.sqrt(breathing / m + 3.0 * w**2)
 
 
+@pytest.mark.slow
 def test_ring_of_point_masses_in_equilibrium(validate):
     """Equal masses on springs stay at the radius at which tethers and ring balance the centrifugal force.
 

@@ -76,6 +76,7 @@ def test_run_with_a_ring_follows_an_independent_integration(validate):
     check_against_reference(run, "ORB-3", "five cables near the Sun, ring of cables", validate)
 
 
+@pytest.mark.slow
 def test_observables_of_the_orbit(five):
     """Position and velocity are those of the Kepler orbit through the start plus those of the hub, the
     elements are those of the state, and O is the orbital frame at the hub of the moment.

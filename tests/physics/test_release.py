@@ -65,6 +65,7 @@ def test_released_tether_keeps_its_momentum(method):
     assert np.abs(np.asarray(system.momentum(final))).max() < 1e-9 * size
 
 
+@pytest.mark.slow
 def test_energy_goes_through_a_release():
     """A release does no work: a sail without wind and damping keeps its energy to 1e-9.
 

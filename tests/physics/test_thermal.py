@@ -172,6 +172,7 @@ def test_energy_of_heating():
     assert np.abs(later["energy_balance_error"]).max() < 1e-10 * run["kinetic_energy"][0]
 
 
+@pytest.mark.slow
 def test_a_cooled_tether_under_tension_is_not_slack():
     """150 K below the reference a tether is shorter than undeformed, although the spin stretches it by
     9e-4: its strain is negative, its elastic strain is not, and the run warns of nothing. Pushed together

@@ -95,6 +95,7 @@ def test_polynomials_of_a_step():
 # ---- accuracy -----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", quickly(["unequal", "stiff_clamped", "stiff_pinned", "turning_frame"]))
 def test_sail_follows_the_time_exact_solution(case, validate):
     """With a tolerance of 1e-10 every signal agrees with the independent code to 1e-5 of its range.
@@ -139,6 +140,7 @@ def test_order(fixed_steps):
     assert (np.abs(np.diff(np.log2(found)) + 7.0) < 0.6).all(), found
 
 
+@pytest.mark.slow
 def test_constraints_hold_between_steps():
     """Saved instants between steps are put on the constraints, to the rounding of coordinates of a metre.
 

@@ -250,6 +250,7 @@ def difference(one: Any, other: Any, name: str, rows: Any = slice(None)) -> floa
 # ---- steps --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @cases(quick="own")
 def test_order_of_convergence_at_steps_and_between_them(name):
     """Differences between three runs fall with the order of the method, by the number of steps.
@@ -329,6 +330,7 @@ def check_bits(found: Mapping[str, np.ndarray], expected: Mapping[str, np.ndarra
 # ---- traced runs --------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @cases(quick="tsit5")
 def test_batch_of_traced_runs_equals_a_loop_on_the_host(name):
     """One `vmap` holds good members, members that fail, and one that needs too many steps.

@@ -73,6 +73,7 @@ def test_a_failed_run_keeps_what_was_good_and_says_why(kind, scenes, wholes, tmp
     check_same(path, whole)
 
 
+@pytest.mark.slow
 def test_a_step_that_fails_is_halved_six_times(scene, whole, tmp_path, monkeypatch, capsys):
     """A step that cannot be solved is tried with shorter steps, down to a 64th, in the same program."""
     original = GeneralizedAlpha.step

@@ -19,6 +19,7 @@ DRIFT = np.array([0.05, -0.1, 0.2])
 """Velocity of the centre of mass [m/s]."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stepper", quickly(STEPPERS))
 def test_free_flight(stepper, validate):
     """The paths of both ends, momentum and angular momentum are right over a turn of 400 steps."""
