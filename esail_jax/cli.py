@@ -1,5 +1,5 @@
 """The command `esail`: run, scenes, init, info, plot, export, animate, view, modes, ensemble, design,
-bench, cache.
+bench, cache, completion.
 
 The options are those of `commands/parser.py`, the exit codes those of `commands/exit_codes.py`. Errors are
 one line on stderr.
@@ -74,15 +74,15 @@ def info(options: argparse.Namespace) -> ExitCode:
     """`esail info`."""
     from esail_jax.commands.info import print_info
 
-    print_info(options.run)
+    print_info(options.runs)
     return ExitCode.DONE
 
 
 def plot(options: argparse.Namespace) -> ExitCode:
     """`esail plot`."""
-    from esail_jax.commands.plot import draw_file
+    from esail_jax.commands.plot import draw_files
 
-    draw_file(options.run, options.output)
+    draw_files(options.runs, options.output)
     return ExitCode.DONE
 
 
@@ -160,7 +160,7 @@ def ensemble(options: argparse.Namespace) -> ExitCode:
     if status == ExitCode.DONE and not options.quiet:
         from esail_jax.commands.info import print_info
 
-        print_info(options.output / "ensemble.h5")
+        print_info([options.output / "ensemble.h5"])
     return status
 
 
@@ -188,10 +188,18 @@ def cache(options: argparse.Namespace) -> ExitCode:
     return ExitCode.DONE
 
 
+def completion(options: argparse.Namespace) -> ExitCode:
+    """`esail completion`."""
+    from esail_jax.commands.completion import print_completion
+
+    print_completion(options.shell)
+    return ExitCode.DONE
+
+
 COMMANDS = {
     "run": run, "scenes": scenes, "init": init, "info": info, "plot": plot, "export": export,
     "animate": animate, "view": view, "modes": modes, "ensemble": ensemble, "design": design,
-    "bench": bench, "cache": cache,
+    "bench": bench, "cache": cache, "completion": completion,
 }  # fmt: skip
 
 

@@ -26,6 +26,22 @@ CACHE, PROGRAMS = "JAX_COMPILATION_CACHE_DIR", "ESAIL_CACHE"
 LEAST_SECONDS = 0.3
 """Least compile time [s] of a program that is written to the cache."""
 
+DEFAULT_TESTS = "not slow"
+"""Expression of pytest's option `-m` without which the slow tests run, too (`pyproject.toml`)."""
+
+FLAGS = {"--xla_cpu_use_fusion_emitters": "false"} if jax.__version_info__ < (0, 11) else {}
+"""Flags of XLA for all sessions. The package compiles with this emitter, too; the many small programs of
+the tests compile with it in half the time."""
+
+UNOPTIMISED = {
+    "--xla_backend_optimization_level": "0",
+    "--xla_disable_hlo_passes": "while-loop-invariant-code-motion,"
+    "simplify-while-loops,while-loop-constant-sinking",
+}
+"""Further flags for sessions of the default tests, in which compiling is most of the work: programs compile
+in two thirds of the time, and run in twice the time. Sessions with slow tests, such as that of `.ci/run`,
+compile all programs as the package does."""
+
 LESS_OFTEN = 100_000, 50, 100
 """Thresholds of the garbage collector. Tracing makes millions of objects that stay alive; a collection
 every 700 objects, the default, takes a tenth of a test's time."""
@@ -38,6 +54,10 @@ def pytest_configure(config):
     compiled once. Programs of earlier sessions are not used.
     """
     gc.set_threshold(*LESS_OFTEN)
+    chosen = os.environ.get("XLA_FLAGS", "")
+    flags = FLAGS | (UNOPTIMISED if config.option.markexpr == DEFAULT_TESTS else {})
+    added = [f"{name}={value}" for name, value in flags.items() if name not in chosen]
+    os.environ["XLA_FLAGS"] = " ".join([chosen, *added]).strip()
     if not hasattr(config, "workerinput") and CACHE not in os.environ:
         folder = tempfile.mkdtemp(prefix="esail_programs_")
         config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))

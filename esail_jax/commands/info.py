@@ -1,16 +1,22 @@
 """`esail info`."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from esail_jax.commands.description import describe
 from esail_jax.files.opening import holds_ensemble
 
 
-def print_info(path: Path) -> None:
-    """Prints what a run file or the file of an ensemble holds. Raises RunFileError."""
-    if holds_ensemble(path):
+def print_info(paths: Sequence[Path]) -> None:
+    """Prints what a run file or the file of an ensemble holds, or a table of several run files. Raises
+    RunFileError."""
+    if len(paths) > 1:
+        from esail_jax.commands.side_by_side import describe_together
+
+        print(describe_together(paths))
+    elif holds_ensemble(paths[0]):
         from esail_jax.commands.ensemble_report import describe_ensemble
 
-        print(describe_ensemble(path))
+        print(describe_ensemble(paths[0]))
     else:
-        print(describe(path))
+        print(describe(paths[0]))

@@ -15,6 +15,9 @@ OBJECTIVES_HELP = (
 )
 """Objectives of `esail design`, as in `design/objectives.py`."""
 
+SHELLS = ("bash", "zsh", "fish")
+"""Shells for which `esail completion` writes a script."""
+
 
 class Parser(argparse.ArgumentParser):
     """A parser whose errors are one line."""
@@ -35,7 +38,7 @@ def parser() -> Parser:
     commands = top.add_subparsers(dest="command", metavar="COMMAND")
     for add in (
         add_run, add_scenes, add_init, add_info, add_plot, add_export, add_animate, add_view, add_modes,
-        add_design, add_ensemble, add_bench, add_cache,
+        add_design, add_ensemble, add_bench, add_cache, add_completion,
     ):  # fmt: skip
         add(commands)
     return top
@@ -88,13 +91,22 @@ def add_info(commands: Any) -> None:
     info = add_command(
         commands, "info", "print model, method, status, speed and accuracy of a run or an ensemble"
     )
-    info.add_argument("run", type=Path, metavar="RUN.h5", help="run file, or ensemble.h5 of an ensemble")
+    info.add_argument(
+        "runs", type=Path, nargs="+", metavar="RUN.h5",
+        help="run file, or ensemble.h5 of an ensemble; several run files make a table, also of the keys "
+        "in which their scenes differ",
+    )  # fmt: skip
 
 
 def add_plot(commands: Any) -> None:
     """Adds `esail plot`."""
-    plot = add_command(commands, "plot", "draw the figures of a run or an ensemble")
-    plot.add_argument("run", type=Path, metavar="RUN.h5", help="run file, or ensemble.h5 of an ensemble")
+    plot = add_command(
+        commands, "plot", "draw the figures of a run or an ensemble, or compare several runs"
+    )
+    plot.add_argument(
+        "runs", type=Path, nargs="+", metavar="RUN.h5",
+        help="run file, or ensemble.h5 of an ensemble; several run files are drawn on the same axes",
+    )  # fmt: skip
     plot.add_argument(
         "-o", "--output", required=True, type=Path, metavar="DIR", help="folder for the PNG files"
     )
@@ -267,3 +279,13 @@ def add_cache(commands: Any) -> None:
     """Adds `esail cache`."""
     cache = add_command(commands, "cache", "show where compiled programs are kept, and their size")
     cache.add_argument("--clear", action="store_true", help="remove them; they are compiled again")
+
+
+def add_completion(commands: Any) -> None:
+    """Adds `esail completion`."""
+    completion = add_command(
+        commands,
+        "completion",
+        'print a script with which a shell completes command lines: eval "$(esail completion bash)"',
+    )
+    completion.add_argument("shell", choices=SHELLS, help="shell that reads the script")

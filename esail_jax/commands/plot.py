@@ -1,26 +1,33 @@
 """`esail plot`, and the figure of `esail design`."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from esail_jax.commands.options import UsageError
 from esail_jax.errors import SimulationError
 from esail_jax.files.opening import holds_ensemble
 from esail_jax.files.run_file import load
 from esail_jax.modal.sail_modes import modes
 from esail_jax.observables.saved_rows import leading_finite
-from esail_jax.plotting import plot_all
+from esail_jax.plotting import plot_all, write_comparison
 from esail_jax.plotting.data import LEAST_SAMPLES
 from esail_jax.plotting.design import design_figure
 from esail_jax.scenes.rules import SceneError
 from esail_jax.simulation.solution import Solution
 
 
-def draw_file(path: Path, folder: Path) -> None:
-    """Draws the figures of a run file or of the file of an ensemble, and prints their paths. Raises
-    RunFileError."""
-    if holds_ensemble(path):
+def draw_files(files: Sequence[Path], folder: Path) -> None:
+    """Draws the figures of a run file or of the file of an ensemble, or those that compare several run
+    files, and prints the paths of the figures. Raises RunFileError, and InputError for runs of different
+    models."""
+    path = files[0]
+    if len(files) > 1:
+        runs = [load(path) for path in files]
+        paths = write_comparison(dict(zip(names_of(files), runs, strict=True)), folder)
+    elif holds_ensemble(path):
         from esail_jax.ensembles import load_ensemble
         from esail_jax.plotting.ensemble import plot_ensemble
 
@@ -30,6 +37,15 @@ def draw_file(path: Path, folder: Path) -> None:
         paths = plot_all(run, folder, modes_of(run))
     for figure in paths:
         print(figure)
+
+
+def names_of(files: Sequence[Path]) -> list[str]:
+    """Returns names for the runs of several files: file names without their ending, or whole paths if two
+    would be the same. Raises UsageError if a file is given twice."""
+    if len({path.resolve() for path in files}) < len(files):
+        raise UsageError("`RUN.h5` must be different files, but one is given twice")
+    stems = [path.stem for path in files]
+    return stems if len(set(stems)) == len(files) else [str(path) for path in files]
 
 
 def modes_of(run: Any) -> Any:

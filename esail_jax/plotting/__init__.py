@@ -2,6 +2,7 @@
 
 A run is a solution or a loaded run file. `plot` draws one observable or all figures; every function of
 `FIGURES` and `CHAIN_FIGURES` returns one matplotlib figure. Data that the run does not have are left out.
+`compare` draws several runs on the same axes.
 """
 
 from collections.abc import Callable, Iterator
@@ -12,6 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from esail_jax.plotting.chain import chain_energies, chain_libration, chain_shapes, chain_tension, chain_tip
+from esail_jax.plotting.comparison import compare, write_comparison
+from esail_jax.plotting.figure_files import write_figures
 from esail_jax.plotting.picture import sail_picture
 from esail_jax.plotting.sail import attitude, energies, sail_forces
 from esail_jax.plotting.single import draw_observable
@@ -37,9 +40,6 @@ CHAIN_FIGURES = (
 )
 """Figures of a rod chain's run."""
 
-DOTS_PER_INCH = 150
-"""Resolution of the written figures."""
-
 __all__ = [
     "CHAIN_FIGURES",
     "FIGURES",
@@ -50,6 +50,7 @@ __all__ = [
     "chain_shapes",
     "chain_tension",
     "chain_tip",
+    "compare",
     "energies",
     "figures_of",
     "overview",
@@ -59,6 +60,7 @@ __all__ = [
     "sail_picture",
     "tether_forces",
     "tether_motion",
+    "write_comparison",
 ]
 
 
@@ -107,10 +109,4 @@ def plot_all(run: Any, directory: str | Path, modes: Any = None) -> list[Path]:
 
     The directory is created if it does not exist. Raises OSError if that or the writing fails.
     """
-    directory = Path(directory)
-    directory.mkdir(parents=True, exist_ok=True)
-    paths = []
-    for name, figure in overview(run, modes):
-        paths.append(directory / f"{name}.png")
-        figure.savefig(paths[-1], dpi=DOTS_PER_INCH)
-    return paths
+    return write_figures(overview(run, modes), directory)

@@ -25,7 +25,7 @@ FREQUENCY_LABEL = r"frequency $f$ [Hz]"
 
 @dataclasses.dataclass(frozen=True)
 class Curve:
-    """One line of a panel. values: (time); times: their instants [s], None for those of the run."""
+    """One line of a panel. values: (time); times: their instants [s], None for those of the panel's run."""
 
     values: np.ndarray | None
     label: str | None = None
@@ -55,17 +55,25 @@ def time_unit(run: Any) -> tuple[float, str]:
 
 
 def history(run: Any, ylabel: str, *curves: Curve) -> Panel | None:
-    """Returns a panel with curves against time; None if no curve has data."""
+    """Returns a panel with curves of one run against time; None if no curve has data."""
+    own = [dataclasses.replace(c, times=run.time) if c.times is None else c for c in curves]
+    return against_time(*time_unit(run), ylabel, own)
+
+
+def against_time(
+    unit: float, xlabel: str, ylabel: str, curves: Sequence[Curve], logarithmic: bool = False
+) -> Panel | None:
+    """Returns a panel with curves, each with its own instants, against time; None if no curve has data.
+
+    unit: that of the time axis [s]. logarithmic: of the other axis."""
     shown = [c for c in curves if c.values is not None and np.isfinite(c.values).any()]
     if not shown:
         return None
-    unit, xlabel = time_unit(run)
 
     def draw(ax: Axes) -> None:
         for curve in shown:
-            times = run.time if curve.times is None else curve.times
             ax.plot(
-                np.asarray(times) / unit,
+                np.asarray(curve.times) / unit,
                 curve.values,
                 curve.dashes,
                 color=curve.colour,
@@ -73,7 +81,10 @@ def history(run: Any, ylabel: str, *curves: Curve) -> Panel | None:
                 marker="." if np.isfinite(curve.values).sum() == 1 else "",
                 label=curve.label,
             )
-        ax.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
+        if logarithmic:
+            ax.set_yscale("log")
+        else:
+            ax.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
         if any(curve.label for curve in shown):
             legend_above(ax, len(shown))
 

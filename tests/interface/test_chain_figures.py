@@ -76,7 +76,7 @@ def test_plot_draws_rods_and_joints_of_a_chain(chains):
 
 @pytest.mark.parametrize("name", ["satellite", "one rod"])
 def test_plot_all_draws_the_figures_of_a_chain(chains, tmp_path, monkeypatch, name):
-    monkeypatch.setattr(plotting, "DOTS_PER_INCH", 20)
+    monkeypatch.setattr(plotting.figure_files, "DOTS_PER_INCH", 20)
     expected = [f"{make.__name__}.png" for make in plotting.CHAIN_FIGURES]
     if name != "satellite":
         expected.remove("chain_libration.png")

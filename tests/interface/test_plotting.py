@@ -148,7 +148,7 @@ def test_energies_start_at_zero_and_euler_angles_do_not_jump(runs):
 
 
 def test_plot_all_writes_png_files(runs, tmp_path, monkeypatch):
-    monkeypatch.setattr(plotting, "DOTS_PER_INCH", 20)
+    monkeypatch.setattr(plotting.figure_files, "DOTS_PER_INCH", 20)
     paths = plotting.plot_all(runs["one tether"], tmp_path / "new" / "figures")
     assert [path.name for path in paths] == [f"{make.__name__}.png" for make in plotting.FIGURES]
     for path in paths:

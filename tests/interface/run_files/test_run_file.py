@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 
@@ -102,9 +103,41 @@ def test_info_says_what_ran_how_it_ended_and_how_fast(whole, capsys):
         assert word in out
 
 
+def test_info_of_several_runs_is_a_table(whole, wholes, tmp_path, capsys):
+    """It has one column per run, and a row for every key in which the scenes differ."""
+    shutil.copy(whole, tmp_path / "same.h5")
+    assert cli.main(["info", str(whole), str(wholes("dopri8")), str(tmp_path / "same.h5")]) == 0
+    out, err = capsys.readouterr()
+    rows = {line[:22].split("  ")[0].strip(): line for line in out.splitlines()}
+    assert err == "" and len(rows) == len(out.splitlines())
+    assert rows["model"].endswith("  2 tethers x 2 elements") and "3 rods" in rows["model"]
+    assert rows["steps"].split()[1] == rows["steps"].split()[3] == "800"
+    assert rows["voltage.value"].split()[1:] == ["20000.0", "-", "20000.0"]
+    assert cli.main(["info", str(whole), str(tmp_path / "none.h5")]) == 2
+    assert capsys.readouterr() == ("", f"`{tmp_path}/none.h5` must be a run file, but does not exist\n")
+
+
+def test_plot_of_several_runs(whole, wholes, tmp_path, capsys):
+    """They are drawn on the same axes. Runs that cannot be compared are refused before anything is
+    written."""
+    shutil.copy(whole, tmp_path / "same.h5")
+    figures = tmp_path / "figures"
+    for others, reason in (
+        ([wholes("dopri8")], "must be of a sail like"),
+        ([tmp_path / "same.h5", tmp_path / "same.h5"], "must be different files"),
+    ):
+        assert cli.main(["plot", str(whole), *map(str, others), "-o", str(figures)]) == 2
+        assert reason in capsys.readouterr().err and not figures.exists()
+    assert cli.main(["plot", str(whole), str(tmp_path / "same.h5"), "-o", str(figures)]) == 0
+    names = [f"compare_{name}.png" for name in ("tether", "sail", "energies")]
+    assert capsys.readouterr().out.split() == [str(figures / name) for name in names]
+    assert sorted(path.name for path in figures.iterdir()) == sorted(names)
+
+
 def test_info_starts_without_jax(whole):
     """`esail info` only reads the file, which takes less time than the import of JAX."""
     assert heavy_imports_of(["info", str(whole)]) == (0, [])
+    assert heavy_imports_of(["info", str(whole), str(whole)]) == (0, [])
 
 
 def test_the_package_runs_as_a_module(whole):

@@ -1,0 +1,260 @@
+"""Figures that compare runs: every panel shows one quantity of all runs.
+
+Of a sail they show tether 1, the whole sail and the energies; of a rod chain its tip and its energies.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from esail_jax.errors import InputError
+from esail_jax.observables.saved_rows import observable, per_tether
+from esail_jax.plotting.data import DEGREES, KILOMETRE, change
+from esail_jax.plotting.figure_files import write_figures
+from esail_jax.plotting.panels import Curve, Panel, against_time, assemble, time_unit, unwrapped_degrees
+from esail_jax.plotting.sail import norm
+from esail_jax.plotting.tether import of_tether
+from esail_jax.scenes.differences import differing_keys
+
+Runs = Mapping[str, Any]
+"""Solutions or loaded run files, by the name that the legend shows."""
+
+Signal = Callable[[Any], np.ndarray | None]
+"""A function from a run to one of its signals (time); None if the run lacks it."""
+
+
+class Quantity(NamedTuple):
+    """What a panel shows: label with unit, signal of a run, and whether its axis is logarithmic."""
+
+    label: str
+    signal: Signal
+    logarithmic: bool = False
+
+
+DASHES = ("-", "--", "-.", ":")
+"""Line styles of the runs, in turn, so that lines on top of each other are seen."""
+
+MOST_KEYS = 2
+"""Largest number of differing scene keys that the legend shows with their values."""
+
+
+def compare(runs: Runs) -> dict[str, Figure]:
+    """Returns figures of several runs, by name.
+
+    runs: solutions or loaded run files, by the name for the legend. The legend also shows the scene keys in
+    which the runs differ, if there are at most two. Time is in spin periods or orbits if these are equal,
+    and else in seconds. Panels for which no run has data are left out.
+
+    Raises InputError if there are runs of a sail and of a rod chain.
+
+    Example: `compare({"20 kV": esail.simulate("baseline"), "10 kV": esail.simulate("baseline",
+    {"voltage.value": 10e3})})`.
+    """
+    kinds = {name: run.scene.main for name, run in runs.items()}
+    first = next(iter(kinds))
+    for name, kind in kinds.items():
+        if kind != kinds[first]:
+            words = {"tethers": "a sail", "chain": "a rod chain"}
+            raise InputError(
+                f"`{name}` must be of {words[kinds[first]]} like `{first}`, but is of {words[kind]}"
+            )
+    make = (compare_tether, compare_sail, compare_energies)
+    if kinds[first] == "chain":
+        make = (compare_tip, compare_chain_energies)
+    figures = {function.__name__: function(runs) for function in make}
+    return {name: figure for name, figure in figures.items() if figure.axes}
+
+
+def write_comparison(runs: Runs, directory: str | Path) -> list[Path]:
+    """Writes the figures of `compare` as DIRECTORY/<name>.png; returns the paths. Raises what `compare`
+    raises, before anything is written, and OSError."""
+    return write_figures(compare(runs).items(), directory)
+
+
+def compare_tether(runs: Runs) -> Figure:
+    """Returns the figure of the motion of tether 1."""
+
+    def angle(name: str) -> Signal:
+        return lambda run: of_tether(observable(run, name, DEGREES), 0)
+
+    def strain(run: Any) -> np.ndarray | None:
+        return of_tether(observable(run, "max_axial_strain"), 0)
+
+    def length(run: Any) -> np.ndarray | None:
+        undeformed = per_tether(run.scene.tethers.length, run.scene.tethers.count)[0]
+        return of_tether(observable(run, "tether_length", 1.0 / undeformed), 0)
+
+    rows = [
+        [
+            Quantity(r"$\gamma_1$ [deg]", angle("coning_angle")),
+            Quantity(r"$\beta_1$ [deg]", angle("lagging_angle")),
+        ],
+        [
+            Quantity(r"$\gamma'_1$ [deg]", angle("root_coning_angle")),
+            Quantity(r"$\beta'_1$ [deg]", angle("root_lagging_angle")),
+        ],
+        [Quantity("$L/L_0$ [-]", length), Quantity(r"$\epsilon_1$ [-]", strain)],
+    ]
+    symbols = r"coning $\gamma$, lagging $\beta$ (primed: at the root), length $L$, strain $\epsilon$"
+    return figure_of(runs, "Tether 1", rows, symbols)
+
+
+def compare_sail(runs: Runs) -> Figure:
+    """Returns the figure of the attitude, the spin and the forces of the whole sail."""
+    rows = [
+        [
+            Quantity(r"$\alpha$ [deg]", lambda run: observable(run, "sailing_angle", DEGREES)),
+            Quantity(r"$\delta$ [deg]", lambda run: unwrapped_degrees(observable(run, "precession_angle"))),
+        ],
+        [
+            Quantity(r"$\|\omega\|$ [rad/s]", lambda run: norm(observable(run, "angular_velocity_B"))),
+            Quantity(
+                "$d_{min}$ [km]", lambda run: observable(run, "smallest_tether_distance", 1.0 / KILOMETRE)
+            ),
+        ],
+        [
+            Quantity(r"$\|F_c\|$ [N]", lambda run: norm(observable(run, "thrust_O"))),
+            Quantity(r"$\|M_c\|$ [N m]", lambda run: norm(observable(run, "thrust_moment_O"))),
+        ],
+    ]
+    symbols = (
+        r"sailing angle $\alpha$, precession $\delta$, hub's angular velocity $\omega$, "
+        "smallest distance of a tip\nto another tether $d_{min}$, thrust $F_c$ and its moment $M_c$"
+    )
+    return figure_of(runs, "The whole sail", rows, symbols)
+
+
+def compare_energies(runs: Runs) -> Figure:
+    """Returns the figure of the energies of a sail and of the error of their balance."""
+    rows = [
+        [
+            Quantity("$E_k - E_k(0)$ [J]", lambda run: change(observable(run, "kinetic_energy"))),
+            Quantity("$E_e$ [J]", lambda run: observable(run, "elastic_energy")),
+        ],
+        [
+            Quantity("$W_{ext}$ [J]", lambda run: observable(run, "external_work")),
+            Quantity("$E_d$ [J]", lambda run: observable(run, "dissipated_energy")),
+        ],
+        [
+            Quantity(
+                r"$\max|\Delta E - W_{ext} + E_d|$ [J]",
+                lambda run: largest_so_far(observable(run, "energy_balance_error")),
+                logarithmic=True,
+            ),
+            None,
+        ],
+    ]
+    symbols = "kinetic $E_k$, elastic $E_e$, work of the loads $W_{ext}$, dissipated $E_d$"
+    return figure_of(runs, "Energies", rows, symbols)
+
+
+def compare_tip(runs: Runs) -> Figure:
+    """Returns the figure of the tip of a rod chain relative to its first joint, and of its tension."""
+
+    def tip(axis: int) -> Signal:
+        def coordinate(run: Any) -> np.ndarray | None:
+            joints = observable(run, "joint_position")
+            return None if joints is None else joints[:, -1, axis] - joints[:, 0, axis]
+
+        return coordinate
+
+    def tension(rod: int) -> Signal:
+        return lambda run: of_tether(observable(run, "tension"), rod)
+
+    rows = [
+        [Quantity("$x_{tip}$ [m]", tip(0)), Quantity("$y_{tip}$ [m]", tip(1))],
+        [Quantity("$z_{tip}$ [m]", tip(2)), None],
+        [Quantity("$N$, first rod [N]", tension(0)), Quantity("$N$, last rod [N]", tension(-1))],
+    ]
+    return figure_of(runs, "Tip of the chain relative to its first joint, and tension $N$", rows)
+
+
+def compare_chain_energies(runs: Runs) -> Figure:
+    """Returns the figure of the energies of a rod chain and of their errors."""
+    rows = [
+        [
+            Quantity("$T$ [J]", lambda run: observable(run, "kinetic_energy")),
+            Quantity("$U$ [J]", lambda run: observable(run, "elastic_energy")),
+        ],
+        [
+            Quantity("$V - V(0)$ [J]", lambda run: change(observable(run, "potential_energy"))),
+            Quantity(
+                r"$\max|e_E|$ [-]",
+                lambda run: largest_so_far(observable(run, "energy_error")),
+                logarithmic=True,
+            ),
+        ],
+        [
+            Quantity(
+                r"$\max|\Delta(T + U) - W + E_d|$ [J]",
+                lambda run: largest_so_far(observable(run, "energy_balance_error")),
+                logarithmic=True,
+            ),
+            None,
+        ],
+    ]
+    symbols = (
+        "kinetic $T$, elastic $U$, potential $V$, relative change of their sum $e_E$,\n"
+        "work of loads and fields $W$, dissipated $E_d$"
+    )
+    return figure_of(runs, "Energies", rows, symbols)
+
+
+def largest_so_far(values: np.ndarray | None) -> np.ndarray | None:
+    """Returns the largest absolute value of a signal (time) up to every instant. It is easier to read on a
+    logarithmic axis than the signal, which passes through zero."""
+    return None if values is None else np.maximum.accumulate(np.abs(values))
+
+
+def figure_of(
+    runs: Runs, title: str, rows: Sequence[Sequence[Quantity | None]], symbols: str = ""
+) -> Figure:
+    """Returns a figure with one panel per quantity and one line per run; the legend lies below it.
+
+    rows: the quantity of every panel; None leaves its place empty."""
+    unit, xlabel = common_time_unit(list(runs.values()))
+    colours = colours_of(len(runs))
+
+    def panel(quantity: Quantity) -> Panel | None:
+        curves = [
+            Curve(
+                quantity.signal(run), None, colours[i], DASHES[i % len(DASHES)], times=np.asarray(run.time)
+            )
+            for i, run in enumerate(runs.values())
+        ]
+        return against_time(unit, xlabel, quantity.label, curves, quantity.logarithmic)
+
+    figure = assemble(title, [[quantity and panel(quantity) for quantity in row] for row in rows], symbols)
+    lines = [
+        Line2D([], [], color=colours[i], linestyle=DASHES[i % len(DASHES)], label=text)
+        for i, text in enumerate(legend_texts(runs))
+    ]
+    if figure.axes:
+        figure.legend(handles=lines, loc="outside lower center", ncols=min(2, len(lines)), fontsize="small")
+    return figure
+
+
+def common_time_unit(runs: Sequence[Any]) -> tuple[float, str]:
+    """Returns the unit of the time axis [s] and its label: that of all runs if it is the same, and else
+    seconds."""
+    units = {time_unit(run) for run in runs}
+    return units.pop() if len(units) == 1 else (1.0, "time $t$ [s]")
+
+
+def colours_of(count: int) -> Sequence[Any]:
+    """Returns one colour per run, which differ for the colour-blind: not close to white."""
+    return list(colormaps["viridis"](np.linspace(0.0, 0.85, count)))
+
+
+def legend_texts(runs: Runs) -> list[str]:
+    """Returns the name of every run, with the values of the keys in which the scenes differ if these are
+    few."""
+    keys = differing_keys([run.scene for run in runs.values()])
+    shown = keys if len(keys) <= MOST_KEYS else {}
+    values = [", ".join(f"{key} = {row[i]}" for key, row in shown.items()) for i in range(len(runs))]
+    return [f"{name}: {text}" if text else name for name, text in zip(runs, values, strict=True)]
