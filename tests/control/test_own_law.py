@@ -19,7 +19,7 @@ from esail_jax.scenes.toml_text import to_toml
 from esail_jax.sensors import with_motion
 from esail_jax.simulation.schedule import sampling_instants, switch_times
 from support.own_laws import PERIOD, SAIL, Clock, Swinging, Waves
-from support.quick import jit, quickly
+from support.quick import jit
 
 FIXED = {"integrator.method": "generalized-alpha", "integrator.step": 0.1}
 SHORT = FIXED | {"integrator.t_end": 60.0}
@@ -50,7 +50,7 @@ def test_a_law_of_the_package_written_again_gives_the_same_motion():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", quickly(METHODS))
+@pytest.mark.parametrize("method", METHODS)
 def test_a_sampled_law_is_a_sequence_of_runs_with_constant_voltages(method):
     """Between two samples the voltage is constant. Runs with these constant voltages, each from the end of
     the one before, give the same tips (1e-9 of their range: the first step of a run and the projection of

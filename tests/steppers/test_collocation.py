@@ -11,7 +11,6 @@ from esail_jax.errors import SimulationError
 from esail_jax.numerics.lobatto import Lobatto
 from esail_jax.scenes.scene import parse
 from support.golden import GOLDEN, REFERENCE, SUMS, errors
-from support.quick import quickly
 from support.whole_runs import check_derivative, check_going_on, numbers
 
 METHOD = {"integrator.method": "collocation"}
@@ -96,7 +95,7 @@ def test_polynomials_of_a_step():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", quickly(["unequal", "stiff_clamped", "stiff_pinned", "turning_frame"]))
+@pytest.mark.parametrize("case", ["unequal", "stiff_clamped", "stiff_pinned", "turning_frame"])
 def test_sail_follows_the_time_exact_solution(case, validate):
     """With a tolerance of 1e-10 every signal agrees with the independent code to 1e-5 of its range.
 

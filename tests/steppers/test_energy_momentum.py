@@ -185,7 +185,7 @@ CASES = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", quickly(CASES))
+@pytest.mark.parametrize("case", CASES)
 def test_energy_balance_closes(case, validate):
     """dE = W - D holds at the end of every step, to 1e-12 of the kinetic energy (rounding).
 

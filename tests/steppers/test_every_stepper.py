@@ -235,10 +235,10 @@ CASES = {
 }
 
 
-def cases(quick: str):
-    """The names of CASES for `parametrize`; all but `quick` are marked slow."""
-    marks = lambda name: [] if name == quick else [pytest.mark.slow]  # noqa: E731
-    return pytest.mark.parametrize("name", [pytest.param(name, marks=marks(name)) for name in CASES])
+every_case = pytest.mark.parametrize("name", CASES)
+own_case_by_default = pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[] if name == "own" else pytest.mark.slow) for name in CASES]
+)
 
 
 def difference(one: Any, other: Any, name: str, rows: Any = slice(None)) -> float:
@@ -251,7 +251,7 @@ def difference(one: Any, other: Any, name: str, rows: Any = slice(None)) -> floa
 
 
 @pytest.mark.slow
-@cases(quick="own")
+@every_case
 def test_order_of_convergence_at_steps_and_between_them(name):
     """Differences between three runs fall with the order of the method, by the number of steps.
 
@@ -274,7 +274,7 @@ def test_order_of_convergence_at_steps_and_between_them(name):
         assert max(between) < case.between * max(ends)
 
 
-@cases(quick="own")
+@own_case_by_default
 def test_saved_instants_do_not_change_the_steps(name):
     """Runs with many and with few saved instants take the same steps, and agree in every bit where both
     save."""
@@ -287,7 +287,7 @@ def test_saved_instants_do_not_change_the_steps(name):
         assert np.array_equal(one[key], other[key][np.searchsorted(many, few)]), key
 
 
-@cases(quick="own")
+@own_case_by_default
 def test_a_run_goes_on_after_any_batch_of_blocks(name):
     """A run that stops after every batch of blocks, and goes on from arrays by path, has the same bits as
     one that never stops. So has a run that is continued from the end of a shorter one."""
@@ -331,7 +331,7 @@ def check_bits(found: Mapping[str, np.ndarray], expected: Mapping[str, np.ndarra
 
 
 @pytest.mark.slow
-@cases(quick="tsit5")
+@every_case
 def test_batch_of_traced_runs_equals_a_loop_on_the_host(name):
     """One `vmap` holds good members, members that fail, and one that needs too many steps.
 
@@ -372,7 +372,7 @@ def test_batch_of_traced_runs_equals_a_loop_on_the_host(name):
 
 
 @pytest.mark.slow
-@cases(quick="tsit5")
+@every_case
 def test_derivative(name):
     """Forward mode agrees with the difference quotient of host runs to 1e-6, and reverse with forward mode
     to 1e-10 (rounding). The derivative goes through the release of a tether.

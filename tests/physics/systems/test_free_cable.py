@@ -12,7 +12,6 @@ import pytest
 from esail_jax.coordinates import Coordinates
 from esail_jax.elements.rigid_body import RigidBody
 from support.one_tether import STEPPERS, integrate, one_tether, straight
-from support.quick import quickly
 
 LENGTH, AXIAL, DENSITY, SPIN = 2.0, 4e3, 0.7, 1.3
 DRIFT = np.array([0.05, -0.1, 0.2])
@@ -20,7 +19,7 @@ DRIFT = np.array([0.05, -0.1, 0.2])
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("stepper", quickly(STEPPERS))
+@pytest.mark.parametrize("stepper", STEPPERS)
 def test_free_flight(stepper, validate):
     """The paths of both ends, momentum and angular momentum are right over a turn of 400 steps."""
     radius = 1e-3
