@@ -36,6 +36,14 @@ def test_notebook_is_stored_without_outputs(path):
     assert not any(cell.get("outputs") or cell.get("execution_count") for cell in cells)
 
 
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_notebook_ends_with_two_exercises(path):
+    last = nbformat.read(path, as_version=4).cells[-1]
+    _, heading, exercises = last.source.partition("## Exercises\n")
+    numbers = [line[:3] for line in exercises.splitlines() if line[:1].isdigit()]
+    assert last.cell_type == "markdown" and heading and numbers == ["1. ", "2. "]
+
+
 def test_notebooks_are_numbered_without_gaps():
     # Also, an empty folder would pass the other tests.
     numbers = [int(path.name[:2]) for path in NOTEBOOKS]
