@@ -77,12 +77,13 @@ def observables_page() -> str:
     ]
     for title, entries in lists.items():
         lines += ["", f"## Observables of {title}", ""]
-        lines += header("name", "unit", "symbol", "axes after time", "equation", "exists with")
+        lines += header("name", "meaning", "unit", "symbol", "axes after time", "equation", "exists with")
         for entry in entries:
             axes = ", ".join(entry.axes) or "-"
             lines.append(
                 row(
                     f"`{entry.name}`",
+                    entry.meaning,
                     entry.unit,
                     f"`{entry.symbol}`",
                     axes,

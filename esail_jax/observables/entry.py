@@ -8,6 +8,7 @@ from esail_jax.array_types import Array, Scalar
 from esail_jax.coordinates import Coordinates
 from esail_jax.elements.thermal import ThermalEnergy
 from esail_jax.numerics.small_matrices import matmul
+from esail_jax.observables.meanings import MEANINGS
 from esail_jax.system import System
 from esail_jax.terms import find_term
 
@@ -30,6 +31,11 @@ class Observable:
     equation: str
     function: Callable[[Any], Array]
     needs: str = ""
+
+    @property
+    def meaning(self) -> str:
+        """What it means, in one sentence with the sense in which it is positive."""
+        return MEANINGS[self.name]
 
 
 def kinetic_energy(system: System, v: Coordinates) -> Scalar:

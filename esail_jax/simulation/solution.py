@@ -139,8 +139,9 @@ class Solution(eqx.Module, Mapping):
             entry, values = described(name), np.asarray(self[name])
             finite = values[np.isfinite(values)]
             ends = (f"{finite.min():.6g}", f"{finite.max():.6g}") if finite.size else ("", "")
-            rows.append((name, entry.unit, ", ".join(("time", *entry.axes)), *ends))
-        return html_table(repr(self), ("observable", "unit", "axes", "smallest", "largest"), rows)
+            rows.append((name, entry.unit, ", ".join(("time", *entry.axes)), *ends, entry.meaning))
+        heads = ("observable", "unit", "axes", "smallest", "largest", "meaning")
+        return html_table(repr(self), heads, rows)
 
 
 OWN_AXES = ("angle", "row", "col")

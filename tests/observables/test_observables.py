@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from esail_jax.numerics.angles import smallest_eigenvector
+from esail_jax.observables import chain, sail
+from esail_jax.observables.meanings import MEANINGS
 from oracles.ledger import relative_error
 from oracles.pgv_h_roots import hub_force_and_torque
 from oracles.sail_matrices import ELEMENT, WEIGHTS, XI, shapes
@@ -101,3 +103,10 @@ def test_clamped_roots_turn_the_hub_by_their_couples_too():
         state = State(flat(q), flat(v), turn, omega, view)
         _, torque = hub_force_and_torque(state)
         assert relative_error(-state.orbital @ view["reaction_moment_O"], torque) < 1e-10
+
+
+def test_every_observable_has_a_meaning():
+    """One sentence each; those of kinetic energy and work hold for sails and chains."""
+    entries = (*sail.OBSERVABLES, *sail.ON_REQUEST, *chain.OBSERVABLES, chain.ENERGY_ERROR)
+    assert {entry.name for entry in entries} == set(MEANINGS)
+    assert all(entry.meaning.endswith(".") and entry.meaning[0].isupper() for entry in entries)
