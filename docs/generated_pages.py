@@ -60,6 +60,18 @@ def keys_page() -> str:
     return "\n".join(lines) + "\n"
 
 
+NEEDS = {
+    "hub": "a hub",
+    "ring": "auxiliary tethers",
+    "wind": "solar wind",
+    "wires": "`tethers.wire_radius`",
+    "heat": "`[thermal]`",
+    "orbit": "an orbit about the Sun",
+    "work": "loads or damping",
+}
+"""The part of a scene that an observable needs, in words."""
+
+
 def observables_page() -> str:
     """Returns the reference of all observables."""
     lists = {
@@ -73,22 +85,20 @@ def observables_page() -> str:
         "An observable is a signal that a run reports at every saved instant. Its first axis is `time`. "
         '"Derived" means that the printed formula is wrong and the derived one is used '
         "([errata](experiments/paper_errata/ERRATA.md)). The suffixes `_I`, `_O` and `_B` name the axes in "
-        "which a vector is given ([frames](../theory.md)).",
+        "which a vector is given ([frames](../theory.md)). X_B is the axis of the hub about which the sail "
+        "spins, Z_O points away from the Sun.",
     ]
     for title, entries in lists.items():
         lines += ["", f"## Observables of {title}", ""]
-        lines += header("name", "meaning", "unit", "symbol", "axes after time", "equation", "exists with")
+        lines += header("name, symbol", "unit", "axes after time", "meaning, equation")
         for entry in entries:
-            axes = ", ".join(entry.axes) or "-"
+            needs = f" Only with {NEEDS[entry.needs]}." if entry.needs else ""
             lines.append(
                 row(
-                    f"`{entry.name}`",
-                    entry.meaning,
+                    f"`{entry.name}`<br>`{entry.symbol}`",
                     entry.unit,
-                    f"`{entry.symbol}`",
-                    axes,
-                    entry.equation,
-                    entry.needs or "always",
+                    ", ".join(entry.axes) or "-",
+                    f"{entry.meaning}{needs}<br>{entry.equation}",
                 )
             )
     return "\n".join(lines) + "\n"

@@ -74,7 +74,7 @@ def run_here(task: Task, folder: Path, processes: int | None, resume: bool, quie
     if processes is None:
         processes = cores() if jax.default_backend() == "cpu" else 1
     pieces = publish_pieces(task, folder, missing, processes)
-    progress, before = Progress(float(len(missing)), progress_text, quiet), len(pieces_in(folder))
+    progress, before = Progress(float(len(missing)), progress_texts, quiet), len(pieces_in(folder))
 
     def show() -> None:
         if progress.due:
@@ -92,9 +92,9 @@ def run_here(task: Task, folder: Path, processes: int | None, resume: bool, quie
     return report(*merge_pieces(folder, task), quiet)
 
 
-def progress_text(_: float, speed: float) -> str:
-    """Text beside the progress bar."""
-    return f"{speed:.3g} members a second"
+def progress_texts(_: float, speed: float) -> tuple[str]:
+    """Returns the text beside the progress bar."""
+    return (f"{speed:.3g} members a second",)
 
 
 def wait_for(others: list[subprocess.Popen], stop: Callable[[], bool], each: Callable[[], None]) -> None:

@@ -1,10 +1,11 @@
 """A progress bar on a terminal."""
 
+import shutil
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
-WIDTH = 30
+WIDTH = 20
 """Number of characters in the bar."""
 
 REDRAW_SECONDS = 0.1
@@ -14,11 +15,15 @@ REDRAW_SECONDS = 0.1
 class Progress:
     """One line with a bar, what is done, the speed, and the remaining time.
 
-    total: amount of work; describe(done, speed): text beside the bar, with the speed in work per second;
-    quiet: draw nothing. The line is drawn on stderr, and only if that is a terminal.
+    total: amount of work; describe(done, speed): texts beside the bar, the most important first, with the
+    speed in work per second; quiet: draw nothing. The last texts are left out if the terminal is too
+    narrow, because a line that wraps cannot be drawn over. The line is drawn on stderr, and only if that is
+    a terminal.
     """
 
-    def __init__(self, total: float, describe: Callable[[float, float], str], quiet: bool = False):
+    def __init__(
+        self, total: float, describe: Callable[[float, float], Sequence[str]], quiet: bool = False
+    ):
         self.total, self.describe, self.stream = total, describe, sys.stderr
         self.shown = not quiet and self.stream.isatty()
         self._first: tuple[float, float] | None = None
@@ -45,7 +50,14 @@ class Progress:
         speed = (done - before) / max(now - began, 1e-9)
         left = clock((self.total - done) / speed) if speed > 0.0 else "-:--"
         part = min(max(done / self.total, 0.0), 1.0) if self.total > 0.0 else 1.0
-        self._write(f"\r{bar(part)}  {self.describe(done, speed)}  {left} left \x1b[K")
+        self._write(f"\r{self._line(part, self.describe(done, speed), left)} \x1b[K")
+
+    def _line(self, part: float, texts: Sequence[str], left: str) -> str:
+        """The line with as many of the texts as the terminal is wide enough for."""
+        columns, shown = shutil.get_terminal_size().columns - 1, [*texts]
+        while len(line := "  ".join([bar(part), *shown, f"{left} left"])) > columns and shown:
+            shown.pop()
+        return line
 
     def close(self) -> None:
         """Ends the line. Later calls draw nothing."""

@@ -1,6 +1,5 @@
 """`esail run`: a run with its file, progress bar, interruption and summary."""
 
-import functools
 import os
 import sys
 import time
@@ -12,7 +11,7 @@ import h5py
 from esail_jax.commands.description import describe
 from esail_jax.commands.exit_codes import ExitCode
 from esail_jax.commands.interrupts import Interrupts
-from esail_jax.commands.progress import Progress
+from esail_jax.commands.run_progress import RunProgress
 from esail_jax.compilation.announcements import announced_to
 from esail_jax.errors import SimulationError
 from esail_jax.files.opening import RunFileError, intact, open_run, open_single
@@ -50,7 +49,7 @@ def run_scene(
         if stability:
             raise RunFileError(f"`--stability` must be given before a run is complete, but {path} is")
         return ExitCode.DONE
-    progress = Progress(scene.integrator.t_end, functools.partial(progress_text, scene), quiet)
+    progress = RunProgress(scene, quiet)
     try:
         with announced_to(progress.stage):
             compiled = compile_scene(scene, names=names)
@@ -112,7 +111,7 @@ def of_another_version(path: Path) -> RunFileError:
 def write_run(
     run: HostRun,
     writer: RunWriter,
-    progress: Progress,
+    progress: RunProgress,
     interrupts: Interrupts,
     times: Callable[[], tuple[float, float]],
 ) -> tuple[str, ExitCode]:
@@ -124,7 +123,7 @@ def write_run(
         for chunk in run.chunks():
             if writer.add(chunk):
                 writer.write(progress_of(run, times()))
-            progress.update(chunk.reached)
+            progress.show(chunk)
             if interrupts.asked:
                 ended = ("interrupted", "Interrupted; --resume continues.", RESULTS.successful)
                 code = ExitCode.INTERRUPTED
@@ -133,11 +132,6 @@ def write_run(
         ended, code = ("failed", str(error), error.result), ExitCode.FAILED
     writer.write(progress_of(run, times(), *ended))
     return ended[1], code
-
-
-def progress_text(scene: Scene, reached: float, speed: float) -> str:
-    """Text beside the progress bar. reached: simulated time [s]; speed: simulated seconds per second."""
-    return f"{reached:.0f} of {scene.integrator.t_end:.0f} s  {speed:.0f} x real time"
 
 
 def check_output(scene: Scene, path: Path, resume: bool) -> str:

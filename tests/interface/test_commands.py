@@ -5,6 +5,7 @@ import os
 import signal
 
 import h5py
+import numpy as np
 import pytest
 
 from esail_jax import cli
@@ -13,8 +14,11 @@ from esail_jax.commands import progress
 from esail_jax.commands.exit_codes import ExitCode
 from esail_jax.commands.interrupts import Interrupts
 from esail_jax.commands.progress import Progress
+from esail_jax.commands.run_progress import RunProgress
 from esail_jax.files.hdf5 import atomic_hdf5
 from esail_jax.scenes.builtin_scenes import builtin_names
+from esail_jax.scenes.scene import load_scene
+from esail_jax.simulation.results import Chunk
 
 
 class Terminal(io.StringIO):
@@ -31,7 +35,7 @@ def test_progress_bar(monkeypatch):
     monkeypatch.setattr(progress.time, "perf_counter", lambda: now[0])
     stream = Terminal()
     monkeypatch.setattr("sys.stderr", stream)
-    shown = Progress(100.0, lambda done, speed: f"{done:g} at {speed:g}")
+    shown = Progress(100.0, lambda done, speed: [f"{done:g} at {speed:g}"])
     shown.stage("compiling the program of the start ...")
     assert stream.getvalue() == "\rcompiling the program of the start ...\x1b[K"
     for now[0], done in ((50.0, 20.0), (50.01, 21.0), (52.0, 60.0), (52.01, 100.0)):
@@ -40,16 +44,48 @@ def test_progress_bar(monkeypatch):
     shown.update(100.0)
     lines = stream.getvalue().removesuffix("\n").split("\r")
     texts = [line.removesuffix(" \x1b[K") for line in lines][1:]
-    assert texts[1] == "[######........................]  20 %  20 at 0  -:-- left"
-    assert texts[2] == "[##################............]  60 %  60 at 20  00:02 left"
-    assert texts[3].startswith(f"[{'#' * 30}] 100 %  100 at ") and len(texts) == 4
+    assert texts[1] == "[####................]  20 %  20 at 0  -:-- left"
+    assert texts[2] == "[############........]  60 %  60 at 20  00:02 left"
+    assert texts[3].startswith(f"[{'#' * 20}] 100 %  100 at ") and len(texts) == 4
+
+
+def test_line_of_a_run_fits_the_terminal(monkeypatch):
+    """It tells time, speed, last step, iterations and energy error; the last ones are left out on a
+    terminal of 80 columns. A chain has no iterations, and its energy error is relative."""
+    chunk = Chunk(
+        np.array([5.0]),
+        {"energy_balance_error": np.array([-3e-7])},
+        {"last_step": np.array([4.25]), "iterations_per_step": np.array([1.25])},
+        2000.0,
+    )
+    for columns, expected in (
+        (
+            140,
+            "  2000 of 4712 s  0 x real time  step 4.25 s  1.2 iterations  energy error 3e-07 J  -:-- left",
+        ),
+        (80, "  2000 of 4712 s  0 x real time  step 4.25 s  -:-- left"),
+        (20, "  -:-- left"),
+    ):
+        monkeypatch.setenv("COLUMNS", str(columns))
+        monkeypatch.setattr("sys.stderr", Terminal())
+        line = RunProgress(load_scene("baseline"))
+        line.show(chunk)
+        text = line.stream.getvalue()
+        assert text == f"\r[########............]  42 %{expected} \x1b[K"
+    monkeypatch.setenv("COLUMNS", "140")
+    chain = Chunk(
+        np.array([1.0]), {"energy_error": np.array([2e-13])}, {"last_step": np.array([0.01])}, 1.0
+    )
+    line = RunProgress(load_scene("hanging-chain"))
+    line.show(chain)
+    assert line.texts(1.0, 50.0) == ("1 of 5 s", "50 x real time", "step 0.01 s", "energy error 2e-13")
 
 
 @pytest.mark.parametrize(("quiet", "stream"), [(True, Terminal()), (False, io.StringIO())])
 def test_no_progress_bar(quiet, stream, monkeypatch):
     """Nothing is drawn with `quiet`, nor into a pipe."""
     monkeypatch.setattr("sys.stderr", stream)
-    shown = Progress(1.0, lambda done, speed: "", quiet)
+    shown = Progress(1.0, lambda done, speed: [], quiet)
     shown.stage("compiling")
     shown.update(1.0)
     shown.close()

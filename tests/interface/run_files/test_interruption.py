@@ -16,9 +16,8 @@ import h5py
 import numpy as np
 import pytest
 
-import esail_jax.commands.run
-import esail_jax.simulation.programs
 from esail_jax import cli
+from esail_jax.commands.progress import Progress
 from esail_jax.files import run_file
 from esail_jax.simulation.statistics import Pending
 from support.bits import check_same, esail_run, status_of
@@ -37,7 +36,7 @@ def test_ctrl_c_anywhere_leaves_a_file_that_resumes_bit_for_bit(
     scene, whole = scenes[kind], wholes(kind)
     path, left = tmp_path / "a.h5", [number]
     owner, name = {
-        "progress": (esail_jax.commands.run.Progress, "update"),
+        "progress": (Progress, "update"),
         "collect": (Pending, "values"),
         "write": (run_file.RunWriter, "_append"),
     }[place]
