@@ -23,7 +23,7 @@ class RunProgress(Progress):
     def texts(self, reached: float, speed: float) -> tuple[str, ...]:
         """Returns the texts of the line, the most important first. reached: simulated time [s]; speed:
         simulated seconds per second."""
-        found = [f"{reached:.0f} of {self.total:.0f} s", f"{speed:.0f} x real time"]
+        found = [f"{min(reached, self.total):.0f} of {self.total:.0f} s", f"{speed:.0f} x real time"]
         chunk = self.latest
         if chunk is None or not len(chunk.time):
             return tuple(found)
