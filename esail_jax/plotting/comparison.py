@@ -52,8 +52,9 @@ def compare(runs: Runs) -> dict[str, Figure]:
 
     Raises InputError if there are runs of a sail and of a rod chain.
 
-    Example: `compare({"20 kV": esail.simulate("baseline"), "10 kV": esail.simulate("baseline",
-    {"voltage.value": 10e3})})`.
+        weak = esail.simulate("baseline", {"voltage.value": 10e3})
+        figures = compare({"20 kV": esail.simulate("baseline"), "10 kV": weak})
+        figures["compare_tether"].savefig("tether.png")
     """
     kinds = {name: run.scene.main for name, run in runs.items()}
     first = next(iter(kinds))
@@ -247,7 +248,8 @@ def common_time_unit(runs: Sequence[Any]) -> tuple[float, str]:
 
 
 def colours_of(count: int) -> Sequence[Any]:
-    """Returns one colour per run, which differ for the colour-blind: not close to white."""
+    """Returns one colour per run, from a scale that colour-blind readers can tell apart, without its pale
+    end."""
     return list(colormaps["viridis"](np.linspace(0.0, 0.85, count)))
 
 
