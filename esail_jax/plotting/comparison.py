@@ -50,12 +50,14 @@ def compare(runs: Runs) -> dict[str, Figure]:
     which the runs differ, if there are at most two. Time is in spin periods or orbits if these are equal,
     and else in seconds. Panels for which no run has data are left out.
 
-    Raises InputError if there are runs of a sail and of a rod chain.
+    Raises InputError if there is no run, or if there are runs of a sail and of a rod chain.
 
         weak = esail.simulate("baseline", {"voltage.value": 10e3})
         figures = compare({"20 kV": esail.simulate("baseline"), "10 kV": weak})
         figures["compare_tether"].savefig("tether.png")
     """
+    if not runs:
+        raise InputError("`runs` must have at least one run, but is empty")
     kinds = {name: run.scene.main for name, run in runs.items()}
     first = next(iter(kinds))
     for name, kind in kinds.items():
@@ -165,7 +167,11 @@ def compare_tip(runs: Runs) -> Figure:
         return coordinate
 
     def tension(rod: int) -> Signal:
-        return lambda run: of_tether(observable(run, "tension"), rod)
+        def force(run: Any) -> np.ndarray | None:
+            tensions = observable(run, "tension")
+            return None if tensions is None else tensions[:, rod]
+
+        return force
 
     rows = [
         [Quantity("$x_{tip}$ [m]", tip(0)), Quantity("$y_{tip}$ [m]", tip(1))],

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from esail_jax.ensembles import Ensemble, outcomes_of, sensitivities
 from esail_jax.ensembles.statistics import DEGREES
+from esail_jax.plotting.figure_files import write_figures
 
 FANS = (
     ("coning angle [deg]", "coning_angle", DEGREES, None),
@@ -27,23 +28,14 @@ sample."""
 BANDS = ((0.0, 1.0, 0.12), (0.05, 0.95, 0.22), (0.25, 0.75, 0.35))
 """Lower and upper probability of a band, and its opacity."""
 
-DOTS_PER_INCH = 130
-"""Resolution of the written figures."""
-
 
 def plot_ensemble(ensemble: Ensemble, directory: str | Path) -> list[Path]:
     """Writes every figure that the ensemble has data for as DIRECTORY/<name>.png; returns the paths.
 
     The directory is created if it does not exist. Raises OSError if that or the writing fails."""
-    directory = Path(directory)
-    directory.mkdir(parents=True, exist_ok=True)
-    paths = []
-    for make in (fans, distributions, drivers_figure):
-        figure = make(ensemble)
-        if figure.axes:
-            paths.append(directory / f"{make.__name__.removesuffix('_figure')}.png")
-            figure.savefig(paths[-1], dpi=DOTS_PER_INCH)
-    return paths
+    makers = {"fans": fans, "distributions": distributions, "drivers": drivers_figure}
+    figures = ((name, make(ensemble)) for name, make in makers.items())
+    return write_figures(((name, figure) for name, figure in figures if figure.axes), directory)
 
 
 def grid_of(count: int, width: float = 4.0, height: float = 2.6) -> tuple[Figure, list[Axes]]:

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from esail_jax.plotting.data import KILOMETRE
+from esail_jax.plotting.figure_files import write_figures
 
 COLOURS = {
     "in-plane": "tab:blue",
@@ -122,11 +123,5 @@ def lowest_of(table: Any, kind: str, nodes: int) -> int | None:
 def plot_modes(table: Any, directory: str | Path) -> list[Path]:
     """Writes mode_frequencies.png, mode_shapes.png and, if the multipliers were asked for,
     mode_multipliers.png to a directory, which is created; returns their paths. Raises OSError."""
-    directory = Path(directory)
-    directory.mkdir(parents=True, exist_ok=True)
-    paths = []
-    figures = (mode_frequencies, mode_shapes, *([mode_multipliers] if table.floquet is not None else []))
-    for make in figures:
-        paths.append(directory / f"{make.__name__}.png")
-        make(table).savefig(paths[-1], dpi=150)
-    return paths
+    makers = (mode_frequencies, mode_shapes, *([mode_multipliers] if table.floquet is not None else []))
+    return write_figures(((make.__name__, make(table)) for make in makers), directory)

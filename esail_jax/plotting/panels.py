@@ -65,7 +65,7 @@ def against_time(
 ) -> Panel | None:
     """Returns a panel with curves, each with its own instants, against time; None if no curve has data.
 
-    unit: that of the time axis [s]. logarithmic: of the other axis."""
+    unit: unit of the time axis [s]; logarithmic: whether the other axis is."""
     shown = [c for c in curves if c.values is not None and np.isfinite(c.values).any()]
     if not shown:
         return None

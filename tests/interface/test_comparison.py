@@ -83,6 +83,8 @@ def test_the_legend_has_names_alone_if_many_keys_differ():
 def test_a_sail_is_not_compared_with_a_chain():
     with pytest.raises(InputError, match=r"^`b` must be of a sail like `a`, but is of a rod chain$"):
         compare({"a": sail(), "b": chain()})
+    with pytest.raises(InputError, match=r"^`runs` must have at least one run, but is empty$"):
+        compare({})
 
 
 def test_keys_in_which_scenes_differ():

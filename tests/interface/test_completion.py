@@ -20,7 +20,7 @@ printf '%s\\n' "${COMPREPLY[@]}"
 """What bash does when the tab key is pressed after the words that follow the name of the script."""
 
 
-@pytest.mark.skipif(shutil.which("bash") is None, reason="needs bash")
+@pytest.mark.skipif(shutil.which("bash") is None, reason="bash, which runs the script, is missing")
 def test_bash_completes_commands_scenes_options_and_files(tmp_path, capsys):
     assert cli.main(["completion", "bash"]) == 0
     script, error = capsys.readouterr()
