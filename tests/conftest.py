@@ -39,8 +39,8 @@ UNOPTIMISED = {
     "simplify-while-loops,while-loop-constant-sinking",
 }
 """Further flags for sessions of the default tests, in which compiling is most of the work: the suite
-compiles in two thirds of the time, and long runs take longer. Sessions with slow tests, such as that of `.ci/run`,
-compile all programs as the package does."""
+compiles in two thirds of the time, and long runs take longer. Sessions with slow tests, such as
+that of `.ci/run`, compile all programs as the package does."""
 
 LESS_OFTEN = 100_000, 50, 100
 """Thresholds of the garbage collector. Tracing makes millions of objects that stay alive; a collection
