@@ -52,16 +52,11 @@ class RigidBody(eqx.Module):
 
     def weights(self, x: Float[Array, "3 *point"]) -> Float[Array, "4 *point"]:
         """Weights g of body-fixed points x: r(x) = sum_k g_k r_k, with sum g = 1 ([PGV] Eq. 131-132)."""
-        return self._affine(x, 1.0)
+        return self.direction_weights(x) + self._affine_inverse()[:, 3].reshape(4, *[1] * (x.ndim - 1))
 
     def direction_weights(self, x: Float[Array, "3 *point"]) -> Float[Array, "4 *point"]:
         """Weights g of body-fixed directions x: sum_k g_k r_k = C_B^I x, with sum g = 0."""
-        return self._affine(x, 0.0)
-
-    def _affine(self, x: Array, last: float) -> Array:
-        """Weights of x extended by `last`: 1 for a point, 0 for a direction."""
-        extended = jnp.concatenate([x, jnp.full_like(x[:1], last)])
-        return jnp.tensordot(self._affine_inverse(), extended, 1)
+        return jnp.tensordot(self._affine_inverse()[:, :3], x, 1)
 
     def _affine_inverse(self) -> Float[Array, "4 4"]:
         """Inverse of the map from g to (sum g_k x_k, sum g_k): alpha, beta and gamma of [PGV] Eq. 133, in
