@@ -171,7 +171,8 @@ def add_modes(commands: Any) -> None:
     modes.add_argument("-o", "--output", type=Path, metavar="DIR", help="folder for figures of the shapes")
     modes.add_argument(
         "--count", type=int, metavar="N",
-        help="number of modes, those of the lowest frequencies (default: all; of large sails with unequal "
+        help="number of modes, those of the lowest frequencies; a line of the table may "
+        "hold several (default: all; of large sails with unequal "
         "tethers the lowest 100)",
     )  # fmt: skip
     modes.add_argument(

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from esail_jax.errors import nearest
 from esail_jax.html import html_table
 from esail_jax.scenes import rules
 from esail_jax.scenes.chain_tables import Chain, ChainInitial, ChainVoltage, ChainWind, Orbit, PlasmaBrake
@@ -256,6 +257,18 @@ def load_scene(source: "str | os.PathLike | Scene", overrides: Mapping[str, Any]
     return scene
 
 
+def unread(source: str | os.PathLike, error: Exception) -> str:
+    """Says why a scene could not be read, and what its user may have meant."""
+    from esail_jax.scenes.builtin_scenes import builtin_names
+
+    if isinstance(error, FileNotFoundError):
+        hint = nearest(str(source), builtin_names()) or " (`esail scenes` lists the built-in scenes)"
+        return f"cannot be read: {error.strerror}{hint}"
+    if isinstance(error, UnicodeDecodeError) and str(source).endswith(".h5"):
+        return "cannot be read: is not text but a file of results"
+    return f"cannot be read: {getattr(error, 'strerror', None) or 'is not text'}"
+
+
 def read_scene(source: str | os.PathLike, overrides: Mapping[str, Any] | None) -> Scene:
     """A built-in scene by name or a TOML file by path, with overrides by key. Raises SceneError."""
     from esail_jax.scenes.builtin_scenes import builtin_text
@@ -266,8 +279,5 @@ def read_scene(source: str | os.PathLike, overrides: Mapping[str, Any] | None) -
             with open(source, encoding="utf-8") as file:
                 text = file.read()
         except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or "is not text"
-            raise SceneError(
-                str(source), "be a built-in scene or a TOML file", f"cannot be read: {reason}"
-            ) from None
+            raise SceneError(str(source), "be a built-in scene or a TOML file", unread(source, error)) from None
     return parse(text, str(source), overrides)

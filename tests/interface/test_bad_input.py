@@ -310,6 +310,22 @@ def test_info_about_what_is_no_run_is_refused(kind, tmp_path, capsys):
     check_refused(["info", tmp_path / kind], tmp_path / kind, capsys, tmp_path, "run file")
 
 
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [
+        ("apendix-d", "(perhaps `appendix-d`)"),
+        ("mine.toml", "(`esail scenes` lists"),
+        ("run.h5", "a file of results"),
+    ],
+)
+def test_a_scene_that_cannot_be_read_says_what_was_meant(name, hint, tmp_path, capsys, monkeypatch):
+    """A misspelt built-in scene, a missing file, and a run file in place of a scene."""
+    monkeypatch.chdir(tmp_path)
+    with h5py.File("run.h5", "w") as file:
+        file["time"] = [0.0, 1.0]
+    check_refused(["modes", name], name, capsys, tmp_path, "built-in scene or a TOML file", hint)
+
+
 def test_the_shell_sees_the_same(tmp_path):
     """A process has the same exit status and output, for a bad key and for a bad command."""
     for arguments, word in (
