@@ -279,5 +279,7 @@ def read_scene(source: str | os.PathLike, overrides: Mapping[str, Any] | None) -
             with open(source, encoding="utf-8") as file:
                 text = file.read()
         except (OSError, ValueError) as error:
-            raise SceneError(str(source), "be a built-in scene or a TOML file", unread(source, error)) from None
+            raise SceneError(
+                str(source), "be a built-in scene or a TOML file", unread(source, error)
+            ) from None
     return parse(text, str(source), overrides)

@@ -28,7 +28,7 @@ FIGURES = (
     ),
     ours(4, "convergence: thrust, strain, run time", "pgv_convergence"),
     ours(5, "convergence: angular rates", "pgv_convergence"),
-    Figure("Table 2", "frequencies (errata)", "../paper_errata/ERRATA.md", "esail modes voltage-off"),
+    Figure("Table 2", "frequencies, below", "", "python experiments/pgv_statements/table2.py"),
     ours(6, "motion of tether 1", "pgv_baseline"),
     ours(7, "forces on tether 1", "pgv_baseline"),
     ours(8, "energies", "pgv_baseline"),

@@ -21,6 +21,7 @@ import tether  # noqa: F401
 from figures import FIGURES
 from judged import STATEMENTS
 from measures import all_runs
+from table2 import table
 
 HEAD = """# Statements of [PGV] Sec. 4 and 5, judged by runs
 
@@ -64,6 +65,7 @@ def figure_page() -> str:
             raise FileNotFoundError(entry.file)
         ours = f"[{entry.what}]({entry.file})" if entry.file else entry.what
         lines.append(f"| {entry.number} | {ours} | `{entry.command}` |")
+    lines += ["", "## Table 2: frequencies", "", table().rstrip()]
     for entry in FIGURES:
         if entry.file.endswith(".png"):
             lines += ["", f"## {entry.number}: {entry.what}", "", f"![{entry.number}]({entry.file})"]
