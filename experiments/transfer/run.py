@@ -1,15 +1,18 @@
-"""Half a year on an orbit about the Sun with all tethers resolved: outward and inward arcs, the spin plane
-held by the feedback law, the power limited.
+"""Arcs about the Sun with all tethers resolved, outward and inward, over half a year and over a year: the
+spin plane held by the feedback law, the power limited.
 
-    python experiments/transfer/run.py [--days 180] [--runs DIR]
+    python experiments/transfer/run.py [--arcs NAME ...] [--runs DIR]
 
-writes results.csv, outward.csv, inward.csv and transfer.png here, and the run files to DIR, if given.
+writes a table of every arc by day (NAME.csv), results.csv and the figures half-year.png and year.png here,
+and the run files to DIR, if given. Rows and figures of arcs that are not named are kept. `movie.py` makes
+the movie of the two arcs of a year.
 """
 
 import argparse
 import csv
 import time
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -40,8 +43,23 @@ SAIL = {
 """Four tethers of two trusses and a light hub: the acceleration by the thrust is then larger than that of
 the baseline. Lengths, tip masses and voltage are those of the baseline."""
 
-ARCS = {"outward": 20.0, "inward": -20.0}
-"""Sailing angles [deg] that the law aims at: towards the direction of flight, or against it."""
+
+class Arc(NamedTuple):
+    """target: sailing angle [deg] that the law aims at, towards the direction of flight if positive; days:
+    duration."""
+
+    target: float
+    days: float
+
+
+ARCS = {
+    "half-year-outward": Arc(20.0, 180.0),
+    "half-year-inward": Arc(-20.0, 180.0),
+    "year-outward": Arc(12.0, 365.25),
+    "year-inward": Arc(-6.0, 365.25),
+}
+"""The arcs. The angle settles some three degrees below its target, so that the arcs of a year fly at about
++9 and -9 deg."""
 
 
 def mass_of(scene):
@@ -77,7 +95,7 @@ def point_mass(run, scene):
     return found.y[:3].T
 
 
-def arc(angle, days):
+def fly(angle, days):
     """Runs one arc. Returns the solution, a row of results, and a table of the arc by day."""
     aims = {"initial.sailing_angle_deg": angle, "voltage.target_sailing_angle_deg": angle}
     scene = esail.load_scene("heliocentric", SAIL | aims | {"integrator.t_end": days * DAY})
@@ -88,6 +106,7 @@ def arc(angle, days):
     size = np.linalg.norm(r, axis=1)
     out = r / size[:, None]
     normal, ahead = normal_of_tips(run), np.cross([0.0, 0.0, 1.0], out)
+    heliocentric = dict(zip(("x_au", "y_au", "z_au"), r.T / ASTRONOMICAL_UNIT, strict=True))
     tilt = np.rad2deg(np.arctan2((normal * ahead).sum(1), (normal * out).sum(1)))
     wobble = np.rad2deg(np.arccos(np.clip((normal * run["rotation_IB"][:, :, 0]).sum(1), -1.0, 1.0)))
     axis = 1.0 / (2.0 / size - (v**2).sum(1) / SOLAR_MU) / ASTRONOMICAL_UNIT
@@ -107,6 +126,8 @@ def arc(angle, days):
         "coning_largest_deg": np.abs(coning).max(1),
         "lagging_largest_deg": np.rad2deg(np.abs(run["lagging_angle"])).max(1),
         "power_W": run["electric_power"],
+        **heliocentric,
+        **dict(zip(("normal_x", "normal_y", "normal_z"), normal.T, strict=True)),
     }
     row = {
         "days": days,
@@ -136,8 +157,8 @@ def kepler(position, velocity, times):
     return found.y[:3].T
 
 
-def draw(tables):
-    """Draws the arcs: orbit, angle of the spin plane, cone, spin and power."""
+def draw(name, tables):
+    """Draws the arcs of one duration: orbit, angle of the spin plane, cone, spin and power."""
     figure = Figure(figsize=(11, 6), layout="constrained")
     axes = figure.subplots(2, 3)
     for name, table in tables.items():
@@ -157,35 +178,52 @@ def draw(tables):
     for panel, label in zip(axes.flat, labels, strict=True):
         panel.set(xlabel="day", ylabel=label)
         panel.legend(fontsize=8)
-    figure.savefig(HERE / "transfer.png", dpi=110)
+    figure.savefig(HERE / f"{name}.png", dpi=110)
+
+
+def table_of(name):
+    """Reads the table of an arc that has been run, or returns None."""
+    path = HERE / f"{name}.csv"
+    if not path.exists():
+        return None
+    found = np.genfromtxt(path, delimiter=",", names=True)
+    return {column: found[column] for column in found.dtype.names}
+
+
+def rows_so_far():
+    """Reads the rows of results.csv by the name of the arc."""
+    path = HERE / "results.csv"
+    if not path.exists():
+        return {}
+    with path.open(newline="") as file:
+        return {row["arc"]: row for row in csv.DictReader(file)}
+
+
+def write_rows(rows):
+    """Writes results.csv."""
+    with (HERE / "results.csv").open("w", newline="") as file:
+        table = csv.DictWriter(file, next(iter(rows.values())), lineterminator="\n")
+        table.writeheader()
+        table.writerows(rows[name] for name in ARCS if name in rows)
 
 
 def main():
     options = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    options.add_argument("--days", type=float, default=180.0)
+    options.add_argument("--arcs", nargs="+", choices=ARCS, default=list(ARCS), metavar="NAME")
     options.add_argument("--runs", type=Path, help="folder for the run files")
     given = options.parse_args()
-    rows, tables = [], {}
-    for name, angle in ARCS.items():
-        run, row, tables[name] = arc(angle, given.days)
+    for name in given.arcs:
+        run, row, table = fly(*ARCS[name])
         print(name, row, flush=True)
-        rows.append({"arc": name} | row)
         if given.runs is not None:
             esail.save(run, given.runs / f"{name}.h5")
-        columns = np.stack(list(tables[name].values()), 1)[::8]
-        np.savetxt(
-            HERE / f"{name}.csv",
-            columns,
-            fmt="%.6g",
-            delimiter=",",
-            header=",".join(tables[name]),
-            comments="",
-        )
-    with (HERE / "results.csv").open("w", newline="") as file:
-        table = csv.DictWriter(file, rows[0], lineterminator="\n")
-        table.writeheader()
-        table.writerows(rows)
-    draw(tables)
+        columns, head = np.stack(list(table.values()), 1)[::8], ",".join(table)
+        np.savetxt(HERE / f"{name}.csv", columns, "%.6g", ",", header=head, comments="")
+        write_rows(rows_so_far() | {name: {"arc": name} | row})
+    for duration in ("half-year", "year"):
+        tables = {way: table_of(f"{duration}-{way}") for way in ("outward", "inward")}
+        if None not in tables.values():
+            draw(duration, tables)
 
 
 if __name__ == "__main__":
