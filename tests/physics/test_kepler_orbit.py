@@ -87,7 +87,7 @@ def test_anomaly_against_bisection(validate):
     longer numbers: from the pericentre and from a place after it, over 1e-9 to 100 radians of mean anomaly.
 
     The error is measured in the equation's own terms: t, s and b are rounded, which moves the anomaly by
-    2e-16 (1 + |M|)/(1 - e cos E), a time by its rounding over the rate. Measured: 4 of these units."""
+    2e-16 (1 + |M|)/(1 - e cos E), a time by its rounding over the rate. Measured: 1.5 of these units."""
     e, mean, start = (
         x.ravel()
         for x in np.meshgrid(
@@ -110,7 +110,7 @@ def test_anomaly_against_bisection(validate):
     unit = 2.2e-16 * (1 + np.abs(low)) / (1 - e * np.cos(low))
     validate(
         "ORB-5", "Kepler's equation, e to 0.999", "bisection in longer numbers",
-        "anomaly / its change by rounding", float((np.abs(found - low) / unit).max()), 20.0,
+        "anomaly / its change by rounding", float((np.abs(found - low) / unit).max()), 10.0,
     )  # fmt: skip
 
 
