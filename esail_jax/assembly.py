@@ -7,14 +7,14 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from esail_jax.array_types import Rotation, Scalar, Vector
+from esail_jax.array_types import Instants, Rotation, Scalar, Vector
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.elements.axial import TensionOnlyEnergy
 from esail_jax.elements.rigid_body import RigidBody
 from esail_jax.elements.ring import Ring
 from esail_jax.elements.tether import TetherBatch
 from esail_jax.environment.circular_orbit import CircularOrbit
-from esail_jax.environment.kepler_orbit import KeplerOrbit
+from esail_jax.environment.kepler_orbit import KeplerOrbit, PlaceOnOrbit
 from esail_jax.joints.roots import FrameRoots, HubRoots
 from esail_jax.loads.tip_thrust import TipThrust
 from esail_jax.numerics.small_matrices import matmul
@@ -53,6 +53,10 @@ class Assembly(eqx.Module):
     def has_field(self) -> bool:
         """Tells whether there is an acceleration field: gravity or that of an orbit."""
         return any(x is not None for x in (self.gravity, self.orbit, self.kepler_orbit))
+
+    def place(self, time: Instants) -> PlaceOnOrbit | None:
+        """Place of the moving origin of I at one or several instants [s]; None without an orbit."""
+        return None if self.kepler_orbit is None else PlaceOnOrbit(*self.kepler_orbit.at(time))
 
     @property
     def terms(self) -> tuple[str, ...]:

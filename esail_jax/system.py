@@ -6,26 +6,18 @@ Every function loops over the terms that are present; an absent term leaves no t
 program.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax.array_types import (
-    Array,
-    Float,
-    Instants,
-    Nodal,
-    PerPoint,
-    PerTether,
-    Scalar,
-)
+from esail_jax.array_types import Array, Float, Instants, Nodal, PerPoint, PerTether, Scalar
 from esail_jax.assembly import Assembly
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.elements.thermal import ThermalEnergy
-from esail_jax.environment.kepler_orbit import nodal_tide, tide
+from esail_jax.environment.kepler_orbit import PlaceOnOrbit, at_place, nodal_tide, tide
 from esail_jax.measurements import Measurements
 from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import dot, stacked
@@ -126,10 +118,11 @@ class System(Assembly):
         self, time: Scalar, q: Coordinates, v: Coordinates, vdot: Coordinates, lam: Multipliers
     ) -> tuple[Residual, Power]:
         """Residual of the equations of motion and constraints at one state, and the power of its forces."""
-        inertial = self.relative_to_free_fall(time, q, v, vdot)
-        commanded = self.with_commanded_loads(time, q, v)
+        system = at_place(self, self.place(time))
+        inertial = system.relative_to_free_fall(time, q, v, vdot)
+        commanded = system.with_commanded_loads(time, q, v)
         forces, power = commanded.member_forces(time, q, v, inertial)
-        return self.complete_residual(time, q, v, forces, lam, power)
+        return system.complete_residual(time, q, v, forces, lam, power)
 
     def residuals(
         self,
@@ -143,15 +136,23 @@ class System(Assembly):
 
         The tethers' forces are evaluated once, with the states as a batch axis of the elements.
         """
-        inertial = jax.vmap(self.relative_to_free_fall)(times, q, v, vdot)
+        place = self.place(times)
+
+        def of_every_state(method: str, *of_states: Any) -> Any:
+            def of_one(place: PlaceOnOrbit | None, *of_state: Any) -> Any:
+                return getattr(at_place(self, place), method)(*of_state)
+
+            return jax.vmap(of_one, (-1, *(0,) * len(of_states)))(place, *of_states)
+
+        inertial = of_every_state("relative_to_free_fall", times, q, v, vdot)
         motion = (states_inside(x) for x in (q, v, inertial))
-        system = self
+        system = at_place(self, place)
         if self.controlled:
-            system = self.with_commands(jax.vmap(self.commands)(times, q, v))
+            system = system.with_commands(of_every_state("commands", times, q, v))
         found, power = system.member_forces(times[:, None], *motion)
         ring = None if found.ring is None else jnp.moveaxis(found.ring, 1, 0)
         forces = Coordinates(jnp.moveaxis(found.tether, 2, 0), inertial.hub, ring)
-        return jax.vmap(self.complete_residual)(times, q, v, forces, lam, power)
+        return of_every_state("complete_residual", times, q, v, forces, lam, power)
 
     @property
     def controlled(self) -> bool:

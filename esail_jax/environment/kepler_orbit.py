@@ -13,6 +13,7 @@ classical guess of the eccentric or hyperbolic anomaly: in 3 to 13 iterations fo
 """
 
 import math
+from typing import Any, TypeVar
 
 import equinox as eqx
 import jax
@@ -36,6 +37,7 @@ DEGREE = 5.0
 """Degree of the polynomial by which Laguerre's method approximates F (Conway 1986)."""
 
 Numbers = Float[Array, "..."]
+Parts = TypeVar("Parts")
 
 
 class KeplerOrbit(eqx.Module):
@@ -62,6 +64,31 @@ class KeplerOrbit(eqx.Module):
         return f * r0 + g * v0, f_rate * r0 + g_rate * v0
 
 
+class PlaceOnOrbit(KeplerOrbit):
+    """A Kepler orbit of which only one or several instants are needed. There the position [m] and velocity
+    [m/s] are known, so that Kepler's equation is not solved again."""
+
+    position: Float[Array, "3 ..."]
+    velocity: Float[Array, "3 ..."]
+
+    def at(self, time: Instants) -> tuple[Float[Array, "3 ..."], Float[Array, "3 ..."]]:
+        """The known position and velocity, in the shape of the instants, which must be the known ones."""
+        shape = (3, *jnp.shape(time))
+        return self.position.reshape(shape), self.velocity.reshape(shape)
+
+
+def at_place(parts: Parts, place: PlaceOnOrbit | None) -> Parts:
+    """The parts of a model with the known place instead of their orbit: Kepler's equation is solved once
+    for the tide, the wind and the laws. Without a place the parts are returned as they are."""
+    if place is None:
+        return parts
+
+    def is_orbit(x: Any) -> bool:
+        return isinstance(x, KeplerOrbit)
+
+    return jax.tree.map(lambda x: place if is_orbit(x) else x, parts, is_leaf=is_orbit)
+
+
 def tide(origin: Vector, r: VectorPerPoint) -> VectorPerPoint:
     """Acceleration [m/s^2] by the Sun at r, relative to a particle in free fall at the origin of r.
 
@@ -84,7 +111,9 @@ def nodal_tide(origin: Vector, nodal: Float[Array, "coef 3 *node"]) -> Float[Arr
     them. Between nodes it is interpolated, with an error of (element length / distance of the Sun)^2."""
     if nodal.shape[0] == 1:
         return tide(origin, nodal[0])[None]
-    return jnp.stack(jax.jvp(lambda r: tide(origin, r), (nodal[0],), (nodal[1],)))
+    # All nodes are on one axis: the compiler's loops over short axes are slow.
+    nodes = nodal.reshape(2, 3, -1)
+    return jnp.stack(jax.jvp(lambda r: tide(origin, r), (nodes[0],), (nodes[1],))).reshape(nodal.shape)
 
 
 # ---- Kepler's equation -------------------------------------------------------------------------

@@ -7,7 +7,7 @@ from esail_jax.array_types import Array, Float, Instants, Scalar, Vector, Vector
 from esail_jax.constants import PROTON_MASS, THRUST_FACTOR, VACUUM_PERMITTIVITY
 from esail_jax.environment.kepler_orbit import KeplerOrbit
 from esail_jax.environment.thrust_laws import DebyeSheath
-from esail_jax.numerics.vectors import dot, norm
+from esail_jax.numerics.vectors import norm, reciprocal
 
 
 class SteadyWind(eqx.Module):
@@ -101,9 +101,11 @@ class WindOnOrbit(eqx.Module):
             shape = (3, *(1,) * (r.ndim - 1 - jnp.ndim(time)), *jnp.shape(time))
             origin, velocity = origin.reshape(shape), velocity.reshape(shape)
         place = origin if r is None else origin + r
-        squared = dot(place, place)
-        density = wind.number_density * self.reference_distance**2 / squared
-        return LocalWind(wind.speed, density, wind.cutoff_voltage, place, wind.sheath, velocity)
+        nearness = reciprocal(norm(place))
+        density = wind.number_density * (self.reference_distance * nearness) ** 2
+        plasma = wind.plasma * (self.reference_distance * nearness)
+        about = wind.cutoff_voltage, place, wind.sheath
+        return LocalWind(wind.speed, density, *about, velocity, nearness=nearness, local_plasma=plasma)
 
     def direction(self, time: Scalar, r: Vector | None) -> Vector:
         """Unit vector along the wind at a point r of the moving frame."""
@@ -113,14 +115,23 @@ class WindOnOrbit(eqx.Module):
 
 class LocalWind(SteadyWind):
     """Solar wind at several points: origin holds the heliocentric position [m] of every point, and
-    number_density its density there. frame_velocity: velocity [m/s] of the inertial frame."""
+    number_density its density there. frame_velocity: velocity [m/s] of the inertial frame. nearness:
+    1/|R| [1/m] at every point. local_plasma: `plasma` there, from the density at the reference distance
+    without another root: roots and divisions at every point are what an orbit costs."""
 
     origin: VectorPerPoint
     frame_velocity: Float[Array, "xyz ..."] | None = None
+    nearness: Float[Array, "..."] = eqx.field(kw_only=True)
+    local_plasma: Float[Array, "..."] = eqx.field(kw_only=True)
 
     def velocity(self, r: VectorPerPoint) -> VectorPerPoint:
         """Wind velocity u [m/s] at each of the points, in axes at rest relative to the Sun."""
-        return self.origin * (self.speed / norm(self.origin))
+        return self.origin * (self.speed * self.nearness)
+
+    @property
+    def plasma(self) -> Instants:
+        """sqrt(eps_0 m_i n) [N s/(V m^2)] at each of the points."""
+        return self.local_plasma
 
 
 Wind = SteadyWind | WindSeries | WindOnOrbit

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from esail_jax import iteration_matrix
 from esail_jax.array_types import Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
+from esail_jax.environment.kepler_orbit import at_place
 from esail_jax.iteration_matrix import FactoredMass
 from esail_jax.numerics import structured
 from esail_jax.system import Power, System
@@ -39,6 +40,7 @@ def consistent_motion(
 ) -> ConsistentMotion:
     """Returns accelerations, multipliers, forces and powers of the state (q, v), which must satisfy the
     constraints and their rates. mass: the factored mass matrix at q, if it is known."""
+    system = at_place(system, system.place(time))
     rest = jax.tree.map(jnp.zeros_like, q)
     if system.hub is None:
         rest = system.place_roots(time, rest, derivative=2)

@@ -9,6 +9,7 @@ import pytest
 import esail_jax as esail
 from esail_jax.constants import ASTRONOMICAL_UNIT as AU
 from esail_jax.constants import SOLAR_MU
+from esail_jax.environment import kepler_orbit
 from esail_jax.environment.kepler_orbit import KeplerOrbit
 from esail_jax.environment.solar_wind import SteadyWind, WindOnOrbit
 from esail_jax.loads.coulomb import CoulombThrust
@@ -18,6 +19,8 @@ from esail_jax.observables import elastic_energy
 from esail_jax.point_fields import PointFields
 from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.structure import split
+from esail_jax.steppers.consistent import consistent_motion
+from esail_jax.system import System
 from support.quick import jit
 from support.ring_sail import SAIL, TIGHT, reference, ring_scene
 
@@ -187,6 +190,30 @@ def test_derivatives_by_the_orbit():
         quotient = (8.0 * (ends[1] - ends[-1]) - (ends[2] - ends[-2])) / (12.0 * 0.1 * size[k])
         assert np.abs(slopes[:, k] - quotient).max() < 1e-6 * np.abs(quotient).max(), k
         assert np.abs(slopes[:, k] - backward[:, k]).max() < 1e-9 * np.abs(quotient).max(), k
+
+
+def test_one_solution_of_kepler_s_equation_per_evaluation(monkeypatch):
+    """The residual of one state, of several, and consistent accelerations solve Kepler's equation once,
+    although the tide, its power, the wind and a law that asks for the wind at the hub need the place."""
+    changes = {"tethers.count": 3, "voltage.law": "constant-thrust", "voltage.thrust": 0.05}
+    scene = esail.load_scene("heliocentric", changes | {"voltage.value": None, "voltage.maximum": 4e4})
+    system, q, v, _ = build_jitted(*split(scene))
+    state, solve, solved = (q, v, v, system.no_multipliers()), kepler_orbit.anomaly, []
+
+    def counted(*given):
+        solved.append(given)
+        return solve(*given)
+
+    monkeypatch.setattr(kepler_orbit, "anomaly", counted)
+    several = jax.tree.map(lambda x: jnp.stack([x, x]), state)
+    for function, time, arguments in (
+        (System.residual, jnp.ones(()), state),
+        (System.residuals, jnp.ones(2), several),
+        (consistent_motion, jnp.ones(()), state[:2]),
+    ):
+        solved.clear()
+        jax.eval_shape(function, system, time, *arguments)
+        assert len(solved) == 1, function
 
 
 def test_wind_along_the_orbit():
