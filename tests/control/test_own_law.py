@@ -384,6 +384,24 @@ def test_a_scene_that_names_a_law_in_python_needs_it():
         load_scene("hanging-chain", {"voltage_law": Waves()})
 
 
+@pytest.mark.parametrize(
+    ("command", "message"),
+    [
+        (["run"], "`--voltage-law FILE.py:NAME` must be given with `voltage.law` = \"python\", but is missing"),
+        (["design"], "must be a law of the package for `esail design`, which takes no `--voltage-law`, but is"),
+    ],
+)
+def test_a_command_says_how_it_takes_the_law_of_a_file(command, message, tmp_path, capsys):
+    """A file with `law = "python"` and limits is a scene; `esail run` asks for the option that gives the
+    law, and `esail design` says that it has none."""
+    scene = load_scene("baseline", SAIL | {"voltage_law": Waves(), "voltage.maximum": 40e3})
+    (tmp_path / "own.toml").write_text(to_toml(scene), encoding="utf-8")
+    assert load_scene(tmp_path / "own.toml", {"voltage_law": Waves()}) == scene
+    assert main([*command, str(tmp_path / "own.toml"), "-o", str(tmp_path / "out")]) == 2
+    err = capsys.readouterr().err
+    assert message in err and err.count("\n") == 1 and not (tmp_path / "out").exists()
+
+
 def test_a_growth_rate_with_samples_is_refused():
     with pytest.raises(esail.SceneError, match="`stability` must be False with a sampled `voltage_law`"):
         simulate(Clock(), stability=True)
