@@ -32,8 +32,10 @@ if TYPE_CHECKING:
 
 
 def scene_of(options: argparse.Namespace) -> "Scene":
-    """Reads and checks the scene of a command, before JAX is imported: an error is reported at once."""
+    """Reads and checks the scene of a command, before JAX is imported: an error is reported at once, and so
+    is a number that may be in a wrong unit."""
     from esail_jax.scenes.own_law import KEY, MissingLaw
+    from esail_jax.scenes.plausibility import doubts
     from esail_jax.scenes.scene import load_scene
 
     overrides = settings(options)
@@ -42,9 +44,13 @@ def scene_of(options: argparse.Namespace) -> "Scene":
 
         overrides[KEY] = read_law(options.voltage_law)
     try:
-        return load_scene(options.scene, overrides)
+        scene = load_scene(options.scene, overrides)
     except MissingLaw as error:
         raise missing_law(options) from error
+    if not getattr(options, "quiet", False):
+        for doubt in doubts(scene):
+            print(doubt, file=sys.stderr)
+    return scene
 
 
 def missing_law(options: argparse.Namespace) -> UsageError:

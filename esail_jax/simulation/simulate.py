@@ -222,7 +222,7 @@ def collected(run: Begun, save, throw: bool, progress=None) -> Solution:
         "terms": host.compiled.problem.terms,
         "numerics_units": host.compiled.numerics,
         "method": host.compiled.problem.stepper.name,
-        "message": message or run_warning(rows, numerics, run.scene.thermal),
+        "message": message or run_warning(rows, numerics, run.scene),
     }
     if save is not None:
         rows = {name: rows[name] for name in save}
