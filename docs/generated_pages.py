@@ -8,6 +8,7 @@ from pathlib import Path
 
 from esail_jax import observables
 from esail_jax.commands.parser import parser
+from esail_jax.observables.entry import NEEDS
 from esail_jax.scenes.builtin_scenes import builtin_names, builtin_text
 from esail_jax.scenes.commented_scene import commented
 from esail_jax.scenes.key_reference import describe_keys
@@ -58,18 +59,6 @@ def keys_page() -> str:
         default = "required" if key.required else "absent" if key.default is None else toml(key.default)
         lines.append(row(f"`{key.name}`", key.unit, key.type, default, key.rule, key.doc))
     return "\n".join(lines) + "\n"
-
-
-NEEDS = {
-    "hub": "a hub",
-    "ring": "auxiliary tethers",
-    "wind": "solar wind",
-    "wires": "`tethers.wire_radius`",
-    "heat": "`[thermal]`",
-    "orbit": "an orbit about the Sun",
-    "work": "loads or damping",
-}
-"""The part of a scene that an observable needs, in words."""
 
 
 def observables_page() -> str:

@@ -32,8 +32,10 @@ if TYPE_CHECKING:
 
 
 def scene_of(options: argparse.Namespace) -> "Scene":
-    """Reads and checks the scene of a command, before JAX is imported: an error is reported at once."""
-    from esail_jax.scenes.own_law import KEY
+    """Reads and checks the scene of a command, before JAX is imported: an error is reported at once, and so
+    is a number that may be in a wrong unit."""
+    from esail_jax.scenes.own_law import KEY, MissingLaw
+    from esail_jax.scenes.plausibility import doubts
     from esail_jax.scenes.scene import load_scene
 
     overrides = settings(options)
@@ -41,7 +43,27 @@ def scene_of(options: argparse.Namespace) -> "Scene":
         from esail_jax.commands.own_law import read_law
 
         overrides[KEY] = read_law(options.voltage_law)
-    return load_scene(options.scene, overrides)
+    try:
+        scene = load_scene(options.scene, overrides)
+    except MissingLaw as error:
+        raise missing_law(options) from error
+    if not getattr(options, "quiet", False):
+        for doubt in doubts(scene):
+            print(doubt, file=sys.stderr)
+    return scene
+
+
+def missing_law(options: argparse.Namespace) -> UsageError:
+    """Returns the error for a scene of a user's law without the law: it names the option that gives it, if
+    the command has one."""
+    if hasattr(options, "voltage_law"):
+        return UsageError(
+            '`--voltage-law FILE.py:NAME` must be given with `voltage.law` = "python", but is missing'
+        )
+    return UsageError(
+        f"`voltage.law` must be a law of the package for `esail {options.command}`, which takes no "
+        '`--voltage-law`, but is "python"'
+    )
 
 
 def run(options: argparse.Namespace) -> ExitCode:

@@ -1,6 +1,7 @@
 """The errors that users meet. This module imports no library: the command line needs it before JAX."""
 
 import difflib
+import re
 from collections.abc import Iterable
 from typing import Any
 
@@ -21,7 +22,9 @@ class SimulationError(RuntimeError):
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """Returns the hint ` (perhaps `...`)` with the known name that is nearest to an unknown one; empty if
-    none is near."""
-    near = difflib.get_close_matches(name, list(known), 1)
-    return f" (perhaps `{near[0]}`)" if near else ""
+    """Returns the hint ` (perhaps `...`)` with the known name that is nearest to an unknown one, or with
+    the first three of which it is a word; empty if there are none."""
+    known = list(known)
+    near = difflib.get_close_matches(name, known, 1) or [x for x in known if name in re.split(r"[._]", x)]
+    *others, last = (f"`{x}`" for x in near[:3]) if near else ("",)
+    return f" (perhaps {' or '.join(filter(None, (', '.join(others), last)))})" if near else ""

@@ -58,7 +58,7 @@ def run_design(
     design = Design(scene, weights, law_variables(scene), method=how.method)
     identity = {"scene": to_toml(scene), "weights": repr(sorted(weights.items())), "method": how.method}
     last = read_state(path, design.optimiser, identity) if path.exists() else None
-    before = design.reference_run
+    before, _ = design.reference_run, design.objective.references
     folder.mkdir(parents=True, exist_ok=True)
     for state in design.optimise(how.iterations, last, starts=how.starts, seed=how.seed):
         last = state

@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 
 from esail_jax.array_types import Array, Int, PerTether, Rotation, Scalar
+from esail_jax.loads.calls_of_law import first_memory, updated
 from esail_jax.measurements import Measurements
 from esail_jax.numerics.small_matrices import matmul
 
@@ -39,13 +40,11 @@ class Wrapper(eqx.Module):
 
     def first(self, measurements: Measurements) -> Any:
         """The memory of the wrapped law at the start; None if it has none."""
-        return self.law.init(measurements) if hasattr(self.law, "update") else None
+        return first_memory(self.law, measurements)
 
     def next(self, measurements: Measurements, memory: Any) -> tuple[PerTether | Scalar, Any]:
         """The voltages [V] of the wrapped law, and its next memory."""
-        if hasattr(self.law, "update"):
-            return self.law.update(measurements, memory)
-        return self.law.commanded(measurements), None
+        return updated(self.law, measurements, memory)
 
 
 class Noisy(Wrapper):

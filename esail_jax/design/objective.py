@@ -1,6 +1,7 @@
 """The objective of a design as a function of numbers of its scene."""
 
 import functools
+import os
 from collections.abc import Mapping
 from typing import Any
 
@@ -10,9 +11,10 @@ from jax import lax
 
 from esail_jax.array_types import Array, Float, Scalar
 from esail_jax.design import objectives
+from esail_jax.scenes.merging import check_overrides
 from esail_jax.scenes.own_law import KEY
 from esail_jax.scenes.rules import SceneError
-from esail_jax.scenes.scene import Scene
+from esail_jax.scenes.scene import Scene, read_scene
 from esail_jax.simulation.simulate import simulate
 from esail_jax.simulation.solution import Solution
 
@@ -32,28 +34,33 @@ class Objective:
     voltage, for which every J_k counts 1. It is simulated when it is first needed, and then kept. An
     objective to be retained (`objectives.RETAINED`, the thrust) counts as in `objectives.weighted_sum`.
 
-    scene: a sail with a voltage; weights: by name of an objective (`objectives.py`), or by a function of
-    a `Solution` that gives a number to be made small; circumstances: arrays by scene key, whose first axis
-    counts circumstances (winds, errors of lengths) over which J is averaged.
+    scene: a sail with a voltage, as a `Scene`, a name or a path; weights: by name of an objective
+    (`objectives.py`), or by a function of a `Solution` that gives a number to be made small; circumstances:
+    arrays by scene key, whose first axis counts circumstances (winds, errors of lengths) over which J is
+    averaged.
 
-    Raises SceneError for names that do not exist and for a scene without voltage. A run that fails raises
-    SimulationError, or gives NaN under a trace.
+    Raises SceneError for names that do not exist and for a scene without voltage, and when it is called for
+    an objective that is zero at constant voltage. A run that fails raises SimulationError, or gives NaN
+    under a trace.
     """
 
     def __init__(
         self,
-        scene: Scene,
+        scene: Scene | str | os.PathLike,
         weights: Mapping[str, float] | Mapping[objectives.Goal, float],
         circumstances: Mapping[str, Array | np.ndarray] | None = None,
     ):
         for name in weights:
             objectives.function_of(name)
+        # A file with `law = "python"` is a scene here: the law is among the parameters.
+        scene = scene if isinstance(scene, Scene) else read_scene(scene, None)
         check_voltage(scene)
         self.scene, self.weights = scene, dict(weights)
         self.circumstances = dict(circumstances or {})
 
     def __call__(self, parameters: Mapping[str, Any]) -> Scalar:
         """J(p), the mean over the circumstances if there are any."""
+        check_overrides("parameters", parameters, '{"voltage_law": law}')
         references = self.references
         if not self.circumstances:
             return self._of_one(parameters, {}, references)
@@ -96,12 +103,16 @@ class Objective:
         With circumstances, an objective to be made small is divided by its mean over all circumstances at
         constant voltage, one to be retained by its value in the same circumstance."""
         if not self.circumstances:
+            for name, value in self.reference_values.items():
+                objectives.check_reference(name, value)
             return self.reference_values
         count = len(next(iter(self.circumstances.values())))
         each = [{key: x[i] for key, x in self.circumstances.items()} for i in range(count)]
         with jax.ensure_compile_time_eval():
             found = [self.measure(self.simulate_reference(circumstance)) for circumstance in each]
         rows = {name: np.array([one[name] for one in found]) for name in self.weights}
+        for name, values in rows.items():
+            objectives.check_reference(name, values.min() if name in objectives.RETAINED else values.mean())
         retained = objectives.RETAINED
         return {name: x if name in retained else np.full(count, x.mean()) for name, x in rows.items()}
 
@@ -116,5 +127,5 @@ def check_voltage(scene: Scene) -> None:
     """Raises SceneError unless a scene is a sail with a voltage."""
     if scene.chain is not None:
         raise SceneError("chain", "be left out of a design", "is given")
-    if scene.voltage is None:
+    if scene.voltage is None or (scene.voltage.value is None and scene.voltage.law == "python"):
         raise SceneError("voltage.value", "be given for a design", "is missing")

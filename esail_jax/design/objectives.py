@@ -10,8 +10,11 @@ An objective with parameters carries them in its name, after a colon: "spin-plan
 
 import dataclasses
 from collections.abc import Callable, Mapping
+from typing import Any
 
+import jax
 import jax.numpy as jnp
+import numpy as np
 
 from esail_jax.array_types import Array, Float, Scalar
 from esail_jax.joints.roots import rotation_about_y
@@ -31,7 +34,7 @@ def variance(run: Solution, values: Float[Array, "time *some"]) -> Float[Array, 
 
 
 def mean_torque(run: Solution) -> Scalar:
-    """Square of the thrust's mean moment perpendicular to the mean spin axis, |m - (m . n) n|^2 [(N m)^2].
+    """Square of the thrust's mean moment m normal to the mean spin axis n, |m - (m . n) n|^2 [(N m)^2].
 
     This moment turns the spin axis."""
     moment = mean(run, jnp.einsum("tib,tb->ti", run["rotation_IB"], run["thrust_moment_B"].sum(1)))
@@ -41,24 +44,24 @@ def mean_torque(run: Solution) -> Scalar:
 
 
 def attitude(run: Solution) -> Scalar:
-    """Mean square of the distance |n(t) - n(0)| between the spin axis and its start [-]."""
+    """Mean square of the distance between the spin axis and its start, mean |n(t) - n(0)|^2 [-]."""
     axes = spin_axes(run)
     return mean(run, ((axes - axes[:1]) ** 2).sum(1))
 
 
 def final_attitude(run: Solution) -> Scalar:
-    """Square of the distance between the spin axis at the end and its start [-]."""
+    """Square of the distance between the spin axis at the end and its start, |n(T) - n(0)|^2 [-]."""
     axes = spin_axes(run)
     return ((axes[-1] - axes[0]) ** 2).sum()
 
 
 def spin_plane(run: Solution, sailing_deg: float, precession_deg: float = 0.0, last: float = 0.0) -> Scalar:
-    """Square of the distance between the spin plane's normal and a target [-].
+    """Square of the distance of the spin plane's normal s at the end from a target s_0, |s - s_0|^2 [-].
 
     The target has a sailing angle alpha and a precession angle delta [deg]: in the orbital frame O it is
     (sin alpha cos delta, sin alpha sin delta, cos alpha). last: 0 takes the end of the run; otherwise the
     mean over the last `last` seconds. A small mean over half a turn, the period of the nutation, means
-    that the plane has come to rest. Needs at least three tethers."""
+    that the plane has come to rest. It needs at least three tethers."""
     alpha, delta = jnp.deg2rad(sailing_deg), jnp.deg2rad(precession_deg)
     aim = jnp.stack([jnp.sin(alpha) * jnp.cos(delta), jnp.sin(alpha) * jnp.sin(delta), jnp.cos(alpha)])
     # The orbital frame follows from the attitude at the start (`starting_attitude`); alpha has its sign.
@@ -74,46 +77,53 @@ def spin_plane(run: Solution, sailing_deg: float, precession_deg: float = 0.0, l
 
 
 def hub_swing(run: Solution) -> Scalar:
-    """Mean square of the distance between the hub's axis and the spin plane's normal [-]. Needs at least
-    three tethers."""
+    """Mean square distance of the hub's axis n from the spin plane's normal s, mean |n - s|^2 [-].
+
+    It needs at least three tethers."""
     return mean(run, ((spin_axes(run) - plane_normals(run)) ** 2).sum(1))
 
 
 def lagging(run: Solution) -> Scalar:
-    """Mean square of the tethers' lagging angles [rad^2]."""
+    """Mean square of the lagging angle over time and tethers, mean beta^2 [rad^2]."""
     return mean(run, run["lagging_angle"] ** 2).mean()
 
 
 def coning(run: Solution) -> Scalar:
-    """Variance in time of the tethers' coning angles [rad^2]."""
+    """Variance in time of the coning angle, in the mean over the tethers, var gamma [rad^2]."""
     return variance(run, run["coning_angle"]).mean()
 
 
 def spin(run: Solution) -> Scalar:
-    """Variance in time of the hub's spin rate [(rad/s)^2]."""
+    """Variance in time of the hub's spin rate, var omega_x [(rad/s)^2]."""
     return variance(run, run["angular_velocity_B"][:, 0])
 
 
 def hub_torque(run: Solution) -> Scalar:
-    """Mean square of the moment of the reactions on the hub [(N m)^2]."""
+    """Mean square of the moment of the reactions between hub and tethers, mean |M|^2 [(N m)^2]."""
     return mean(run, (run["reaction_moment_O"] ** 2).sum(1))
 
 
 def power(run: Solution) -> Scalar:
-    """Mean electric power [W] if the scene has `tethers.wire_radius`. Otherwise the mean of V^(3/2)
-    [V^(3/2)], which is proportional to it in a steady wind: the current grows with the root of V."""
+    """Mean electric power of all tethers, mean P_el [W].
+
+    A scene without `tethers.wire_radius` has no electric power: there it is the mean of V^(3/2) over time
+    and tethers [V^(3/2)], which is proportional to the power in a steady wind, because the current grows
+    with the root of V. The ratio to constant voltage is then the same."""
     if "electric_power" in run.observables:
         return mean(run, run["electric_power"])
     return mean(run, run["voltage"] ** 1.5).mean()
 
 
 def thrust(run: Solution) -> Scalar:
-    """Mean thrust [N]. It is retained, not made small: see `weighted_sum`."""
+    """Mean size of the sail's thrust, mean |F_c| [N].
+
+    It is retained, not made small: it costs (100 max(0.96 - x, 0))^2, where x is its ratio to constant
+    voltage."""
     return mean(run, jnp.linalg.norm(run["thrust_O"], axis=1))
 
 
 def closeness(run: Solution) -> Scalar:
-    """Inverse of the smallest distance between two tethers [1/m]."""
+    """Inverse of the smallest distance between two tethers in the whole run, 1 / min d [1/m]."""
     return 1.0 / run["smallest_tether_distance"].min()
 
 
@@ -171,11 +181,39 @@ def function_of(name: Goal) -> Callable[[Solution], Scalar]:
     return lambda run: function(run, *aim)
 
 
-def values(run: Solution, names: tuple[Goal, ...]) -> dict[Goal, Scalar]:
-    """Values of the named objectives of a run."""
+def values(run: Solution, names: tuple[Goal, ...]) -> dict[Goal, Scalar | float]:
+    """Values of the named objectives of a run. Raises SceneError for a function that gives no number."""
     rows = {name: jnp.asarray(x) for name, x in run.observables.items()}
     run = dataclasses.replace(run, time=jnp.asarray(run.time), observables=rows)
-    return {name: function_of(name)(run) for name in names}
+    return {name: one_number(name, function_of(name)(run)) for name in names}
+
+
+def name_of(goal: Goal) -> str:
+    """What a message calls an objective."""
+    return goal if isinstance(goal, str) else getattr(goal, "__name__", type(goal).__name__)
+
+
+def one_number(goal: Goal, value: Any) -> Scalar | float:
+    """The value of an objective. Raises SceneError unless it is one real number."""
+    must, who = "return one number", name_of(goal)
+    if not isinstance(value, jax.Array | np.ndarray | np.generic | int | float):
+        raise SceneError("objective", must, f"{who} returned a {type(value).__name__}")
+    if np.shape(value):
+        raise SceneError("objective", must, f"{who} returned an array of shape {np.shape(value)}")
+    return value
+
+
+LEAST_REFERENCE = 1e-20
+"""Values of an objective of this module that count as zero, in its unit. Rounding of a run makes values of
+at most 1e-23; those of the sail of `appendix-d`, 0.01 deg from the wind, are above 1e-15."""
+
+
+def check_reference(goal: Goal, value: float) -> None:
+    """Raises SceneError for an objective whose value at constant voltage it cannot be divided by: one that
+    is zero but for rounding, negative, infinite or undefined."""
+    if not (value > (LEAST_REFERENCE if isinstance(goal, str) else 0.0) and np.isfinite(value)):
+        must = "be positive at constant voltage, by which it is divided"
+        raise SceneError("objective", must, f"{name_of(goal)} is {value:.3g}")
 
 
 def weighted_sum(

@@ -6,6 +6,7 @@ batched by vmap, the derivative of every run would compute as many steps as a ru
 """
 
 import dataclasses
+import os
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -40,16 +41,17 @@ class Variable:
 class Design:
     """A design problem: objectives of a scene's run, minimised over some of its numbers.
 
-    scene: a sail with a voltage; weights: by name of an objective (`objectives.py`), or by a function of a
-    `Solution`; variables: by scene key; circumstances: arrays by scene key, one entry per circumstance,
-    over which the objective is averaged; method: "lbfgs" or "adam"; rate: step of Adam.
+    scene: a sail with a voltage, as a `Scene`, a name or a path; weights: by name of an objective
+    (`objectives.py`), or by a function of a `Solution`; variables: by scene key; circumstances: arrays by
+    scene key, one entry per circumstance, over which the objective is averaged; method: "lbfgs" or "adam";
+    rate: step of Adam.
 
     Nothing is simulated before it is needed. Raises SceneError for names that do not exist.
     """
 
     def __init__(
         self,
-        scene: Scene,
+        scene: Scene | str | os.PathLike,
         weights: Mapping[str, float] | Mapping[Goal, float],
         variables: Mapping[str, Variable],
         circumstances: Mapping[str, Array | np.ndarray] | None = None,
@@ -57,7 +59,7 @@ class Design:
         rate: float = 0.05,
     ):
         self.objective = Objective(scene, weights, circumstances)
-        self.scene, self.variables = scene, dict(variables)
+        self.scene, self.variables = self.objective.scene, dict(variables)
         each = jax.value_and_grad(self.objective_at)
         evaluate = jit(lambda x: lax.map(each, x))
         self.optimiser = Optimiser(evaluate, method, rate)

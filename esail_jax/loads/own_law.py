@@ -17,6 +17,7 @@ import numpy as np
 
 from esail_jax.array_types import Array, PerTether, Scalar
 from esail_jax.errors import InputError
+from esail_jax.loads import calls_of_law
 from esail_jax.loads.electron_current import PowerLimited
 from esail_jax.loads.law_structure import LawStructure
 from esail_jax.loads.voltage import VoltageLaw
@@ -25,14 +26,20 @@ from esail_jax.measurements import Measurements
 
 
 def per_tether(volts: Any, count: int) -> PerTether:
-    """The voltages that a law returned, one for every tether. Raises InputError for another shape."""
-    volts = jnp.asarray(volts, float)
-    if volts.shape not in ((), (count,)):
+    """The voltages that a law returned, one for every tether. Raises InputError for another shape, and for
+    what is no number."""
+    try:
+        found = None if volts is None else jnp.asarray(volts, float)
+    except (TypeError, ValueError):
+        found = None
+    if found is None:
+        raise InputError(f"`voltage_law` must return voltages [V], but returned a {type(volts).__name__}")
+    if found.shape not in ((), (count,)):
         raise InputError(
             f"`voltage_law` must return one voltage, or one for each of {count} tethers, but returned an "
-            f"array of shape {volts.shape}"
+            f"array of shape {found.shape}"
         )
-    return jnp.broadcast_to(volts, (count,))
+    return jnp.broadcast_to(found, (count,))
 
 
 def arrays(memory: Any) -> Any:
@@ -90,7 +97,7 @@ class ContinuousLaw(UsersLaw):
         return True
 
     def commanded(self, measurements: Measurements) -> PerTether:
-        return per_tether(self.law.commanded(measurements), measurements.chords.shape[1])
+        return per_tether(calls_of_law.commanded(self.law, measurements), measurements.chords.shape[1])
 
 
 class SampledLaw(UsersLaw):
@@ -130,19 +137,14 @@ class SampledLaw(UsersLaw):
 
     def first_memory(self, measurements: Measurements) -> Any:
         """The memory before the first sample; None for a law without a memory."""
-        law = self.law
-        return arrays(law.init(measurements)) if hasattr(law, "update") else None
+        return arrays(calls_of_law.first_memory(self.law, measurements))
 
     def sample(self, measurements: Measurements, memory: Any, is_first: bool) -> tuple[PerTether, Any]:
         """The voltages [V] within their limits, and the next memory. The first sample has no voltages
         before it from which its change could be limited."""
-        law = self.law
-        if not hasattr(law, "update"):
-            volts, after = law.commanded(measurements), None
-        else:
-            volts, after = law.update(measurements, memory)
-            after = arrays(after)
-            check_same(memory, after)
+        volts, after = calls_of_law.updated(self.law, measurements, memory)
+        after = arrays(after)
+        check_same(memory, after)
         volts = limit(per_tether(volts, len(self.held)), self.maximum, smooth=True)
         if self.change is not None and not is_first:
             volts = self.held + jnp.clip(volts - self.held, -self.change, self.change)

@@ -1,6 +1,7 @@
 """Voltage laws: the voltage of every tether as a function of time and of what a sail can measure.
 
-Limits 0 <= V <= V_max hold by construction: every law but the constant one ends in `limit`.
+Limits 0 <= V <= V_max hold by construction: every law but the constant one ends in `limit`, and the value
+of that one has passed through it if the scene has a `maximum`.
 """
 
 from abc import abstractmethod
@@ -62,7 +63,7 @@ class VoltageLaw(eqx.Module):
 
 
 class Constant(VoltageLaw):
-    """The constant voltage V = V_0, as given and without limits."""
+    """The constant voltage V = V_0. Its limits are those of the value from which it is made."""
 
     value: PerTether
 

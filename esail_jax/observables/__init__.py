@@ -1,10 +1,18 @@
 """Observables that a run reports: those of a sail (`sail.py`) and of a rod chain (`chain.py`)."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from esail_jax.array_types import Array
+from esail_jax.errors import nearest
 from esail_jax.observables import chain, sail
-from esail_jax.observables.entry import Observable, elastic_energy, kinetic_energy, shape_of, thermal_energy
+from esail_jax.observables.entry import (
+    NEEDS,
+    Observable,
+    elastic_energy,
+    kinetic_energy,
+    shape_of,
+    thermal_energy,
+)
 from esail_jax.observables.instant import Instant, make_instant
 from esail_jax.system import System
 
@@ -14,6 +22,7 @@ __all__ = [
     "chain",
     "described",
     "elastic_energy",
+    "hint_at",
     "is_chain",
     "kinetic_energy",
     "known_names",
@@ -41,6 +50,15 @@ def known_names(of_chain: bool) -> tuple[str, ...]:
     of_sail = (*sail.OBSERVABLES, *sail.ON_REQUEST)
     entries = (*chain.OBSERVABLES, chain.ENERGY_ERROR) if of_chain else of_sail
     return tuple(entry.name for entry in entries)
+
+
+def hint_at(name: str, present: Iterable[str], of_chain: bool) -> str:
+    """Returns a hint, in brackets, for a name that is no observable of a run: what an observable of this
+    name needs, otherwise the nearest name of those that are present; empty if there is none."""
+    if name in known_names(of_chain):
+        need = described(name).needs
+        return f" (only with {NEEDS[need]})" if need else " (saved on request, with `save`)"
+    return nearest(name, present)
 
 
 def described(name: str) -> Observable:

@@ -12,6 +12,17 @@ from esail_jax.observables.meanings import MEANINGS
 from esail_jax.system import System
 from esail_jax.terms import find_term
 
+NEEDS = {
+    "hub": "a hub",
+    "ring": "auxiliary tethers",
+    "wind": "solar wind",
+    "wires": "`tethers.wire_radius`",
+    "heat": "`[thermal]`",
+    "orbit": "an orbit about the Sun",
+    "work": "loads or damping",
+}
+"""The part of a scene that an observable needs, in words."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Observable:

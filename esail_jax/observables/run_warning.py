@@ -1,10 +1,13 @@
-"""Warnings about a finished run: its energy balance, its step size and tethers that go slack."""
+"""Warnings about a finished run: numbers of its scene, its energy balance, its step size, and tethers that
+go slack or have no thrust."""
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from esail_jax.observables.balance import balance_warning
+from esail_jax.scenes.parts import Parts
+from esail_jax.scenes.plausibility import doubts
 from esail_jax.scenes.thermal_table import Thermal
 
 WARN_ABOVE = 7e-3
@@ -21,15 +24,19 @@ names and the words for the warning."""
 
 
 def run_warning(
-    rows: Mapping[str, np.ndarray], numerics: Mapping[str, np.ndarray], heat: Thermal | None = None
+    rows: Mapping[str, np.ndarray], numerics: Mapping[str, np.ndarray], scene: Parts | None = None
 ) -> str:
-    """Returns the warnings about a finished run: one if its energy balance is violated, one if its steps
-    are too long, one if tethers go slack, or an empty text.
+    """Returns the warnings about a finished run: those about its scene, one if no tether had thrust, one if
+    its energy balance is violated, one if its steps are too long, one if tethers go slack, or an empty
+    text.
 
-    rows: observables by name; numerics: statistics of the steps per saved interval; heat: the table
-    [thermal] of the scene, None without one."""
+    rows: observables by name; numerics: statistics of the steps per saved interval; scene: that of the run,
+    None to judge the rows alone."""
     parts = [float(numerics[name][-1]) for name in STEP_ERRORS if name in numerics]
-    return joined_warnings(rows, parts, heat)
+    if scene is None:
+        return joined_warnings(rows, parts)
+    found = (*doubts(scene), idle_warning(rows, scene), joined_warnings(rows, parts, scene.thermal))
+    return " ".join(filter(None, found))
 
 
 def joined_warnings(
@@ -38,6 +45,24 @@ def joined_warnings(
     """Returns the warnings of `run_warning` from the error estimates `parts`, which are empty for methods
     with error control."""
     return " ".join(filter(None, (balance_warning(rows), step_warning(parts), slack_warning(rows, heat))))
+
+
+def idle_warning(rows: Mapping[str, np.ndarray], scene: Parts) -> str:
+    """Returns a warning about a finished run whose law never gave a voltage with thrust, otherwise an empty
+    text. A constant voltage is known before the run."""
+    cutoff = (
+        None if scene.solar_wind is None or scene.chain is not None else scene.solar_wind.cutoff_voltage
+    )
+    if cutoff is None or "voltage" not in rows or scene.voltage.law == "constant":
+        return ""
+    most = np.max(rows["voltage"], initial=-np.inf, where=np.isfinite(rows["voltage"]))
+    if not most <= float(cutoff):
+        return ""
+    zero = " (a voltage below zero counts as zero)" if most == 0.0 else ""
+    return (
+        f"No tether has thrust: the largest voltage is {most:g} V{zero}, which is not above "
+        f"`solar_wind.cutoff_voltage`, {float(cutoff):g} V."
+    )
 
 
 def slack_warning(rows: Mapping[str, np.ndarray], heat: Thermal | None = None) -> str:

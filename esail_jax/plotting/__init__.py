@@ -18,7 +18,7 @@ from esail_jax.plotting.figure_files import write_figures
 from esail_jax.plotting.picture import sail_picture
 from esail_jax.plotting.sail import attitude, energies, sail_forces
 from esail_jax.plotting.single import draw_observable
-from esail_jax.plotting.tether import all_tethers, tether_forces, tether_motion
+from esail_jax.plotting.tether import all_tethers, tether_forces, tether_motion, voltages
 
 FIGURES = (
     tether_motion,
@@ -27,6 +27,7 @@ FIGURES = (
     sail_forces,
     attitude,
     all_tethers,
+    voltages,
     sail_picture,
 )
 """Figures of a sail's run."""
@@ -60,6 +61,7 @@ __all__ = [
     "sail_picture",
     "tether_forces",
     "tether_motion",
+    "voltages",
     "write_comparison",
 ]
 

@@ -9,7 +9,7 @@ from matplotlib import colormaps, pyplot
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from esail_jax.observables import chain, sail
+from esail_jax.observables import chain, hint_at, sail
 from esail_jax.observables.entry import Observable
 from esail_jax.plotting.panels import legend_above, tether_colours, time_unit
 
@@ -32,7 +32,9 @@ def entry_of(run: Any, name: str) -> Observable:
     entries = sail.OBSERVABLES if run.scene.chain is None else (*chain.OBSERVABLES, chain.ENERGY_ERROR)
     known = {entry.name: entry for entry in entries if entry.name in run.observables}
     if name not in known:
-        raise ValueError(f"`name` must be one of {', '.join(known)}, but is {name!r}")
+        hint = hint_at(name, known, run.scene.chain is not None)
+        names = "" if hint else f" ({', '.join(known)})"
+        raise ValueError(f"`name` must be an observable of the run{names}, but is {name!r}{hint}")
     return known[name]
 
 

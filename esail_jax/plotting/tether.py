@@ -1,4 +1,5 @@
-"""Figures of tethers: motion and forces of one tether ([PGV] Fig. 6 and 7), motion of all tethers."""
+"""Figures of tethers: motion and forces of one tether ([PGV] Fig. 6 and 7), motion and voltages of all
+tethers."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -10,7 +11,7 @@ from matplotlib.figure import Figure
 
 from esail_jax.observables.rigid_pendulum import rigid_pendulum
 from esail_jax.observables.saved_rows import observable, per_tether
-from esail_jax.plotting.data import DEGREES, KILOMETRE
+from esail_jax.plotting.data import DEGREES, KILOMETRE, ROUNDING, readable
 from esail_jax.plotting.modal_lines import ModalLine, modal_lines
 from esail_jax.plotting.panels import Curve, Panel, assemble, components, history, spectrum, tether_colours
 
@@ -109,8 +110,32 @@ def all_tethers(run: Any) -> Figure:
         r"coning $\gamma_i$, lagging $\beta_i$, largest strain $\epsilon_{max,i}$, "
         r"smallest distance of a tip to another tether $d_{min}$"
     )
-    figure = assemble("All tethers", rows, symbols)
-    count = run.scene.tethers.count
+    return with_key(assemble("All tethers", rows, symbols), run.scene.tethers.count)
+
+
+def voltages(run: Any) -> Figure:
+    """Returns the figure of the voltage of every tether and of the electric power of all. It is empty if
+    all tethers have one voltage that stays the same, and no power is reported."""
+    volts, power = observable(run, "voltage"), observable(run, "electric_power")
+    if volts is None or (power is None and is_constant(volts)):
+        return assemble("Voltages", [])
+    factor, unit = readable("V", volts)
+    rows = [
+        [tether_lines(run, f"$V_i$ [{unit}]", factor * volts)],
+        [history(run, "$P_{el}$ [W]", Curve(power, colour="black"))],
+    ]
+    symbols = "voltage $V_i$" + ("" if power is None else ", electric power of all tethers $P_{el}$")
+    return with_key(assemble("Voltages", rows, symbols), run.scene.tethers.count)
+
+
+def is_constant(values: np.ndarray) -> bool:
+    """Tells whether all finite values are the same but for rounding."""
+    known = values[np.isfinite(values)]
+    return bool(np.ptp(known) <= ROUNDING * np.abs(known).max())
+
+
+def with_key(figure: Figure, count: int) -> Figure:
+    """Returns the figure with a bar that shows the colour of every tether, if there are several."""
     if count > 1 and figure.axes:
         norm = BoundaryNorm(np.arange(count + 1) + 0.5, count)
         key = ScalarMappable(norm, ListedColormap(tether_colours(count)))

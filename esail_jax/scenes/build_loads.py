@@ -17,7 +17,7 @@ from esail_jax.loads.law_structure import NUMBER
 from esail_jax.loads.own_law import ContinuousLaw, SampledLaw
 from esail_jax.loads.plasma_brake import PlasmaBrake, ions
 from esail_jax.loads.tip_thrust import Switching, TipThrust
-from esail_jax.loads.voltage_limits import within_slew_rate
+from esail_jax.loads.voltage_limits import limit, within_slew_rate
 from esail_jax.scenes.own_law import KEY, PERIOD
 from esail_jax.scenes.structure import Numbers, Structure
 
@@ -112,7 +112,7 @@ def voltage_law(structure: Structure, n: Numbers, wind: Wind) -> voltage.Voltage
         return users_law(structure, n)
     if law == "planar-cone":
         return planar_cone(n, wind, maximum, slew)
-    return voltage.Constant(value)
+    return voltage.Constant(value if maximum is None else limit(value, maximum, smooth=False))
 
 
 def users_law(structure: Structure, n: Numbers) -> voltage.VoltageLaw:

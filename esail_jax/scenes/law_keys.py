@@ -15,7 +15,7 @@ LawName = Literal[
 ThrustLawName = Literal["linear", "debye-sheath"]
 
 LAWS: dict[LawName, tuple[str, ...]] = {
-    "constant": ("value",),
+    "constant": ("value", "maximum", "slew_rate"),
     "harmonic": ("value", "cosine", "sine", "maximum", "slew_rate"),
     "piecewise-linear": ("value", "time", "table", "maximum", "slew_rate"),
     "on-off": ("value", "on", "off", "rise_time", "maximum", "slew_rate"),

@@ -7,6 +7,7 @@ from esail_jax.errors import nearest
 from esail_jax.scenes import rules
 from esail_jax.scenes.common_tables import Integrator
 from esail_jax.scenes.declarations import rule_of
+from esail_jax.scenes.own_law import KEY
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.tables import REPEATED, names_of, tables_of
 
@@ -14,9 +15,21 @@ from esail_jax.scenes.tables import REPEATED, names_of, tables_of
 def unknown(key: str, tables: Mapping[str, type]) -> SceneError:
     """The error for a key that these tables do not have; it names the nearest key that they do have."""
     known = [f"{table}.{name}" for table, content in tables.items() for name in names_of(content)]
+    if key.partition(".")[0] == KEY:
+        must = f"be a number of the law that `{KEY}` takes as a whole"
+        return SceneError(key, must, "is a key of its own")
     if key in tables:
         return SceneError(key, "be followed by a key of the table", "is the table's name")
     return SceneError(key, "be a known key" + nearest(key, [*known, *tables]), "is not")
+
+
+def check_overrides(name: str, given: Any, with_law: str) -> None:
+    """Raises SceneError unless an argument is a dictionary of values by scene key. with_law: how a voltage
+    law is given, which is what somebody may have put there."""
+    if not isinstance(given, Mapping):
+        law = hasattr(given, "commanded") or hasattr(given, "update")
+        hint = f" (a law is given as {with_law})" if law else ""
+        raise SceneError(name, "be a dictionary by scene key", f"is a {type(given).__name__}{hint}")
 
 
 def with_lists(tables: Mapping[str, Any]) -> dict[str, Any]:

@@ -17,6 +17,10 @@ KEPT = ("value", "maximum", "slew_rate", "power_limit")
 """Keys of [voltage] that stay when a user's law takes the place of the scene's own law."""
 
 
+class MissingLaw(SceneError):
+    """A scene that names a law in Python without the law itself."""
+
+
 def with_own_law(tables: dict[str, Any], law: Any) -> dict[str, Any]:
     """The tables of a scene with a user's law in place of their own; None takes a user's law away."""
     table = tables.get("voltage", {})
@@ -48,9 +52,9 @@ def check_own_law(law: Any, slew_rate: Any) -> None:
 
 
 def check_has_law(name: str, law: Any) -> None:
-    """Raises SceneError for a scene of a user's law without the law itself, such as that of a run file."""
+    """Raises MissingLaw for a scene of a user's law without the law itself, such as that of a run file."""
     if name == "python" and law is None:
-        raise SceneError(KEY, 'be given with `voltage.law` = "python"', "is missing")
+        raise MissingLaw(KEY, 'be given with `voltage.law` = "python"', "is missing")
 
 
 def period_of(law: Any) -> float | None:

@@ -18,7 +18,7 @@ from esail_jax.scenes.chain_tables import Chain, ChainInitial, ChainVoltage, Cha
 from esail_jax.scenes.common_tables import Gravity, Integrator, Output
 from esail_jax.scenes.consistency import check_together, method_name
 from esail_jax.scenes.declarations import rule_of
-from esail_jax.scenes.merging import merged, unknown
+from esail_jax.scenes.merging import check_overrides, merged, unknown
 from esail_jax.scenes.orbit_table import HeliocentricOrbit
 from esail_jax.scenes.own_law import KEY, check_has_law, with_own_law
 from esail_jax.scenes.rules import SceneError
@@ -250,6 +250,8 @@ def load_scene(source: "str | os.PathLike | Scene", overrides: Mapping[str, Any]
     """A built-in scene by name, a TOML file by path, or a `Scene` itself, with overrides by key, which may
     also give what a file lacks. Raises SceneError, also for a scene that this machine cannot compute, and
     for one that names a law in Python but does not have it."""
+    if overrides is not None:
+        check_overrides("overrides", overrides, "`voltage_law=law`")
     scene = source.replace(overrides or {}) if isinstance(source, Scene) else read_scene(source, overrides)
     check_size(scene)
     if scene.chain is None and scene.voltage is not None:

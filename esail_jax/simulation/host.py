@@ -20,7 +20,7 @@ from esail_jax.simulation.problem import Problem, check_steady, require_64_bit
 from esail_jax.simulation.programs import Programs, compile_programs
 from esail_jax.simulation.restoring import restored
 from esail_jax.simulation.results import Checkpoint, Chunk
-from esail_jax.simulation.sampling import Control
+from esail_jax.simulation.sampling import Control, hint_at_law
 from esail_jax.simulation.schedule import (
     is_multiple,
     sampling_instants,
@@ -250,7 +250,8 @@ class HostRun:
             text = f"At t = {float(state.time):.6g} s after {self.steps} steps."
         else:
             text = stepper.failure(call.problem.model, state, call.log)
-        return SimulationError(f"{RESULTS[result]} {text}".strip(), result)
+        hint = hint_at_law(self.compiled.scene, self.checkpoint.control, seen.result)
+        return SimulationError(" ".join(filter(None, (RESULTS[result], text, hint))), result)
 
 
 class Begun(NamedTuple):

@@ -6,8 +6,11 @@ there, so that no step contains a jump of a voltage.
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from esail_jax.array_types import PerTether
 from esail_jax.loads.coulomb import CoulombThrust
+from esail_jax.scenes.scene import Scene
 from esail_jax.sensors import with_motion
 from esail_jax.steppers.stepper import Point
 from esail_jax.system import System
@@ -39,3 +42,15 @@ def sample(system: System, point: Point, control: Control | None) -> Control:
     measured = load.with_wind(measured)._replace(voltage=law.held)
     memory = law.first_memory(measured) if control is None else control.memory
     return Control(*law.sample(measured, memory, control is None))
+
+
+def hint_at_law(scene: Scene, control: Control | None, result: str) -> str:
+    """Returns a sentence for the message of a failed run if the voltages of a user's law may be the reason,
+    otherwise an empty text. control: those of the last sample; result: name of a member of `RESULTS`."""
+    if scene.voltage_law is None or result not in ("nonfinite", "newton_diverged", "min_step_reached"):
+        return ""
+    if control is None:
+        return "A voltage of `voltage_law` that is not finite, or that jumps, has this effect."
+    if np.isfinite(control.voltage).all():
+        return ""
+    return "The voltages that `voltage_law` returned at its last sample are not finite."

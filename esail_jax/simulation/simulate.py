@@ -12,6 +12,7 @@ import numpy as np
 from esail_jax.errors import SimulationError, nearest
 from esail_jax.observables import described, known_names
 from esail_jax.observables.run_warning import run_warning
+from esail_jax.scenes.merging import check_overrides
 from esail_jax.scenes.own_law import KEY, period_of
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene, load_scene
@@ -153,7 +154,11 @@ def run(
 
 def with_law(overrides: Mapping[str, Any] | None, law: Any) -> Mapping[str, Any] | None:
     """Returns the overrides of a scene with a user's voltage law, if one is given."""
-    return overrides if law is None else {**(overrides or {}), KEY: law}
+    if law is None:
+        return overrides
+    if overrides is not None:
+        check_overrides("overrides", overrides, "`voltage_law=law`")
+    return {**(overrides or {}), KEY: law}
 
 
 # ---- on the host --------------------------------------------------------------------------------
@@ -217,7 +222,7 @@ def collected(run: Begun, save, throw: bool, progress=None) -> Solution:
         "terms": host.compiled.problem.terms,
         "numerics_units": host.compiled.numerics,
         "method": host.compiled.problem.stepper.name,
-        "message": message or run_warning(rows, numerics, run.scene.thermal),
+        "message": message or run_warning(rows, numerics, run.scene),
     }
     if save is not None:
         rows = {name: rows[name] for name in save}

@@ -8,9 +8,8 @@ import jax
 import numpy as np
 
 from esail_jax.array_types import Array, Float
-from esail_jax.errors import nearest
 from esail_jax.html import html_table
-from esail_jax.observables import described
+from esail_jax.observables import described, hint_at, known_names
 from esail_jax.observables.entry import Observable
 from esail_jax.scenes.scene import Scene
 from esail_jax.simulation.results import Checkpoint
@@ -56,7 +55,11 @@ class Solution(eqx.Module, Mapping):
 
     def __getitem__(self, name: str) -> Array | np.ndarray:
         if name not in self.observables:
-            raise KeyError(f"{name!r} is no observable of this run{nearest(name, self.observables)}")
+            of_chain = self.scene is not None and self.scene.chain is not None
+            hint = hint_at(name, self.observables, of_chain)
+            if self.save is not None and name in known_names(of_chain):
+                hint = " (it is not among those of `save`)"
+            raise KeyError(f"{name!r} is no observable of this run{hint}")
         return self.observables[name]
 
     def __iter__(self) -> Iterator[str]:

@@ -12,11 +12,13 @@ import pytest
 import esail_jax as esail
 import support.own_laws
 from esail_jax.cli import main
+from esail_jax.control import Delayed
 from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.scene import load_scene, parse
 from esail_jax.scenes.structure import split
 from esail_jax.scenes.toml_text import to_toml
 from esail_jax.sensors import with_motion
+from esail_jax.simulation.sampling import Control, hint_at_law
 from esail_jax.simulation.schedule import sampling_instants, switch_times
 from support.own_laws import PERIOD, SAIL, Clock, Swinging, Waves
 from support.quick import jit
@@ -345,6 +347,28 @@ class Forgetful(Swinging):
         return 20e3, {"before": 0.0}
 
 
+class Sentence(eqx.Module):
+    """A law whose method is given."""
+
+    method: object = eqx.field(static=True)
+
+    def commanded(self, measurements):
+        return self.method(measurements)
+
+
+class Halves(Swinging):
+    """A law whose `update` returns what it is told to."""
+
+    found: object = eqx.field(static=True, default=None)
+
+    def update(self, measurements, memory):
+        return self.found
+
+
+def with_if(measurements):
+    return 20e3 if measurements.time > 3.0 else 0.0
+
+
 BAD = {
     "no module": (lambda m: 20e3, {}, "`voltage_law` must be an equinox.Module, but is a function"),
     "no method": (Nothing(), {}, "must have the method `commanded`, .* but Nothing has none of them"),
@@ -356,6 +380,25 @@ BAD = {
     "text": (Texts(), {}, "must have a memory of numbers, but it holds 'nothing'"),
     "key": (Keys(), {}, "must have a memory of numbers, but it holds "),
     "memory": (Forgetful(), {}, "`voltage_law.update` must return a memory like the one before"),
+    "None": (Sentence(lambda m: None), {}, "must return voltages \\[V\\], but returned a NoneType"),
+    "pair": (Sentence(lambda m: (1.0, {})), {}, "must return voltages \\[V\\], but returned a tuple"),
+    "update of None": (Halves(), {}, "`voltage_law.update` must return two things, .* a NoneType"),
+    "update of three": (Halves(found=(1, 2, 3)), {}, "the next memory, but returned a tuple of 3"),
+    "wrapped": (Delayed(Halves(found=20e3), 1), {}, "`voltage_law.update` must return two .* a float"),
+    "misspelt": (Sentence(lambda m: m.wnd), {}, "exist, but `wnd` is none \\(perhaps `wind`\\)"),
+    "unknown": (Sentence(lambda m: m.hub_angle), {}, "but `hub_angle` is none; there are time, spin_axis"),
+    "absent": (
+        Sentence(lambda m: 2.0 * m.voltage),
+        {},
+        "`voltage_law.commanded` must not use measurements that are None here, .*`voltage` \\(needs a law "
+        "with a `period`\\), but test_own_law.py:[0-9]+ raises TypeError: unsupported",
+    ),
+    "if": (
+        Sentence(with_if),
+        {},
+        "must use `jnp.where` in place of `if`, .* but test_own_law.py:[0-9]+ raises TracerBool",
+    ),
+    "numpy": (Sentence(lambda m: np.sin(m.time)), {}, "and `jax.numpy` in place of numpy and `float`"),
     "law": (Waves(), {"voltage.law": "constant"}, '`voltage.law` must be "python" with `voltage_law`'),
     "other key": (Waves(), {"voltage.gain": 1.0}, "`voltage.gain` must be left out with the law python"),
     "no wind": (Waves(), {"solar_wind": None}, "must be given with \\[voltage\\], but is missing"),
@@ -370,6 +413,30 @@ def test_a_bad_law_is_refused_in_one_line_before_anything_is_compiled(case):
     assert "\n" not in str(caught.value)
 
 
+def test_other_errors_of_a_law_stay_as_they_are():
+    """They are those of the user's program."""
+    for broken, kind in ((lambda m: 1 / 0, ZeroDivisionError), (lambda m: m.time.nothing, AttributeError)):
+        with pytest.raises(kind):
+            simulate(Sentence(broken))
+
+
+def test_a_failed_run_points_at_the_voltages_of_the_law():
+    """Where the last sample of a law is not finite, or where its voltages are not sampled."""
+    scenes = [load_scene("baseline", SAIL | {"voltage_law": law}) for law in (Waves(), Clock())]
+    held = {x: Control(np.array([20e3, x, 20e3]), None) for x in (1e3, np.nan)}
+    assert "`voltage_law` that is not finite, or that jumps" in hint_at_law(scenes[0], None, "nonfinite")
+    assert "last sample are not finite" in hint_at_law(scenes[1], held[np.nan], "newton_diverged")
+    assert hint_at_law(scenes[1], held[1e3], "nonfinite") == ""
+    assert hint_at_law(scenes[0], None, "too_many_steps") == ""
+    assert hint_at_law(load_scene("baseline"), None, "nonfinite") == ""
+
+
+@pytest.mark.slow
+def test_a_law_that_gives_nan_is_named_in_the_message_of_the_run():
+    with pytest.raises(esail.SimulationError, match="`voltage_law` returned at its last sample are not"):
+        simulate(Clock(slope=np.nan), SHORT)
+
+
 def test_a_scene_that_names_a_law_in_python_needs_it():
     """The TOML text of such a scene is read, but cannot be run without the law."""
     scene = load_scene("baseline", SAIL | {"voltage_law": Waves()})
@@ -382,6 +449,24 @@ def test_a_scene_that_names_a_law_in_python_needs_it():
     assert constant.voltage_law is None and constant.voltage.value == 20e3
     with pytest.raises(esail.SceneError, match="`voltage_law` must be left out with a chain"):
         load_scene("hanging-chain", {"voltage_law": Waves()})
+
+
+@pytest.mark.parametrize(
+    ("command", "message"),
+    [
+        ("run", '`--voltage-law FILE.py:NAME` must be given with `voltage.law` = "python", but is missing'),
+        ("design", "must be a law of the package for `esail design`, which takes no `--voltage-law`, but"),
+    ],
+)
+def test_a_command_says_how_it_takes_the_law_of_a_file(command, message, tmp_path, capsys):
+    """A file with `law = "python"` and limits is a scene; `esail run` asks for the option that gives the
+    law, and `esail design` says that it has none."""
+    scene = load_scene("baseline", SAIL | {"voltage_law": Waves(), "voltage.maximum": 40e3})
+    (tmp_path / "own.toml").write_text(to_toml(scene), encoding="utf-8")
+    assert load_scene(tmp_path / "own.toml", {"voltage_law": Waves()}) == scene
+    assert main([command, str(tmp_path / "own.toml"), "-o", str(tmp_path / "out")]) == 2
+    err = capsys.readouterr().err
+    assert message in err and err.count("\n") == 1 and not (tmp_path / "out").exists()
 
 
 def test_a_growth_rate_with_samples_is_refused():

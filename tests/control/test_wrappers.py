@@ -8,6 +8,7 @@ import pytest
 import esail_jax as esail
 from esail_jax import control
 from esail_jax.control.wrappers import small_rotation, turned
+from esail_jax.errors import InputError
 from esail_jax.measurements import Measurements
 from support.own_laws import SAIL, Clock, Swinging
 from support.quick import jit
@@ -70,7 +71,7 @@ def test_a_delayed_law_answers_to_an_earlier_sample():
 
 def test_a_missing_sensor_is_none_and_a_failed_source_gives_no_voltage():
     blind = control.Without(Swinging(), ["root_tension"])
-    with pytest.raises(TypeError, match="NoneType"):
+    with pytest.raises(InputError, match=r"None here, .*`root_tension`, but own_laws.py.*NoneType"):
         blind.update(measured(), blind.init(measured()))
     broken = control.FailedSource(Clock(), 2, 50.0)
     for time, factor in ((49.0, [1, 1, 1]), (50.0, [1, 0, 1])):

@@ -16,6 +16,9 @@ import esail_jax as esail
 from esail_jax.cli import main
 from esail_jax.design import Design, Objective, Variable, objectives
 from esail_jax.design.problem import coordinate_of_start, value_of
+from esail_jax.scenes.scene import read_scene
+from esail_jax.scenes.toml_text import to_toml
+from support.new_process import output_of
 from support.quick import jit
 
 CALM = {
@@ -109,6 +112,90 @@ def test_a_design_simulates_nothing_before_it_is_needed(monkeypatch):
         Objective(esail.load_scene("voltage-off"), {"spin": 1.0})
     with pytest.raises(esail.SceneError, match="`chain` must be left out of a design, but is given"):
         Objective(esail.load_scene("steel-chain"), {"spin": 1.0})
+
+
+def test_an_objective_takes_a_scene_as_simulate_does(tmp_path):
+    """A name, a path or a `Scene`; also a file that leaves its law to the parameters."""
+    text = to_toml(read_scene("baseline", {"voltage.law": "python", "voltage.maximum": 40e3}))
+    (tmp_path / "own.toml").write_text(text, encoding="utf-8")
+    assert Objective("baseline", {"spin": 1.0}).scene == esail.load_scene("baseline")
+    for source in (tmp_path / "own.toml", str(tmp_path / "own.toml")):
+        assert Objective(source, {"spin": 1.0}).scene.voltage.maximum == 40e3
+        assert Design(source, {"spin": 1.0}, FREE).scene.voltage.law == "python"
+    with pytest.raises(esail.SceneError, match=r"`no\.toml` must be a built-in scene or a TOML file"):
+        Objective("no.toml", {"spin": 1.0})
+    (tmp_path / "own.toml").write_text(text.replace("value = 20000.0\n", ""), encoding="utf-8")
+    with pytest.raises(esail.SceneError, match=r"`voltage.value` must be given for a design, but is miss"):
+        Objective(tmp_path / "own.toml", {"spin": 1.0})
+
+
+def angles(run):
+    return run["sailing_angle"]
+
+
+@pytest.mark.parametrize("circumstances", [{}, {"solar_wind.speed": np.array([4e5, 5e5])}])
+@pytest.mark.parametrize(
+    ("goal", "value", "got"),
+    [
+        ("thrust", 0.0, "thrust is 0"),
+        ("mean-torque", 2.8e-27, "mean-torque is 2.8e-27"),
+        ("lagging", np.nan, "lagging is nan"),
+        (angles, -0.17, "angles is -0.17"),
+    ],
+)
+def test_an_objective_that_is_zero_at_constant_voltage_is_refused(
+    goal, value, got, circumstances, monkeypatch, nothing_compiles
+):
+    """Its ratio to constant voltage would be infinite, rounding over rounding, or of the wrong sign."""
+    monkeypatch.setattr(Objective, "simulate_reference", lambda *_: None)
+    monkeypatch.setattr(Objective, "reference_run", None)
+    monkeypatch.setattr(Objective, "measure", lambda *_: {goal: value, "power": 2.0})
+    objective = Objective("baseline", {goal: 1.0, "power": 1.0}, circumstances)
+    with pytest.raises(esail.SceneError, match="by which it is divided, but " + got) as caught:
+        objective({})
+    assert "\n" not in str(caught.value)
+
+
+def test_an_objective_is_one_number(nothing_compiles):
+    given = {"angles": np.zeros(3), "none": None, "text": "3"}
+    for value, got in zip(given.values(), ("array of shape (3,)", "NoneType", "str"), strict=True):
+        with pytest.raises(esail.SceneError, match="`objective` must return one number") as caught:
+            objectives.one_number(angles, value)
+        assert "but angles returned a" in str(caught.value) and got in str(caught.value)
+    assert objectives.one_number(angles, 2.0) == 2.0
+
+
+def test_what_is_no_dictionary_by_scene_key_is_refused_in_one_line():
+    """In a process of its own, without the checks of types that the tests add: a law in the place of
+    overrides or parameters, something else there, and a number of a law as a key."""
+    code = """
+import equinox as eqx
+import esail_jax as esail
+class Steer(eqx.Module):
+    gain: float = 1.0
+    def commanded(self, measurements):
+        return 20e3
+for call in (
+    lambda: esail.simulate("baseline", Steer()),
+    lambda: esail.simulate("baseline", Steer(), voltage_law=Steer()),
+    lambda: esail.design.Objective("baseline", {"spin": 1.0})(Steer()),
+    lambda: esail.load_scene("baseline", 3.0),
+    lambda: esail.load_scene("baseline", {"voltage_law.gain": 2.0}),
+):
+    try:
+        call()
+    except esail.SceneError as error:
+        print(error)
+"""
+    law = "must be a dictionary by scene key, but is a Steer (a law is given as"
+    assert output_of(code).splitlines() == [
+        f"`overrides` {law} `voltage_law=law`)",
+        f"`overrides` {law} `voltage_law=law`)",
+        f'`parameters` {law} {{"voltage_law": law}})',
+        "`overrides` must be a dictionary by scene key, but is a float",
+        "`voltage_law.gain` must be a number of the law that `voltage_law` takes as a whole, but is a key "
+        "of its own",
+    ]
 
 
 @pytest.mark.slow

@@ -135,6 +135,22 @@ def test_absent_data_leaves_no_panel(runs):
     assert r"$d_{min}$ [km]" not in panels(plotting.all_tethers(runs["one tether"]))
 
 
+def test_voltages_are_shown_if_there_is_something_to_see(runs):
+    """One line per tether in kV, and the power; no figure of one voltage that all tethers keep."""
+    run = runs["full"]
+    shown = panels(plotting.voltages(run))
+    assert set(shown) == {"$V_i$ [kV]", "$P_{el}$ [W]", "tether $i$ [-]"}
+    for line, volts in zip(shown["$V_i$ [kV]"].lines, run["voltage"].T, strict=True):
+        np.testing.assert_allclose(line.get_ydata(), 1e-3 * volts)
+    without = {name: x for name, x in run.data.items() if name != "electric_power"}
+    own = np.tile([20e3, 10e3, 0.0], (len(TIME), 1))
+    for volts, wanted in ((run["voltage"], 2), (own, 2), (np.full_like(own, 20e3), 0), (0.0 * own, 0)):
+        found = plotting.voltages(FakeRun(run.scene, TIME, without | {"voltage": volts}))
+        assert len(found.axes) == wanted
+    still = FakeRun(run.scene, TIME, run.data | {"voltage": np.full_like(own, 20e3)})
+    assert len(plotting.voltages(still).axes) == 3
+
+
 def test_energies_start_at_zero_and_euler_angles_do_not_jump(runs):
     run = runs["full"]
     total = panels(plotting.energies(run))["$E_T - E_T(0)$ [J]"].lines[0].get_ydata()
@@ -220,8 +236,17 @@ def test_plot_without_a_name_makes_the_overview(runs):
 
 def test_plot_refuses_what_it_cannot_draw(runs):
     run = runs["no hub"]
-    with pytest.raises(ValueError, match=r"`name` must be one of coning_angle, .*, but is 'euler_hub'"):
-        esail_jax.plot(run, "euler_hub")
+    must = "`name` must be an observable of the run"
+    for name, hint in (
+        ("euler_hub", r"'euler_hub' \(only with a hub\)"),
+        ("electron_current", r"'electron_current' \(only with `tethers.wire_radius`\)"),
+        ("voltages", r"'voltages' \(perhaps `voltage`\)"),
+        ("power", r"'power' \(perhaps `dissipated_power`, `external_power` or `electric_power`\)"),
+    ):
+        with pytest.raises(ValueError, match=f"{must}, but is {hint}"):
+            esail_jax.plot(run, name)
+    with pytest.raises(ValueError, match=must + r" \(coning_angle, .*\), but is 'xyz'"):
+        esail_jax.plot(run, "xyz")
     with pytest.raises(ValueError, match=r"`name` must be given with `ax`, but is None"):
         esail_jax.plot(run, ax=Figure().add_subplot())
     with pytest.raises(ValueError, match=r"`solution` must have a scene, but was computed under a trace"):

@@ -1,6 +1,7 @@
 """The documentation site: it is built without a warning, its tables come from the package, and its examples
 run."""
 
+import inspect
 import re
 import subprocess
 import sys
@@ -10,6 +11,7 @@ import pytest
 
 import esail_jax as esail
 from esail_jax import observables
+from esail_jax.design import objectives
 from esail_jax.scenes.key_reference import describe_keys
 
 ROOT = Path(__file__).parents[2]
@@ -36,6 +38,23 @@ def test_the_site_is_built_without_a_warning(tmp_path):
     assert all(f">{entry.name}<" in rows for entry in entries)
     python = (tmp_path / "site" / "reference" / "python.html").read_text(encoding="utf-8")
     assert "Integrates the equations of motion of a scene" in python
+
+
+def test_the_guide_explains_every_objective():
+    """The table of `docs/guide/design.md` has a row for every objective: its name, its unit, and the
+    docstring of its function."""
+    functions = objectives.OBJECTIVES | {name: f for name, (f, _) in objectives.RETAINED.items()}
+    functions |= {name: f for name, (f, *_) in objectives.PARAMETRISED.items()}
+    rows = []
+    for name, function in functions.items():
+        first, *others = (" ".join(x.split()) for x in inspect.getdoc(function).split("\n\n"))
+        others = [] if name in objectives.PARAMETRISED else others  # the page explains its numbers
+        meaning, unit = re.fullmatch(r"(.*) \[([^\[\]]+)\]\.", first).groups()
+        cell = " ".join([meaning + ".", *others]).replace("|", r"\|")
+        rows.append(f"| `{name}` | {unit} | {cell} |")
+    page = (ROOT / "docs" / "guide" / "design.md").read_text(encoding="utf-8")
+    table = page.partition("| objective |")[2].partition("\n\n")[0].splitlines()[2:]
+    assert table == rows
 
 
 @pytest.mark.slow

@@ -3,14 +3,19 @@
 The oracles `pgv_g_angles.py` to `pgv_k_text.py` test the others.
 """
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from esail_jax.numerics.angles import smallest_eigenvector
-from esail_jax.observables import chain, sail
+from esail_jax.observables import chain, hint_at, sail
 from esail_jax.observables.meanings import MEANINGS
+from esail_jax.scenes.scene import load_scene
+from esail_jax.simulation.solution import Solution
+from esail_jax.steppers.results import RESULTS
 from oracles.ledger import relative_error
 from oracles.pgv_h_roots import hub_force_and_torque
 from oracles.sail_matrices import ELEMENT, WEIGHTS, XI, shapes
@@ -48,6 +53,26 @@ def test_normal_of_a_symmetric_sail_has_a_derivative():
     np.testing.assert_allclose(moved, expected, atol=1e-14)
     pulled = jax.vjp(smallest_eigenvector, matrix)[1](jnp.arange(3.0))[0]
     np.testing.assert_allclose((pulled * change).sum(), jnp.arange(3.0) @ moved, rtol=1e-13)
+
+
+def test_a_name_that_a_run_lacks_is_answered_by_what_it_needs_or_by_near_names():
+    """Also in a solution, which says first what was not saved. A word of several names gives them."""
+    rows = {name: np.zeros(2) for name in ("voltage", "dissipated_power", "external_power")}
+    solution = Solution(np.arange(2.0), rows, RESULTS.successful, None, {}, scene=load_scene("baseline"))
+    for name, hint in (
+        ("electric_power", " (only with `tethers.wire_radius`)"),
+        ("node_position_I", " (saved on request, with `save`)"),
+        ("volage", " (perhaps `voltage`)"),
+        ("power", " (perhaps `dissipated_power` or `external_power`)"),
+        ("xyz", ""),
+    ):
+        with pytest.raises(KeyError) as caught:
+            solution[name]
+        assert caught.value.args == (f"{name!r} is no observable of this run{hint}",)
+    saved = dataclasses.replace(solution, save=("voltage",))
+    with pytest.raises(KeyError, match=r"'coning_angle' .* not among those of `save`"):
+        saved["coning_angle"]
+    assert hint_at("tip_position_I", ["joint_position"], of_chain=True) == " (perhaps `joint_position`)"
 
 
 @pytest.mark.slow

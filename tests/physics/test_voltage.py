@@ -26,7 +26,7 @@ from esail_jax.loads.voltage_limits import limit, smooth_positive_part, within_s
 from esail_jax.measurements import Measurements
 from esail_jax.numerics.smooth_step import smooth_step
 from esail_jax.scenes.build import build_jitted
-from esail_jax.scenes.build_loads import coulomb_thrust, starting_attitude
+from esail_jax.scenes.build_loads import coulomb_thrust, starting_attitude, voltage_law, wind_of
 from esail_jax.scenes.builtin_scenes import builtin_text
 from esail_jax.scenes.scene import parse
 from esail_jax.scenes.structure import split
@@ -375,6 +375,18 @@ def test_a_constant_voltage_is_reported_as_given():
     calm |= {"voltage.value": None, "integrator.t_end": 20.0}
     names = jax.eval_shape(lambda: dict(esail.simulate("baseline", FIXED | calm)))
     assert "tip_position_I" in names and "voltage" not in names
+
+
+def test_limits_of_a_constant_voltage():
+    """The law "constant" takes the limits as other laws do: a value above the maximum is cut off there. Its
+    slew rate is zero. Without a maximum the value is taken as given."""
+    volts = [25e3, 10e3, -5e3]
+    for more, wanted in (({}, volts), ({"voltage.maximum": 20e3}, [20e3, 10e3, 0.0])):
+        limits = {"voltage.value": volts, "voltage.slew_rate": 10.0} | more
+        scene = esail.load_scene("baseline", {"tethers.count": 3} | limits)
+        structure, numbers = split(scene)
+        law = voltage_law(structure, numbers, wind_of(numbers, jnp.ones(3)))
+        assert law.constant and law.value.tolist() == wanted
 
 
 class Drag(Load):

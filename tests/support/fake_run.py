@@ -45,7 +45,7 @@ def make_run(scene):
     scalars = (
         "sailing_angle thrust_angle reaction_angle kinetic_energy elastic_energy dissipated_power "
         "external_power dissipated_energy external_work energy_balance_error precession_angle "
-        "smallest_tether_distance"
+        "smallest_tether_distance electric_power"
     )
     vectors = (
         "angular_velocity_B euler_hub euler_sail hub_position_I thrust_O thrust_moment_O "
@@ -58,6 +58,7 @@ def make_run(scene):
     data |= {name: wave(count, 3) for name in ("thrust_B", "thrust_moment_B", "reaction_B")}
     data["tether_length"] = wave(count, mean=10e3)
     data["max_axial_strain"] = wave(count, mean=9e-4, size=1e-5)
+    data["voltage"] = wave(count, mean=20e3, size=2e3)
     data["tip_position_I"] = 10e3 * wave(count, 3)
     if scene.hub is None:
         data = {name: values for name, values in data.items() if name not in OF_HUB}

@@ -1,0 +1,97 @@
+"""Numbers that may be in a wrong unit: a sentence before the run, and in the message of the run."""
+
+import jax
+import numpy as np
+import pytest
+
+from esail_jax import cli
+from esail_jax.commands.parser import parser
+from esail_jax.observables.run_warning import run_warning
+from esail_jax.scenes.builtin_scenes import builtin_names
+from esail_jax.scenes.plausibility import USUAL, doubts
+from esail_jax.scenes.scene import load_scene, read_scene
+
+pytestmark = pytest.mark.usefixtures("nothing_compiles")
+
+WIRES = {"tethers.wire_radius": 12.5e-6}
+TABLE = {"voltage.law": "piecewise-linear", "voltage.time": [0.0, 9.0], "voltage.table": [1.0, 0.0]}
+
+DOUBTED = {
+    "kilometres": (
+        {"tethers.length": 12.0},
+        "`tethers.length` is 12 m, where 1e4 m is usual: is it in this unit?",
+    ),
+    "one of the tethers": ({"tethers.count": 2, "tethers.length": [1e4, 12.0]}, "`tethers.length` is 12 m"),
+    "millimetres": ({"tethers.length": 1e7}, "`tethers.length` is 1e+07 m, where"),
+    "micrometres": (
+        {"tethers.wire_radius": 12.5},
+        "`tethers.wire_radius` is 12.5 m, where 1e-5 m is usual",
+    ),
+    "km/s": ({"solar_wind.speed": 400.0}, "`solar_wind.speed` is 400 m/s, where 4e5 m/s is usual"),
+    "1/cm^3": (
+        {"solar_wind.number_density": 7.3},
+        "`solar_wind.number_density` is 7.3 1/m^3, where 7e6 1/m^3 is usual: is it in this unit?",
+    ),
+    "kV": (
+        {"voltage.value": 20.0},
+        "`voltage.value` is 20 V, which is not above `solar_wind.cutoff_voltage`, 1000 V: no tether has",
+    ),
+    "kV at most": (TABLE | {"voltage.maximum": 30.0}, "`voltage.maximum` is 30 V, which is not above"),
+}
+
+PLAUSIBLE = {
+    "no voltage": {"voltage.value": 0.0},
+    "no wind": {"solar_wind.number_density": 0.0},
+    "one tether without voltage": {"tethers.count": 2, "voltage.value": [20e3, 0.0]},
+    "a low voltage of a table": TABLE | {"voltage.value": 20.0},
+    "wires": WIRES,
+    "a test in orbit about the Earth": {"tethers.length": 100.0, "solar_wind.number_density": 1e9},
+}
+
+
+@pytest.mark.parametrize("case", DOUBTED)
+def test_a_number_in_another_unit_is_doubted(case):
+    overrides, sentence = DOUBTED[case]
+    (found,) = doubts(load_scene("baseline", overrides))
+    assert found.startswith(sentence) and "\n" not in found
+
+
+@pytest.mark.parametrize("case", PLAUSIBLE)
+def test_a_plausible_number_is_not_doubted(case):
+    assert doubts(load_scene("baseline", PLAUSIBLE[case])) == ()
+
+
+def test_built_in_scenes_are_plausible():
+    assert not any(doubts(load_scene(name)) for name in builtin_names())
+    assert all(limits.least < float(limits.usual.split()[0]) < limits.most for limits in USUAL.values())
+
+
+def test_a_traced_number_is_not_doubted():
+    """It has no value yet."""
+
+    def count(length):
+        return len(doubts(load_scene("baseline", {"tethers.length": length})))
+
+    assert jax.eval_shape(lambda x: x + count(x), 12.0).shape == () and count(12.0) == 1
+
+
+@pytest.mark.parametrize("quiet", [[], ["--quiet"]])
+def test_a_command_says_it_before_anything_is_compiled(quiet, capsys):
+    settings = ["--set", "tethers.length=12.0", "--set", "voltage.value=20.0"]
+    cli.scene_of(parser().parse_args(["run", "baseline", "-o", "a.h5", *settings, *quiet]))
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.split()[0] for line in lines] == ["`tethers.length`", "`voltage.value`"] * (not quiet)
+
+
+def test_the_message_of_a_run_says_it_too():
+    """And whether a law kept all tethers without thrust, which is not known before."""
+    scene = load_scene("baseline", {"tethers.length": 12.0})
+    assert run_warning({}, {}, scene) == doubts(scene)[0]
+    swung = read_scene("baseline", {"voltage.law": "python"})
+    for most, words in (
+        (0.0, "the largest voltage is 0 V (a voltage below zero counts as zero), which is not above"),
+        (20.0, "No tether has thrust: the largest voltage is 20 V, which is not above"),
+    ):
+        assert words in run_warning({"voltage": np.array([[0.0, most], [np.nan, 0.0]])}, {}, swung)
+    assert run_warning({"voltage": np.array([[0.0], [20e3]])}, {}, swung) == ""
+    assert run_warning({}, {}, swung) == run_warning({}, {}, load_scene("hanging-chain")) == ""
