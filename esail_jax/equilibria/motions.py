@@ -116,8 +116,8 @@ def conditions(system: System, matrices: SparseMatrices) -> Sparse:
     hub, a resting centre of mass.
 
     The motion of the centre of mass follows from the other motions and does not act on them, because
-    inner forces, wind and gravity are the same everywhere; it has the eigenvalues 0 and +-i Omega of a
-    free particle in the rotating frame."""
+    inner forces, wind, gravity and forces on the remote units are the same everywhere; it has the
+    eigenvalues 0 and +-i Omega of a free particle in the rotating frame."""
     rows = [matrices.constraint]
     if system.hub is not None:
         rows.append(sp.csr_matrix((matrices.mass @ translations(system)).T))

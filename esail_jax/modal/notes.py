@@ -23,7 +23,7 @@ def state_of(scene: Scene, found: Solved) -> str:
     """Returns the sentence about the equilibrium."""
     spin, angle = found.spin, float(np.asarray(scene.initial.sailing_angle_deg))
     period = f"spin {spin:g} rad/s ({abs(spin) / (2.0 * np.pi):.4e} Hz)"
-    if scene.solar_wind is None:
+    if scene.solar_wind is None and scene.tip_thrust is None:
         return f"Equilibrium: the free spinning sail, {period}."
     coning = np.degrees(found.coning_angle)
     cone = (
@@ -37,7 +37,7 @@ def state_of(scene: Scene, found: Solved) -> str:
         else "on a frame that is fixed in space"
     )
     shape = f"the steady cone of {cone}, {moving}, {period}."
-    if min(abs(angle), 180.0 - abs(angle)) <= ALONG_WIND_DEG:
+    if scene.solar_wind is None or min(abs(angle), 180.0 - abs(angle)) <= ALONG_WIND_DEG:
         return f"Equilibrium: {shape}"
     return (
         f"At the sailing angle of {angle:g} deg there is no equilibrium: the load changes during a turn. "

@@ -42,7 +42,8 @@ def modes(
 
     With wind, the equilibrium is the steady cone that accelerates uniformly along the spin axis, under the
     load averaged over a turn; at a sailing angle of 0 that is the load itself. Unequal tethers are allowed.
-    The sailing angle does not matter without wind.
+    The sailing angle does not matter without wind. Axial and radial forces on the remote units belong to
+    the equilibrium, and as they turn with the sail, to the stiffness.
 
     source, overrides: the scene, as for `simulate`. count: number of modes, those of the lowest
     frequencies; None: all, of large sails with unequal tethers the lowest LOWEST (`solving.py`). converge:
@@ -89,9 +90,14 @@ def solved_scene(scene: Scene, count: int | None) -> Moving:
     found = solve(with_mean_loads(system, axes), model.q, np.asarray(axes), spin, count)
     if not bool(found.at.converged):
         left = float(found.at.unbalanced)
+        advice = "Try a faster spin, a weaker load or tethers under tension."
+        if scene.tip_thrust is not None:
+            advice = (
+                "Forces on the remote units of unequal tethers tilt the hub, and then change the spin: try "
+                "equal tethers with equal forces, or a weaker force."
+            )
         raise SimulationError(
-            f"No steady spinning state was found: a force of {left:.1e} N is left. "
-            "Try a faster spin, a weaker load or tethers under tension.",
+            f"No steady spinning state was found: a force of {left:.1e} N is left. {advice}",
             RESULTS.nonfinite,
         )
     return Moving(found, system, np.asarray(axes))

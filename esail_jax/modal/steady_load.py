@@ -4,6 +4,11 @@ In the frame that turns with the sail, the part of a uniform wind across the spi
 The thrust is linear in the wind's velocity, hence its mean over a turn at a fixed shape is that of the part
 along the axis, u cos(alpha). At alpha = 0 nothing is left out. Weight accelerates a free sail as a whole
 and has no effect on its shape; of the weight on a sail without a hub the part along the axis is kept.
+
+Axial and radial forces on the remote units turn with the sail and are steady. Two loads leave no steady
+state, because they have a moment about the spin axis: tangential forces on the remote units, sum F_i rho_i
+with the distance rho from the axis, and a wind that is felt relative to the tethers, -(sigma/u) Omega times
+the integral of rho^2 along them, at any sailing angle.
 """
 
 import dataclasses
@@ -17,16 +22,20 @@ from esail_jax.environment.solar_wind import SteadyWind
 from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
+from esail_jax.scenes.tip_tables import TipThrust
 from esail_jax.system import System
 
 
 def check_has_modes(scene: Scene) -> None:
     """Raises SceneError, with one line, if the scene has no steady spinning state."""
-    for name in ("chain", "event", "tip_thrust", "orbit"):
+    for name in ("chain", "event", "orbit"):
         if getattr(scene, name) is not None:
             raise SceneError(name, "be left out of a scene whose modes are asked for", "is given")
+    if scene.tip_thrust is not None:
+        check_steady_push(scene.tip_thrust)
     if scene.solar_wind is not None and scene.solar_wind.relative:
-        raise SceneError("solar_wind.relative", "be false in a scene whose modes are asked for", "is true")
+        must = "be false for modes, as such a wind slows the spin down and leaves no steady state"
+        raise SceneError("solar_wind.relative", must, "is true")
     if scene.solar_wind is not None and scene.solar_wind.time is not None:
         raise SceneError("solar_wind.time", "be absent, as modes need a steady wind", "is given")
     if scene.thermal is not None and scene.thermal.time is not None:
@@ -40,6 +49,19 @@ def check_has_modes(scene: Scene) -> None:
         )
     if float(np.asarray(scene.initial.spin_rate)) == 0.0:
         raise SceneError("initial.spin_rate", "not be zero, as modes refer to a spinning sail", "is 0")
+
+
+def check_steady_push(table: TipThrust) -> None:
+    """Raises SceneError, with one line, if forces on the remote units leave the sail no steady state.
+
+    Axial and radial forces on equal tethers have no moment about the spin axis and belong to the
+    equilibrium. Forces on unequal tethers tilt the hub against the axis of the spin and then have one:
+    unless it is all but zero, no equilibrium is found, which `modes` says."""
+    if table.on is not None:
+        raise SceneError("tip_thrust.on", "be absent, as modes need a steady load", "is given")
+    if table.direction == "tangential":
+        must = 'be "axial" or "radial" for modes, as a tangential force changes the spin for ever'
+        raise SceneError("tip_thrust.direction", must, 'is "tangential"')
 
 
 def check_has_orbit(scene: Scene) -> None:

@@ -1,15 +1,20 @@
-"""Auxiliary tethers: exact cases, an independent simulator, conservation, and derivatives."""
+"""Auxiliary tethers: exact cases, an independent simulator, and conservation.
+
+Runs whose scenes have the structure of `support.ring_sail.TRUSSES` share its programs, also with those of
+`test_ring_numbers.py`.
+"""
 
 import numpy as np
 import pytest
 
 import esail_jax as esail
-from support.ring_sail import TIGHT, check_second_order, reference, ring_scene
+from support.ring_sail import SAIL, TIGHT, TRUSSES, check_second_order, reference, ring_scene
 
 REFERENCE = "independent NumPy code (`support/ring_reference.py`), Dormand & Prince 8(5,3)"
 
 RINGS = {
-    "trusses": {"auxiliary_tethers.elements": 2},
+    # Two elements in a segment, which are slack over a wide range of strain.
+    "trusses": TRUSSES,
     "cables": {
         "auxiliary_tethers.element": "cable",
         "tethers.element": "cable",
@@ -25,6 +30,7 @@ RINGS = {
         "auxiliary_tethers.strain": "green-lagrange",
     },
 }
+"""Rings of trusses with engineering strain, of cables that push as they pull, and with slack segments."""
 
 
 def range_errors(solution, exact):
@@ -63,6 +69,9 @@ def test_methods_with_fixed_steps_are_of_second_order():
 
 
 # ---- exact cases --------------------------------------------------------------------------------
+
+ENDS = ("tip_position_I", "auxiliary_tension")
+"""The observables of the exact cases, which share the program that evaluates them."""
 
 EQUAL = {
     "tethers.count": 6,
@@ -127,7 +136,7 @@ def test_ring_of_point_masses_in_equilibrium(validate):
     1e-8 allows for the springs' own mass, 1e-9 of that of the units."""
     scene = ring_scene(EQUAL)
     rho, tension, _ = ring_of_points(scene)
-    run = esail.simulate(scene)
+    run = esail.simulate(scene, save=ENDS)
     distance = np.linalg.norm(np.asarray(run["tip_position_I"]), axis=-1)
     case, exact = "six equal masses joined by springs", "closed form: N_t + 2 N_a sin(pi/p) = m r w^2"
     validate("RING-1", case, exact, "radius, relative", np.abs(distance / rho - 1.0).max(), 1e-8)
@@ -155,7 +164,7 @@ def test_breathing_of_a_ring_of_point_masses(element, validate):
     zero = np.zeros(())
     v = model.v._replace(**{k: 1.00001 * x for k, x in model.v._asdict().items() if x is not None})
     start = Point(zero, model.q, v, Power(zero, zero), np.asarray(True))
-    run = esail.simulate(scene, start=start, save=["tip_position_I"])
+    run = esail.simulate(scene, start=start, save=ENDS)
     distance = np.linalg.norm(np.asarray(run["tip_position_I"])[:, 0], axis=-1)
     # Least squares for the frequency: mean, cosine and sine.
     import scipy.optimize
@@ -195,7 +204,9 @@ def test_free_sail_with_a_ring_keeps_energy_and_momenta(validate):
         "output.interval": 20.0,
     }
     scene = ring_scene(quiet | changes)
-    system, run = compile_scene(scene).problem.system, esail.simulate(scene)
+    energies = ("kinetic_energy", "elastic_energy")
+    run = esail.simulate(scene, save=energies)
+    system = compile_scene(scene, names=energies).problem.system
     energy = np.asarray(run["kinetic_energy"] + run["elastic_energy"])
     case, what = "free unequal sail with a ring", "conservation"
     validate("RING-4", case, what, "energy, relative", np.abs(energy / energy[0] - 1.0).max(), 1e-11)
@@ -209,7 +220,8 @@ def test_free_sail_with_a_ring_keeps_energy_and_momenta(validate):
         return system.momentum(v), turning
 
     final = run.final_state
-    start = esail.simulate(scene, {"integrator.t_end": 1e-6, "output.interval": 20.0}).final_state
+    first = {"integrator.t_end": 1e-6, "output.interval": 20.0}
+    start = esail.simulate(scene, first, save=energies).final_state
     before, after = (momenta(x.q, x.v) for x in (start, final))
     size = np.abs(before[1]).max()
     validate("RING-5", case, what, "angular momentum", np.abs(before[1] - after[1]).max() / size, 1e-10)
@@ -224,15 +236,14 @@ def test_free_sail_with_a_ring_keeps_energy_and_momenta(validate):
 def test_ring_on_a_turning_frame_is_that_on_a_heavy_hub(validate):
     """A hub that is far heavier than the tethers holds their roots as the frame does, 1 mm from the axis
     where the frame has them on it: the tensions of the ring agree to the strain of 1 mm, 2e-4."""
-    short = {"integrator.t_end": 20.0}
+    short = RINGS["slack"] | {"auxiliary_tethers.length": SAIL["auxiliary_tethers.length"]}
+    short |= {"integrator.t_end": 20.0}
     frame = dict.fromkeys(("hub.height", "hub.radius", "hub.density"))
     heavy = {"hub.height": 1e-3, "hub.radius": 1e-3, "hub.density": 1e16}
-    first, second = (
-        np.asarray(
-            esail.simulate(ring_scene(short | roots), save=("auxiliary_tension",))["auxiliary_tension"]
-        )
-        for roots in (frame, heavy)
-    )
+    # The second run has the programs of the ring "slack".
+    first = esail.simulate(ring_scene(short | frame), save=("auxiliary_tension",))
+    second = esail.simulate(ring_scene(short | heavy))
+    first, second = (np.asarray(run["auxiliary_tension"]) for run in (first, second))
     error = np.abs(first / second - 1.0).max()
     case, reference = "ring on a turning frame", "ring on a heavy hub"
     validate("RING-7", case, reference, "tension, relative", error, 3e-4)
@@ -250,191 +261,9 @@ def test_ring_with_clamped_roots_balances_its_energy():
         "tethers.second_moment": 1.47e-18,
         "integrator.t_end": 20.0,
     }
-    run = esail.simulate(ring_scene(clamped))
+    names = ("energy_balance_error", "kinetic_energy", "auxiliary_tension")
+    run = esail.simulate(ring_scene(clamped), save=names)
     balance = np.abs(np.asarray(run["energy_balance_error"])).max()
     assert balance < 1e-6 * np.asarray(run["kinetic_energy"])[0]
     assert run.numerics["constraint_violation"].max() < 1e-9
     assert (np.asarray(run["auxiliary_tension"]) > 0.0).all()
-
-
-# ---- derivatives and batches ----------------------------------------------------------------------
-
-RING_NUMBERS = {
-    "auxiliary_tethers.length": (1175.0, 0.1),
-    "auxiliary_tethers.area": (3e-9, 1e-11),
-    "auxiliary_tethers.density": (1400.0, 10.0),
-    "auxiliary_tethers.youngs_modulus": (5e9, 2e7),
-    "auxiliary_tethers.axial_damping_time": (0.5, 0.02),
-    "auxiliary_tethers.slack_strain": (0.03, 2e-4),
-}
-"""Numbers of the ring, and their changes in a difference quotient. The strain of the ring is about 6e-3,
-less than half the width of the tension-only law, so that the width matters too."""
-
-SHORT = {
-    "auxiliary_tethers.elements": 2,
-    "integrator.t_end": 5.0,
-    "output.interval": 5.0,
-    "initial.coning_angle_deg": 5.0,
-}
-LISTS = (
-    "tethers.length",
-    "tethers.axial_damping_time",
-    "auxiliary_tethers.length",
-    "auxiliary_tethers.area",
-    "auxiliary_tethers.axial_damping_time",
-    "remote_units.mass",
-    "voltage.value",
-)
-"""Keys whose lists have five entries in `ring_sail.SAIL`."""
-
-EACH = np.array([1.0, 0.5, -0.7, 0.3, 0.9])
-"""Direction in which the five segments change."""
-
-
-def ring_signals(numbers):
-    """Signals at the end of a short run."""
-    run = esail.simulate(ring_scene(SHORT | TIGHT), numbers)
-    names = ("tip_position_I", "auxiliary_tension", "kinetic_energy", "dissipated_energy")
-    return {name: run[name][-1] for name in names}
-
-
-def ring_numbers(key=None, change=0.0):
-    """The numbers, with those of one key moved along EACH."""
-    found = {k: value + 0.0 * EACH for k, (value, _) in RING_NUMBERS.items()}
-    if key is not None:
-        found[key] = found[key] + change * RING_NUMBERS[key][1] * EACH
-    return found
-
-
-@pytest.mark.slow
-def test_derivatives_by_every_number_of_the_ring(validate):
-    """Forward derivatives by every number equal difference quotients of fourth order to 1e-6, and reverse
-    mode agrees with forward mode to 1e-8."""
-    import jax
-    import jax.numpy as jnp
-
-    from support.quick import jit
-
-    at = {k: jnp.asarray(x) for k, x in ring_numbers().items()}
-    forward = jit(lambda x, dx: jax.jvp(ring_signals, (x,), (dx,))[1])
-    tangents, worst = {}, 0.0
-    for key, (_, size) in RING_NUMBERS.items():
-        direction = {k: jnp.asarray(size * EACH if k == key else 0.0 * EACH) for k in at}
-        tangents[key] = forward(at, direction)
-        runs = {c: ring_signals({k: x.tolist() for k, x in ring_numbers(key, c).items()})
-                for c in (-2.0, -1.0, 1.0, 2.0)}  # fmt: skip
-        for name, found in tangents[key].items():
-            value = {c: np.asarray(run[name]) for c, run in runs.items()}
-            quotient = (8.0 * (value[1.0] - value[-1.0]) - (value[2.0] - value[-2.0])) / 12.0
-            error = np.abs(quotient - found).max() / np.abs(quotient).max()
-            worst = max(worst, error)
-    validate("RING-6", "derivatives by six numbers of the ring", "differences", "relative", worst, 1e-6)
-
-    pull = jit(lambda x, w: jax.vjp(ring_signals, x)[1](w)[0])
-    weights = jax.tree.map(lambda t: 1.0 / jnp.abs(t).max() * jnp.ones_like(t),
-                           tangents["auxiliary_tethers.length"])  # fmt: skip
-    back = pull(at, weights)
-    for key, (_, size) in RING_NUMBERS.items():
-        parts = jax.tree.map(lambda w, t: (w * t).sum(), weights, tangents[key])
-        along = sum(jax.tree.leaves(parts))
-        magnitude = sum(abs(x) for x in jax.tree.leaves(parts))
-        assert abs(back[key] @ (size * EACH) - along) < 1e-8 * magnitude, key
-
-
-@pytest.mark.slow
-def test_batch_of_lengths_equals_a_loop():
-    """Members of a batch with other segment lengths do not influence each other, also through the steady
-    start."""
-    import jax
-    import jax.numpy as jnp
-
-    from support.quick import jit
-
-    lengths = jnp.array([1174.0, 1176.0])[:, None] + jnp.asarray(EACH)
-    batch = jit(jax.vmap(lambda x: ring_signals({"auxiliary_tethers.length": x})["tip_position_I"]))(
-        lengths
-    )
-    for member, length in zip(batch, lengths, strict=True):
-        alone = ring_signals({"auxiliary_tethers.length": length.tolist()})["tip_position_I"]
-        np.testing.assert_allclose(member, alone, rtol=0, atol=1e-8)
-
-
-# ---- events, resuming, bad input --------------------------------------------------------------------
-
-
-def command_line(scene, *more):
-    """Arguments of the command `run` for a scene and other values."""
-    return [str(x) for x in ("run", scene, *more, "--quiet")]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "method", ["collocation", pytest.param("generalized-alpha", marks=pytest.mark.slow)]
-)
-def test_resumed_run_is_bit_identical_and_the_ring_holds_a_released_tether(method, tmp_path):
-    """A run with a ring of cables and a release that is continued from its file is that of one run, bit for
-    bit; and the released tether stays joined to its neighbours by the ring."""
-    from esail_jax.cli import main
-    from esail_jax.scenes.toml_text import to_toml
-
-    scene = ring_scene({
-        "auxiliary_tethers.element": "cable",
-        "integrator.method": method,
-        "integrator.step": 0.1 if method == "generalized-alpha" else None,
-        "output.interval": 2.0,
-    })  # fmt: skip
-    file = tmp_path / "scene.toml"
-    file.write_text(to_toml(scene) + "\n[[event]]\ntime = 3.3\nrelease = 2\n")
-    once, twice = tmp_path / "once.h5", tmp_path / "twice.h5"
-    assert main(command_line(file, "-o", once, "--t-end", 12)) == 0
-    assert main(command_line(file, "-o", twice, "--t-end", 6)) == 0
-    assert main(command_line(file, "-o", twice, "--t-end", 12, "--resume")) == 0
-    one, other = esail.load(once), esail.load(twice)
-    assert np.array_equal(one.time, other.time)
-    for name in one.observables:
-        assert np.array_equal(one[name], other[name], equal_nan=True), name
-    tips = np.asarray(one["tip_position_I"])
-    chords = np.linalg.norm(np.roll(tips, -1, axis=1) - tips, axis=-1)
-    lengths = np.array(scene.auxiliary_tethers.length)
-    tension = np.asarray(one["auxiliary_tension"])
-    reaction = np.linalg.norm(np.asarray(one["reaction_B"]), axis=-1)
-    assert reaction[0, 1] > 0.1 and (reaction[2:, 1] < 1e-9).all()
-    assert (np.abs(chords / lengths - 1.0) < 0.05).all()
-    assert tension[-1, 0] > 0.02 and tension[-1, 1] > 0.02
-    error = np.abs(np.asarray(one["energy_balance_error"])).max()
-    assert error < 1e-4 * np.asarray(one["kinetic_energy"])[0]
-
-
-REFUSED = {
-    "count": ("tethers.count", 2, "be 3 or more with [auxiliary_tethers], but is 2"),
-    "list": ("auxiliary_tethers.length", [1.0, 2.0], "be a number or a list of 5"),
-    "area": ("auxiliary_tethers.area", -1.0, "be positive, but is -1.0"),
-    "slack": ("auxiliary_tethers.slack_strain", 0.0, "lie in (0, 1), but is 0.0"),
-    "elements": ("auxiliary_tethers.elements", 0, "be a positive integer, but is 0"),
-    "kind": ("auxiliary_tethers.element", "rod", 'be "cable" or "truss"'),
-    "explicit": ("integrator.method", "dopri8", 'be "generalized-alpha" or "energy-momentum" or'),
-}
-
-
-@pytest.mark.parametrize("case", REFUSED)
-def test_bad_ring_is_refused_in_one_line(case):
-    """Every wrong value of the ring is refused before anything is built, by a line that names the key."""
-    key, value, must = REFUSED[case]
-    others = dict.fromkeys(LISTS, 1.0) if case == "count" else {}
-    with pytest.raises(esail.SceneError) as refused:
-        ring_scene(others | {key: value})
-    assert f"`{key}` must {must}" in str(refused.value)
-    assert "\n" not in str(refused.value)
-
-
-@pytest.mark.slow
-def test_ring_without_a_steady_start_is_refused():
-    """Segments whose force grows more slowly with length than the centrifugal force leave no steady
-    start."""
-    weak = {
-        "auxiliary_tethers.youngs_modulus": 1e3,
-        "auxiliary_tethers.elements": 2,
-        "auxiliary_tethers.strain": "engineering",
-    }
-    with pytest.raises(esail.SceneError, match=r"`auxiliary_tethers\.length` must leave the sail a steady"):
-        esail.simulate(ring_scene(weak))

@@ -1,0 +1,175 @@
+"""Auxiliary tethers: derivatives by their numbers, batches, releases, resumed runs, and what is refused."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import esail_jax as esail
+from support.quick import jit
+from support.ring_sail import EACH, RING_NUMBERS, TIGHT, TRUSSES, ring_scene
+
+SHORT = TRUSSES | {"integrator.t_end": 5.0, "output.interval": 5.0, "initial.coning_angle_deg": 5.0}
+LISTS = (
+    "tethers.length",
+    "tethers.axial_damping_time",
+    "auxiliary_tethers.length",
+    "auxiliary_tethers.area",
+    "auxiliary_tethers.axial_damping_time",
+    "remote_units.mass",
+    "voltage.value",
+)
+"""Keys whose lists have five entries in `ring_sail.SAIL`."""
+
+
+# ---- derivatives and batches ----------------------------------------------------------------------
+
+
+def ring_signals(numbers):
+    """Signals at the end of a short run."""
+    names = ("tip_position_I", "auxiliary_tension", "kinetic_energy", "dissipated_energy")
+    run = esail.simulate(ring_scene(SHORT | TIGHT), numbers, save=names)
+    return {name: run[name][-1] for name in names}
+
+
+def ring_numbers(key=None, change=0.0):
+    """The numbers, with those of one key moved along EACH."""
+    found = {k: value + 0.0 * EACH for k, (value, _) in RING_NUMBERS.items()}
+    if key is not None:
+        found[key] = found[key] + change * RING_NUMBERS[key][1] * EACH
+    return found
+
+
+def alone(numbers):
+    """The signals of one run with concrete numbers."""
+    return ring_signals({k: x.tolist() for k, x in numbers.items()})
+
+
+@pytest.fixture(scope="module")
+def batch():
+    """Numbers of a batch, its signals and their derivatives along a direction, by one program in forward
+    mode. The first members have the same numbers, each with the direction of one key; the last two have
+    other lengths and no direction."""
+    none = {k: 0.0 * EACH for k in RING_NUMBERS}
+    members = [(ring_numbers(), none | {k: size * EACH}) for k, (_, size) in RING_NUMBERS.items()]
+    members += [(ring_numbers("auxiliary_tethers.length", change), none) for change in (-10.0, 10.0)]
+    numbers, directions = jax.tree.map(lambda *x: jnp.stack(x), *members)
+    forward = jit(jax.vmap(lambda x, dx: jax.jvp(ring_signals, (x,), (dx,))))
+    return [numbers for numbers, _ in members], *forward(numbers, directions)
+
+
+@pytest.mark.slow
+def test_derivatives_by_every_number_of_the_ring(batch, validate):
+    """Forward derivatives by every number equal difference quotients of fourth order to 1e-6, and reverse
+    mode agrees with forward mode to 1e-8."""
+    _, _, forward = batch
+    at = {k: jnp.asarray(x) for k, x in ring_numbers().items()}
+    tangents, worst = {}, 0.0
+    for i, key in enumerate(RING_NUMBERS):
+        tangents[key] = {name: found[i] for name, found in forward.items()}
+        runs = {c: alone(ring_numbers(key, c)) for c in (-2.0, -1.0, 1.0, 2.0)}
+        for name, found in tangents[key].items():
+            value = {c: np.asarray(run[name]) for c, run in runs.items()}
+            quotient = (8.0 * (value[1.0] - value[-1.0]) - (value[2.0] - value[-2.0])) / 12.0
+            error = np.abs(quotient - found).max() / np.abs(quotient).max()
+            worst = max(worst, error)
+    validate("RING-6", "derivatives by six numbers of the ring", "differences", "relative", worst, 1e-6)
+
+    pull = jit(lambda x, w: jax.vjp(ring_signals, x)[1](w)[0])
+    weights = jax.tree.map(lambda t: 1.0 / jnp.abs(t).max() * jnp.ones_like(t),
+                           tangents["auxiliary_tethers.length"])  # fmt: skip
+    back = pull(at, weights)
+    for key, (_, size) in RING_NUMBERS.items():
+        parts = jax.tree.map(lambda w, t: (w * t).sum(), weights, tangents[key])
+        along = sum(jax.tree.leaves(parts))
+        magnitude = sum(abs(x) for x in jax.tree.leaves(parts))
+        assert abs(back[key] @ (size * EACH) - along) < 1e-8 * magnitude, key
+
+
+@pytest.mark.slow
+def test_batch_of_lengths_equals_a_loop(batch):
+    """Members of a batch with other segment lengths do not influence each other, also through the steady
+    start. The derivatives of members without a direction are zero."""
+    numbers, signals, forward = batch
+    for i in (-2, -1):
+        loop = alone(numbers[i])["tip_position_I"]
+        np.testing.assert_allclose(signals["tip_position_I"][i], loop, rtol=0, atol=1e-8)
+        assert not np.asarray(forward["tip_position_I"][i]).any()
+    assert np.abs(signals["tip_position_I"][-1] - signals["tip_position_I"][-2]).max() > 1e-3
+
+
+# ---- events, resuming, bad input --------------------------------------------------------------------
+
+
+def command_line(scene, *more):
+    """Arguments of the command `run` for a scene and other values."""
+    return [str(x) for x in ("run", scene, *more, "--quiet")]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "method", ["collocation", pytest.param("generalized-alpha", marks=pytest.mark.slow)]
+)
+def test_resumed_run_is_bit_identical_and_the_ring_holds_a_released_tether(method, tmp_path):
+    """A run with a ring of cables and a release that is continued from its file is that of one run, bit for
+    bit; and the released tether stays joined to its neighbours by the ring."""
+    from esail_jax.cli import main
+    from esail_jax.scenes.toml_text import to_toml
+
+    scene = ring_scene({
+        "auxiliary_tethers.element": "cable",
+        "integrator.method": method,
+        "integrator.step": 0.1 if method == "generalized-alpha" else None,
+        "output.interval": 2.0,
+    })  # fmt: skip
+    file = tmp_path / "scene.toml"
+    file.write_text(to_toml(scene) + "\n[[event]]\ntime = 3.3\nrelease = 2\n")
+    once, twice = tmp_path / "once.h5", tmp_path / "twice.h5"
+    assert main(command_line(file, "-o", once, "--t-end", 12)) == 0
+    assert main(command_line(file, "-o", twice, "--t-end", 6)) == 0
+    assert main(command_line(file, "-o", twice, "--t-end", 12, "--resume")) == 0
+    one, other = esail.load(once), esail.load(twice)
+    assert np.array_equal(one.time, other.time)
+    for name in one.observables:
+        assert np.array_equal(one[name], other[name], equal_nan=True), name
+    tips = np.asarray(one["tip_position_I"])
+    chords = np.linalg.norm(np.roll(tips, -1, axis=1) - tips, axis=-1)
+    lengths = np.array(scene.auxiliary_tethers.length)
+    tension = np.asarray(one["auxiliary_tension"])
+    reaction = np.linalg.norm(np.asarray(one["reaction_B"]), axis=-1)
+    assert reaction[0, 1] > 0.1 and (reaction[2:, 1] < 1e-9).all()
+    assert (np.abs(chords / lengths - 1.0) < 0.05).all()
+    assert tension[-1, 0] > 0.02 and tension[-1, 1] > 0.02
+    error = np.abs(np.asarray(one["energy_balance_error"])).max()
+    assert error < 1e-4 * np.asarray(one["kinetic_energy"])[0]
+
+
+REFUSED = {
+    "count": ("tethers.count", 2, "be 3 or more with [auxiliary_tethers], but is 2"),
+    "list": ("auxiliary_tethers.length", [1.0, 2.0], "be a number or a list of 5"),
+    "area": ("auxiliary_tethers.area", -1.0, "be positive, but is -1.0"),
+    "slack": ("auxiliary_tethers.slack_strain", 0.0, "lie in (0, 1), but is 0.0"),
+    "elements": ("auxiliary_tethers.elements", 0, "be a positive integer, but is 0"),
+    "kind": ("auxiliary_tethers.element", "rod", 'be "cable" or "truss"'),
+    "explicit": ("integrator.method", "dopri8", 'be "generalized-alpha" or "energy-momentum" or'),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_bad_ring_is_refused_in_one_line(case):
+    """Every wrong value of the ring is refused before anything is built, by a line that names the key."""
+    key, value, must = REFUSED[case]
+    others = dict.fromkeys(LISTS, 1.0) if case == "count" else {}
+    with pytest.raises(esail.SceneError) as refused:
+        ring_scene(others | {key: value})
+    assert f"`{key}` must {must}" in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.slow
+def test_ring_without_a_steady_start_is_refused():
+    """Segments whose force grows more slowly with length than the centrifugal force leave no steady
+    start."""
+    weak = TRUSSES | {"auxiliary_tethers.youngs_modulus": [1e3] * 5}
+    with pytest.raises(esail.SceneError, match=r"`auxiliary_tethers\.length` must leave the sail a steady"):
+        esail.simulate(ring_scene(weak))
