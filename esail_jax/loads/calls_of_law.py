@@ -64,8 +64,8 @@ def called(law: Any, method: str, measurements: Measurements, *more: Any) -> Any
         name = getattr(error, "name", None)
         if name is not None and isinstance(getattr(error, "obj", None), Measurements):
             hint = nearest(name, NAMES) or f"; there are {', '.join(NAMES)}"
-            message = f"`voltage_law.{method}` must use measurements that exist, but `{name}` is none{hint}"
-            raise InputError(message) from error
+            must, got = "use measurements that exist", f"{place_of(error)} uses `{name}`{hint}"
+            raise InputError(f"`voltage_law.{method}` must {must}, but {got}") from error
         absent = [x for x in Measurements._fields if getattr(measurements, x, None) is None]
         if "NoneType" not in str(error) or not absent:
             raise
@@ -74,11 +74,15 @@ def called(law: Any, method: str, measurements: Measurements, *more: Any) -> Any
 
 
 def refused(method: str, must: str, error: Exception) -> InputError:
-    """The error of a method of a law, with the line of the law in which it arose."""
+    """The error of a method of a law that JAX or Python raised, with the place in the law."""
+    reason = type(error).__name__
+    if type(error) in (AttributeError, TypeError):
+        reason += f": {' '.join(str(error).split())}"
+    return InputError(f"`voltage_law.{method}` must {must}, but {place_of(error)} raises {reason}")
+
+
+def place_of(error: Exception) -> str:
+    """File and line in which an error arose, the last one outside the libraries that a law calls."""
     frames = traceback.extract_tb(error.__traceback__)
     own = [x for x in frames if not x.filename.startswith(LIBRARIES)]
-    place = f"{Path(own[-1].filename).name}:{own[-1].lineno}"
-    reason = type(error).__name__
-    if isinstance(error, AttributeError) or type(error) is TypeError:
-        reason += f": {' '.join(str(error).split())}"
-    return InputError(f"`voltage_law.{method}` must {must}, but {place} raises {reason}")
+    return f"{Path(own[-1].filename).name}:{own[-1].lineno}"

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from esail_jax.observables.balance import balance_warning
-from esail_jax.scenes.parts import Parts
 from esail_jax.scenes.plausibility import doubts
+from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.thermal_table import Thermal
 
 WARN_ABOVE = 7e-3
@@ -24,7 +24,7 @@ names and the words for the warning."""
 
 
 def run_warning(
-    rows: Mapping[str, np.ndarray], numerics: Mapping[str, np.ndarray], scene: Parts | None = None
+    rows: Mapping[str, np.ndarray], numerics: Mapping[str, np.ndarray], scene: Scene | None = None
 ) -> str:
     """Returns the warnings about a finished run: those about its scene, one if no tether had thrust, one if
     its energy balance is violated, one if its steps are too long, one if tethers go slack, or an empty
@@ -47,21 +47,20 @@ def joined_warnings(
     return " ".join(filter(None, (balance_warning(rows), step_warning(parts), slack_warning(rows, heat))))
 
 
-def idle_warning(rows: Mapping[str, np.ndarray], scene: Parts) -> str:
+def idle_warning(rows: Mapping[str, np.ndarray], scene: Scene) -> str:
     """Returns a warning about a finished run whose law never gave a voltage with thrust, otherwise an empty
     text. A constant voltage is known before the run."""
-    cutoff = (
-        None if scene.solar_wind is None or scene.chain is not None else scene.solar_wind.cutoff_voltage
-    )
-    if cutoff is None or "voltage" not in rows or scene.voltage.law == "constant":
+    wind = None if scene.chain is not None else scene.solar_wind
+    if wind is None or wind.cutoff_voltage is None or "voltage" not in rows:
         return ""
+    cutoff = np.asarray(wind.cutoff_voltage, float)
     most = np.max(rows["voltage"], initial=-np.inf, where=np.isfinite(rows["voltage"]))
-    if not most <= float(cutoff):
+    if scene.voltage.law == "constant" or not most <= cutoff:
         return ""
     zero = " (a voltage below zero counts as zero)" if most == 0.0 else ""
     return (
         f"No tether has thrust: the largest voltage is {most:g} V{zero}, which is not above "
-        f"`solar_wind.cutoff_voltage`, {float(cutoff):g} V."
+        f"`solar_wind.cutoff_voltage`, {cutoff:g} V."
     )
 
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from esail_jax.scenes import rules
-from esail_jax.scenes.parts import Parts
+from esail_jax.scenes.scene import Scene
 
 
 class Usual(NamedTuple):
@@ -30,7 +30,7 @@ USUAL = {
 """By scene key. The density of 1e3 1/m^3 is that of the wind at 80 au."""
 
 
-def doubts(scene: Parts) -> tuple[str, ...]:
+def doubts(scene: Scene) -> tuple[str, ...]:
     """Sentences about numbers that may be in a wrong unit."""
     if scene.chain is not None or scene.solar_wind is None:
         return ()
@@ -38,7 +38,7 @@ def doubts(scene: Parts) -> tuple[str, ...]:
     return tuple(filter(None, (*found, doubt_of_thrust(scene))))
 
 
-def doubt_of(scene: Parts, key: str) -> str:
+def doubt_of(scene: Scene, key: str) -> str:
     """A sentence if a number is far from what is usual, otherwise an empty text. Zero is meant as such."""
     values, unit = numbers(scene, key), USUAL[key].usual.split()[1]
     if values is None or not values.any():
@@ -50,7 +50,7 @@ def doubt_of(scene: Parts, key: str) -> str:
     return f"`{key}` is {off:g} {unit}, where {USUAL[key].usual} is usual: is it in this unit?"
 
 
-def doubt_of_thrust(scene: Parts) -> str:
+def doubt_of_thrust(scene: Scene) -> str:
     """A sentence if no tether can have thrust: the constant voltage, or the maximum of any law, does not
     exceed the cutoff voltage. A voltage of zero is meant as such."""
     cutoff = numbers(scene, "solar_wind.cutoff_voltage")
@@ -63,7 +63,7 @@ def doubt_of_thrust(scene: Parts) -> str:
     return ""
 
 
-def numbers(scene: Parts, key: str) -> np.ndarray | None:
+def numbers(scene: Scene, key: str) -> np.ndarray | None:
     """The numbers of a key; None if the scene lacks it, or if they are traced."""
     table, _, name = key.partition(".")
     value = getattr(getattr(scene, table), name)

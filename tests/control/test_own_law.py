@@ -385,8 +385,8 @@ BAD = {
     "update of None": (Halves(), {}, "`voltage_law.update` must return two things, .* a NoneType"),
     "update of three": (Halves(found=(1, 2, 3)), {}, "the next memory, but returned a tuple of 3"),
     "wrapped": (Delayed(Halves(found=20e3), 1), {}, "`voltage_law.update` must return two .* a float"),
-    "misspelt": (Sentence(lambda m: m.wnd), {}, "exist, but `wnd` is none \\(perhaps `wind`\\)"),
-    "unknown": (Sentence(lambda m: m.hub_angle), {}, "but `hub_angle` is none; there are time, spin_axis"),
+    "misspelt": (Sentence(lambda m: m.wnd), {}, "exist, but .*.py:[0-9]+ uses `wnd` \\(perhaps `wind`\\)"),
+    "unknown": (Sentence(lambda m: m.hub_angle), {}, "uses `hub_angle`; there are time, spin_axis"),
     "absent": (
         Sentence(lambda m: 2.0 * m.voltage),
         {},
