@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 
 from esail_jax.array_types import Array, Int, PerTether, Rotation, Scalar
-from esail_jax.loads.calls_of_law import first_memory, updated
+from esail_jax.control.calls_of_law import first_memory, updated
 from esail_jax.measurements import Measurements
 from esail_jax.numerics.small_matrices import matmul
 

@@ -16,8 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.array_types import Array, PerTether, Scalar
+from esail_jax.control import calls_of_law
 from esail_jax.errors import InputError
-from esail_jax.loads import calls_of_law
 from esail_jax.loads.electron_current import PowerLimited
 from esail_jax.loads.law_structure import LawStructure
 from esail_jax.loads.voltage import VoltageLaw
