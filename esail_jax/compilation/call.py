@@ -12,13 +12,15 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-from jax.core import ShapedArray
+from jax.core import ShapedArray, Tracer
 from jax.extend.core import Literal, Primitive
 from jax.interpreters import ad, batching, mlir
 from jax.interpreters import partial_eval as pe
 
 from esail_jax.compilation.derived import (
     ForwardMode,
+    Mask,
+    Pruned,
     as_function,
     backward,
     batched,
@@ -32,7 +34,7 @@ from esail_jax.compilation.derived import (
     with_tangent,
 )
 from esail_jax.compilation.options import OURS
-from esail_jax.compilation.program import Leaves, Program, TreeProgram
+from esail_jax.compilation.program import Leaves, Program, TreeProgram, load, save
 from esail_jax.compilation.workaround import refuse_wrong_products
 
 program_p = Primitive("program")
@@ -84,6 +86,8 @@ def _push_forward(primals, tangents, *, program):
     along = chosen(tangents, moving)
     count = len(program.facts.results)
     if any(isinstance(x, pe.JaxprTracer) for x in along):
+        if not any(isinstance(x, Tracer) for x in primals):
+            load_transpose_ahead(tangent(program, moving))
         found = bind(forward(program, moving), *primals)
         results, residuals = found[:count], found[count:]
         moved = bind(tangent(program, moving), *residuals, *along)
@@ -100,11 +104,40 @@ def _transpose(cotangents, *leaves, program):
     results without a cotangent are left out."""
     linear = tuple(ad.is_undefined_primal(x) for x in leaves)
     given = tuple(not isinstance(x, ad.Zero) for x in cotangents)
-    whole = backward(program, linear, given)
-    needed = pruned(whole, (True,) * sum(linear))
+    needed = transposed(program, linear, given)
+    remember_transpose(program, linear, given)
     arguments = (*chosen(leaves, not_(linear)), *chosen(cotangents, given))
     found = bind(needed, *chosen(arguments, needed.facts.about))
     return list(merged(linear, found, [None] * linear.count(False)))
+
+
+def transposed(program: Program, linear: Mask, given: Mask) -> Program:
+    """Returns the transpose of a program, without the arguments that its results do not need."""
+    return pruned(backward(program, linear, given), (True,) * sum(linear))
+
+
+TRANSPOSE = "transpose"
+"""Kind of the file of the program cache that tells which transpose of a program was needed last."""
+
+
+def remember_transpose(program: Program, linear: Mask, given: Mask) -> None:
+    """Writes down that this transpose was needed, for `load_transpose_ahead` in a later process."""
+    whole, prunings = program, []
+    while isinstance(whole, Pruned):
+        prunings.insert(0, whole.used)
+        whole = whole.whole
+    found = prunings, linear, given
+    if load(whole.key, TRANSPOSE) != found:
+        save(whole.key, TRANSPOSE, found)
+
+
+def load_transpose_ahead(program: Program) -> None:
+    """Starts to load the transpose of a program of tangents, if the cache tells which one was needed last.
+    A gradient needs it after the forward program, whose loading takes longer."""
+    found = load(program.key, TRANSPOSE)
+    if found is not None:
+        prunings, linear, given = found
+        transposed(functools.reduce(pruned, prunings, program), linear, given).load_ahead()
 
 
 def _prune(used, equation):

@@ -178,15 +178,25 @@ def backward(program: Program, linear: Mask, given: Mask) -> Program:
     return Program(make, derived_key(program, "backward", linear, given), program.compile)
 
 
+class Pruned(Program):
+    """The program of some results of another one (`pruned`). whole: the other program; used: its results
+    that are computed."""
+
+    whole: Program
+    used: Mask
+
+
 @derivation
-def pruned(program: Program, used: Mask) -> Program:
+def pruned(program: Program, used: Mask) -> Pruned:
     """Returns the program of the used results only, without the arguments on which these do not depend.
     What its maker remembers (`Facts.about`) is the mask of the arguments that remain."""
 
     def make():
         return without_unused(program.traced.jaxpr, used)
 
-    return Program(make, derived_key(program, "pruned", used), program.compile)
+    made = Pruned(make, derived_key(program, "pruned", used), program.compile)
+    made.whole, made.used = program, used
+    return made
 
 
 # ---- helpers ----------------------------------------------------------------------------------------

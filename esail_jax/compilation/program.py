@@ -17,6 +17,7 @@ import numpy as np
 from jax.experimental import serialize_executable
 
 from esail_jax.compilation import store
+from esail_jax.compilation.cache_hits import HITS
 from esail_jax.compilation.collector import collector_paused
 from esail_jax.compilation.keys import key_of, settings
 from esail_jax.compilation.options import COMPILER_OPTIONS, Options, compile_lowered, lower
@@ -94,6 +95,17 @@ class Program:
             lowered = self._lowered or lower(self.traced)
         self._lowered = None
         return compile_and_save(self.key, lambda: self.compile(lowered))
+
+    def load_ahead(self) -> None:
+        """Starts to load the executable in a thread, if it is kept. `executable` waits for that thread."""
+
+        def load_now():
+            with self._lock:
+                if self._executable is None:
+                    self._executable = self._loaded()
+
+        if self._executable is None and is_kept(self.key):
+            threading.Thread(target=load_now).start()
 
     def lower(self) -> None:
         """Traces and lowers the program, unless its executable is kept. Python runs this part of compiling
@@ -264,20 +276,6 @@ def connect_lapack() -> None:
     from jaxlib import lapack
 
     lapack.prepare_lapack_call("getrf_ffi", np.dtype(float))
-
-
-class CacheHits(threading.local):
-    """The number of programs that JAX's own compilation cache has given to this thread."""
-
-    count = 0
-
-    def listen(self, event: str, **_: Any) -> None:
-        """Counts, if the event is such a hit."""
-        self.count += event == "/jax/compilation_cache/cache_hits"
-
-
-HITS = CacheHits()
-jax.monitoring.register_event_listener(HITS.listen)
 
 
 def compile_and_save(key: str | None, compile: Callable[[], jax.stages.Compiled]) -> jax.stages.Compiled:

@@ -10,10 +10,10 @@ import dataclasses
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax import lax
 
 from esail_jax.array_types import Array
+from esail_jax.compilation.call import call
 from esail_jax.compilation.options import START_OPTIONS
 from esail_jax.compilation.program import program_of
 from esail_jax.rod_chain import fastest_rate, turning_rate
@@ -76,11 +76,15 @@ def sail_tolerance(scene: Scene) -> float | Array:
     """Default tolerance of a sail: COLLOCATION_TOLERANCE, or less for tethers that hardly stretch."""
     _, numbers = split(scene)
     numbers = {key: x for key, x in numbers.items() if not key.startswith(f"{KEY}.")}
-    limits = FINEST_TOLERANCE, COLLOCATION_TOLERANCE
+    program = program_of(tolerance_from_strain, (), (numbers,), START_OPTIONS, fused=False)
     if any(isinstance(x, jax.core.Tracer) for x in numbers.values()):
-        return jnp.clip(lax.stop_gradient(STRAIN_FRACTION * smallest_strain(numbers)), *limits)
-    strain = program_of(smallest_strain, (), (numbers,), START_OPTIONS, fused=False)(numbers)
-    return float(np.clip(STRAIN_FRACTION * np.asarray(strain), *limits))
+        return call(program, lax.stop_gradient(numbers))
+    return float(program(numbers))
+
+
+def tolerance_from_strain(numbers: Numbers) -> Array:
+    """Tolerance of a sail with these numbers, in the unit of `integrator.tolerance`."""
+    return jnp.clip(STRAIN_FRACTION * smallest_strain(numbers), FINEST_TOLERANCE, COLLOCATION_TOLERANCE)
 
 
 def smallest_strain(n: Numbers) -> Array:
