@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import esail_jax as esail
-from esail_jax.ensembles import Grid, Normal, Uniform, VariationError, draw, parse_variation
+from esail_jax.ensembles import Grid, LogNormal, Normal, Uniform, VariationError, draw, parse_variation
 from esail_jax.scenes.rules import SceneError
 
 
@@ -53,6 +53,16 @@ def test_distributions(scene, sampling):
     assert (np.abs(np.corrcoef(columns.T) - np.eye(4)) < error).all()
 
 
+def test_lognormal(scene):
+    """Draws are positive, however wide the distribution; their logarithms have the median's and the sigma
+    of the distribution, to four standard errors."""
+    found = drawn(scene, "tethers.length[*]=lognormal:10e3:0.5", members=1600)["tethers.length"]
+    logs = np.log(found / 10e3)
+    error = 4.0 / np.sqrt(1600)
+    assert (found > 0.0).all()
+    assert (np.abs(logs.mean(0)) < error * 0.5).all() and (np.abs(logs.std(0) / 0.5 - 1) < error).all()
+
+
 def test_even_samplings_fill_every_layer(scene):
     """Of 64 members one lies in every 64th of the range.
 
@@ -91,6 +101,7 @@ def test_constants(scene):
         "tethers.length=uniform:2:1",
         "tethers.length=normal:1:-1",
         "tethers.length=normal:1:inf",
+        "tethers.length=lognormal:-1:0.1",
         "tethers.length=grid:1:2:0",
         "tethers.length=grid:1:2:2.5",
     ],
@@ -154,6 +165,10 @@ def test_objects_and_texts_describe_the_same(scene):
         (lambda: Uniform(2, 1), "`Uniform` must have a <= b, but has a = 2.0 and b = 1.0"),
         (lambda: Normal(1, -1), "`Normal` must have sd >= 0, but has sd = -1.0"),
         (lambda: Normal(1, np.inf), "`Normal` must have finite numbers, but has sd = inf"),
+        (
+            lambda: LogNormal(0, 1),
+            "`LogNormal` must have median > 0 and sigma >= 0, but has median = 0.0 and sigma = 1.0",
+        ),
         (lambda: Grid(1, 2, 2.5), "`Grid` must have a positive integer n, but has n = 2.5"),
         (lambda: Grid(1, 2, 0), "`Grid` must have a positive integer n, but has n = 0.0"),
     ],
