@@ -21,7 +21,7 @@ import numpy as np
 
 from esail_jax.ensembles.ensemble import Ensemble
 from esail_jax.ensembles.sampling import Inputs
-from esail_jax.files.hdf5 import atomic_hdf5
+from esail_jax.files.hdf5 import atomic_hdf5_in_memory
 from esail_jax.files.opening import RunFileError, intact, open_run, to_python
 from esail_jax.scenes.scene import Scene, parse
 from esail_jax.scenes.toml_text import to_toml
@@ -84,7 +84,7 @@ def publish(folder: Path, task: Task, pieces: Sequence[np.ndarray]) -> None:
     parts.mkdir(parents=True, exist_ok=True)
     for claim in parts.glob("*.claim"):
         claim.unlink()
-    with atomic_hdf5(parts / TASK, unique=True) as file:
+    with atomic_hdf5_in_memory(parts / TASK) as file:
         write_identity(file, task)
         file.attrs.update({"count": task.count, "max_steps": task.max_steps or 0})
         for key, values in task.inputs.items():
@@ -134,7 +134,7 @@ def take_pieces(folder: Path, pieces: Sequence[np.ndarray]) -> Iterator[tuple[st
 
 def write_piece(folder: Path, name: str, task: Task, found: Ensemble, seconds: tuple[float, float]) -> None:
     """Writes a computed piece. seconds: spent on compiling and on running."""
-    with atomic_hdf5(parts_of(folder) / f"{name}.h5", unique=True) as file:
+    with atomic_hdf5_in_memory(parts_of(folder) / f"{name}.h5") as file:
         write_identity(file, task)
         file.attrs.update({"compile_time": seconds[0], "wall_time": seconds[1]})
         file.attrs["device"] = jax.devices()[0].device_kind

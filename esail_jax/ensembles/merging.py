@@ -1,5 +1,6 @@
 """Putting the pieces of an ensemble together: ensemble.h5, a run file with `member` as first axis."""
 
+import math
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,8 +21,14 @@ from esail_jax.ensembles.ensemble_file import (
     status_of,
     write_identity,
 )
-from esail_jax.ensembles.member_program import system_of
-from esail_jax.files.hdf5 import atomic_hdf5, create_observables, create_quantity, versions
+from esail_jax.ensembles.member_program import observable_shapes, system_of
+from esail_jax.files.hdf5 import (
+    atomic_hdf5,
+    create_observables,
+    create_quantity,
+    require_room,
+    versions,
+)
 from esail_jax.files.opening import SCHEMA_VERSION
 from esail_jax.observables import listed
 from esail_jax.scenes.method_choice import accuracy_of, with_method
@@ -31,8 +38,10 @@ from esail_jax.simulation.schedule import save_times
 def merge_pieces(folder: Path, task: Task) -> tuple[str, str]:
     """Writes ensemble.h5 from its earlier version and the pieces, and removes the pieces.
 
-    Returns status and message of the ensemble."""
+    Returns status and message of the ensemble. Raises NoSpaceError if the disk is full; the pieces then
+    stay."""
     whole, pieces = folder / WHOLE, pieces_in(folder)
+    require_room(whole, size_of(task))
     with atomic_hdf5(whole, unique=True) as file:
         create(file, task)
         sources = ([whole] if whole.exists() else []) + pieces
@@ -45,6 +54,19 @@ def merge_pieces(folder: Path, task: Task) -> tuple[str, str]:
     for left in folder.glob(f"{WHOLE}.*{PART}"):  # by a process that was killed while it merged
         left.unlink()
     return status, message
+
+
+def size_of(task: Task) -> int:
+    """About the size of ensemble.h5 [B]: 8 bytes a number, and room for texts."""
+    instants = len(save_times(task.scene.integrator.t_end, task.scene.output.interval))
+    shapes = observable_shapes(task.scene)
+    columns = sum(math.prod(shapes[name]) for name in task.observables)
+    drawn = sum(values[0].size for values in task.inputs.values())
+    return task.count * (8 * (instants * columns + drawn) + TEXT_BYTES) + HEAD_BYTES
+
+
+TEXT_BYTES, HEAD_BYTES = 100, 2**16
+"""Room for status and message of a member, and for scene, attributes and the structure of HDF5 [B]."""
 
 
 def create(file: h5py.File, task: Task) -> None:

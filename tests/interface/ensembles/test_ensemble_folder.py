@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from esail_jax.commands.ensemble import publish_pieces, task_of
 from esail_jax.commands.ensemble_report import distributions
 from esail_jax.ensembles import Ensemble, load_ensemble
 from esail_jax.ensembles.ensemble_file import parts_of, pieces_in, write_piece
+from esail_jax.ensembles.merging import merge_pieces, size_of
 from esail_jax.errors import NoSpaceError
 from esail_jax.files.folder_lock import FolderLock, in_use
 from support.small_ensemble import VARY, arguments, same
@@ -107,6 +109,25 @@ def test_a_full_disk_is_named(error, tmp_path):
         raise RuntimeError("other")
 
 
+def test_a_piece_on_a_full_disk(scene, tmp_path, monkeypatch):
+    """HDF5 writes a piece to memory; Python writes it to the disk, and raises one error."""
+    task = task_of(scene, 3, VARY, 3, "random", ["coning_angle"])
+    publish_pieces(task, tmp_path, np.arange(3), 1)
+    found = made_up(scene, [0, 1, 2], {})
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patched, pytest.raises(NoSpaceError, match="no space is left"):
+        patched.setattr(Path, "write_bytes", full)
+        write_piece(tmp_path, "00000000-00000002-000000", task, found, (1.0, 1.0))
+    assert [path.name for path in parts_of(tmp_path).iterdir()] == ["task.h5"]
+    write_piece(tmp_path, "00000000-00000002-000000", task, found, (1.0, 1.0))
+    status, _ = merge_pieces(tmp_path, task)
+    assert status == "complete" and size_of(task) > (tmp_path / "ensemble.h5").stat().st_size
+    assert same(load_ensemble(tmp_path / "ensemble.h5"), found)
+
+
 @pytest.mark.slow
 def test_a_full_disk_keeps_the_pieces(finished, tmp_path, monkeypatch, capsys):
     """One line says that the disk is full, whether a worker process or the merging finds it so. The pieces
@@ -126,7 +147,7 @@ def test_a_full_disk_keeps_the_pieces(finished, tmp_path, monkeypatch, capsys):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as patched:
-        patched.setattr("esail_jax.ensembles.merging.create", full)
+        patched.setattr(os, "posix_fallocate", full)
         assert main([*arguments(folder), "--resume"]) == 130
     assert capsys.readouterr().err == f"no space is left in {folder}{line}"
     assert len(pieces_in(folder)) >= before
