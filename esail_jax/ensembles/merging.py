@@ -2,12 +2,12 @@
 
 import math
 import shutil
-from collections.abc import Sequence
 from pathlib import Path
 
 import h5py
 import numpy as np
 
+from esail_jax.array_types import Int
 from esail_jax.atomic_file import PART
 from esail_jax.ensembles.ensemble_file import (
     COMPLETE,
@@ -126,7 +126,7 @@ def summary(file: h5py.File) -> tuple[str, str]:
     return "interrupted" if len(missing) else "complete", "; ".join(parts)
 
 
-def some(members: Sequence[int]) -> str:
+def some(members: Int[np.ndarray, " member"]) -> str:
     """The first five numbers of a list, as text."""
     first = ", ".join(str(member) for member in members[:5])
     return first + (", ..." if len(members) > 5 else "")

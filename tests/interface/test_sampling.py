@@ -1,11 +1,18 @@
 """Inputs of ensembles: the dependence and the distribution of the members' numbers."""
 
+import dataclasses
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import esail_jax as esail
 from esail_jax.ensembles import Grid, LogNormal, Normal, Uniform, VariationError, draw, parse_variation
+from esail_jax.scenes.declarations import rule_of
 from esail_jax.scenes.rules import SceneError
+from esail_jax.scenes.tables import CHAIN_TABLES, SAIL_TABLES
+from esail_jax.scenes.value_types import Kind, Shape
 
 
 @pytest.fixture(scope="module")
@@ -129,6 +136,24 @@ def test_numbers_that_make_no_scene(scene, text, words):
         drawn(scene, text)
     start = words.split(".*")[0]
     assert all(part in str(error.value) for part in words.split(".*")), (start, str(error.value))
+
+
+def test_the_guide_lists_the_keys_with_a_number_per_tether():
+    """The paragraph on `[*]` names every key that accepts it, and no other."""
+    guide = (Path(__file__).parents[2] / "docs" / "guide" / "ensembles.md").read_text(encoding="utf-8")
+    listed = re.findall(r"`(\w+\.\w+)`", guide.split("\n`[*]` is for ")[1].split("\n\n")[0])
+    found = set()
+    for kinds in (SAIL_TABLES, CHAIN_TABLES):
+        for table, kind in kinds.items():
+            rules = {field.name: rule_of(field) for field in dataclasses.fields(kind)}
+            found |= {
+                f"{table}.{name}"
+                for name, rule in rules.items()
+                if rule.kind is Kind.NUMBER
+                and not rule.structure
+                and rule.shape in (Shape.MEMBER, Shape.HISTORY)
+            }
+    assert set(listed) == found and len(listed) == len(found)
 
 
 def test_a_key_is_given_once(scene):

@@ -113,7 +113,7 @@ def test_a_piece_on_a_full_disk(scene, tmp_path, monkeypatch):
     """HDF5 writes a piece to memory; Python writes it to the disk, and raises one error."""
     task = task_of(scene, 3, VARY, 3, "random", ["coning_angle"])
     publish_pieces(task, tmp_path, np.arange(3), 1)
-    found = made_up(scene, [0, 1, 2], {})
+    found = made_up(scene, [0, 1, 2], {}, ["", "The result may be wrong.", ""])
 
     def full(*_):
         raise OSError(errno.ENOSPC, "No space left on device")
@@ -123,8 +123,9 @@ def test_a_piece_on_a_full_disk(scene, tmp_path, monkeypatch):
         write_piece(tmp_path, "00000000-00000002-000000", task, found, (1.0, 1.0))
     assert [path.name for path in parts_of(tmp_path).iterdir()] == ["task.h5"]
     write_piece(tmp_path, "00000000-00000002-000000", task, found, (1.0, 1.0))
-    status, _ = merge_pieces(tmp_path, task)
-    assert status == "complete" and size_of(task) > (tmp_path / "ensemble.h5").stat().st_size
+    found_status = merge_pieces(tmp_path, task)
+    assert found_status == ("complete", "1 of 3 members have a warning (1)")
+    assert size_of(task) > (tmp_path / "ensemble.h5").stat().st_size
     assert same(load_ensemble(tmp_path / "ensemble.h5"), found)
 
 
