@@ -6,6 +6,8 @@ import os
 import signal
 import subprocess
 import sys
+import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +17,7 @@ import esail_jax as esail
 import esail_jax.commands.ensemble
 from esail_jax.atomic_file import atomic_file
 from esail_jax.cli import main
+from esail_jax.commands.cluster import end_together
 from esail_jax.commands.ensemble import publish_pieces, task_of
 from esail_jax.commands.ensemble_report import distributions
 from esail_jax.ensembles import Ensemble, load_ensemble
@@ -86,6 +89,48 @@ def test_a_file_system_without_locks(tmp_path, monkeypatch):
     assert not locks[0].works
     for lock in locks:
         lock.release()
+
+
+@pytest.fixture
+def parts_missing(scene, tmp_path):
+    """A folder with pieces of members 0 to 2 of 6, and its task."""
+    task = task_of(scene, 6, VARY, 3, "random", ["coning_angle"])
+    publish_pieces(task, tmp_path, np.arange(6), 1)
+    write_piece(tmp_path, "00000000-00000002-000000", task, made_up(scene, [0, 1, 2], {}), (1.0, 1.0))
+    return task, tmp_path
+
+
+def test_distributed_processes_end_together(parts_missing, capsys):
+    """Who has no more work waits for the others, unless it is interrupted. The first that finds no other
+    reports what is missing; the next ends with the same code, and says nothing."""
+    task, folder = parts_missing
+    locks = [FolderLock(folder, shared=True) for _ in range(3)]
+    assert end_together(task, folder, locks[0], lambda: True, False) == 130
+    assert parts_of(folder).exists() and capsys.readouterr().err == ""
+    other = threading.Thread(target=lambda: time.sleep(0.2) or locks[2].release(remove=False))
+    other.start()
+    assert end_together(task, folder, locks[1], lambda: False, False) == 130
+    other.join()
+    line = "3 of 6 members are missing (3, 4, 5); --resume computes them\n"
+    assert capsys.readouterr().err == line and [path.name for path in folder.iterdir()] == ["ensemble.h5"]
+    assert end_together(task, folder, FolderLock(folder, shared=True), lambda: False, False) == 130
+    assert capsys.readouterr().err == ""
+
+
+def test_distributed_processes_without_locks(parts_missing, scene, monkeypatch, capsys):
+    """A process cannot know then whether the others have ended. It puts only a complete ensemble
+    together."""
+
+    def no_locks(*_):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(fcntl, "flock", no_locks)
+    task, folder = parts_missing
+    assert end_together(task, folder, FolderLock(folder, shared=True), lambda: False, True) == 0
+    assert parts_of(folder).exists()
+    write_piece(folder, "00000003-00000005-000001", task, made_up(scene, [3, 4, 5], {}), (1.0, 1.0))
+    assert end_together(task, folder, FolderLock(folder, shared=True), lambda: False, False) == 0
+    assert not parts_of(folder).exists() and "6, seed 3" in capsys.readouterr().out
 
 
 # ---- a full disk ---------------------------------------------------------------------------------
