@@ -5,6 +5,8 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+from esail_jax.errors import NoSpaceError, is_full
+
 PART = ".part"
 """Last suffix of a temporary file."""
 
@@ -15,6 +17,7 @@ def atomic_file(path: str | os.PathLike, unique: bool = False) -> Iterator[Path]
 
     If the block raises, the temporary file is removed and `path` stays as it is. unique: the name of the
     temporary file holds the process number, for a file that several processes may write at the same time.
+    Raises NoSpaceError if the disk is full.
     """
     path = Path(path)
     part = path.with_name(f"{path.name}.{os.getpid()}{PART}" if unique else f"{path.name}{PART}")
@@ -23,6 +26,8 @@ def atomic_file(path: str | os.PathLike, unique: bool = False) -> Iterator[Path]
         with open(part, "rb") as file:
             os.fsync(file.fileno())
         os.replace(part, path)
-    except BaseException:
+    except BaseException as error:
         part.unlink(missing_ok=True)
+        if is_full(error):
+            raise NoSpaceError(f"no space is left in {path.parent}") from error
         raise

@@ -25,7 +25,7 @@ from esail_jax.commands.options import (
     settings,
 )
 from esail_jax.commands.parser import parser
-from esail_jax.errors import InputError, SimulationError
+from esail_jax.errors import InputError, NoSpaceError, SimulationError
 
 if TYPE_CHECKING:
     from esail_jax.scenes.scene import Scene
@@ -171,19 +171,18 @@ def ensemble(options: argparse.Namespace) -> ExitCode:
         from esail_jax.cores import share_cores
 
         share_cores(options.processes)
-    from esail_jax.commands.ensemble import run_distributed, run_here, task_of
+    from esail_jax.commands.ensemble import run_here, task_of
 
-    task = task_of(scene, options.members, options.variations, options.seed, options.sampling, names)
+    task = task_of(
+        scene, options.members, options.variations, options.seed, options.sampling, names, options.max_steps
+    )
     if options.members > 1 and not options.variations and not options.quiet:
         print("Without --vary all members are equal.", file=sys.stderr)
     if options.distributed:
-        return run_distributed(task, options.output, options.resume, options.quiet)
-    status = run_here(task, options.output, options.processes, options.resume, options.quiet)
-    if status == ExitCode.DONE and not options.quiet:
-        from esail_jax.commands.info import print_info
+        from esail_jax.commands.cluster import run_distributed
 
-        print_info([options.output / "ensemble.h5"])
-    return status
+        return run_distributed(task, options.output, options.resume, options.quiet)
+    return run_here(task, options.output, options.processes, options.resume, options.quiet)
 
 
 def bench(options: argparse.Namespace) -> ExitCode:
@@ -225,7 +224,7 @@ COMMANDS = {
 }  # fmt: skip
 
 
-def complain(error: Exception) -> None:
+def complain(error: Exception | str) -> None:
     """Prints an error as one line on stderr."""
     print(" ".join(str(error).split()), file=sys.stderr)
 
@@ -243,6 +242,12 @@ def main(arguments: list[str] | None = None) -> ExitCode:
         signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         return COMMANDS[options.command](options)
+    except NoSpaceError as error:
+        if "resume" not in options:
+            complain(error)
+            return ExitCode.BAD_INPUT
+        complain(f"{error}; make room and use --resume")
+        return ExitCode.INTERRUPTED
     except (InputError, OSError) as error:
         complain(error)
         return ExitCode.BAD_INPUT

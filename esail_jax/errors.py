@@ -1,6 +1,7 @@
 """The errors that users meet. This module imports no library: the command line needs it before JAX."""
 
 import difflib
+import errno
 import re
 from collections.abc import Iterable
 from typing import Any
@@ -9,6 +10,24 @@ from typing import Any
 class InputError(ValueError):
     """Input that cannot be used as given: a scene (`SceneError`), a run file (`RunFileError`), or a command
     line. The message is one line."""
+
+
+class NoSpaceError(OSError):
+    """A file that could not be written because the disk, or the user's share of it, is full."""
+
+
+FULL = (errno.ENOSPC, errno.EDQUOT)
+"""Numbers of the system's errors of a full disk and of a full quota."""
+
+
+def is_full(error: BaseException | None) -> bool:
+    """Tells whether an error comes from a full disk. HDF5 reports the number of the system's error in its
+    text only, and sometimes in the error before the last one."""
+    while error is not None:
+        if getattr(error, "errno", None) in FULL or any(f"errno = {n}," in str(error) for n in FULL):
+            return True
+        error = error.__context__
+    return False
 
 
 class SimulationError(RuntimeError):

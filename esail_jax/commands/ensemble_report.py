@@ -4,18 +4,28 @@ from pathlib import Path
 
 import numpy as np
 
-from esail_jax.commands.description import heading
+from esail_jax.commands.description import heading, size_of
 from esail_jax.ensembles.ensemble import Ensemble
-from esail_jax.ensembles.ensemble_file import load_ensemble
-from esail_jax.ensembles.statistics import OUTCOMES, outcomes_of, sensitivities
-from esail_jax.files.opening import intact, open_run, to_python
+from esail_jax.ensembles.ensemble_file import (
+    TASK,
+    WHOLE,
+    computed_members,
+    load_ensemble,
+    outcome_counts,
+    parts_of,
+    read_task,
+)
+from esail_jax.ensembles.statistics import MEMBERS_PER_COLUMN, OUTCOMES, outcomes_of, sensitivities
+from esail_jax.files.folder_lock import in_use
+from esail_jax.files.opening import RunFileError, intact, open_run, to_python
 
 LEAST_SHARE = 0.05
 """Least share of an outcome's variance for which an input is named."""
 
 
 def describe_ensemble(path: Path) -> str:
-    """A few lines on an ensemble: model, method, members, speed, and the distributions of its outcomes."""
+    """A few lines on an ensemble: model, method, members, speed, and the distributions of its outcomes.
+    Raises RunFileError."""
     with open_run(path) as file, intact(path):
         a = {name: to_python(value) for name, value in file.attrs.items()}
         terms = ", ".join(file["numerics"].attrs["terms"])
@@ -27,21 +37,59 @@ def describe_ensemble(path: Path) -> str:
         *heading(path, a, ensemble.scene, terms),
         f"  members    {len(ensemble)}, seed {a['seed']}, {a['sampling']}; varied: {vary}",
         f"  time       to {ensemble.time[-1]:g} s, {len(ensemble.time)} saved instants",
-        f"  speed      {a['steps']} steps in {wall:.2f} s of a core ({done / wall:.3g} members and "
-        f"{a['steps'] / wall:.0f} steps a second), compiling {a['compile_time']:.2f} s",
+        f"  speed      {done / wall:.3g} members or {a['steps'] / wall:.0f} steps a second in each process",
+        f"  spent      {wall:.2f} s on {a['steps']} steps and {a['compile_time']:.2f} s on preparing "
+        "programs, summed over processes that work side by side",
         f"  device     {a['device']}, jax {a['version_jax']}, esail_jax {a['version_esail_jax']}",
     ]
     return "\n".join([line for line in lines if line] + distributions(ensemble))
 
 
+def describe_folder(folder: Path) -> str:
+    """The description of the ensemble in a folder, or its progress if it is not finished. Raises
+    RunFileError."""
+    try:
+        if not (parts_of(folder) / TASK).exists():
+            raise FileNotFoundError
+        return progress_of(folder)
+    except FileNotFoundError:  # no pieces, or they have just been put together
+        if not (folder / WHOLE).exists():
+            raise RunFileError(
+                f"`{folder}` must be a run file, but is a folder without an ensemble"
+            ) from None
+        return describe_ensemble(folder / WHOLE)
+
+
+def progress_of(folder: Path) -> str:
+    """A few lines on an ensemble of which some members are still in pieces. Raises FileNotFoundError if
+    they are put together in the meantime."""
+    task, _ = read_task(folder)
+    done, failed, warned = computed_members(folder, task)[0], *outcome_counts(folder)
+    counts = ((failed, "failed"), (warned, "have a warning"))
+    more = "".join(f", {count} of them {what}" for count, what in counts if count)
+    running = in_use(folder)
+    lines = [
+        f"{folder}: " + ("running" if running else "interrupted, and not put together yet"),
+        f"  model      {size_of(task.scene)}",
+        f"  members    {len(done)} of {task.count} computed{more}",
+        f"  varied     {', '.join(task.vary) or 'nothing'}; seed {task.seed}, {task.sampling}",
+    ]
+    if not running:
+        lines.append(f"  `esail ensemble` with --resume computes the others and writes {folder / WHOLE}")
+    return "\n".join(lines)
+
+
 def distributions(ensemble: Ensemble) -> list[str]:
     """A line for every outcome: mean, deviation, 5 % and 95 % quantiles, extremes, and its most important
-    inputs."""
+    inputs. A last line if there are too few members to name inputs."""
     found = outcomes_of(ensemble)
     if not found:
         return []
     columns = "".join(f"{name:>11s}" for name in ("mean", "deviation", "5 %", "95 %", "least", "most"))
-    lines = [f"  {'':32s}{columns}  driven by"]
+    numbers_drawn = sum(x[0].size for x in ensemble.inputs.values())
+    needed = MEMBERS_PER_COLUMN * numbers_drawn
+    enough = numbers_drawn and int(ensemble.complete.sum()) >= needed
+    lines = [f"  {'':32s}{columns}" + ("  driven by" if enough else "")]
     for outcome in found:
         y = outcome.of(ensemble)
         known = y[np.isfinite(y)]
@@ -52,4 +100,9 @@ def distributions(ensemble: Ensemble) -> list[str]:
         by = ", ".join(f"{key} {100 * share[key]:.0f} %" for key in names)
         row = "".join(f"{x:11.4g}" for x in numbers)
         lines.append(f"  {f'{outcome.label} [{outcome.unit}]':32s}{row}  {by}".rstrip())
+    if numbers_drawn and not enough:
+        lines.append(
+            f"  What drives the outcomes is not shown: with {numbers_drawn} varied numbers and less than "
+            f"{needed} complete members, chance would explain too much."
+        )
     return lines

@@ -144,8 +144,10 @@ def check_modes(options: argparse.Namespace) -> None:
 
 def check_ensemble(options: argparse.Namespace) -> None:
     """Raises UsageError for options of `esail ensemble` that are out of range or do not fit together."""
-    for name, least in (("members", 1), ("seed", 0), ("processes", 1), ("process", 0)):
-        value = getattr(options, name)
+    for name, least in (
+        ("members", 1), ("seed", 0), ("max-steps", 1), ("processes", 1), ("process", 0),
+    ):  # fmt: skip
+        value = getattr(options, name.replace("-", "_"))
         if value is not None and value < least:
             must = "be positive" if least else "not be negative"
             raise UsageError(f"`--{name}` must {must}, but is {value}")

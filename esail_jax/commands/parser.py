@@ -93,8 +93,8 @@ def add_info(commands: Any) -> None:
     )
     info.add_argument(
         "runs", type=Path, nargs="+", metavar="RUN.h5",
-        help="run file, or ensemble.h5 of an ensemble; several run files make a table, also of the keys "
-        "in which their scenes differ",
+        help="run file, or the folder or ensemble.h5 of an ensemble, also of one that is not finished; "
+        "several run files make a table, also of the keys in which their scenes differ",
     )  # fmt: skip
 
 
@@ -229,9 +229,10 @@ def add_ensemble(commands: Any) -> None:
     )
     ensemble.add_argument(
         "--vary", action="append", default=[], metavar="KEY=DIST", dest="variations",
-        help="scene key and its distribution, in the units of the scene: uniform:a:b, normal:mean:sd or "
-        "grid:a:b:n (n equidistant numbers; several grids form all combinations). KEY= draws one number "
-        "for a member, KEY[*]= one for each of its tethers or rods. May be given several times",
+        help="scene key and its distribution, in the units of the scene: uniform:a:b, normal:mean:sd, "
+        "lognormal:median:sigma or grid:a:b:n (n equidistant numbers; several grids form all "
+        "combinations). KEY= draws one number for a member, KEY[*]= one for each of its tethers or rods. "
+        "May be given several times",
     )  # fmt: skip
     ensemble.add_argument(
         "--sampling", choices=("random", "sobol", "latin"), default="random",
@@ -240,6 +241,10 @@ def add_ensemble(commands: Any) -> None:
     ensemble.add_argument(
         "--observables", metavar="NAME,...", help="observables to write to the file (default: all)"
     )
+    ensemble.add_argument(
+        "--max-steps", type=int, metavar="N",
+        help="bound of the steps of a member; one that needs many more has failed (default: no bound)",
+    )  # fmt: skip
     ensemble.add_argument(
         "--processes", type=int, metavar="P",
         help="number of processes on this machine (default: one per core); with --coordinator, in all",

@@ -122,7 +122,8 @@ TRANSPOSE = "transpose"
 
 def remember_transpose(program: Program, linear: Mask, given: Mask) -> None:
     """Writes down that this transpose was needed, for `load_transpose_ahead` in a later process."""
-    whole, prunings = program, []
+    prunings: list[Mask] = []
+    whole = program
     while isinstance(whole, Pruned):
         prunings.insert(0, whole.used)
         whole = whole.whole

@@ -6,7 +6,7 @@ ensemble = simulate_members("baseline", vary=lengths, members=64, seed=1)
 spread(ensemble, "coning_angle").quantiles
 """
 
-from esail_jax.ensembles.distributions import Distribution, Grid, Normal, Uniform
+from esail_jax.ensembles.distributions import Distribution, Grid, LogNormal, Normal, Uniform
 from esail_jax.ensembles.ensemble import Ensemble
 from esail_jax.ensembles.ensemble_file import load_ensemble
 from esail_jax.ensembles.gradient import MeanGradient, mean_gradient
@@ -36,6 +36,7 @@ __all__ = [
     "Ensemble",
     "Grid",
     "Inputs",
+    "LogNormal",
     "MeanGradient",
     "MemberRunner",
     "Normal",

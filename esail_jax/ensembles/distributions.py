@@ -104,6 +104,26 @@ class Normal(Distribution):
 
 
 @dataclasses.dataclass(frozen=True)
+class LogNormal(Distribution):
+    """The distribution of median exp(sigma z), z standard normal: always positive. median > 0, sigma >= 0,
+    which is about the relative standard deviation if it is small."""
+
+    median: Real
+    sigma: Real
+    per_tether: bool = False
+    form: ClassVar[str] = "lognormal"
+
+    def check(self) -> None:
+        """Raises SceneError if the median is not positive or sigma is negative."""
+        if self.median <= 0.0 or self.sigma < 0.0:
+            raise self._error("have median > 0 and sigma >= 0", "median", "sigma")
+
+    def values(self, u: UnitPoints) -> UnitPoints:
+        """The values whose cumulative probabilities are u."""
+        return self.median * np.exp(self.sigma * ndtri(u))
+
+
+@dataclasses.dataclass(frozen=True)
 class Grid(Distribution):
     """n equidistant numbers from a to b, without chance.
 
@@ -127,12 +147,12 @@ class Grid(Distribution):
         return np.linspace(self.a, self.b, self.n)
 
 
-FORMS: dict[str, type[Distribution]] = {kind.form: kind for kind in (Uniform, Normal, Grid)}
+FORMS: dict[str, type[Distribution]] = {kind.form: kind for kind in (Uniform, Normal, LogNormal, Grid)}
 """Distributions by their name on the command line."""
 
 
 def parse_distribution(text: str, per_tether: bool = False) -> Distribution:
-    """Reads `uniform:a:b`, `normal:mean:sd` or `grid:a:b:n`.
+    """Reads `uniform:a:b`, `normal:mean:sd`, `lognormal:median:sigma` or `grid:a:b:n`.
 
     Raises SceneError with the key "distribution"."""
     form, *numbers = text.strip().split(":")
@@ -162,6 +182,6 @@ def as_distribution(value: Any, per_tether: bool = False) -> Distribution:
     if isinstance(value, str):
         return parse_distribution(value, per_tether)
     if not isinstance(value, Distribution):
-        must = "be Uniform, Normal, Grid or a text such as 'uniform:1:2'"
+        must = "be Uniform, Normal, LogNormal, Grid or a text such as 'uniform:1:2'"
         raise SceneError("distribution", must, f"is {value!r}")
     return dataclasses.replace(value, per_tether=True) if per_tether else value

@@ -55,6 +55,11 @@ class Ensemble:
         """Numbers of the members that did not reach their end."""
         return self.members[~self.complete]
 
+    @property
+    def warned(self) -> np.ndarray:
+        """Numbers of the members that reached their end, but with a warning."""
+        return self.members[self.complete & (np.array(self.messages, object) != "")]
+
 
 def concatenate(parts: Sequence[Ensemble]) -> Ensemble:
     """One ensemble of the members of several parts, which share scene and instants."""

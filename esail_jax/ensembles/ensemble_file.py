@@ -6,12 +6,11 @@
     DIR/ensemble.h5           a run file with `member` as first axis
 
 Processes share nothing but this folder. Files are replaced as a whole (`files/hdf5.py`), so a process
-that is killed leaves no damaged file. `merge_pieces` puts the pieces into ensemble.h5.
+that is killed leaves no damaged file. `ensembles/merging.py` puts the pieces into ensemble.h5.
 """
 
 import dataclasses
 import os
-import shutil
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -20,17 +19,12 @@ import h5py
 import jax
 import numpy as np
 
-from esail_jax.atomic_file import PART
 from esail_jax.ensembles.ensemble import Ensemble
-from esail_jax.ensembles.member_program import system_of
 from esail_jax.ensembles.sampling import Inputs
-from esail_jax.files.hdf5 import atomic_hdf5, create_observables, create_quantity, versions
-from esail_jax.files.opening import SCHEMA_VERSION, RunFileError, intact, open_run, to_python
-from esail_jax.observables import listed
-from esail_jax.scenes.method_choice import accuracy_of, with_method
+from esail_jax.files.hdf5 import atomic_hdf5_in_memory
+from esail_jax.files.opening import RunFileError, intact, open_run, to_python
 from esail_jax.scenes.scene import Scene, parse
 from esail_jax.scenes.toml_text import to_toml
-from esail_jax.simulation.schedule import save_times
 
 COMPLETE, FAILED, MISSING = "complete", "failed", "missing"
 """Status of a member: it reached its end; it failed, and is NaN from there on; it is not computed yet."""
@@ -40,13 +34,17 @@ TEXT = h5py.string_dtype()
 WHOLE = "ensemble.h5"
 """Name of the file of a whole ensemble."""
 
+TASK = "task.h5"
+"""Name of the file of the task, beside the pieces."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Task:
     """An ensemble to be computed.
 
     count: number of members; inputs: of all members; vary: the variations, as on the command line;
-    sampling, seed: as for `draw`; observables: names to keep."""
+    sampling, seed: as for `draw`; observables: names to keep; max_steps: largest number of steps of a
+    member, which may change when the ensemble is resumed."""
 
     scene: Scene
     count: int
@@ -55,6 +53,7 @@ class Task:
     sampling: str
     seed: int
     observables: tuple[str, ...]
+    max_steps: int | None = None
 
     @property
     def identity(self) -> dict[str, Any]:
@@ -85,9 +84,9 @@ def publish(folder: Path, task: Task, pieces: Sequence[np.ndarray]) -> None:
     parts.mkdir(parents=True, exist_ok=True)
     for claim in parts.glob("*.claim"):
         claim.unlink()
-    with atomic_hdf5(parts / "task.h5", unique=True) as file:
+    with atomic_hdf5_in_memory(parts / TASK) as file:
         write_identity(file, task)
-        file.attrs["count"] = task.count
+        file.attrs.update({"count": task.count, "max_steps": task.max_steps or 0})
         for key, values in task.inputs.items():
             file[f"inputs/{key}"] = values
         for number, members in enumerate(pieces):
@@ -96,14 +95,15 @@ def publish(folder: Path, task: Task, pieces: Sequence[np.ndarray]) -> None:
 
 def read_task(folder: Path) -> tuple[Task, list[np.ndarray]]:
     """Reads the task of a folder and its pieces."""
-    with h5py.File(parts_of(folder) / "task.h5") as file:
+    with h5py.File(parts_of(folder) / TASK) as file:
         a = {name: to_python(value) for name, value in file.attrs.items()}
         inputs = {key: data[()] for key, data in file.get("inputs", {}).items()}
         pieces = [data[()] for data in file.get("pieces", {}).values()]
         scene = parse(file["scene"].asstr()[()], str(folder))
     vary, names = (tuple(a[name].split("\n")) if a[name] else () for name in ("vary", "observables"))
     sampling = a["sampling"].partition(" ")[0]
-    return Task(scene, a["count"], inputs, vary, sampling, a["seed"], names), pieces
+    most = a["max_steps"] or None
+    return Task(scene, a["count"], inputs, vary, sampling, a["seed"], names, most), pieces
 
 
 def write_identity(file: h5py.File, task: Task) -> None:
@@ -134,7 +134,7 @@ def take_pieces(folder: Path, pieces: Sequence[np.ndarray]) -> Iterator[tuple[st
 
 def write_piece(folder: Path, name: str, task: Task, found: Ensemble, seconds: tuple[float, float]) -> None:
     """Writes a computed piece. seconds: spent on compiling and on running."""
-    with atomic_hdf5(parts_of(folder) / f"{name}.h5", unique=True) as file:
+    with atomic_hdf5_in_memory(parts_of(folder) / f"{name}.h5") as file:
         write_identity(file, task)
         file.attrs.update({"compile_time": seconds[0], "wall_time": seconds[1]})
         file.attrs["device"] = jax.devices()[0].device_kind
@@ -170,6 +170,30 @@ def computed_members(folder: Path, task: Task) -> tuple[np.ndarray, int]:
     return np.unique(np.concatenate([*done, np.empty(0, int)])), held
 
 
+def outcome_counts(folder: Path) -> tuple[int, int]:
+    """Numbers of members that failed, and that have a warning, in the pieces and in ensemble.h5."""
+    failed = warned = 0
+    whole = folder / WHOLE
+    for path in [*pieces_in(folder), *([whole] if whole.exists() else [])]:
+        with h5py.File(path) as file:
+            status, messages, _ = status_of(file)
+        failed += int((status == FAILED).sum())
+        warned += int(((status == COMPLETE) & (messages != "")).sum())
+    return failed, warned
+
+
+def status_of(file: h5py.File) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Status and message of the members that a piece or an ensemble.h5 holds, and their numbers of
+    steps."""
+    if "member" in file:
+        status = np.where(file["complete"][()], COMPLETE, FAILED).astype(object)
+        return status, file["message"].asstr()[()], file["steps"][()]
+    places = (file["members/status"].asstr(), file["members/message"].asstr(), file["numerics/steps"])
+    status, messages, steps = (place[()] for place in places)
+    held = status != MISSING
+    return status[held], messages[held], steps[held]
+
+
 def check_same(path: Path, file: h5py.File, task: Task) -> None:
     """Raises RunFileError unless a file belongs to this ensemble."""
     if "members" not in file and "member" not in file:
@@ -182,92 +206,6 @@ def check_same(path: Path, file: h5py.File, task: Task) -> None:
 
 
 # ---- the whole ensemble -------------------------------------------------------------------------
-
-
-def merge_pieces(folder: Path, task: Task) -> tuple[str, str]:
-    """Writes ensemble.h5 from its earlier version and the pieces, and removes the pieces.
-
-    Returns status and message of the ensemble."""
-    whole, pieces = folder / WHOLE, pieces_in(folder)
-    with atomic_hdf5(whole, unique=True) as file:
-        create(file, task)
-        sources = ([whole] if whole.exists() else []) + pieces
-        for path in sources:
-            with h5py.File(path) as source:
-                copy_members(file, source)
-        status, message = summary(file)
-        file.attrs.update({"status": status, "message": message})
-    shutil.rmtree(parts_of(folder))
-    for left in folder.glob(f"{WHOLE}.*{PART}"):  # by a process that was killed while it merged
-        left.unlink()
-    return status, message
-
-
-def create(file: h5py.File, task: Task) -> None:
-    """Fills a new ensemble.h5 with everything but results. It is a run file with `member` as first axis."""
-    system = system_of(task.scene)
-    write_identity(file, task)
-    file.attrs.update(versions() | {"schema_version": SCHEMA_VERSION, "device": ""})
-    method = with_method(task.scene).integrator
-    file.attrs.update({"method": method.method, "accuracy": accuracy_of(method)})
-    file.attrs.update({"members": task.count, "steps": 0, "wall_time": 0.0, "compile_time": 0.0})
-    for key, values in task.inputs.items():
-        data = file.create_dataset(f"inputs/{key}", data=values)
-        data.attrs["axes"] = ["member", task.scene.members.name][: values.ndim]
-    times = save_times(task.scene.integrator.t_end, task.scene.output.interval)
-    create_quantity(file, "time", times.shape, ["time"], "s", "t")[:] = times
-    wanted = [entry for entry in listed(system) if entry.name in task.observables]
-    leading = {"member": task.count, "time": len(times)}
-    create_observables(file, wanted, task.scene.sizes, leading)
-    create_quantity(file, "numerics/steps", (task.count,), ["member"], "-", "steps")
-    file["numerics"].attrs["terms"] = list(system.terms)
-    file.create_dataset("members/status", data=[MISSING] * task.count, dtype=TEXT)
-    file.create_dataset("members/message", data=[""] * task.count, dtype=TEXT)
-
-
-def copy_members(file: h5py.File, source: h5py.File) -> None:
-    """Copies the members of a piece, or of an earlier ensemble.h5, to a new ensemble.h5."""
-    if "member" in source:
-        members, steps, messages = (source[name][()] for name in ("member", "steps", "message"))
-        status = np.where(source["complete"][()], COMPLETE, FAILED)
-        rows = np.arange(len(members))
-    else:
-        status = source["members/status"].asstr()[()]
-        rows = members = np.flatnonzero(status != MISSING)
-        status, steps = status[rows], source["numerics/steps"][()][rows]
-        messages = source["members/message"][()][rows]
-    if not len(members):
-        return
-    file["members/status"][members] = status.astype(object)
-    file["members/message"][members] = messages
-    file["numerics/steps"][members] = steps
-    for name, data in source["observables"].items():
-        for row, member in zip(rows, members, strict=True):
-            file["observables"][name][member] = data[row]
-    for name in ("compile_time", "wall_time"):
-        file.attrs[name] += source.attrs[name]
-    file.attrs["steps"] += int(np.nansum(steps))
-    file.attrs["device"] = source.attrs["device"]
-
-
-def summary(file: h5py.File) -> tuple[str, str]:
-    """Status and message of an ensemble, from the status of its members."""
-    status = file["members/status"].asstr()[()]
-    failed, missing = (np.flatnonzero(status == name) for name in (FAILED, MISSING))
-    texts = file["members/message"].asstr()[()]
-    warned = np.flatnonzero((status == COMPLETE) & (texts != ""))
-    parts = [
-        f"{len(members)} of {len(status)} members {what} ({some(members)})"
-        for members, what in ((missing, "are missing"), (failed, "failed"), (warned, "carry a warning"))
-        if len(members)
-    ]
-    return "interrupted" if len(missing) else "complete", "; ".join(parts)
-
-
-def some(members: Sequence[int]) -> str:
-    """The first five numbers of a list, as text."""
-    first = ", ".join(str(member) for member in members[:5])
-    return first + (", ..." if len(members) > 5 else "")
 
 
 def load_ensemble(path: str | os.PathLike, observables: Sequence[str] | None = None) -> Ensemble:

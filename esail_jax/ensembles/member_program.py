@@ -40,23 +40,23 @@ class MemberResult(NamedTuple):
 
 
 def members_program(scene: Scene, names: tuple[str, ...], inputs: Inputs, count: int | None) -> TreeProgram:
-    """The program (member's number, its inputs) -> MemberResult with the named observables. Programs are
-    kept, so that worker processes load what one of them has compiled.
+    """The program (member's number, its inputs, its largest number of steps) -> MemberResult with the named
+    observables. Programs are kept, so that worker processes load what one of them has compiled.
 
     inputs: of all members, for their shapes; count: members in lockstep, or None for one member."""
     leading = () if count is None else (count,)
     shapes = {key: jax.ShapeDtypeStruct((*leading, *x.shape[1:]), float) for key, x in inputs.items()}
-    member = jax.ShapeDtypeStruct(leading, int)
+    member, limit = jax.ShapeDtypeStruct(leading, int), jax.ShapeDtypeStruct(leading, float)
     function = member_function(scene, names)
     key = key_of(members_program, scene, names, shapes, count)
-    return tree_program(function if count is None else in_lockstep(function), (member, shapes), key)
+    return tree_program(function if count is None else in_lockstep(function), (member, shapes, limit), key)
 
 
 def member_function(scene: Scene, names: tuple[str, ...]) -> Callable:
-    """The function (member's number, its inputs) -> MemberResult."""
+    """The function (member's number, its inputs, its largest number of steps) -> MemberResult."""
 
-    def simulate_member(member, inputs):
-        run = simulate_traced(scene.replace(inputs))
+    def simulate_member(member, inputs, limit):
+        run = simulate_traced(scene.replace(inputs), limit=limit)
         # The member's number makes the result depend on an argument, even if nothing is varied. Otherwise
         # the whole run would be a constant, computed while compiling.
         steps = run.stats["steps"] + 0 * member

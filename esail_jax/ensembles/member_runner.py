@@ -46,7 +46,8 @@ class MemberRunner:
 
     inputs: of all members; observables: names, all if None; batch: members in one call, lockstep: whether
     they run in lockstep (None: what suits the device); one_core: on a CPU run one member after the other
-    instead of one per core. Raises SceneError for an unknown observable, RuntimeError in 32-bit mode."""
+    instead of one per core; max_steps: largest number of steps of a member. Raises SceneError for an
+    unknown observable, RuntimeError in 32-bit mode."""
 
     def __init__(
         self,
@@ -56,9 +57,11 @@ class MemberRunner:
         batch: int | None = None,
         lockstep: bool | None = None,
         one_core: bool = False,
+        max_steps: int | None = None,
     ):
         require_64_bit()
-        self.scene, self.inputs = scene, inputs
+        self.scene, self.inputs, self.max_steps = scene, inputs, max_steps
+        self._limit = np.inf if max_steps is None else float(max_steps)
         self.threads = 1 if one_core else cores()
         self.common = with_common_method(scene)
         self.time = save_times(scene.integrator.t_end, scene.output.interval)
@@ -128,7 +131,8 @@ class MemberRunner:
         """Results of members in lockstep."""
         # The program has a fixed number of members: the last one is repeated to fill the batch.
         padded = np.append(members, np.full(self.batch - len(members), members[-1]))
-        found = jax.device_get(self._program(padded, select_members(self.inputs, padded)))
+        limits = np.full(self.batch, self._limit)
+        found = jax.device_get(self._program(padded, select_members(self.inputs, padded), limits))
         return jax.tree.map(lambda x: x[: len(members)], found)
 
     def _on_cores(self, members: np.ndarray) -> MemberResult:
@@ -146,13 +150,14 @@ class MemberRunner:
 
     def _run_one(self, member: np.integer) -> MemberResult:
         """Result of one member, by the compiled program."""
-        return jax.device_get(self._program(member, select_members(self.inputs, member)))
+        return jax.device_get(self._program(member, select_members(self.inputs, member), self._limit))
 
     def run_alone(self, member: int) -> tuple[MemberResult, str]:
         """Result of one member as a single run, and its warning or failure. Rows are NaN after a
         failure."""
         try:
-            run = simulate(self.common, select_members(self.inputs, member), throw=False)
+            own = select_members(self.inputs, member)
+            run = simulate(self.common, own, throw=False, max_steps=self.max_steps)
         except SceneError as error:
             length = len(self.time)
             rows = {name: np.full((length, *self.shapes[name]), np.nan) for name in self._computed}

@@ -10,6 +10,7 @@ from esail_jax.ensembles.member_runner import MemberRunner
 from esail_jax.ensembles.sampling import Inputs, Vary, draw
 from esail_jax.scenes.rules import SceneError, describe
 from esail_jax.scenes.scene import Scene, load_scene
+from esail_jax.simulation.simulate import check_max_steps
 
 
 def simulate_members(
@@ -23,13 +24,15 @@ def simulate_members(
     members: int | None = None,
     seed: int = 0,
     sampling: str = "random",
+    max_steps: int | None = None,
 ) -> Ensemble:
     """Simulates a scene once for every member, in this process.
 
     The members' numbers are given as `inputs` (arrays by scene key, member first), or are drawn as by
     `draw`: `simulate_members(scene, vary={"tethers.length": Normal(10e3, 10, per_tether=True)},
     members=256, seed=1)`. observables: names to keep, all if None; batch: members in one call, lockstep:
-    whether they run in lockstep (None: what suits the device).
+    whether they run in lockstep (None: what suits the device); max_steps: bound of the steps of a
+    member: one that needs more has failed, but the last block of steps (24 at most) is completed.
 
     Raises SceneError."""
     scene = load_scene(scene)
@@ -42,7 +45,8 @@ def simulate_members(
         inputs = draw(scene, vary or {}, members, seed, sampling)
     else:
         members = count_members(inputs)
-    run = MemberRunner(scene, inputs, observables, batch, lockstep)
+    check_max_steps(max_steps)
+    run = MemberRunner(scene, inputs, observables, batch, lockstep, max_steps=max_steps)
     numbers = np.arange(members)
     return concatenate([run(numbers[first : first + run.batch]) for first in range(0, members, run.batch)])
 

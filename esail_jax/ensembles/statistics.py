@@ -16,7 +16,7 @@ PROBABILITIES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 MEMBERS_PER_COLUMN = 10
 """Least number of members per varied number for shares of variance. With fewer members, chance correlations
-inflate the sum of all shares by more than a tenth of the unexplained part."""
+let the linear model explain more than a tenth of what it cannot explain."""
 
 
 class Spread(NamedTuple):
@@ -110,11 +110,13 @@ def outcomes_of(ensemble: Ensemble) -> list[Outcome]:
 class Sensitivities(NamedTuple):
     """Sensitivities of an outcome to the inputs of an ensemble, by scene key, from a linear regression.
 
-    share: part of the outcome's variance that belongs to an input, the sum of the squared standardised
-    regression coefficients of its columns; correlation: Pearson's coefficient with the input, or with its
+    share: part of the outcome's variance that belongs to an input, the sum over its columns of the
+    standardised regression coefficient times the correlation with the outcome (for independent inputs the
+    squared coefficient). The shares sum to `explained`; an input without influence may by chance have one
+    slightly below zero; correlation: Pearson's coefficient with the input, or with its
     sum over the tethers if it has one value per tether; explained: part of the variance that the linear
     model explains (R^2). Shares are NaN if there are fewer than MEMBERS_PER_COLUMN members per varied
-    number: the columns are then correlated by chance, and the shares would sum to more than 1."""
+    number: the linear model would then explain chance."""
 
     share: dict[str, float]
     correlation: dict[str, float]
@@ -133,11 +135,12 @@ def sensitivities(inputs: Inputs, outcome: Float[np.ndarray, " member"]) -> Sens
     if len(y) < MEMBERS_PER_COLUMN * matrix.shape[1] or not y.any() or not columns:
         return Sensitivities(dict.fromkeys(columns, np.nan), correlation, np.nan)
     scale = np.where(matrix.std(0) > 0.0, matrix.std(0), 1.0)
-    slopes, *_ = np.linalg.lstsq(matrix / scale, y, rcond=None)
+    matrix = matrix / scale
+    slopes, *_ = np.linalg.lstsq(matrix, y, rcond=None)
     ends = np.cumsum([x.shape[1] for x in columns.values()])[:-1]
-    squares = np.split((slopes / y.std()) ** 2, ends)
-    share = {key: float(part.sum()) for key, part in zip(columns, squares, strict=True)}
-    residual = y - matrix / scale @ slopes
+    products = np.split(slopes * (matrix.T @ y) / (y @ y), ends)
+    share = {key: float(part.sum()) for key, part in zip(columns, products, strict=True)}
+    residual = y - matrix @ slopes
     return Sensitivities(share, correlation, float(1.0 - residual.var() / y.var()))
 
 

@@ -11,12 +11,14 @@ import platform
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from importlib import metadata
+from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 
-from esail_jax.atomic_file import atomic_file
+from esail_jax.atomic_file import PART, atomic_file
+from esail_jax.errors import NoSpaceError, is_full
 from esail_jax.files.seal import USER_BLOCK, write_seal
 from esail_jax.observables import Observable, shape_of
 
@@ -49,6 +51,38 @@ def atomic_hdf5(
             yield file
         if sealed:
             write_seal(part)
+
+
+@contextlib.contextmanager
+def atomic_hdf5_in_memory(path: str | os.PathLike) -> Iterator[h5py.File]:
+    """Context manager: gives an HDF5 file in memory, which is written to `path` as a whole when the block
+    ends. The name of the temporary file is unique, as for `atomic_file`.
+
+    HDF5 cannot close a file on a full disk: it reports every dataset, and may crash the process. Written by
+    Python, the file raises one error. Raises NoSpaceError if the disk is full."""
+    with h5py.File(f"{path} in memory", "w", driver="core", backing_store=False) as file:
+        yield file
+        file.flush()
+        image = file.id.get_file_image()
+    with atomic_file(path, unique=True) as part:
+        part.write_bytes(image)
+
+
+def require_room(path: Path, size: int) -> None:
+    """Raises NoSpaceError unless the disk, and the user's quota, have room for another file of `size` bytes
+    at `path`: for a file that is too large for memory (`atomic_hdf5_in_memory`)."""
+    if not hasattr(os, "posix_fallocate"):
+        return
+    part = path.with_name(f"{path.name}.room.{os.getpid()}{PART}")
+    try:
+        with open(part, "wb") as file:
+            os.posix_fallocate(file.fileno(), 0, size)
+    except OSError as error:
+        if is_full(error):
+            raise NoSpaceError(f"no space is left in {path.parent}") from error
+        # Other errors: this file system cannot reserve room.
+    finally:
+        part.unlink(missing_ok=True)
 
 
 def create_quantity(

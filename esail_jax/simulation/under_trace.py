@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from esail_jax.array_types import Scalar
 from esail_jax.observables.run_warning import STEP_ERRORS
 from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.rules import known
@@ -45,9 +46,11 @@ def simulate_traced(
     start: Point | None = None,
     max_steps: int | None = None,
     stepper: AbstractStepper | None = None,
+    limit: Scalar | None = None,
 ) -> Solution:
     """Returns the solution of a run that is part of a traced program, for `jit`, `grad`, `jvp` and `vmap`.
-    The arguments are those of `simulate`. Raises RuntimeError in 32-bit mode."""
+    The arguments are those of `simulate`; limit: largest number of steps in place of `max_steps`, which may
+    be a tracer and gives derivatives no more room. Raises RuntimeError in 32-bit mode."""
     require_64_bit()
     resolved = scene if stepper is not None else with_method(scene)
     structure, numbers = split(resolved)
@@ -76,7 +79,8 @@ def simulate_traced(
     samples = sampling_instants(scene, end)
     schedule = Schedule(*instants, kind.instants_per_window, least, divided_at(scene), samples)
     names = None if save is None or scene.chain is not None else tuple(save)
-    limit = jnp.asarray(jnp.inf if max_steps is None else float(max_steps))
+    if limit is None:
+        limit = jnp.asarray(jnp.inf if max_steps is None else float(max_steps))
     found = traced_run(structure, schedule, names, numbers, limit, stepper, start)
     stats = {"steps": found.counts[0], "rejected_steps": found.counts[1]}
     if found.errors:

@@ -171,3 +171,22 @@ def test_results_that_are_not_used_are_not_computed():
     (operation,) = shorter.eqns
     assert needed == [False, True]
     assert "scan" not in str(operation.params["program"].traced.jaxpr)
+
+
+def test_a_second_process_loads_the_transpose_of_a_gradient_ahead(folder, monkeypatch):
+    """The transpose is loaded in a thread before the forward program runs, so that both are loaded side by
+    side. The gradient is the same."""
+
+    def gradient():
+        program = new_program()
+        return jax.grad(lambda x: energy(lambda *z: call.call(program, *z))(x, Y))(X)
+
+    expected = gradient()
+    forget()
+    ahead = []
+    load_ahead = Program.load_ahead
+    monkeypatch.setattr(Program, "load_ahead", lambda self: (ahead.append(self), load_ahead(self)))
+    monkeypatch.setattr(Program, "_compiled", lambda self: pytest.fail("a program was compiled again"))
+    np.testing.assert_array_equal(gradient(), expected)
+    (transpose,) = set(ahead)
+    assert transpose._executable is not None

@@ -1,11 +1,18 @@
 """Inputs of ensembles: the dependence and the distribution of the members' numbers."""
 
+import dataclasses
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 import esail_jax as esail
-from esail_jax.ensembles import Grid, Normal, Uniform, VariationError, draw, parse_variation
+from esail_jax.ensembles import Grid, LogNormal, Normal, Uniform, VariationError, draw, parse_variation
+from esail_jax.scenes.declarations import rule_of
 from esail_jax.scenes.rules import SceneError
+from esail_jax.scenes.tables import CHAIN_TABLES, SAIL_TABLES
+from esail_jax.scenes.value_types import Kind, Shape
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +60,16 @@ def test_distributions(scene, sampling):
     assert (np.abs(np.corrcoef(columns.T) - np.eye(4)) < error).all()
 
 
+def test_lognormal(scene):
+    """Draws are positive, however wide the distribution; their logarithms have the median's and the sigma
+    of the distribution, to four standard errors."""
+    found = drawn(scene, "tethers.length[*]=lognormal:10e3:0.5", members=1600)["tethers.length"]
+    logs = np.log(found / 10e3)
+    error = 4.0 / np.sqrt(1600)
+    assert (found > 0.0).all()
+    assert (np.abs(logs.mean(0)) < error * 0.5).all() and (np.abs(logs.std(0) / 0.5 - 1) < error).all()
+
+
 def test_even_samplings_fill_every_layer(scene):
     """Of 64 members one lies in every 64th of the range.
 
@@ -91,6 +108,7 @@ def test_constants(scene):
         "tethers.length=uniform:2:1",
         "tethers.length=normal:1:-1",
         "tethers.length=normal:1:inf",
+        "tethers.length=lognormal:-1:0.1",
         "tethers.length=grid:1:2:0",
         "tethers.length=grid:1:2:2.5",
     ],
@@ -118,6 +136,24 @@ def test_numbers_that_make_no_scene(scene, text, words):
         drawn(scene, text)
     start = words.split(".*")[0]
     assert all(part in str(error.value) for part in words.split(".*")), (start, str(error.value))
+
+
+def test_the_guide_lists_the_keys_with_a_number_per_tether():
+    """The paragraph on `[*]` names every key that accepts it, and no other."""
+    guide = (Path(__file__).parents[2] / "docs" / "guide" / "ensembles.md").read_text(encoding="utf-8")
+    listed = re.findall(r"`(\w+\.\w+)`", guide.split("\n`[*]` is for ")[1].split("\n\n")[0])
+    found = set()
+    for kinds in (SAIL_TABLES, CHAIN_TABLES):
+        for table, kind in kinds.items():
+            rules = {field.name: rule_of(field) for field in dataclasses.fields(kind)}
+            found |= {
+                f"{table}.{name}"
+                for name, rule in rules.items()
+                if rule.kind is Kind.NUMBER
+                and not rule.structure
+                and rule.shape in (Shape.MEMBER, Shape.HISTORY)
+            }
+    assert set(listed) == found and len(listed) == len(found)
 
 
 def test_a_key_is_given_once(scene):
@@ -154,6 +190,10 @@ def test_objects_and_texts_describe_the_same(scene):
         (lambda: Uniform(2, 1), "`Uniform` must have a <= b, but has a = 2.0 and b = 1.0"),
         (lambda: Normal(1, -1), "`Normal` must have sd >= 0, but has sd = -1.0"),
         (lambda: Normal(1, np.inf), "`Normal` must have finite numbers, but has sd = inf"),
+        (
+            lambda: LogNormal(0, 1),
+            "`LogNormal` must have median > 0 and sigma >= 0, but has median = 0.0 and sigma = 1.0",
+        ),
         (lambda: Grid(1, 2, 2.5), "`Grid` must have a positive integer n, but has n = 2.5"),
         (lambda: Grid(1, 2, 0), "`Grid` must have a positive integer n, but has n = 0.0"),
     ],

@@ -11,8 +11,10 @@ import pytest
 
 import esail_jax as esail
 from esail_jax import observables
+from esail_jax.cli import main
 from esail_jax.design import objectives
 from esail_jax.scenes.key_reference import describe_keys
+from support.small_ensemble import arguments
 
 ROOT = Path(__file__).parents[2]
 
@@ -65,6 +67,8 @@ def test_examples_of_a_page_run(path, tmp_path, monkeypatch):
     short = {"integrator.t_end": 100.0, "tethers.elements": 2}
     if "run.h5" in path.read_text(encoding="utf-8"):
         esail.save(esail.simulate("baseline", short), "run.h5")
+    if "many/ensemble.h5" in path.read_text(encoding="utf-8"):
+        assert main(arguments("many", members=4, processes=1)) == 0
     blocks = re.findall(
         r"^```python\n(.*?)^```", path.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
     )

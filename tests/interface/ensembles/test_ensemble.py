@@ -147,6 +147,22 @@ def test_failed_members_are_kept_apart(scene):
     assert np.array_equal(seen.mean, found["coning_angle"][0]) and not seen.deviation.any()
 
 
+@pytest.mark.slow
+def test_bound_of_steps(scene, inputs, ensemble):
+    """A member that needs far more steps than the others fails at the bound, and says so; the others are
+    the same to the bit. A run ends at the end of a block of steps, so that the bound is not exact."""
+    few = {key: x[:3].copy() for key, x in inputs.items()}
+    few["initial.spin_rate"][1] *= 10.0
+    found = simulate_members(scene, few, ["coning_angle"], max_steps=100)
+    assert found.complete.tolist() == [True, False, True] and 100 <= found.steps[1] < 200
+    assert "more steps than `max_steps` allows" in found.messages[1]
+    for member in (0, 2):
+        assert np.array_equal(found["coning_angle"][member], ensemble["coning_angle"][member])
+    assert np.isnan(found["coning_angle"][1, -1]).all()
+    with pytest.raises(esail.SceneError, match="`max_steps` must be a positive whole number, but is 0"):
+        simulate_members(scene, inputs, max_steps=0)
+
+
 def test_sensitivities():
     """Sensitivities of known numbers are right."""
     rng = np.random.default_rng(0)
@@ -157,6 +173,7 @@ def test_sensitivities():
     assert abs(found.share["a"] - 4 / 7) < 0.03 and abs(found.share["b"] - 3 / 7) < 0.03
     assert found.share["c"] < 1e-3 and found.explained > 0.99999
     assert abs(found.correlation["a"] - np.sqrt(4 / 7)) < 0.05
+    assert abs(sum(found.share.values()) - found.explained) < 1e-12
     few = sensitivities({"b": rng.normal(size=(29, 3))}, np.arange(29.0))
     assert np.isnan(few.share["b"]) and np.isnan(few.explained)
 

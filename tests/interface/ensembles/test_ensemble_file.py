@@ -42,7 +42,12 @@ def test_info_and_figures(finished, tmp_path, capsys):
     """
     assert main(["info", str(finished)]) == 0
     text = capsys.readouterr().out
-    assert "12, seed 3" in text and "largest coning angle" in text and "initial.spin_rate" in text
+    assert (
+        "12, seed 3" in text
+        and "summed over processes" in text
+        and "largest coning angle" in text
+        and "initial.spin_rate" in text
+    )
     assert main(["plot", str(finished), "-o", str(tmp_path / "figures")]) == 0
     names = {Path(line).name for line in capsys.readouterr().out.split()}
     assert names == {"fans.png", "distributions.png"}
@@ -91,6 +96,7 @@ BAD = [
     (["--members", "0"], "--members"),
     (["--seed", "-1"], "--seed"),
     (["--processes", "0"], "--processes"),
+    (["--max-steps", "0"], "--max-steps"),
     (["--vary", "tethers.length=uniform:1"], "--vary"),
     (["--vary", "tethers.count=uniform:1:2"], "tethers.count"),
     (["--observables", "coning"], "observables"),

@@ -14,8 +14,10 @@ import pytest
 import esail_jax as esail
 from esail_jax.cli import main
 from esail_jax.commands.ensemble import publish_pieces, start_worker, task_of
+from esail_jax.commands.ensemble_work import GRACE_SECONDS
 from esail_jax.ensembles import load_ensemble
 from esail_jax.ensembles.ensemble_file import pieces_in
+from esail_jax.files.folder_lock import FolderLock, in_use
 from support.small_ensemble import SMALL, VARY, arguments, same
 
 
@@ -76,6 +78,31 @@ def test_interrupted(tmp_path):
     assert np.isfinite(found["kinetic_energy"][~missing]).all()
 
 
+LONG = ["--set", "integrator.t_end=4e6", "--set", "output.interval=1e6", "--set", "tethers.elements=1"]
+"""A run of minutes."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
+def test_interrupted_within_a_member(name, tmp_path):
+    """A signal to the whole group of processes ends the command although every process is in the middle of
+    a member, or compiles. No worker is left."""
+    folder = tmp_path / "run"
+    command = [*arguments(folder, members=40, processes=2, observables="coning_angle"), *LONG]
+    process = shell(command, stderr=subprocess.PIPE, text=True)
+    end = time.monotonic() + 300.0
+    while len(list((folder / "parts").glob("*.claim"))) < 2:
+        assert time.monotonic() < end and process.poll() is None
+        time.sleep(0.1)
+    os.killpg(process.pid, getattr(signal, name))
+    _, err = process.communicate(timeout=GRACE_SECONDS + 60.0)  # with time for putting the pieces together
+    assert process.returncode == 130 and err.count("\n") == 1
+    assert "40 of 40 members are missing" in err and "--resume" in err
+    listed = subprocess.run(["ps", "-eo", "args"], capture_output=True, text=True, check=True).stdout
+    assert not [line for line in listed.splitlines() if f"ensemble_worker {folder}" in line]
+    assert not in_use(folder)
+
+
 def cluster(folder, *more):
     """Starts two processes that compute one ensemble with JAX's distributed runtime."""
     with socket.socket() as free:
@@ -89,18 +116,21 @@ def cluster(folder, *more):
 def test_two_distributed_processes(finished, tmp_path):
     """Two processes give the members of one process, also if one of them is killed.
 
-    The other process then computes the rest. Only the current piece is lost, and a second call of both
-    adds it.
+    The other process then computes the rest, puts the pieces together, and says what is missing: only the
+    current piece is lost, and a second call of both adds it. While both are at work, the folder is refused
+    to others.
     """
     folder = tmp_path / "run"
     first, second = cluster(folder)
     wait_for_pieces(folder, 1, first, second)
+    with pytest.raises(esail.RunFileError, match="in use"):
+        FolderLock(folder)
     first.kill()
     first.communicate()
-    assert second.wait(timeout=300) == 0
-    second.communicate()
-    taken = 12 - len(pieces_in(folder)) if not (folder / "ensemble.h5").exists() else 0
-    assert taken <= 1
+    _, err = second.communicate(timeout=300)
+    missing = int(np.isnan(load_ensemble(folder / "ensemble.h5").steps).sum())
+    assert missing <= 1 and second.returncode == (130 if missing else 0)
+    assert (b"1 of 12 members are missing" in err and b"--resume" in err) == bool(missing)
     both = cluster(folder, "--resume")
     for process in both:
         process.communicate(timeout=300)
