@@ -1,8 +1,8 @@
-"""A movie of the two arcs of a year: the orbit with the spin plane, and the sail's angle, spin and cone.
+"""A movie of the arcs of a year: the orbit with the spin plane, and the sail's angle, spin and cone.
 
     python experiments/transfer/movie.py [--frames 122]
 
-reads year-outward.csv and year-inward.csv, which `run.py` writes, and writes year.webp. The sail in the
+reads the tables year-*.csv, which `run.py` writes, and writes year.webp. The sail in the
 left picture is a line: its spin plane seen from the north pole of the ecliptic, enlarged 2e6 times.
 """
 
@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
-from run import HERE, table_of
+from run import HERE, tables_of
 
 HALF_LENGTH = 0.13
 """Half the length [au] of the line that stands for the spin plane."""
@@ -83,7 +83,7 @@ def main():
     options = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     options.add_argument("--frames", type=int, default=122)
     frames = options.parse_args().frames
-    tables = {way: table_of(f"year-{way}") for way in COLOURS}
+    tables = tables_of("year")
     movie = Movie(tables)
     last = min(table["day"][-1] for table in tables.values())
     images = [Image.fromarray(movie.image(day)) for day in np.linspace(0.0, last, frames)]

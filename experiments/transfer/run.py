@@ -161,16 +161,16 @@ def draw(name, tables):
     """Draws the arcs of one duration: orbit, angle of the spin plane, cone, spin and power."""
     figure = Figure(figsize=(11, 6), layout="constrained")
     axes = figure.subplots(2, 3)
-    for name, table in tables.items():
+    for way, table in tables.items():
         day = table["day"]
-        lines = axes[0, 0].plot(day, table["radius_au"], label=f"{name}: radius")
+        lines = axes[0, 0].plot(day, table["radius_au"], label=f"{way}: radius")
         colour = lines[0].get_color()
         axes[0, 0].plot(day, table["semi_major_axis_au"], "--", color=colour, label="semi-major axis")
-        axes[0, 1].plot(day, table["angle_deg"], color=colour, label=name)
-        axes[0, 2].plot(day, table["hub_to_plane_deg"], color=colour, label=name)
-        axes[1, 0].plot(day, table["coning_largest_deg"], color=colour, label=name)
-        axes[1, 1].plot(day, table["spin_mrad_s"], color=colour, label=name)
-        axes[1, 2].plot(day, table["power_W"], color=colour, label=name)
+        axes[0, 1].plot(day, table["angle_deg"], color=colour, label=way)
+        axes[0, 2].plot(day, table["hub_to_plane_deg"], color=colour, label=way)
+        axes[1, 0].plot(day, table["coning_largest_deg"], color=colour, label=way)
+        axes[1, 1].plot(day, table["spin_mrad_s"], color=colour, label=way)
+        axes[1, 2].plot(day, table["power_W"], color=colour, label=way)
     labels = (
         "distance from the Sun [au]", "angle of the spin plane [deg]", "hub to plane of the tips [deg]",
         "largest coning angle [deg]", "spin rate [mrad/s]", "electric power [W]",
@@ -188,6 +188,12 @@ def table_of(name):
         return None
     found = np.genfromtxt(path, delimiter=",", names=True)
     return {column: found[column] for column in found.dtype.names}
+
+
+def tables_of(duration):
+    """Reads the tables of the arcs of one duration that have been run, by the direction of the arc."""
+    found = {way: table_of(f"{duration}-{way}") for way in ("outward", "inward")}
+    return {way: table for way, table in found.items() if table is not None}
 
 
 def rows_so_far():
@@ -221,8 +227,8 @@ def main():
         np.savetxt(HERE / f"{name}.csv", columns, "%.6g", ",", header=head, comments="")
         write_rows(rows_so_far() | {name: {"arc": name} | row})
     for duration in ("half-year", "year"):
-        tables = {way: table_of(f"{duration}-{way}") for way in ("outward", "inward")}
-        if None not in tables.values():
+        tables = tables_of(duration)
+        if tables:
             draw(duration, tables)
 
 
