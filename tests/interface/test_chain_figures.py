@@ -70,7 +70,9 @@ def test_plot_draws_rods_and_joints_of_a_chain(chains):
     assert list(esail_jax.plot(chains["one rod"])) == [
         make.__name__ for make in plotting.CHAIN_FIGURES if make is not plotting.chain_libration
     ]
-    with pytest.raises(ValueError, match=r"an observable of the run \(joint_position, .*energy_error\), but is"):
+    with pytest.raises(
+        ValueError, match=r"an observable of the run \(joint_position, .*energy_error\), but is"
+    ):
         esail_jax.plot(run, "coning_angle")
 
 
