@@ -48,18 +48,19 @@ def joined_warnings(
 
 
 def idle_warning(rows: Mapping[str, np.ndarray], scene: Scene) -> str:
-    """Returns a warning about a finished run whose law never gave a voltage with thrust, otherwise an empty
-    text. A constant voltage is known before the run."""
+    """Returns a warning about a finished run in which a law that its user wrote gave no voltage with thrust
+    at any saved instant, otherwise an empty text. Laws of the package may rest between saved instants, as
+    their keys say."""
     wind = None if scene.chain is not None else scene.solar_wind
     if wind is None or wind.cutoff_voltage is None or "voltage" not in rows:
         return ""
     cutoff = np.asarray(wind.cutoff_voltage, float)
     most = np.max(rows["voltage"], initial=-np.inf, where=np.isfinite(rows["voltage"]))
-    if scene.voltage.law == "constant" or not most <= cutoff:
+    if scene.voltage.law != "python" or not most <= cutoff:
         return ""
     zero = " (a voltage below zero counts as zero)" if most == 0.0 else ""
     return (
-        f"No tether has thrust: the largest voltage is {most:g} V{zero}, which is not above "
+        f"No tether has thrust at a saved instant: the largest voltage is {most:g} V{zero}, which is not above "
         f"`solar_wind.cutoff_voltage`, {cutoff:g} V."
     )
 

@@ -90,8 +90,10 @@ def test_the_message_of_a_run_says_it_too():
     swung = read_scene("baseline", {"voltage.law": "python"})
     for most, words in (
         (0.0, "the largest voltage is 0 V (a voltage below zero counts as zero), which is not above"),
-        (20.0, "No tether has thrust: the largest voltage is 20 V, which is not above"),
+        (20.0, "No tether has thrust at a saved instant: the largest voltage is 20 V"),
     ):
         assert words in run_warning({"voltage": np.array([[0.0, most], [np.nan, 0.0]])}, {}, swung)
     assert run_warning({"voltage": np.array([[0.0], [20e3]])}, {}, swung) == ""
+    pulsed = read_scene("baseline", {"voltage.law": "on-off", "voltage.on": 1.0, "voltage.off": 2.0})
+    assert run_warning({"voltage": np.zeros((2, 1))}, {}, pulsed) == ""  # on between two saved instants
     assert run_warning({}, {}, swung) == run_warning({}, {}, load_scene("hanging-chain")) == ""
