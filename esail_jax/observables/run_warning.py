@@ -60,8 +60,8 @@ def idle_warning(rows: Mapping[str, np.ndarray], scene: Scene) -> str:
         return ""
     zero = " (a voltage below zero counts as zero)" if most == 0.0 else ""
     return (
-        f"No tether has thrust at a saved instant: the largest voltage is {most:g} V{zero}, which is not above "
-        f"`solar_wind.cutoff_voltage`, {cutoff:g} V."
+        f"No tether has thrust at a saved instant: the largest voltage is {most:g} V{zero}, which "
+        f"is not above `solar_wind.cutoff_voltage`, {cutoff:g} V."
     )
 
 

@@ -94,6 +94,7 @@ def test_the_message_of_a_run_says_it_too():
     ):
         assert words in run_warning({"voltage": np.array([[0.0, most], [np.nan, 0.0]])}, {}, swung)
     assert run_warning({"voltage": np.array([[0.0], [20e3]])}, {}, swung) == ""
-    pulsed = read_scene("baseline", {"voltage.law": "on-off", "voltage.on": 1.0, "voltage.off": 2.0})
+    pulse = {"voltage.law": "on-off", "voltage.on": 1.0, "voltage.off": 2.0, "voltage.rise_time": 0.1}
+    pulsed = read_scene("baseline", pulse)
     assert run_warning({"voltage": np.zeros((2, 1))}, {}, pulsed) == ""  # on between two saved instants
     assert run_warning({}, {}, swung) == run_warning({}, {}, load_scene("hanging-chain")) == ""
