@@ -26,8 +26,7 @@ SAIL = RING | {
 
 
 TILTED = SAIL | {"initial.sailing_angle_deg": 10.0, "tip_thrust.force": 1e-4}
-"""The sail at a sailing angle. With forces of 1e-3 N the time steps of the map, whose length is given, fail
-there, and no orbit is found."""
+"""The sail at a sailing angle."""
 
 
 def with_multipliers(scene):
