@@ -120,8 +120,10 @@ TRANSPOSE = "transpose"
 """Kind of the file of the program cache that tells which transpose of a program was needed last."""
 
 
+@functools.lru_cache(maxsize=256)
 def remember_transpose(program: Program, linear: Mask, given: Mask) -> None:
-    """Writes down that this transpose was needed, for `load_transpose_ahead` in a later process."""
+    """Writes down, once in a process, that this transpose was needed: for `load_transpose_ahead` in a later
+    process."""
     prunings: list[Mask] = []
     whole = program
     while isinstance(whole, Pruned):
@@ -132,8 +134,10 @@ def remember_transpose(program: Program, linear: Mask, given: Mask) -> None:
         save(whole.key, TRANSPOSE, found)
 
 
+@functools.lru_cache(maxsize=256)
 def load_transpose_ahead(program: Program) -> None:
-    """Starts to load the transpose of a program of tangents, if the cache tells which one was needed last.
+    """Starts, once in a process, to load the transpose of a program of tangents, if the cache tells which
+    one was needed last.
     A gradient needs it after the forward program, whose loading takes longer."""
     found = load(program.key, TRANSPOSE)
     if found is not None:

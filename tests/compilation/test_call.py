@@ -40,7 +40,8 @@ def folder(tmp_path, monkeypatch, without_jax_cache):
 def forget():
     """Forgets all derived programs, as a new process does."""
     for derivation in (derived.batched, derived.pushed_forward, derived.forward, derived.tangent,
-                       derived.backward, derived.pruned, derived.linearised):  # fmt: skip
+                       derived.backward, derived.pruned, derived.linearised,
+                       call.remember_transpose, call.load_transpose_ahead):  # fmt: skip
         derivation.cache_clear()
 
 

@@ -11,7 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from esail_jax import jit
+from esail_jax import jit, load_scene, simulate
+from esail_jax.compilation import options, store
 from esail_jax.compilation.jit import traced_once
 from esail_jax.compilation.options import COMPILER_OPTIONS, FUSED_PRODUCTS, compile_lowered
 from esail_jax.compilation.workaround import may_be_wrong
@@ -110,6 +111,22 @@ def test_workaround_has_not_expired():
     expected = LEFT @ np.asarray(FACTORS["one number"](NUMBERS))
     wrong = [not np.allclose(program(LEFT, NUMBERS), expected, rtol=1e-12) for _ in range(100)]
     assert any(wrong)
+
+
+@pytest.mark.slow
+def test_no_program_of_a_gradient_is_compiled_twice(monkeypatch, without_jax_cache):
+    """No product of a sail's gradient makes the workaround compile a program, half of the wait for a first
+    gradient, a second time without the library's fusions."""
+    monkeypatch.setenv(store.VARIABLE, "off")
+    found = []
+    monkeypatch.setattr(options, "may_be_wrong", lambda text: found.append(may_be_wrong(text)) or found[-1])
+    scene = load_scene("baseline", {"tethers.elements": 1, "integrator.t_end": 11.0})
+
+    def coning(volts):
+        return simulate(scene, {"voltage.value": volts})["coning_angle"][-1, 0]
+
+    assert jax.grad(coning)(jnp.full(12, 20e3))[0] != 0.0
+    assert len(found) == 2 and not any(found)
 
 
 # ---- jit ---------------------------------------------------------------------------------------

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import esail_jax as esail
-from esail_jax.cli import main
 from esail_jax.design import Design, Variable, objectives
 from esail_jax.ensembles import simulate_members
 from esail_jax.scenes.build import build_jitted
@@ -15,6 +14,7 @@ from esail_jax.scenes.structure import split
 from esail_jax.scenes.toml_text import to_toml
 from esail_jax.steppers.consistent import consistent_motion
 from support.quick import jit
+from support.whole_runs import check_resumed_bits
 
 NEAR_SUN = {
     "tethers.count": 3,
@@ -96,20 +96,9 @@ def test_consistent_accelerations():
 @pytest.mark.parametrize("method", ["collocation", *FIXED])
 def test_resumed_run_is_bit_identical(method, tmp_path):
     """A run on an orbit that is continued twice from its file is that of one run, bit for bit."""
-    file, once, twice = (tmp_path / name for name in ("scene.toml", "once.h5", "twice.h5"))
+    file = tmp_path / "scene.toml"
     file.write_text(to_toml(SCENE.replace(settings_of(method))))
-
-    def run(*more):
-        assert main([str(x) for x in ("run", file, *more, "--quiet")]) == 0
-
-    run("-o", once)
-    run("-o", twice, "--t-end", 24)
-    run("-o", twice, "--t-end", 32, "--resume")
-    run("-o", twice, "--t-end", 80, "--resume")
-    one, other = esail.load(once), esail.load(twice)
-    assert np.array_equal(one.time, other.time)
-    for name in one.observables:
-        assert np.array_equal(one[name], other[name], equal_nan=True), name
+    check_resumed_bits(file, (24, 32, 80), tmp_path)
 
 
 # ---- many runs --------------------------------------------------------------------------------------

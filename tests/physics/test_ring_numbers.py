@@ -8,6 +8,7 @@ import pytest
 import esail_jax as esail
 from support.quick import jit
 from support.ring_sail import EACH, RING_NUMBERS, TIGHT, TRUSSES, ring_scene
+from support.whole_runs import check_resumed_bits
 
 SHORT = TRUSSES | {"integrator.t_end": 5.0, "output.interval": 5.0, "initial.coning_angle_deg": 5.0}
 LISTS = (
@@ -101,11 +102,6 @@ def test_batch_of_lengths_equals_a_loop(batch):
 # ---- events, resuming, bad input --------------------------------------------------------------------
 
 
-def command_line(scene, *more):
-    """Arguments of the command `run` for a scene and other values."""
-    return [str(x) for x in ("run", scene, *more, "--quiet")]
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "method", ["collocation", pytest.param("generalized-alpha", marks=pytest.mark.slow)]
@@ -113,7 +109,6 @@ def command_line(scene, *more):
 def test_resumed_run_is_bit_identical_and_the_ring_holds_a_released_tether(method, tmp_path):
     """A run with a ring of cables and a release that is continued from its file is that of one run, bit for
     bit; and the released tether stays joined to its neighbours by the ring."""
-    from esail_jax.cli import main
     from esail_jax.scenes.toml_text import to_toml
 
     scene = ring_scene({
@@ -124,14 +119,7 @@ def test_resumed_run_is_bit_identical_and_the_ring_holds_a_released_tether(metho
     })  # fmt: skip
     file = tmp_path / "scene.toml"
     file.write_text(to_toml(scene) + "\n[[event]]\ntime = 3.3\nrelease = 2\n")
-    once, twice = tmp_path / "once.h5", tmp_path / "twice.h5"
-    assert main(command_line(file, "-o", once, "--t-end", 12)) == 0
-    assert main(command_line(file, "-o", twice, "--t-end", 6)) == 0
-    assert main(command_line(file, "-o", twice, "--t-end", 12, "--resume")) == 0
-    one, other = esail.load(once), esail.load(twice)
-    assert np.array_equal(one.time, other.time)
-    for name in one.observables:
-        assert np.array_equal(one[name], other[name], equal_nan=True), name
+    one = check_resumed_bits(file, (6, 12), tmp_path)
     tips = np.asarray(one["tip_position_I"])
     chords = np.linalg.norm(np.roll(tips, -1, axis=1) - tips, axis=-1)
     lengths = np.array(scene.auxiliary_tethers.length)

@@ -20,9 +20,11 @@ from esail_jax.environment.thermal import (
     visible_fraction,
 )
 from esail_jax.observables.run_warning import slack_warning
+from esail_jax.scenes.toml_text import to_toml
 from support.one_tether import STEPPERS, integrate, one_tether, straight
 from support.quick import jit
 from support.ring_sail import TIGHT, check_second_order, reference, ring_scene
+from support.whole_runs import check_resumed_bits
 
 KNOTS = [2.0, 7.0, 23.0, 31.0, 52.0]
 TABLE = [
@@ -297,25 +299,12 @@ def test_batch_equals_a_loop():
 @pytest.mark.parametrize("method", ["collocation", "energy-momentum"])
 def test_resumed_run_is_bit_identical(method, tmp_path):
     """A run that is continued from its file is that of one run, bit for bit, also between two knots."""
-    from esail_jax.cli import main
-    from esail_jax.scenes.toml_text import to_toml
-
     step = {} if method == "collocation" else {"integrator.step": 0.1}
     given = {key: value.tolist() for key, (value, _) in NUMBERS.items()}
-    file, once, twice = (tmp_path / name for name in ("scene.toml", "once.h5", "twice.h5"))
     scene = two_tethers(given | step | {"integrator.method": method, "output.interval": 6.0})
+    file = tmp_path / "scene.toml"
     file.write_text(to_toml(scene))
-
-    def run(*more):
-        assert main([str(x) for x in ("run", file, *more, "--quiet")]) == 0
-
-    run("-o", once)
-    run("-o", twice, "--t-end", 18)
-    run("-o", twice, "--t-end", 30, "--resume")
-    run("-o", twice, "--t-end", 60, "--resume")
-    one, other = esail.load(once), esail.load(twice)
-    for name in one.observables:
-        assert np.array_equal(one[name], other[name], equal_nan=True), name
+    check_resumed_bits(file, (18, 30, 60), tmp_path)
 
 
 # ---- the wire in sunlight -------------------------------------------------------------------------------

@@ -38,15 +38,29 @@ def check_derivative(outcome, weights, quotient_to, concrete_to):
 
 
 def check_going_on(overrides, first, end, folder):
-    """A run file that is continued from `first` [s] to `end` [s] is bit-identical to that of one run to
-    `end`."""
-    once, twice = folder / "once.h5", folder / "twice.h5"
+    """A run file of the baseline that is continued from `first` [s] to `end` [s] is bit-identical to that
+    of one run to `end`."""
     settings = [x for k, v in overrides.items() if k != "integrator.t_end" for x in ("--set", f"{k}={v}")]
-    run = ["run", "baseline", *settings, "--quiet", "-o"]
-    assert main([*run, str(once), "--t-end", str(end)]) == 0
-    assert main([*run, str(twice), "--t-end", str(first)]) == 0
-    assert main([*run, str(twice), "--t-end", str(end), "--resume"]) == 0
+    check_resumed_bits("baseline", (first, end), folder, *settings)
+
+
+def check_resumed_bits(scene, ends, folder, *options):
+    """Checks that a run to the first of `ends` [s], continued from its file to each of the others, is bit
+    for bit the run that goes to the last of them at once. Returns this run.
+
+    scene: name or path, as for the command; options: further ones of the command."""
+    once, twice = folder / "once.h5", folder / "twice.h5"
+
+    def run(path, end, *more):
+        command = ("run", scene, *options, "-o", path, "--t-end", end, "--quiet", *more)
+        assert main([str(x) for x in command]) == 0
+
+    run(once, ends[-1])
+    run(twice, ends[0])
+    for end in ends[1:]:
+        run(twice, end, "--resume")
     one, other = esail.load(once), esail.load(twice)
     assert np.array_equal(one.time, other.time)
     for name in one.observables:
         assert np.array_equal(one[name], other[name], equal_nan=True), name
+    return one
