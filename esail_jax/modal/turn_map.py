@@ -43,10 +43,6 @@ PROJECTIONS = 2
 """Number of Newton corrections that bring a state that was moved along a tangent back to the
 constraints."""
 
-ROOM = 1e-9
-"""Part by which the steps together exceed the duration. Otherwise rounding decides whether one more step is
-needed, for which there is no room. The end is reached by dense output."""
-
 UNUSED_TOLERANCE = 1e-10
 """Tolerance of a method with a given step size, which it does not use."""
 
@@ -112,7 +108,7 @@ def flow(system: System, q: Coordinates, v: Coordinates, duration: Scalar, steps
     """Returns positions and velocities after a duration [s], by `steps` steps of collocation; NaN if the
     integration fails."""
     zero = jnp.zeros(())
-    step = lax.stop_gradient(duration) / steps * (1.0 + ROOM)
+    step = lax.stop_gradient(duration) / steps
     stepper = RecordedCollocation(step, jnp.asarray(UNUSED_TOLERANCE))
     problem = Problem(system, stepper, jnp.zeros(3), zero, inertia_of(system), None)
     state, last = stepper.init(

@@ -176,7 +176,7 @@ class Collocation(AbstractStepper):
         again = replace(state, h=shorter, rejected=state.rejected + 1.0)
         after = select(good, done, again)
         info = IterationInfo(iterations, left, error)
-        return after, good, CollocationSteps(now, h, unknowns, power, info, good)
+        return after, good, CollocationSteps(now, h, later, unknowns, power, info, good)
 
     def error(self, system: System, now: StepEnd, h: Scalar, vdot: Coordinates) -> Scalar:
         """Returns the estimated local error over the tolerance: the change of positions within the step if

@@ -6,7 +6,6 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 
 from esail_jax.array_types import Array, Bool, Float, Int, Scalar
 from esail_jax.steppers.collocation_stages import STAGES, TABLE, StageUnknowns, StepEnd
@@ -54,21 +53,20 @@ class IterationInfo(NamedTuple):
 
 
 class CollocationSteps(AbstractSteps):
-    """The record of one step, or of several along leading axes: its start, its length h [s], accelerations
-    and multipliers at its stages, and the powers there. taken: false for a rejected step and for an unused
-    place (h = 0)."""
+    """The record of one step, or of several along leading axes: its start, its length h [s], the time at
+    its end [s], accelerations and multipliers at its stages, and the powers there. taken: false for a
+    rejected step and for an unused place (h = 0).
+
+    The end is that of the state after the step. The start plus h may differ from it in the last digit, and
+    an instant at the end would then lie in no step."""
 
     start: StepEnd
     h: Float[Array, "*attempt"]
+    end: Float[Array, "*attempt"]
     stages: StageUnknowns
     power: Power
     info: IterationInfo
     taken: Bool[Array, "*attempt"]
-
-    @property
-    def end(self) -> Float[Array | np.ndarray, "*attempt"]:
-        """Time at the end of the step [s]."""
-        return self.start.time + self.h
 
     @property
     def log(self) -> Log:
@@ -103,7 +101,7 @@ def no_step(state: CollocationState) -> CollocationSteps:
     stages = jax.tree.map(lambda x: jnp.zeros_like(x[1:]), state.history.values)
     start = jax.tree.map(jnp.zeros_like, state.now)
     info = IterationInfo(jnp.zeros((), int), zero, zero)
-    return CollocationSteps(start, zero, stages, Power(powers, powers), info, jnp.asarray(False))
+    return CollocationSteps(start, zero, zero, stages, Power(powers, powers), info, jnp.asarray(False))
 
 
 def zero_length_steps(state: CollocationState, count: int) -> CollocationSteps:
@@ -111,7 +109,9 @@ def zero_length_steps(state: CollocationState, count: int) -> CollocationSteps:
     step = no_step(state)
     # The polynomial is divided by the length of the step, which must not be zero.
     step = eqx.tree_at(
-        lambda s: (s.start, s.h, s.taken), step, (state.now, jnp.asarray(TINY), jnp.asarray(True))
+        lambda s: (s.start, s.h, s.end, s.taken),
+        step,
+        (state.now, jnp.asarray(TINY), state.now.time, jnp.asarray(True)),
     )
     return jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *x.shape)), step)
 
