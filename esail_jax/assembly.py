@@ -27,7 +27,7 @@ class Assembly(eqx.Module):
     roots: None if nothing holds the tethers. hub: None for a turning frame or a chain. gravity: uniform
     acceleration [m/s^2]. orbit: field of a circular orbit, in whose axes the chain then moves. ring:
     auxiliary tethers between the tips. tip_thrust: forces on the remote units. kepler_orbit: path about the
-    Sun of the origin of I, whose axes do not turn. Absent parts are None.
+    Sun of the origin of the coordinates, whose axes do not turn. Absent parts are None.
     """
 
     tethers: TetherBatch
@@ -40,7 +40,7 @@ class Assembly(eqx.Module):
     orbit: CircularOrbit | None = None
     ring: Ring | None = None
     tip_thrust: TipThrust | None = None
-    kepler_orbit: KeplerOrbit | None = None
+    kepler_orbit: KeplerOrbit | PlaceOnOrbit | None = None
 
     # ---- parts -----------------------------------------------------------------------------
 

@@ -20,10 +20,10 @@ class Measurements(NamedTuple):
     """What a control law may measure at an instant: time [s], and unit vectors in the inertial frame I.
 
     spin_axis: X_B. radial_directions: from the spin axis through every root. chords: from every root to its
-    tip. position: centre of the hub in I [m], for a sail on an orbit only. wind: direction of the solar
-    wind at the origin of I, on an orbit at the hub; the load that knows the wind adds it. momentum_axis:
-    direction of the angular momentum about the centre of mass, released tethers included, for sails with a
-    hub only.
+    tip. position: heliocentric position of the hub [m], for a sail on an orbit only. wind: direction of the
+    solar wind at the origin of I, on an orbit at the hub; the load that knows the wind adds it.
+    momentum_axis: direction of the angular momentum about the centre of mass, released tethers included,
+    for sails with a hub only.
 
     The others are for laws that users write (`sensors.with_motion`), and None for those of the package.
     rotation: attitude C_B^I of the hub, or of the turning frame. angular_velocity: of B, in B [rad/s].

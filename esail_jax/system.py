@@ -179,7 +179,7 @@ class System(Assembly):
         measured = measured._replace(momentum_axis=momentum / jnp.sqrt(momentum @ momentum))
         if self.kepler_orbit is None:
             return measured
-        return measured._replace(position=self.hub.centre(q.hub))
+        return measured._replace(position=self.kepler_orbit.at(time)[0] + self.hub.centre(q.hub))
 
     def commands(self, time: Scalar, q: Coordinates, v: Coordinates) -> tuple[PerTether | None, ...]:
         """The command of every load's control law at a state; None for loads that need none."""

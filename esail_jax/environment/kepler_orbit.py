@@ -20,7 +20,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from esail_jax.array_types import Array, Float, Instants, Vector, VectorPerPoint
+from esail_jax.array_types import Array, Float, Instants, Scalar, Vector, VectorPerPoint
 from esail_jax.constants import SOLAR_MU
 from esail_jax.numerics.vectors import dot
 
@@ -41,17 +41,19 @@ Parts = TypeVar("Parts")
 
 
 class KeplerOrbit(eqx.Module):
-    """The Kepler orbit about the Sun through a heliocentric position [m] with a velocity [m/s] at t = 0."""
+    """The Kepler orbit about the Sun through a heliocentric position [m] with a velocity [m/s] at the time
+    epoch [s]."""
 
     position: Vector
     velocity: Vector
+    epoch: Scalar = eqx.field(default_factory=lambda: jnp.zeros(()))
 
     def at(self, time: Instants) -> tuple[Float[Array, "3 ..."], Float[Array, "3 ..."]]:
         """Heliocentric position [m] and velocity [m/s] at one or several instants [s]."""
         r0, v0 = (x.reshape(3, *(1,) * jnp.ndim(time)) for x in (self.position, self.velocity))
         length = jnp.sqrt((self.position**2).sum())
         rate = jnp.sqrt(SOLAR_MU / length**3)
-        t = rate * time
+        t = rate * (time - self.epoch)
         s = (self.position @ self.velocity) / (rate * length**2)
         b = 2.0 - (self.velocity @ self.velocity) / (rate * length) ** 2
         x = anomaly(t, *(jnp.broadcast_to(y, jnp.shape(t)) for y in (s, b)))
@@ -64,7 +66,7 @@ class KeplerOrbit(eqx.Module):
         return f * r0 + g * v0, f_rate * r0 + g_rate * v0
 
 
-class PlaceOnOrbit(KeplerOrbit):
+class PlaceOnOrbit(eqx.Module):
     """A Kepler orbit of which only one or several instants are needed. There the position [m] and velocity
     [m/s] are known, so that Kepler's equation is not solved again."""
 
@@ -77,14 +79,15 @@ class PlaceOnOrbit(KeplerOrbit):
         return self.position.reshape(shape), self.velocity.reshape(shape)
 
 
-def at_place(parts: Parts, place: PlaceOnOrbit | None) -> Parts:
-    """The parts of a model with the known place instead of their orbit: Kepler's equation is solved once
-    for the tide, the wind and the laws. Without a place the parts are returned as they are."""
+def at_place(parts: Parts, place: PlaceOnOrbit | KeplerOrbit | None) -> Parts:
+    """The parts of a model with another orbit, or with a known place instead of their orbit: Kepler's
+    equation is then solved once for the tide, the wind and the laws. If `place` is None, the parts are
+    returned as they are."""
     if place is None:
         return parts
 
     def is_orbit(x: Any) -> bool:
-        return isinstance(x, KeplerOrbit)
+        return isinstance(x, KeplerOrbit | PlaceOnOrbit)
 
     return jax.tree.map(lambda x: place if is_orbit(x) else x, parts, is_leaf=is_orbit)
 

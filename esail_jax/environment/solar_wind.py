@@ -5,7 +5,7 @@ import jax.numpy as jnp
 
 from esail_jax.array_types import Array, Float, Instants, Scalar, Vector, VectorPerPoint
 from esail_jax.constants import PROTON_MASS, THRUST_FACTOR, VACUUM_PERMITTIVITY
-from esail_jax.environment.kepler_orbit import KeplerOrbit
+from esail_jax.environment.kepler_orbit import KeplerOrbit, PlaceOnOrbit
 from esail_jax.environment.thrust_laws import DebyeSheath
 from esail_jax.numerics.vectors import norm, reciprocal
 
@@ -28,7 +28,11 @@ class SteadyWind(eqx.Module):
         """The wind at an instant, at points r: a steady wind is the same at all."""
         return self
 
-    def direction(self, time: Scalar, r: Vector | None) -> Vector:
+    def at_sail(self, time: Scalar, position: Vector | None) -> "SteadyWind":
+        """The wind at an instant, at the heliocentric position of a sail: the same at all positions."""
+        return self
+
+    def direction(self, position: Vector | None) -> Vector:
         """Unit vector along the wind at the origin of the inertial frame."""
         return self.origin / jnp.linalg.norm(self.origin)
 
@@ -76,7 +80,11 @@ class WindSeries(eqx.Module):
         speed, density = (jnp.interp(time, self.time, x) for x in (self.speed, self.number_density))
         return SteadyWind(speed, density, self.cutoff_voltage, self.origin, self.sheath)
 
-    def direction(self, time: Scalar, r: Vector | None) -> Vector:
+    def at_sail(self, time: Scalar, position: Vector | None) -> SteadyWind:
+        """The wind at an instant, at the heliocentric position of a sail: the same at all positions."""
+        return self.at(time)
+
+    def direction(self, position: Vector | None) -> Vector:
         """Unit vector along the wind at the origin of the inertial frame."""
         return self.origin / jnp.linalg.norm(self.origin)
 
@@ -89,28 +97,35 @@ class WindOnOrbit(eqx.Module):
     """
 
     wind: SteadyWind | WindSeries
-    orbit: KeplerOrbit
+    orbit: KeplerOrbit | PlaceOnOrbit
     reference_distance: Scalar
 
-    def at(self, time: Instants, r: VectorPerPoint | None = None) -> "LocalWind":
+    def at(self, time: Instants, r: VectorPerPoint) -> "LocalWind":
         """The wind at one or several instants, at points r [m] of the moving frame."""
-        wind = self.wind.at(time)
         origin, velocity = self.orbit.at(time)
-        if r is not None:
-            # The axes of the instants are the last ones but that of the elements (`array_types.py`).
-            shape = (3, *(1,) * (r.ndim - 1 - jnp.ndim(time)), *jnp.shape(time))
-            origin, velocity = origin.reshape(shape), velocity.reshape(shape)
-        place = origin if r is None else origin + r
+        # The axes of the instants are the last ones but that of the elements (`array_types.py`).
+        shape = (3, *(1,) * (r.ndim - 1 - jnp.ndim(time)), *jnp.shape(time))
+        return self.local(time, origin.reshape(shape) + r, velocity.reshape(shape))
+
+    def at_sail(self, time: Scalar, position: Vector) -> "LocalWind":
+        """The wind at an instant, at the heliocentric position [m] of a sail."""
+        return self.local(time, position, None)
+
+    def local(
+        self, time: Instants, place: VectorPerPoint, velocity: Float[Array, "xyz ..."] | None
+    ) -> "LocalWind":
+        """The wind at one or several instants, at heliocentric positions [m]. velocity: that of the moving
+        frame [m/s], if it is needed."""
+        wind = self.wind.at(time)
         nearness = reciprocal(norm(place))
         density = wind.number_density * (self.reference_distance * nearness) ** 2
         plasma = wind.plasma * (self.reference_distance * nearness)
         about = wind.cutoff_voltage, place, wind.sheath
         return LocalWind(wind.speed, density, *about, velocity, nearness=nearness, local_plasma=plasma)
 
-    def direction(self, time: Scalar, r: Vector | None) -> Vector:
-        """Unit vector along the wind at a point r of the moving frame."""
-        place = self.orbit.at(time)[0] + r
-        return place / jnp.linalg.norm(place)
+    def direction(self, position: Vector) -> Vector:
+        """Unit vector along the wind at a heliocentric position [m]."""
+        return position / jnp.linalg.norm(position)
 
 
 class LocalWind(SteadyWind):

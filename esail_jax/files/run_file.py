@@ -33,12 +33,12 @@ from esail_jax.scenes.scene import Scene, parse
 from esail_jax.scenes.toml_text import to_toml
 from esail_jax.simulation.host import CompiledScene, HostRun
 from esail_jax.simulation.problem import require_64_bit
+from esail_jax.simulation.rectification import AnyPoint
 from esail_jax.simulation.results import Checkpoint, Chunk, join
 from esail_jax.simulation.simulate import observables_at
 from esail_jax.simulation.solution import Solution
 from esail_jax.simulation.stability import Stability
 from esail_jax.steppers.results import RESULTS, name_of
-from esail_jax.steppers.stepper import Point
 
 CHECKPOINT_SECONDS = 1.0
 """Least time between two writes [s]."""
@@ -126,7 +126,7 @@ class Progress(NamedTuple):
     and result: as in a solution."""
 
     checkpoint: Checkpoint | None
-    point: Point | None
+    point: AnyPoint | None
     steps: int
     rejected: int
     times: tuple[float, float]

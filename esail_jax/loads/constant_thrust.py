@@ -32,7 +32,7 @@ class ConstantThrust(VoltageLaw):
     name: ClassVar[str] = "constant thrust"
 
     def commanded(self, measurements: Measurements) -> PerTether:
-        wind = self.wind.at(measurements.time, measurements.position)
+        wind = self.wind.at_sail(measurements.time, measurements.position)
         along, chords = measurements.wind, measurements.chords
         across = along[:, None] - chords * (along @ chords)
         whole = (self.length * across).sum(1)

@@ -77,8 +77,7 @@ class CoulombThrust(ControlledLoad):
 
     def with_wind(self, measurements: Measurements) -> Measurements:
         """The measurements with the direction of the wind."""
-        wind = self.wind.direction(measurements.time, measurements.position)
-        return measurements._replace(wind=wind)
+        return measurements._replace(wind=self.wind.direction(measurements.position))
 
     @property
     def sampled(self) -> SampledLaw | None:

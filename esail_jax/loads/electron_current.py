@@ -30,13 +30,13 @@ class Collector(eqx.Module):
     wind: Wind
 
     def current(self, time: Scalar, voltage: PerTether, position: Vector | None = None) -> PerTether:
-        """Current I [A] of every tether; zero at a voltage [V] that is not positive. position: that of the
-        hub [m] if the sail moves on an orbit."""
+        """Current I [A] of every tether; zero at a voltage [V] that is not positive. position:
+        heliocentric, of the hub [m], if the sail moves on an orbit."""
         positive = voltage > 0.0
         # The root has no derivative at zero.
         volts = jnp.where(positive, voltage, 1.0)
         speed = jnp.sqrt(2.0 * ELEMENTARY_CHARGE * volts / ELECTRON_MASS)
-        charge = ELEMENTARY_CHARGE * self.wind.at(time, position).number_density
+        charge = ELEMENTARY_CHARGE * self.wind.at_sail(time, position).number_density
         return jnp.where(positive, self.width_times_length * charge * speed, 0.0)
 
     def power(self, time: Scalar, voltage: PerTether, position: Vector | None = None) -> Scalar:

@@ -7,6 +7,7 @@ import numpy as np
 
 from esail_jax.array_types import Array, Float, Rotation, Scalar, Vector, VectorPerPoint
 from esail_jax.coordinates import Coordinates, Multipliers
+from esail_jax.environment.kepler_orbit import KeplerOrbit, at_place, tide
 from esail_jax.environment.orbit import orbital_frame
 from esail_jax.iteration_matrix import FactoredMass
 from esail_jax.joints.roots import radial_directions
@@ -21,17 +22,43 @@ from esail_jax.system import Power, System
 from esail_jax.terms import find_term
 
 
+class Shift(eqx.Module):
+    """The motion of the origin of the coordinates relative to the origin of the frame I, which moves on the
+    orbit of the scene: position [m], velocity [m/s], acceleration [m/s^2]. All are zero until the orbit is
+    rectified (`simulation/rectification.py`)."""
+
+    position: Vector
+    velocity: Vector
+    acceleration: Vector
+
+    @classmethod
+    def between(cls, time: Scalar, origin: KeplerOrbit, scene_orbit: KeplerOrbit) -> "Shift":
+        """The shift at an instant, exactly zero if both orbits are the same numbers."""
+        (place, motion), (first, slow) = origin.at(time), scene_orbit.at(time)
+        same = jnp.stack(
+            [(x == y).all() for x, y in zip(*map(numbers_of, (origin, scene_orbit)), strict=True)]
+        )
+        position, velocity = (jnp.where(same.all(), 0.0, x) for x in (place - first, motion - slow))
+        return cls(position, velocity, tide(first, position))
+
+
+def numbers_of(orbit: KeplerOrbit) -> tuple[Vector, Vector, Scalar]:
+    """The numbers of an orbit."""
+    return orbit.position, orbit.velocity, orbit.epoch
+
+
 class Instant(eqx.Module):
     """State of a sail at one saved instant, with quantities that several observables use.
 
     time [s], q, v, vdot, lam: the state, with the accelerations and multipliers that belong to it
     work: dissipated energy and external work since the start [J]
     start_energy: kinetic and elastic energy at the start [J]
-    origin: heliocentric position [m] of the origin of the inertial frame; origin_velocity: its velocity
+    origin: heliocentric position [m] of the origin of the coordinates; origin_velocity: its velocity
     [m/s], None without an orbit
     forces: left-hand side of the equations of motion [N] without the reactions of the root joints
     power: dissipated and external power [W]
     load: Coulomb thrust at the quadrature points [N/m]; None without wind
+    shift: how the origin of the coordinates moves relative to the origin of the frame I, on an orbit
     """
 
     system: System
@@ -47,6 +74,7 @@ class Instant(eqx.Module):
     power: Power
     load: VectorPerPoint | None
     origin_velocity: Vector | None = None
+    shift: Shift | None = None
 
     @property
     def p(self) -> int:
@@ -62,6 +90,30 @@ class Instant(eqx.Module):
     def centre(self) -> Vector:
         """Position of the hub centre O_B, or of the fixed centre of the rotating frame [m]."""
         return jnp.zeros(3) if self.system.hub is None else self.system.hub.centre(self.q.hub)
+
+    def from_origin(self, r: VectorPerPoint) -> VectorPerPoint:
+        """Returns positions relative to the origin of the frame I, from those in the coordinates [m]."""
+        return r if self.shift is None else r + self.shift.position.reshape(3, *(1,) * (r.ndim - 1))
+
+    @property
+    def shift_energy(self) -> Scalar:
+        """Kinetic energy [J] in the frame I minus that of the motion relative to the origin of the
+        coordinates: w . p + m w^2/2, with the momentum p of the relative motion, the mass m of the sail,
+        and the velocity w of the shift."""
+        w = self.shift.velocity
+        return w @ (self.system.momentum(self.v) + 0.5 * self.mass * w)
+
+    @property
+    def shift_power(self) -> Scalar:
+        """Rate [W] of `shift_energy`."""
+        w, rate = self.shift.velocity, self.shift.acceleration
+        momentum, force = self.system.momentum(self.v), self.system.momentum(self.vdot)
+        return rate @ (momentum + self.mass * w) + w @ force
+
+    @property
+    def mass(self) -> Scalar:
+        """Mass of a sail with a hub [kg]."""
+        return self.system.momentum(self.system.uniform(jnp.array([1.0, 0.0, 0.0])))[0]
 
     @property
     def measured(self) -> Measurements:
@@ -175,12 +227,16 @@ def make_instant(
     work: Power,
     start_energy: Scalar,
     mass: FactoredMass | None = None,
+    scene_orbit: KeplerOrbit | None = None,
 ) -> Instant:
     """Returns the instant of a state, with the accelerations and multipliers that belong to the state.
 
-    mass: factors of the mass matrix, as in `consistent_motion`."""
-    velocity = None
-    if system.kepler_orbit is not None:
+    mass: factors of the mass matrix, as in `consistent_motion`; scene_orbit: the orbit about the Sun on
+    which the origin of I moves."""
+    velocity = shift = None
+    if scene_orbit is not None and isinstance(system.kepler_orbit, KeplerOrbit):
+        shift = Shift.between(time, system.kepler_orbit, scene_orbit)
+        system = at_place(system, system.place(time))
         origin, velocity = system.kepler_orbit.at(time)
     vdot, lam, forces, power = consistent_motion(system, time, q, v, mass)
     load, thrust = None, find_term(system.with_commanded_loads(time, q, v).loads, CoulombThrust)
@@ -188,4 +244,4 @@ def make_instant(
         fields, rates = system.tethers.interpolate(q.tether), system.tethers.interpolate(v.tether)
         load = thrust.force(time, fields, rates)
     start = (work, start_energy, origin)
-    return Instant(system, time, q, v, vdot, lam, *start, forces, power, load, velocity)
+    return Instant(system, time, q, v, vdot, lam, *start, forces, power, load, velocity, shift)

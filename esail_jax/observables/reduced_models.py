@@ -89,7 +89,7 @@ class Reduced(NamedTuple):
 def reduced(i: Instant) -> Reduced:
     """What the formulas read of an instant of a sail in the wind."""
     load, measured = find_term(i.system.loads, CoulombThrust), i.measured
-    wind = load.wind.at(i.time, measured.position)
+    wind = load.wind.at_sail(i.time, measured.position)
     push = wind.thrust_per_speed(load.commanded(measured))
     return Reduced(push, wind.velocity(i.centre), measured.spin_axis, measured.radial_directions)
 

@@ -109,26 +109,41 @@ def temperature(i: Instant) -> Float[Array, " tether"]:
 
 def external_power(i: Instant) -> Scalar:
     """Power [W] of loads and heating: that of loads and thermal stress, plus the rate of the thermal
-    energy."""
+    energy, in the frame I."""
 
     def energy(tau):
         return thermal_energy(i.system, i.time + tau, i.q.axpy(tau, i.v))
 
+    power = i.power.external if i.shift is None else i.power.external + i.shift_power
     if find_term(i.system.energies, ThermalEnergy) is None:
-        return i.power.external
-    return i.power.external + jax.jvp(energy, (jnp.zeros(()),), (jnp.ones(()),))[1]
+        return power
+    return power + jax.jvp(energy, (jnp.zeros(()),), (jnp.ones(()),))[1]
 
 
-def external_work(i: Instant) -> Scalar:
+def relative_work(i: Instant) -> Scalar:
     """Work [J] of loads and heating: that of loads and thermal stress, and the thermal energy. It is zero
-    at the start, as the stepper's integral begins at minus the thermal energy (`simulation/problem.py`)."""
+    at the start, as the stepper's integral begins at minus the thermal energy (`simulation/problem.py`).
+    Once an orbit was rectified, the work is that relative to the origin of the coordinates."""
     thermal = thermal_energy(i.system, i.time, i.q)
     return i.work.external if thermal is None else i.work.external + thermal
 
 
-def total_energy(i: Instant) -> Scalar:
-    """Kinetic plus elastic energy [J]."""
-    return kinetic_energy(i.system, i.v) + elastic_energy(i.system, i.time, i.q)
+def external_work(i: Instant) -> Scalar:
+    """Work [J] of loads and heating in the frame I."""
+    return relative_work(i) if i.shift is None else relative_work(i) + i.shift_energy
+
+
+def kinetic(i: Instant) -> Scalar:
+    """Kinetic energy [J] of the motion in the frame I."""
+    energy = kinetic_energy(i.system, i.v)
+    return energy if i.shift is None else energy + i.shift_energy
+
+
+def energy_balance_error(i: Instant) -> Scalar:
+    """Error [J] of the energy balance. The energy of a shift of the origin is part of both energy and work;
+    it is left out, because it is much larger than the rest."""
+    energy = kinetic_energy(i.system, i.v) + elastic_energy(i.system, i.time, i.q)
+    return energy - i.start_energy - relative_work(i) + i.work.dissipated
 
 
 def transverse_angle(force: Vector) -> Scalar:
@@ -162,8 +177,10 @@ OBSERVABLES = (
                lambda i: transverse_angle(i.body_to_orbital[:, 0])),
     Observable("precession_angle", "rad", "delta", (), "[PGV] Sec. 3.4, derived",
                lambda i: safe_angle(*(i.orbital.T @ i.sail_axes()[:, 0])[jnp.array([1, 0])])),
-    Observable("tip_position_I", "m", "r_u", ("tether", "xyz"), "[PGV] 69", lambda i: i.tips.T),
-    Observable("hub_position_I", "m", "r_OB", XYZ, "[PGV] 43", lambda i: i.centre, needs="hub"),
+    Observable("tip_position_I", "m", "r_u", ("tether", "xyz"), "[PGV] 69",
+               lambda i: i.from_origin(i.tips).T),
+    Observable("hub_position_I", "m", "r_OB", XYZ, "[PGV] 43", lambda i: i.from_origin(i.centre),
+               needs="hub"),
     Observable("rotation_IB", "-", "C_B^I", ("row", "col"), "[PGV] 41", lambda i: i.rotation),
     Observable("thrust_O", "N", "F_c", XYZ, "[PGV] 72-74, derived",
                lambda i: i.orbital.T @ i.thrusts().sum(1)),
@@ -183,8 +200,7 @@ OBSERVABLES = (
                lambda i: transverse_angle(i.orbital.T @ i.thrusts().sum(1))),
     Observable("reaction_angle", "rad", "Gamma_lambda", (), "[PGV] after 77, derived",
                lambda i: transverse_angle(i.orbital.T @ i.root_reactions.sum(1))),
-    Observable("kinetic_energy", "J", "E_k", (), "[PGV] 21, 51",
-               lambda i: kinetic_energy(i.system, i.v)),
+    Observable("kinetic_energy", "J", "E_k", (), "[PGV] 21, 51", kinetic),
     Observable("elastic_energy", "J", "E_e", (), "[PGV] 23",
                lambda i: elastic_energy(i.system, i.time, i.q)),
     Observable("dissipated_power", "W", "2 P_d", (), "twice [PGV] 36",
@@ -194,7 +210,7 @@ OBSERVABLES = (
                lambda i: i.work.dissipated),
     Observable("external_work", "J", "W_ext", (), "integral of P_ext", external_work),
     Observable("energy_balance_error", "J", "dE - W + E_d", (), "energy theorem",
-               lambda i: total_energy(i) - i.start_energy - external_work(i) + i.work.dissipated),
+               energy_balance_error),
     Observable("smallest_tether_distance", "m", "d_min", (), "remote units to other tethers",
                tether_distance),
     Observable("auxiliary_tension", "N", "T_aux", TETHER, "mean axial force of a segment",
@@ -215,7 +231,7 @@ OBSERVABLES = (
 
 ON_REQUEST = (
     Observable("node_position_I", "m", "r_j", ("tether", "node", "xyz"), "[PGV] 4, nodes from root to tip",
-               lambda i: i.q.tether[0].transpose(2, 1, 0)),
+               lambda i: i.from_origin(i.q.tether[0]).transpose(2, 1, 0)),
     Observable("flat_sail_thrust_O", "N", "F_flat", XYZ, "Huo et al. 2018, flat sail",
                reduced.flat_sail_thrust, needs="wind"),
     Observable("flat_sail_thrust_moment_O", "N m", "M_flat", XYZ, "moment about the roots of a flat sail",

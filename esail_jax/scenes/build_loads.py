@@ -133,7 +133,7 @@ def planar_cone(n: Numbers, wind: Wind, maximum: Array | None, slew: Array | Non
     )
     length, tip = n["tethers.length"], n.get("remote_units.mass", 0.0)
     inertia = tip * length**2 + n["tethers.density"] * n["tethers.area"] * length**3 / 3.0
-    wind = wind.at(jnp.zeros(()))
+    wind = wind.at_sail(jnp.zeros(()), origin_of(n))
     per_volt = wind.speed * wind.thrust_per_speed(wind.cutoff_voltage + 1.0)
     bar = voltage.cone_load(inertia, n["voltage.spin_rate"], coning, sailing, length)
     x = jnp.broadcast_to(jnp.tan(sailing) * jnp.tan(coning), length.shape)

@@ -18,7 +18,7 @@ from esail_jax.compilation.options import START_OPTIONS
 from esail_jax.compilation.program import program_of
 from esail_jax.rod_chain import fastest_rate, turning_rate
 from esail_jax.scenes.build import build_chain
-from esail_jax.scenes.build_loads import wind_of
+from esail_jax.scenes.build_loads import origin_of, wind_of
 from esail_jax.scenes.common_tables import Integrator
 from esail_jax.scenes.consistency import method_name
 from esail_jax.scenes.methods import (
@@ -94,7 +94,8 @@ def smallest_strain(n: Numbers) -> Array:
     mass = n.get("remote_units.mass", 0.0) + 0.5 * n["tethers.density"] * n["tethers.area"] * length
     force = mass * spin**2 * length
     if "solar_wind.speed" in n:
-        wind = wind_of(n, jnp.zeros(3)).at(jnp.zeros(()))
+        origin = origin_of(n)
+        wind = wind_of(n, origin).at_sail(jnp.zeros(()), origin)
         voltage = n.get("voltage.value", jnp.zeros(length.shape))
         across = wind.thrust_per_speed(voltage) * wind.speed
         force = jnp.maximum(force, across * length)

@@ -16,11 +16,12 @@ from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.structure import split
 from esail_jax.simulation.advance import Advanced, Window
 from esail_jax.simulation.look import with_running_observables
-from esail_jax.simulation.problem import Problem, check_steady, require_64_bit
+from esail_jax.simulation.problem import Carried, Problem, check_steady, require_64_bit
 from esail_jax.simulation.programs import Programs, compile_programs
+from esail_jax.simulation.rectification import AnyPoint, PointOnOrbit
 from esail_jax.simulation.restoring import restored
 from esail_jax.simulation.results import Checkpoint, Chunk
-from esail_jax.simulation.sampling import Control, hint_at_law
+from esail_jax.simulation.sampling import hint_at_law
 from esail_jax.simulation.schedule import (
     is_multiple,
     sampling_instants,
@@ -38,16 +39,16 @@ NO_LIMIT = np.inf
 
 
 class CompiledScene(NamedTuple):
-    """A scene with its compiled programs and its start. scene: as given; resolved: with its method; begin:
-    start of the run [s]; control: the first sample of a sampled voltage law, None without one."""
+    """A scene with its compiled programs and its start. scene: as given; resolved: with its method;
+    carried: what the run carries along at its start; begin: start of the run [s]."""
 
     scene: Scene
     resolved: Scene
     programs: Programs
     problem: Problem
     motion: Motion
+    carried: Carried
     begin: float
-    control: Control | None = None
 
     @property
     def numerics(self) -> dict[str, str]:
@@ -60,7 +61,7 @@ class CompiledScene(NamedTuple):
 def compile_scene(
     scene: Scene,
     stepper: AbstractStepper | None = None,
-    point: Point | None = None,
+    point: AnyPoint | None = None,
     names: tuple[str, ...] | None = None,
 ) -> CompiledScene:
     """Compiles a scene and builds its start.
@@ -75,7 +76,7 @@ def compile_scene(
     if scene.chain is None:
         check_steady(scene, begun)
     begin = 0.0 if point is None else float(point.time)
-    return CompiledScene(scene, resolved, programs, begun.problem, begun.motion, begin, begun.control)
+    return CompiledScene(scene, resolved, programs, begun.problem, begun.motion, begun.carried, begin)
 
 
 class HostRun:
@@ -95,11 +96,11 @@ class HostRun:
         self.statistics = compiled.problem.stepper.statistics
         if checkpoint is None:
             empty = Pending.empty(self.statistics)
-            checkpoint = Checkpoint(compiled.motion, 0, 0, empty, (np.nan, 0.0), compiled.control)
+            checkpoint = Checkpoint(compiled.motion, 0, 0, empty, (np.nan, 0.0), compiled.carried)
         elif isinstance(checkpoint.motion, Mapping):
             checkpoint = checkpoint._replace(
                 motion=restored(compiled.motion, checkpoint.motion),
-                control=restored(compiled.control, checkpoint.control or {}),
+                carried=restored(compiled.carried, checkpoint.carried),
             )
         self.checkpoint, self.point = checkpoint, None
         motion = checkpoint.motion
@@ -150,10 +151,10 @@ class HostRun:
         """Returns the problem during a segment."""
         problem = self.compiled.problem
         if self.compiled.programs.restart is None:
-            return problem
+            return problem.under(self.checkpoint.carried)
         segment = self.segments[number]
         problem = problem.in_segment(np.asarray(segment.start), np.asarray(segment.until))
-        return problem.under(self.checkpoint.control)
+        return problem.under(self.checkpoint.carried)
 
     def _begin(self, number: int, row: int, motion: Motion) -> "Begun":
         """Calls the compiled program for the next saved instants of a segment. Its results may not be
@@ -200,7 +201,7 @@ class HostRun:
         if "constraint_violation" in self.compiled.numerics:
             numerics.setdefault("constraint_violation", np.asarray(gaps)[:count].copy())
         if count:
-            self.point = last
+            self.point = PointOnOrbit.of(last, self.checkpoint.carried.orbit)
             with np.errstate(over="ignore", invalid="ignore"):  # the energy may be infinite
                 rows, energy, kept = with_running_observables(call.problem, rows, energy, np)
             if kept is not None and not kept.all():
@@ -213,7 +214,7 @@ class HostRun:
         ended."""
         motion, before = call.done.motion, self.checkpoint
         rows, pending, energy = self._rows_after(call, seen.count), seen.steps, before.energy
-        control = before.control
+        carried = before.carried
         if rows - before.rows == seen.count:
             pending, energy = seen.left, seen.energy
             if call.passed < len(call.times):
@@ -221,11 +222,11 @@ class HostRun:
         if call.ended and not self.segments[number].last:
             number += 1
             start, until = self.segments[number].start, np.asarray(self.segments[number].until)
-            due = None if control is None else np.asarray(start in self.samples)
-            motion, control = self.compiled.programs.restart(
-                self._problem(number), motion, seen.last, until, control, due
+            due = None if carried.control is None else np.asarray(start in self.samples)
+            motion, carried = self.compiled.programs.restart(
+                self._problem(number), motion, seen.last, until, carried, due
             )
-        return Checkpoint(motion, rows, number, pending, energy, control)
+        return Checkpoint(motion, rows, number, pending, energy, carried)
 
     def _window(self, row: int, stop: float) -> np.ndarray:
         """Returns the next saved instants, at most as many as one call has room for. The last instant of
@@ -250,7 +251,7 @@ class HostRun:
             text = f"At t = {float(state.time):.6g} s after {self.steps} steps."
         else:
             text = stepper.failure(call.problem.model, state, call.log)
-        hint = hint_at_law(self.compiled.scene, self.checkpoint.control, seen.result)
+        hint = hint_at_law(self.compiled.scene, self.checkpoint.carried.control, seen.result)
         return SimulationError(" ".join(filter(None, (RESULTS[result], text, hint))), result)
 
 

@@ -31,7 +31,7 @@ def look(
         return chosen(observables.chain.observe(instant), names), point, jnp.zeros(())
     point, mass = on_constraints(problem, point)
     state = (point.time, point.q, point.v, point.work, problem.start_energy)
-    instant = observables.make_instant(system, problem.origin, *state, mass)
+    instant = observables.make_instant(system, problem.origin, *state, mass, problem.scene_orbit)
     return chosen(observables.observe(instant, names or ()), names), point, violation(system, point)
 
 

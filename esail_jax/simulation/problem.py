@@ -8,9 +8,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from esail_jax import observables
-from esail_jax.array_types import Array, Bool, PerTether, Scalar, Vector
+from esail_jax.array_types import Array, Bool, Scalar, Vector
 from esail_jax.compilation.jit import traced_once
 from esail_jax.elements.hinges import Hinges
+from esail_jax.environment.kepler_orbit import KeplerOrbit, at_place
 from esail_jax.iteration_matrix import Inertia, inertia_of
 from esail_jax.numerics.lockstep import select
 from esail_jax.rod_chain import RodChain, energy_floor
@@ -20,6 +21,7 @@ from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.stepper_choice import stepper_of
 from esail_jax.scenes.structure import Numbers, Structure
+from esail_jax.simulation.rectification import AnyPoint, PointOnOrbit, rectified
 from esail_jax.simulation.sampling import Control, sample, sampled_load
 from esail_jax.steppers.consistent import project
 from esail_jax.steppers.stepper import AbstractStepper, Motion, Point
@@ -35,8 +37,8 @@ class Problem(NamedTuple):
     origin: heliocentric position of the origin of the coordinates at t = 0 [m]; start_energy: kinetic and
     elastic energy at the start [J]; inertia: the factored mass matrix of a sail (None for a chain);
     energy_floor: the energy [J] below which the balance of a chain is not judged (None where the method
-    needs no guard); held: the voltages [V] that a sampled voltage law holds (None without one, and if the
-    model has them already)."""
+    needs no guard); scene_orbit: the orbit about the Sun on which the origin of I moves (None without
+    one); carried: what changes at switch times and is not in the model yet (None if there is nothing)."""
 
     model: System | RodChain
     stepper: AbstractStepper
@@ -44,7 +46,8 @@ class Problem(NamedTuple):
     start_energy: Scalar
     inertia: Inertia | None
     energy_floor: Scalar | None
-    held: PerTether | None = None
+    scene_orbit: KeplerOrbit | None = None
+    carried: "Carried | None" = None
 
     @property
     def system(self) -> System:
@@ -67,28 +70,45 @@ class Problem(NamedTuple):
             return self
         return self._replace(model=self.model.with_events_until(start).in_segment(start, until))
 
-    def under(self, control: Control | None) -> "Problem":
-        """Returns the problem with the voltages that a sampled law holds, which its model does not have
-        yet (`settled`). control: None without such a law."""
-        return self._replace(held=None if control is None else control.voltage)
+    def under(self, carried: "Carried") -> "Problem":
+        """Returns the problem with what its model does not have yet (`settled`)."""
+        return self._replace(carried=carried.without_memory)
 
     def settled(self) -> "Problem":
-        """Returns the problem whose model has the voltages that a sampled law holds."""
-        if self.held is None:
+        """Returns the problem whose model has the voltages that a sampled law holds, and the orbit on which
+        the origin of its coordinates moves."""
+        if self.carried is None:
             return self
-        return self._replace(model=self.model.holding(self.held), held=None)
+        control, orbit = self.carried
+        model = self.model if control is None else self.model.holding(control.voltage)
+        return self._replace(model=at_place(model, orbit), carried=None)
+
+
+class Carried(NamedTuple):
+    """What a run carries along beside its motion. It changes at switch times only.
+
+    control: of a sampled voltage law; orbit: the Kepler orbit on which the origin of the coordinates moves
+    (`rectification`). Each is None without such a part."""
+
+    control: Control | None = None
+    orbit: KeplerOrbit | None = None
+
+    @property
+    def without_memory(self) -> "Carried":
+        """The same without the memory of the law, which forces do not need."""
+        return self if self.control is None else self._replace(control=self.control._replace(memory=None))
 
 
 class Start(NamedTuple):
     """The start of a run. unbalanced: unbalanced force of the steady elongation [N], per tether; q:
-    positions of a sail at the start. `check_steady` judges both. control: the first sample of a sampled
-    voltage law; None without one. The problem does not contain it (`Problem.under`)."""
+    positions of a sail at the start. `check_steady` judges both. carried: with the first sample of a
+    sampled voltage law. The problem does not contain it (`Problem.under`)."""
 
     problem: Problem
     motion: Motion
     unbalanced: Array
     q: Any
-    control: Control | None
+    carried: Carried
 
 
 @traced_once(static_argnums=(0,))
@@ -96,7 +116,7 @@ def start(
     structure: Structure,
     numbers: Numbers,
     stepper: AbstractStepper | None = None,
-    point: Point | None = None,
+    point: AnyPoint | None = None,
 ) -> Start:
     """Returns the problem and the motion at its start.
 
@@ -105,6 +125,7 @@ def start(
     origin = origin_of(numbers)
     zero = jnp.zeros(())
     nothing = Power(zero, zero)
+    scene_orbit = orbit = None
     if structure.has("chain"):
         chain, rods = build_chain(structure, numbers)
         if stepper is None:
@@ -123,7 +144,11 @@ def start(
         if stepper is None:
             stepper = stepper_of(structure, numbers, model, None)
         begin = Point(zero, q, v, nothing, jnp.asarray(True))
+        scene_orbit = orbit = model.kepler_orbit
         if point is not None:
+            if orbit is not None:
+                parts = point.parts() if isinstance(point, PointOnOrbit) else (point, orbit)
+                point, orbit = rectified(model, *parts)
             model = model.with_events_until(point.time)
             q, v = project(model, point.time, point.q, point.v)
             begin = point._replace(q=q, v=v)
@@ -136,12 +161,12 @@ def start(
         inertia, floor = inertia_of(model), None
     if point is not None:
         energy = energy - point.work.external + point.work.dissipated
-    problem = Problem(model, stepper, origin, energy, inertia, floor)
-    control = None
+    problem = Problem(model, stepper, origin, energy, inertia, floor, scene_orbit)
+    carried = Carried(None, orbit)
     if not structure.has("chain") and sampled_load(model) is not None:
-        control = sample(model, begin, None)
-    state, last = stepper.init(problem.under(control).settled().model, begin, jnp.asarray(jnp.inf))
-    return Start(problem, Motion(state, last, jnp.zeros(2)), unbalanced, q, control)
+        carried = carried._replace(control=sample(at_place(model, orbit), begin, None))
+    state, last = stepper.init(problem.under(carried).settled().model, begin, jnp.asarray(jnp.inf))
+    return Start(problem, Motion(state, last, jnp.zeros(2)), unbalanced, q, carried)
 
 
 def restart(
@@ -149,18 +174,22 @@ def restart(
     motion: Motion,
     point: Point,
     until: Scalar,
-    control: Control | None,
+    carried: Carried,
     due: Bool[Array, ""] | None,
-) -> tuple[Motion, Control | None]:
-    """Returns the motion that starts from a point on the constraints at a switch time, and what a sampled
-    voltage law holds from there on.
+) -> tuple[Motion, Carried]:
+    """Returns the motion that starts from a point on the constraints at a switch time, and what the run
+    carries along from there on.
 
-    problem: the problem after the event; until: the next switch time [s]; control: what a sampled law held
-    before; due: whether the switch time is a sampling instant. The last two are None without such a law."""
+    problem: the problem after the event; until: the next switch time [s]; carried: before the switch time;
+    due: whether that is a sampling instant, None without a sampled law."""
+    control, orbit = carried
+    if orbit is not None:
+        point, orbit = rectified(problem.system, point, orbit)
     if control is not None:
-        control = select(due, sample(problem.system, point, control), control)
-    state, last = problem.stepper.init(problem.under(control).settled().model, point, until)
-    return Motion(state, last, motion.counts), control
+        control = select(due, sample(at_place(problem.system, orbit), point, control), control)
+    carried = Carried(control, orbit)
+    state, last = problem.stepper.init(problem.under(carried).settled().model, point, until)
+    return Motion(state, last, motion.counts), carried
 
 
 def require_64_bit() -> None:

@@ -20,6 +20,7 @@ from esail_jax.scenes.structure import Numbers, Structure
 from esail_jax.simulation.advance import Advanced, Window, advance
 from esail_jax.simulation.look import look_at_window
 from esail_jax.simulation.problem import Problem, restart, start
+from esail_jax.simulation.rectification import AnyPoint
 from esail_jax.steppers.log import Log
 from esail_jax.steppers.stepper import AbstractStepper, Motion, Point
 from esail_jax.system import System
@@ -30,7 +31,7 @@ MAX_ATTEMPTS = 16384
 MAX_INSTANTS, NUMBERS_PER_CALL = 256, 2**22
 """Largest number of saved instants in one call, and of numbers in their points (32 MB)."""
 
-SWITCHED = ("event", "voltage.on", "tip_thrust.on", "thermal.time")
+SWITCHED = ("event", "voltage.on", "tip_thrust.on", "thermal.time", "orbit.position_au")
 """Tables and keys of a scene with switch times (`schedule.switch_times`)."""
 
 WORK_PER_CALL = 400_000
@@ -58,7 +59,7 @@ def compile_programs(
     structure: Structure,
     numbers: Numbers,
     stepper: AbstractStepper | None = None,
-    point: Point | None = None,
+    point: AnyPoint | None = None,
     names: tuple[str, ...] | None = None,
 ) -> Programs:
     """Returns the programs for any numbers of these shapes, any end time and any saved instants. names: the
@@ -84,8 +85,8 @@ def _compiled(structure: Structure, tree: Any, types: tuple, names: tuple[str, .
             return program, pool.submit(program.compile)
 
         starting, starts = ready("the start", start, (structure,), given, START_OPTIONS, fused=False)
-        problem, motion, control = (getattr(starting.result, x) for x in ("problem", "motion", "control"))
-        begun = problem.under(control)
+        problem, motion, carried = (getattr(starting.result, x) for x in ("problem", "motion", "carried"))
+        begun = problem.under(carried)
         step = motion.last.taken.shape[0]
         size = degrees_of_freedom(problem.system)
         instants = int(np.clip(NUMBERS_PER_CALL // (4 * size), 1, MAX_INSTANTS))
@@ -106,8 +107,8 @@ def _compiled(structure: Structure, tree: Any, types: tuple, names: tuple[str, .
         restarting = None
         if structure.is_sampled or any(structure.has(key) for key in SWITCHED):
             one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), points)
-            due = None if control is None else jax.ShapeDtypeStruct((), bool)
-            arguments = begun, motion, one, number, control, due
+            due = None if carried.control is None else jax.ShapeDtypeStruct((), bool)
+            arguments = begun, motion, one, number, carried, due
             restarting, restarts = ready("switch times", restart, (), arguments, START_OPTIONS, fused=False)
             restarts.result()
         for done in (starts, advances, looks):

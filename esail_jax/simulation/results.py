@@ -28,15 +28,15 @@ class Checkpoint(NamedTuple):
     rows: number of instants saved so far that every longer run saves, too (a last instant that is no
     multiple of the interval does not count); segment: number of switch times passed; pending: the steps
     since the last of these rows; energy: for a chain the energy at the start and the largest kinetic energy
-    so far [J]; control: what a sampled voltage law holds, and its memory (read from a file: arrays by path;
-    None without such a law)."""
+    so far [J]; carried: what changes at switch times only (`problem.Carried`; read from a file: arrays by
+    path)."""
 
     motion: Any
     rows: int
     segment: int
     pending: Pending
     energy: tuple[float, float]
-    control: Any = None
+    carried: Any
 
 
 def join(parts: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:

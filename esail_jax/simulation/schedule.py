@@ -17,6 +17,11 @@ SNAP = 1e-9
 """Fraction of an interval by which a time may miss a multiple of it: multiples of decimal fractions are
 rounded in binary."""
 
+RECTIFIED_EVERY = 86400.0
+"""Time [s] between two rectifications of the orbit of a sail (`rectification.py`): a day, in which an
+acceleration of 3e-4 m/s^2 moves a light sail by 1e6 m. The error of rounding is then 1e-7 of the range of
+coning (`docs/theory.md`). A rectification takes 2 ms, a day of the baseline 0.4 s."""
+
 MOST_SAMPLES = 10**6
 """Largest number of samples of a voltage law in a run: two years of one a minute."""
 
@@ -38,10 +43,10 @@ def switch_times(scene: Scene, end: float | None = None) -> tuple[float, ...]:
     the run [s], that of the scene if None.
 
     They are the times of all events, the times `on` and `off` of the voltage and of the thrust at the tips,
-    the instants of the temperatures, where these have kinks, and the sampling instants of a user's voltage
-    law, if they are positive. A time that is a tracer has no value and is left out: for `on` and `off` the
-    error control of the method has to find it, for temperatures see `divided_at`. The voltage of a chain is
-    constant and has no such time."""
+    the instants of the temperatures, where these have kinks, every multiple of RECTIFIED_EVERY of a sail on
+    an orbit about the Sun, and the sampling instants of a user's voltage law, if they are positive. A time
+    that is a tracer has no value and is left out: for `on` and `off` the error control of the method has to
+    find it, for temperatures see `divided_at`. The voltage of a chain is constant and has no such time."""
     times = set() if scene.event is None else set(scene.event.time)
     tables = [
         table for table in (scene.voltage, scene.tip_thrust) if isinstance(table, Voltage | TipThrust)
@@ -52,6 +57,9 @@ def switch_times(scene: Scene, end: float | None = None) -> tuple[float, ...]:
     for switched in instants:
         if switched is not None and known(switched) is not None:
             times |= set(known(switched).ravel().tolist())
+    end = scene.integrator.t_end if end is None else end
+    if scene.chain is None and scene.orbit is not None:
+        times |= set(np.arange(RECTIFIED_EVERY, end, RECTIFIED_EVERY).tolist())
     samples = sampling_instants(scene, end)
     if samples:
         period = period_of(scene.voltage_law)

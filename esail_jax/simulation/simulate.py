@@ -17,13 +17,14 @@ from esail_jax.scenes.own_law import KEY, period_of
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene, load_scene
 from esail_jax.simulation.host import HostRun, compile_scene
+from esail_jax.simulation.rectification import AnyPoint, check_start
 from esail_jax.simulation.results import Checkpoint, Chunk, all_rows
 from esail_jax.simulation.schedule import save_times
 from esail_jax.simulation.solution import Solution
 from esail_jax.simulation.stability import INSTANTS, Stability, stability_of
 from esail_jax.simulation.under_trace import simulate_traced, under_trace
 from esail_jax.steppers.results import RESULTS
-from esail_jax.steppers.stepper import AbstractStepper, Point
+from esail_jax.steppers.stepper import AbstractStepper
 
 NEEDED_TABLES = {
     "hub": "hub", "ring": "auxiliary_tethers", "wind": "solar_wind", "heat": "thermal", "orbit": "orbit",
@@ -37,7 +38,7 @@ def simulate(
     *,
     save: Sequence[str] | None = None,
     times: Sequence[float] | None = None,
-    start: Point | None = None,
+    start: AnyPoint | None = None,
     progress: Callable[[float], None] | None = None,
     max_steps: int | None = None,
     throw: bool = True,
@@ -78,6 +79,7 @@ def simulate(
 
     Raises SceneError for bad input, SimulationError for a failed run, RuntimeError in 32-bit mode."""
     scene = load_scene(scene, with_law(overrides, voltage_law))
+    check_start(scene, start)
     check_times(times, 0.0 if start is None else start.time)
     check_names(scene, save)
     check_max_steps(max_steps)
@@ -102,7 +104,7 @@ def stability_along(
     scene: Scene,
     end: float,
     steps: int,
-    start: Point | None = None,
+    start: AnyPoint | None = None,
     stepper: AbstractStepper | None = None,
 ) -> Stability:
     """Returns the growth of a small perturbation of the start of a run until the time `end` [s], measured
@@ -127,7 +129,7 @@ def run(
     *,
     save: Sequence[str] | None = None,
     times: Sequence[float] | None = None,
-    start: Point | None = None,
+    start: AnyPoint | None = None,
     max_steps: int | None = None,
     stepper: AbstractStepper | None = None,
     voltage_law: Any = None,
@@ -142,6 +144,7 @@ def run(
 
     Raises SceneError when it is called, and SimulationError after the last good chunk of a failed run."""
     scene = load_scene(scene, with_law(overrides, voltage_law))
+    check_start(scene, start)
     check_times(times, 0.0 if start is None else start.time)
     check_names(scene, save)
     check_max_steps(max_steps)
@@ -173,7 +176,7 @@ class Begun(NamedTuple):
     compile_time: float
     save: tuple[str, ...] | None
     times: np.ndarray | None
-    start: Point | None
+    start: AnyPoint | None
     stepper: AbstractStepper | None
 
     @property

@@ -12,9 +12,10 @@ from esail_jax.html import html_table
 from esail_jax.observables import described, hint_at, known_names
 from esail_jax.observables.entry import Observable
 from esail_jax.scenes.scene import Scene
+from esail_jax.simulation.rectification import AnyPoint
 from esail_jax.simulation.results import Checkpoint
 from esail_jax.steppers.results import RESULTS
-from esail_jax.steppers.stepper import AbstractStepper, Point
+from esail_jax.steppers.stepper import AbstractStepper
 
 
 class Solution(eqx.Module, Mapping):
@@ -41,13 +42,13 @@ class Solution(eqx.Module, Mapping):
     time: Float[Array, " time"] | Float[np.ndarray, " time"]
     observables: dict[str, Array | np.ndarray]
     result: RESULTS
-    final_state: Point | None
+    final_state: AnyPoint | None
     stats: dict[str, Any]
     numerics: dict[str, np.ndarray] | None = None
     checkpoint: Checkpoint | None = None
     scene: Scene | None = eqx.field(static=True, default=None)
     save: tuple[str, ...] | None = eqx.field(static=True, default=None)
-    start: Point | None = None
+    start: AnyPoint | None = None
     stepper: AbstractStepper | None = None
     again: Callable[["Solution", float], dict[str, np.ndarray]] | None = eqx.field(
         static=True, default=None

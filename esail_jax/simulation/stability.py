@@ -17,7 +17,7 @@ import numpy as np
 from esail_jax.array_types import Array, Float
 from esail_jax.compilation.jit import jit
 from esail_jax.coordinates import Coordinates
-from esail_jax.steppers.stepper import Point
+from esail_jax.simulation.rectification import AnyPoint
 
 INSTANTS = 201
 """Number of instants, equally spaced over the run, at which the perturbation is measured."""
@@ -69,7 +69,7 @@ class Stability(NamedTuple):
         return " ".join(sentences)
 
 
-def perturbation(point: Point, seed: int = 0) -> Coordinates:
+def perturbation(point: AnyPoint, seed: int = 0) -> Coordinates:
     """Returns a random direction of velocities [m/s] that keeps all constraints: every node but the roots
     of the tethers gets a velocity, the hub and the slopes of the nodes get none."""
     shape = point.v.tether.shape
@@ -81,8 +81,8 @@ def perturbation(point: Point, seed: int = 0) -> Coordinates:
 
 
 def stability_of(
-    positions: Callable[[Point], Float[Array, "time *point 3"]],
-    start: Point,
+    positions: Callable[[AnyPoint], Float[Array, "time *point 3"]],
+    start: AnyPoint,
     times: Float[np.ndarray, " time"],
 ) -> Stability:
     """Returns the stability of a run.

@@ -12,6 +12,7 @@ from esail_jax.array_types import Array, Float, Scalar
 from esail_jax.compilation.call import call
 from esail_jax.compilation.program import program_of
 from esail_jax.coordinates import Coordinates, Multipliers
+from esail_jax.environment.kepler_orbit import KeplerOrbit
 from esail_jax.numerics.lockstep import select
 from esail_jax.numerics.symbolic_zeros import with_tangents
 from esail_jax.rod_chain import RodState
@@ -20,9 +21,10 @@ from esail_jax.simulation.advance import Window, keep_tapes, move, point_of, roo
 from esail_jax.simulation.divided_windows import divided_windows
 from esail_jax.simulation.look import look, on_constraints, with_running_observables
 from esail_jax.simulation.problem import restart, start
+from esail_jax.simulation.rectification import AnyPoint, PointOnOrbit
 from esail_jax.simulation.schedule import Schedule
 from esail_jax.steppers.results import RESULTS
-from esail_jax.steppers.stepper import INSTANTS_TOGETHER, AbstractStepper, Point
+from esail_jax.steppers.stepper import INSTANTS_TOGETHER, AbstractStepper
 from esail_jax.system import Power
 
 
@@ -33,7 +35,7 @@ class Traced(NamedTuple):
     counts: numbers of steps taken and rejected; errors: the stepper's estimates of its errors."""
 
     rows: dict[str, Array]
-    point: Point
+    point: AnyPoint
     result: RESULTS
     counts: Float[Array, "2"]
     errors: dict[str, Scalar]
@@ -46,7 +48,7 @@ def traced_run(
     numbers: Numbers,
     max_steps: Scalar,
     stepper: AbstractStepper | None = None,
-    point: Point | None = None,
+    point: AnyPoint | None = None,
 ) -> Traced:
     """Integrates the whole run. Reverse mode saves the motion between windows, and the tapes of the steps.
 
@@ -69,7 +71,7 @@ def run(
     numbers: Numbers,
     max_steps: Scalar,
     stepper: AbstractStepper | None,
-    point: Point | None,
+    point: AnyPoint | None,
 ) -> Traced:
     """Returns the result of `traced_run`."""
     begun = start(structure, numbers, stepper, point)
@@ -83,27 +85,27 @@ def run(
 
     @keep_tapes
     def body(carry, window):
-        motion, before, control = carry
+        motion, before, carried = carry
         now = problem.in_segment(window.start, window.until) if switched else problem
         if switched:
-            due = None if control is None else window.samples
+            due = None if carried.control is None else window.samples
 
             def begin():
                 point = on_constraints(now, before)[0]
-                found = restart(now, motion, point, window.until, control, due)
-                return select(is_good(motion), found, (motion, control))
+                found = restart(now, motion, point, window.until, carried, due)
+                return select(is_good(motion), found, (motion, carried))
 
-            motion, control = lax.cond(window.begins, begin, lambda: (motion, control))
-        now = now.under(control).settled()
+            motion, carried = lax.cond(window.begins, begin, lambda: (motion, carried))
+        now = now.under(carried).settled()
         motion, points, passed = move(now, motion, Window(window.times, window.count), max_steps)
         last = jax.tree.map(lambda x: x[window.count - 1], points)
-        return (motion, last, control), (points, passed, None if control is None else control.voltage)
+        return (motion, last, carried), (points, passed, carried.without_memory)
 
     nothing = jax.tree.map(
         lambda x: x[0], room_for(1, lambda: point_of(problem, begun.motion, windows.times[0, 0]))
     )
-    first = differentiable((begun.motion, nothing, begun.control), (numbers, stepper, point))
-    (motion, *_), (points, passed, held) = lax.scan(body, first, windows)
+    first = differentiable((begun.motion, nothing, begun.carried), (numbers, stepper, point))
+    (motion, _, last), (points, passed, carried) = lax.scan(body, first, windows)
 
     # All saved instants, in batches of equal length. The last instant is repeated to fill the last batch.
     instants = len(place)
@@ -114,12 +116,12 @@ def run(
     between = windows.start[number], windows.until[number]
 
     def observed(row):
-        segment, point, volts = row
+        segment, point, carried = row
         now = problem.in_segment(*segment) if switched else problem
-        return look(now._replace(held=volts).settled(), point, names)[:2]
+        return look(now.under(carried).settled(), point, names)[:2]
 
-    held = None if held is None else held[number]
-    found = lax.map(observed, (between, points, held), batch_size=together)
+    carried = jax.tree.map(lambda x: x[number], carried)
+    found = lax.map(observed, (between, points, carried), batch_size=together)
     rows, points, good = jax.tree.map(lambda x: x[:instants], (*found, place < passed[number]))
     result = motion.state.result
     rows, _, kept = with_running_observables(problem, rows, (jnp.nan, 0.0), jnp)
@@ -129,7 +131,8 @@ def run(
         good = jnp.cumprod(good & kept).astype(bool)
     zero = zero_of((numbers, stepper, point))
     rows = {name: nan_unless(along(good, x), x, zero) for name, x in rows.items()}
-    final = jax.tree.map(lambda x: nan_unless(good[-1], x[-1], zero), points)
+    final = PointOnOrbit.of(jax.tree.map(lambda x: x[-1], points), last.orbit)
+    final = jax.tree.map(lambda x: nan_unless(good[-1], x, zero), final)
     return Traced(rows, final, result, motion.counts, problem.stepper.error_estimates(motion.state))
 
 
@@ -148,8 +151,8 @@ def differentiable(carry: Any, of: Any) -> Any:
 
 
 def is_motion(x: Any) -> bool:
-    """Tells whether a node of a tree holds coordinates, multipliers, or powers and works."""
-    return isinstance(x, Coordinates | Multipliers | Power | RodState)
+    """Tells whether a node of a tree holds coordinates, multipliers, powers and works, or an orbit."""
+    return isinstance(x, Coordinates | Multipliers | Power | RodState | KeplerOrbit)
 
 
 def is_good(motion) -> Array:

@@ -15,6 +15,7 @@ from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.stepper_choice import stepper_class
 from esail_jax.scenes.structure import split
 from esail_jax.simulation.problem import require_64_bit
+from esail_jax.simulation.rectification import AnyPoint
 from esail_jax.simulation.schedule import (
     Schedule,
     divided_at,
@@ -24,7 +25,7 @@ from esail_jax.simulation.schedule import (
 )
 from esail_jax.simulation.solution import Solution
 from esail_jax.simulation.traced import traced_run
-from esail_jax.steppers.stepper import AbstractStepper, Point
+from esail_jax.steppers.stepper import AbstractStepper
 
 LEAST_WINDOWS, WINDOWS_PER_TURN = 16, 4
 """Least number of windows, and so of checkpoints, in a traced run, and in a turn of the sail. The baseline
@@ -43,7 +44,7 @@ def simulate_traced(
     *,
     save: Sequence[str] | None = None,
     times: Sequence[float] | None = None,
-    start: Point | None = None,
+    start: AnyPoint | None = None,
     max_steps: int | None = None,
     stepper: AbstractStepper | None = None,
     limit: Scalar | None = None,

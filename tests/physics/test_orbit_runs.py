@@ -13,26 +13,9 @@ from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.structure import split
 from esail_jax.scenes.toml_text import to_toml
 from esail_jax.steppers.consistent import consistent_motion
+from support.near_sun import NEAR_SUN, SCENE
 from support.quick import jit
 from support.whole_runs import check_resumed_bits
-
-NEAR_SUN = {
-    "tethers.count": 3,
-    "tethers.length": 1e3,
-    "tethers.element": "truss",
-    "tethers.elements": 1,
-    "tethers.bending": False,
-    "tethers.bending_damping_time": None,
-    "initial.spin_rate": 0.02,
-    "orbit.position_au": [0.008, 0.006, 0.001],
-    "orbit.velocity": [-2e5, 2.4e5, 3e4],
-    "solar_wind.reference_distance_au": 0.01,
-    "integrator.t_end": 80.0,
-    "output.interval": 8.0,
-}
-"""Three tethers of one truss each, so near the Sun that tide and wind change by one per cent in the run."""
-
-SCENE = esail.load_scene("heliocentric", NEAR_SUN)
 
 VELOCITY = np.array(NEAR_SUN["orbit.velocity"])
 
