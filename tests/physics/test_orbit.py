@@ -239,8 +239,18 @@ def test_wind_along_the_orbit():
         push = 0.18 * 19e3 * jnp.sqrt(8.854e-12 * 1.67e-27 * density)
         exact = push * (u - (u * along).sum(0) * along)
         assert np.allclose(found[:, :, k], exact, rtol=0, atol=1e-13 * jnp.abs(exact).max())
-        at = wind.direction(time, r[:, 0, k, 0])
+        at = wind.direction(place[:, 0, 0])
         assert np.allclose(at, place[:, 0, 0] / distance[0, 0], rtol=0, atol=1e-15)
+
+
+def test_a_law_measures_the_heliocentric_position():
+    """The position that a control law measures is the hub's, from the Sun: the place of the moving origin
+    plus the position relative to it, 1e6 m, to the rounding of numbers of 1e9 m."""
+    system, q, v, _ = build_jitted(*split(ring_scene(FIVE)))
+    time, away = jnp.asarray(30.0), jnp.array([1e6, -2e6, 5e5])
+    moved = q.axpy(1.0, system.uniform(away))
+    found = system.directions(time, moved, v).position
+    assert np.allclose(found, system.kepler_orbit.at(time)[0] + away, rtol=0, atol=1e-6)
 
 
 def test_feedback_follows_the_sun_line():
