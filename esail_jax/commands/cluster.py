@@ -28,7 +28,7 @@ from esail_jax.ensembles.ensemble_file import (
     try_claim,
 )
 from esail_jax.ensembles.merging import merge_pieces
-from esail_jax.files.folder_lock import FolderLock
+from esail_jax.files.locks import FolderLock
 from esail_jax.files.opening import RunFileError
 
 COMPUTE, NOTHING_TO_DO, REFUSED = 0, 1, 2

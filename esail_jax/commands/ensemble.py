@@ -32,7 +32,7 @@ from esail_jax.ensembles.member_runner import MemberRunner
 from esail_jax.ensembles.merging import merge_pieces
 from esail_jax.ensembles.sampling import Vary, draw, variations_of
 from esail_jax.errors import NoSpaceError
-from esail_jax.files.folder_lock import FolderLock
+from esail_jax.files.locks import FolderLock
 from esail_jax.files.opening import RunFileError
 from esail_jax.scenes.scene import Scene
 

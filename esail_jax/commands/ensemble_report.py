@@ -16,7 +16,7 @@ from esail_jax.ensembles.ensemble_file import (
     read_task,
 )
 from esail_jax.ensembles.statistics import MEMBERS_PER_COLUMN, OUTCOMES, outcomes_of, sensitivities
-from esail_jax.files.folder_lock import in_use
+from esail_jax.files.locks import in_use
 from esail_jax.files.opening import RunFileError, intact, open_run, to_python
 
 LEAST_SHARE = 0.05

@@ -14,6 +14,7 @@ from esail_jax.commands.interrupts import Interrupts
 from esail_jax.commands.run_progress import RunProgress
 from esail_jax.compilation.announcements import announced_to
 from esail_jax.errors import SimulationError
+from esail_jax.files.locks import FileLock
 from esail_jax.files.opening import RunFileError, intact, open_run, open_single
 from esail_jax.files.run_file import (
     Content,
@@ -42,6 +43,15 @@ def run_scene(
 
     Raises SceneError or RunFileError before anything is written.
     """
+    check_place(path)
+    with FileLock(path):
+        return run_alone(scene, path, resume, quiet, nodes, stability)
+
+
+def run_alone(
+    scene: Scene, path: Path, resume: bool, quiet: bool, nodes: bool, stability: bool
+) -> ExitCode:
+    """`run_scene`, as the only process that writes the file."""
     began = time.perf_counter()
     going_on = check_output(scene, path, resume)
     names = names_with_nodes(scene) if saves_nodes(path, going_on, nodes) else None
@@ -134,16 +144,20 @@ def write_run(
     return ended[1], code
 
 
-def check_output(scene: Scene, path: Path, resume: bool) -> str:
-    """Tells what is to be done for the file: "new" (start), "resume", or "complete" (nothing).
-
-    Raises RunFileError."""
+def check_place(path: Path) -> None:
+    """Raises RunFileError unless a run file can lie at the path."""
     if not path.parent.is_dir():
         raise RunFileError(f"`-o` must be in an existing directory, but {path.parent} is none")
     if not os.access(path.parent, os.W_OK):
         raise RunFileError(f"`-o` must be in a writable directory, but {path.parent} is not")
     if path.is_dir():
         raise RunFileError(f"`-o` must be a file, but {path} is a directory")
+
+
+def check_output(scene: Scene, path: Path, resume: bool) -> str:
+    """Tells what is to be done for the file: "new" (start), "resume", or "complete" (nothing).
+
+    Raises RunFileError."""
     if not path.exists():
         return "new"
     if not resume:

@@ -24,7 +24,7 @@ from esail_jax.ensembles import Ensemble, load_ensemble
 from esail_jax.ensembles.ensemble_file import parts_of, pieces_in, write_piece
 from esail_jax.ensembles.merging import merge_pieces, size_of
 from esail_jax.errors import NoSpaceError
-from esail_jax.files.folder_lock import FolderLock, in_use
+from esail_jax.files.locks import FolderLock, in_use
 from support.small_ensemble import VARY, arguments, same
 
 # ---- one writer ----------------------------------------------------------------------------------
@@ -62,7 +62,7 @@ def test_locks_that_are_shared(tmp_path):
 HOLD = """
 import sys, time
 from pathlib import Path
-from esail_jax.files.folder_lock import FolderLock
+from esail_jax.files.locks import FolderLock
 lock = FolderLock(Path(sys.argv[1]))
 print("held", flush=True)
 time.sleep(300)

@@ -17,7 +17,7 @@ from esail_jax.commands.ensemble import publish_pieces, start_worker, task_of
 from esail_jax.commands.ensemble_work import GRACE_SECONDS
 from esail_jax.ensembles import load_ensemble
 from esail_jax.ensembles.ensemble_file import pieces_in
-from esail_jax.files.folder_lock import FolderLock, in_use
+from esail_jax.files.locks import FolderLock, in_use
 from support.small_ensemble import SMALL, VARY, arguments, same
 
 
