@@ -10,6 +10,12 @@ import shutil
 import tempfile
 from pathlib import Path
 
+# NumPy reads this when it is imported. The threads of its library wait busily: eigenvalues of a hundred
+# coordinates took 0.6 s of processor time, with one thread they take a tenth of it. XLA, too, takes more
+# processor time with several threads (`esail_jax/cores.py`).
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("NPROC", "1")
+
 import jax
 import pytest
 from jax.experimental.compilation_cache.compilation_cache import reset_cache

@@ -12,6 +12,7 @@ def energy(run):
     return np.asarray(run["kinetic_energy"] + run["elastic_energy"])
 
 
+@pytest.mark.slow
 def test_free_spinning_sail_keeps_energy_and_spin(small, validate):
     """A free sail without wind keeps energy and spin rate over one spin period, to 1e-8.
 

@@ -214,6 +214,7 @@ def test_damped_rod(validate):
     assert np.abs(found.damping_ratio[:2]).max() < 1e-8
 
 
+@pytest.mark.slow
 def test_free_hub_and_cable(validate):
     """A free, spinning hub with one cable has the rigid modes of any free body in the turning frame.
 
