@@ -10,6 +10,12 @@ import shutil
 import tempfile
 from pathlib import Path
 
+# NumPy reads this when it is imported. The threads of its library wait busily: eigenvalues of a hundred
+# coordinates took 0.6 s of processor time, with one thread they take a tenth of it. XLA, too, takes more
+# processor time with several threads (`esail_jax/cores.py`).
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("NPROC", "1")
+
 import jax
 import pytest
 from jax.experimental.compilation_cache.compilation_cache import reset_cache
@@ -37,10 +43,12 @@ UNOPTIMISED = {
     "--xla_backend_optimization_level": "0",
     "--xla_disable_hlo_passes": "while-loop-invariant-code-motion,"
     "simplify-while-loops,while-loop-constant-sinking",
+    "--xla_cpu_parallel_codegen_split_count": "1",
 }
 """Further flags for sessions of the default tests, in which compiling is most of the work: the suite
-compiles in two thirds of the time, and long runs take longer. Sessions with slow tests, such as
-that of `.ci/run`, compile all programs as the package does."""
+compiles in half the time, and long runs take longer. The last one keeps XLA from dividing each program
+among threads, which takes a quarter more processor time and gains nothing beside another worker.
+Sessions with slow tests, such as that of `.ci/run`, compile all programs as the package does."""
 
 LESS_OFTEN = 100_000, 50, 100
 """Thresholds of the garbage collector. Tracing makes millions of objects that stay alive; a collection

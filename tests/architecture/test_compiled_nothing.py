@@ -11,6 +11,8 @@ import esail_jax as esail
 from support.compiled_nothing import no_compilation
 from support.quick import quickly
 
+pytestmark = pytest.mark.drops_programs
+
 SAIL = {"tethers.count": 3, "tethers.elements": 2, "integrator.t_end": 1.0}
 RUNS = {
     "rods": ("hanging-chain", {"integrator.method": "dopri8", "integrator.t_end": 0.1}),

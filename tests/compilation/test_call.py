@@ -98,6 +98,7 @@ def test_transformations_of_a_call_are_those_of_the_function(folder, name):
 KEPT = ["eager", "gradient", "forward mode", "second derivative", "batch of gradients"]
 
 
+@pytest.mark.drops_programs
 @pytest.mark.parametrize("name", KEPT)
 def test_a_second_process_traces_no_program(folder, monkeypatch, name):
     """Derived programs are found by keys that follow from the key of the first program."""

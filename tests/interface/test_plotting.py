@@ -163,6 +163,7 @@ def test_energies_start_at_zero_and_euler_angles_do_not_jump(runs):
     np.testing.assert_allclose(phi, np.degrees(turning[:, 2]))
 
 
+@pytest.mark.slow
 def test_plot_all_writes_png_files(runs, tmp_path, monkeypatch):
     monkeypatch.setattr(plotting.figure_files, "DOTS_PER_INCH", 20)
     paths = plotting.plot_all(runs["one tether"], tmp_path / "new" / "figures")

@@ -5,14 +5,14 @@ import pytest
 
 import esail_jax as esail
 from esail_jax import cli
+from esail_jax.commands.run import names_with_nodes
 from esail_jax.viewing.motions import read_motions
-
-NAMES = ("node_position_I", "tip_position_I", "hub_position_I", "rotation_IB", "tether_length")
 
 
 @pytest.fixture(scope="module")
 def run(small):
-    return esail.simulate("baseline", small, save=NAMES)
+    """A run that saves what `--nodes` saves: the command then needs no program of its own."""
+    return esail.simulate("baseline", small, save=names_with_nodes(esail.load_scene("baseline", small)))
 
 
 def test_nodes_lead_from_the_hub_to_the_tips(run):

@@ -413,6 +413,7 @@ class Cosine(VoltageLaw):
         return self.value * (1.0 + 0.5 * measurements.tether_phase[0])
 
 
+@pytest.mark.slow
 def test_order_of_loads_does_not_matter():
     """A second load may stand before or after the thrust, and a law may come from outside the package.
     Forces and their derivatives are the same, and so is the transpose that steps use; to rounding, as sums

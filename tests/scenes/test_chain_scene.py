@@ -307,7 +307,6 @@ def test_the_implicit_method_resumes_too(file, tmp_path):
     assert esail_run(file, again, "--resume") == 2, "another method is another scene"
 
 
-# The last test of the file, because it drops the programs that the others share.
 def test_load_compiles_nothing(whole, nothing_compiles):
     assert esail.load(whole)["tension"].shape == (51, 3)
 

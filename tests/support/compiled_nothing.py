@@ -1,4 +1,4 @@
-"""A fixture that fails a test in which any program is compiled."""
+"""A fixture that fails a test in which any program is compiled. Such tests run at the end of a session."""
 
 import contextlib
 import sys
@@ -13,6 +13,23 @@ programs of `jax.jit`, programs compiled ahead of time, and single operations on
 
 CONVERSIONS = ("jit(convert_element_type)", "jit(broadcast_in_dim)", "jit(stage)")
 """Programs of one operation by which JAX makes arrays of numbers. They are allowed."""
+
+
+def pytest_configure(config):
+    line = "drops_programs: drops the compiled programs of the process; run at the end of the session"
+    config.addinivalue_line("markers", line)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items):
+    """Moves the tests that drop the programs to the end. Every test after one of them traces its functions
+    and compiles its small programs anew; that took a quarter of the time of the default tests."""
+    items.sort(key=drops_programs)
+
+
+def drops_programs(item):
+    """Tells whether a test drops the compiled programs of the process."""
+    return "nothing_compiles" in item.fixturenames or item.get_closest_marker("drops_programs") is not None
 
 
 def forget_programs():

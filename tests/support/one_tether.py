@@ -118,10 +118,12 @@ STEPPERS = {
 """Makers of the steppers, (step [s], spectral radius) -> stepper, by name."""
 
 
-# Every case compiles a program of its own and runs it once.
-@functools.partial(jit, static_argnums=(0, 5))
-def _integrate(name, system, q, v, step, steps, spectral_radius):
-    """Returns (time, q, v, lam) at the start and after every step, and whether every step converged."""
+# Every case compiles a program of its own and runs it once or twice.
+@functools.partial(jit, static_argnums=(0, 6))
+def _integrate(name, system, q, v, step, steps, rows, spectral_radius):
+    """Returns the points at the start and after every step, and whether every step converged.
+
+    rows: number of steps in the result, at least `steps`; the later ones repeat the start."""
     stepper, zero = STEPPERS[name](step, spectral_radius), jnp.zeros(())
     start = Point(zero, q, v, Power(zero, zero), jnp.asarray(True))
     state, _ = stepper.init(system, start, jnp.asarray(jnp.inf))
@@ -136,13 +138,20 @@ def _integrate(name, system, q, v, step, steps, spectral_radius):
             jnp.arange(len(found.end))
         )
         # Attempts that were not taken and steps beyond the last one have no row.
-        row = jnp.where(found.taken, state.taken.astype(int) + found.taken.cumsum(), steps + 1)
+        row = jnp.where(found.taken, state.taken.astype(int) + found.taken.cumsum(), rows + 1)
         return later, jax.tree.map(lambda all, x: all.at[row].set(x, mode="drop"), points, ends)
 
-    points = jax.tree.map(lambda x: jnp.zeros((steps + 1, *x.shape), x.dtype).at[0].set(x), start)
+    points = jax.tree.map(lambda x: jnp.broadcast_to(x, (rows + 1, *x.shape)), start)
     state, points = lax.while_loop(
         lambda carry: good(carry[0]) & (carry[0].taken < steps), block, (state, points)
     )
+    return points, good(state)
+
+
+# The steppers share this program.
+@jit
+def _on_constraints(system, points):
+    """Returns (time, q, v, lam) of points, projected on the constraints unless they are ends of steps."""
 
     def on_constraints(point):
         mass = factor_mass(system, point.time, point.q)
@@ -150,18 +159,23 @@ def _integrate(name, system, q, v, step, steps, spectral_radius):
         q, v = select(point.exact, (point.q, point.v), projected)
         return point.time, q, v, consistent_motion(system, point.time, q, v, mass).lam
 
-    return jax.vmap(on_constraints)(points), good(state)
+    return jax.vmap(on_constraints)(points)
 
 
-def integrate(name, system, q, v, step, steps, spectral_radius=0.9):
+def integrate(name, system, q, v, step, steps, spectral_radius=0.9, rows=None):
     """Returns (time, q, v, lam) at every step, and checks that every step converged.
+
+    Runs with different numbers of steps share a program if `rows` is the largest of them.
 
     As in a run, an interpolated end of a step is projected on the constraints, and the multipliers are
     those that fit the state. With constraints the spectral radius should be below 1. At 1 the method's own
     multipliers alternate from step to step, and momentum drifts a hundred times more than at 0.9.
     """
-    (time, q, v, lam), good = _integrate(
-        name, system, q, v, jnp.asarray(float(step)), steps, jnp.asarray(float(spectral_radius))
-    )
+    rows, spectral_radius = rows or steps, jnp.asarray(float(spectral_radius))
+    points, good = _integrate(name, system, q, v, jnp.asarray(float(step)), steps, rows, spectral_radius)
     assert good
+    found = _on_constraints(system, points)
+    if rows > steps:
+        found = jax.tree.map(lambda x: jnp.asarray(np.asarray(x)[: steps + 1]), found)
+    time, q, v, lam = found
     return np.asarray(time), q, v, lam

@@ -1,4 +1,4 @@
-"""Two ways to save time: `jit` compiles quickly, `quickly` marks all cases but the first as slow."""
+"""Two ways to save time: `jit` compiles quickly, `quickly` marks all cases but some as slow."""
 
 import functools
 
@@ -18,6 +18,8 @@ second."""
 jit = functools.partial(jax.jit, compiler_options=QUICKLY)
 
 
-def quickly(cases):
-    """Returns cases for `parametrize`; all but the first are marked slow."""
-    return [pytest.param(case, marks=[pytest.mark.slow] * (i > 0)) for i, case in enumerate(cases)]
+def quickly(cases, kept=()):
+    """Returns cases for `parametrize`; all are marked slow but those in `kept`, or but the first."""
+    cases = list(cases)
+    kept = kept or cases[:1]
+    return [pytest.param(case, marks=[pytest.mark.slow] * (case not in kept)) for case in cases]

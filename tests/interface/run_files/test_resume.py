@@ -11,6 +11,7 @@ import esail_jax.commands.run
 import esail_jax.simulation.programs
 from esail_jax.files.seal import write_seal
 from support.bits import check_same, esail_run
+from support.quick import quickly
 from support.run_kinds import KINDS
 
 
@@ -46,7 +47,7 @@ def test_a_later_end_continues_bit_for_bit(first, kind, scenes, wholes, tmp_path
     check_same(path, wholes(kind))
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", quickly(KINDS, ("dopri8",)))
 def test_a_call_of_any_length_gives_the_same_bits(kind, scenes, wholes, tmp_path, monkeypatch):
     """The whole run and its first part fit into one compiled call each, which the other tests' runs do
     not."""

@@ -63,7 +63,8 @@ def alone():
 def runs(request):
     """Runs of 10 s, 2.5 turns about the main axis, with two step sizes."""
     made, q, v = alone()
-    return request.param, [integrate(request.param, made, q, v, 10.0 / n, n) for n in (400, 800)]
+    found = [integrate(request.param, made, q, v, 10.0 / n, n, rows=800) for n in (400, 800)]
+    return request.param, found
 
 
 def test_closed_form_starts_right_and_obeys_euler():

@@ -14,6 +14,7 @@ import pytest
 from esail_jax.equilibria.equilibrium import equilibrium
 from esail_jax.equilibria.steady_stretch import steady_line
 from support.one_tether import STEPPERS, integrate, one_tether, straight, turning
+from support.quick import jit
 
 LENGTH, AXIAL, DENSITY, TIP, RADIUS, SPIN = 2.0, 50.0, 0.8, 1.5, 0.3, 1.2
 """Numbers of a soft cable, which is stretched by 20 %."""
@@ -35,7 +36,7 @@ def system(spin=SPIN, elements=8):
     )  # fmt: skip
 
 
-@jax.jit
+@jit
 def stretched(spin):
     """Returns the node radii [m] of the steady initial stretch and of the relative equilibrium."""
     made = system(spin=1.0, elements=16)
