@@ -1,4 +1,4 @@
-"""The parts of which Floquet multipliers are made, each against something exact, without time integration."""
+"""The parts of which Floquet multipliers are made: each against something exact, without integration."""
 
 import jax.numpy as jnp
 import numpy as np
