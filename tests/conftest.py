@@ -10,8 +10,8 @@ import shutil
 import tempfile
 from pathlib import Path
 
-# NumPy reads this when it is imported. The threads of its library wait busily: eigenvalues of a hundred
-# coordinates took 0.6 s of processor time, with one thread they take a tenth of it. XLA, too, takes more
+# NumPy reads this when it is imported. The threads of its library wait busily: on two busy cores the
+# eigenvalues of 126 coordinates take 1 s of processor time, with one thread 0.01 s. XLA, too, takes more
 # processor time with several threads (`esail_jax/cores.py`).
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("NPROC", "1")
@@ -46,9 +46,9 @@ UNOPTIMISED = {
     "--xla_cpu_parallel_codegen_split_count": "1",
 }
 """Further flags for sessions of the default tests, in which compiling is most of the work: the suite
-compiles in half the time, and long runs take longer. The last one keeps XLA from dividing each program
-among threads, which takes a quarter more processor time and gains nothing beside another worker.
-Sessions with slow tests, such as that of `.ci/run`, compile all programs as the package does."""
+compiles in two thirds of the time, and long runs take longer. The last one keeps XLA from dividing each
+program among threads, which takes up to a third more processor time and gains nothing beside another
+worker. Sessions with slow tests, such as that of `.ci/run`, compile all programs as the package does."""
 
 LESS_OFTEN = 100_000, 50, 100
 """Thresholds of the garbage collector. Tracing makes millions of objects that stay alive; a collection

@@ -20,7 +20,7 @@ def test_free_spinning_sail_keeps_energy_and_spin(small, validate):
     an offset at the start. 1e-8 allows for the rounding of other machines.
     """
     times = {"integrator.t_end": 1570.0, "output.interval": 50.0}
-    # The program of all observables would take as long to compile as that of the steps.
+    # Few tests share this structure, and the program of few observables compiles faster.
     names = ("kinetic_energy", "elastic_energy", "angular_velocity_B")
     run = esail.simulate("voltage-off", small | times, save=names)
     case, reference = "free spinning sail, one period", "conservation"

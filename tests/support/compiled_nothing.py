@@ -22,8 +22,8 @@ def pytest_configure(config):
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(items):
-    """Moves the tests that drop the programs to the end. Every test after one of them traces its functions
-    and compiles its small programs anew; that took a quarter of the time of the default tests."""
+    """Moves the tests that drop the programs to the end. Every test after one of them would trace its
+    functions and compile its small programs anew."""
     items.sort(key=drops_programs)
 
 
