@@ -301,8 +301,11 @@ def test_a_run_goes_on_after_any_batch_of_blocks(name):
     run, chunks = HostRun(compiled._replace(programs=programs)), []
     while run.checkpoint.rows < len(run.times):
         chunks.append(next(run.chunks()))
-        arrays = {path: np.array(x) for path, x in paths(run.checkpoint.motion).items()}
-        run = HostRun(run.compiled, run.checkpoint._replace(motion=arrays))
+        motion, carried = (
+            {path: np.array(x) for path, x in paths(part).items()}
+            for part in (run.checkpoint.motion, run.checkpoint.carried)
+        )
+        run = HostRun(run.compiled, run.checkpoint._replace(motion=motion, carried=carried))
     assert len(chunks) > 1
     check_bits(rows_of(chunks), expected)
 
