@@ -38,6 +38,11 @@ class Checkpoint(NamedTuple):
     energy: tuple[float, float]
     carried: Any
 
+    @property
+    def control(self) -> Any:
+        """What a sampled voltage law holds, and its memory; None without such a law."""
+        return self.carried.control
+
 
 def join(parts: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
     """Concatenates the rows of consecutive chunks. parts: at least one mapping of arrays by name."""

@@ -70,7 +70,7 @@ def test_a_sampled_law_is_a_sequence_of_runs_with_constant_voltages(method):
     assert np.abs(np.stack(parts) - tips[1:]).max() <= 1e-9 * np.ptp(tips)
     # The law does change the voltages from sample to sample, and has seen the start and three samples.
     assert len(np.unique(whole["voltage"][:, 0])) == 4
-    assert int(whole.checkpoint.carried.control.memory["count"]) == 4
+    assert int(whole.checkpoint.control.memory["count"]) == 4
 
 
 @pytest.mark.slow
