@@ -7,7 +7,7 @@ import numpy as np
 
 from esail_jax.array_types import Array, Float, Rotation, Scalar, Vector, VectorPerPoint
 from esail_jax.coordinates import Coordinates, Multipliers
-from esail_jax.environment.kepler_orbit import KeplerOrbit, at_place, tide
+from esail_jax.environment.kepler_orbit import KeplerOrbit, PlaceOnOrbit, at_place, tide
 from esail_jax.environment.orbit import orbital_frame
 from esail_jax.iteration_matrix import FactoredMass
 from esail_jax.joints.roots import radial_directions
@@ -32,19 +32,17 @@ class Shift(eqx.Module):
     acceleration: Vector
 
     @classmethod
-    def between(cls, time: Scalar, origin: KeplerOrbit, scene_orbit: KeplerOrbit) -> "Shift":
-        """The shift at an instant, exactly zero if both orbits are the same numbers."""
-        (place, motion), (first, slow) = origin.at(time), scene_orbit.at(time)
-        same = jnp.stack(
-            [(x == y).all() for x, y in zip(*map(numbers_of, (origin, scene_orbit)), strict=True)]
-        )
-        position, velocity = (jnp.where(same.all(), 0.0, x) for x in (place - first, motion - slow))
+    def between(
+        cls, time: Scalar, place: PlaceOnOrbit, orbit: KeplerOrbit, scene_orbit: KeplerOrbit
+    ) -> "Shift":
+        """The shift at an instant, exactly zero if both orbits are the same numbers. place: that of the
+        origin of the coordinates, on its orbit."""
+        first, slow = scene_orbit.at(time)
+        pairs = zip(*map(jax.tree.leaves, (orbit, scene_orbit)), strict=True)
+        same = jnp.stack([(x == y).all() for x, y in pairs]).all()
+        apart = place.position - first, place.velocity - slow
+        position, velocity = (jnp.where(same, 0.0, x) for x in apart)
         return cls(position, velocity, tide(first, position))
-
-
-def numbers_of(orbit: KeplerOrbit) -> tuple[Vector, Vector, Scalar]:
-    """The numbers of an orbit."""
-    return orbit.position, orbit.velocity, orbit.epoch
 
 
 class Instant(eqx.Module):
@@ -235,9 +233,9 @@ def make_instant(
     which the origin of I moves."""
     velocity = shift = None
     if scene_orbit is not None and isinstance(system.kepler_orbit, KeplerOrbit):
-        shift = Shift.between(time, system.kepler_orbit, scene_orbit)
-        system = at_place(system, system.place(time))
-        origin, velocity = system.kepler_orbit.at(time)
+        place = PlaceOnOrbit(*system.kepler_orbit.at(time))
+        shift = Shift.between(time, place, system.kepler_orbit, scene_orbit)
+        system, origin, velocity = at_place(system, place), place.position, place.velocity
     vdot, lam, forces, power = consistent_motion(system, time, q, v, mass)
     load, thrust = None, find_term(system.with_commanded_loads(time, q, v).loads, CoulombThrust)
     if thrust is not None:

@@ -20,7 +20,7 @@ rounded in binary."""
 RECTIFIED_EVERY = 86400.0
 """Time [s] between two rectifications of the orbit of a sail (`rectification.py`): a day, in which an
 acceleration of 3e-4 m/s^2 moves a light sail by 1e6 m. The error of rounding is then 1e-7 of the range of
-coning (`docs/theory.md`). A rectification takes 2 ms, a day of the baseline 0.4 s."""
+coning (`docs/theory.md`). A rectification takes some milliseconds, a day of the baseline 3 s."""
 
 MOST_SAMPLES = 10**6
 """Largest number of samples of a voltage law in a run: two years of one a minute."""
