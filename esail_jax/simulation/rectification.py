@@ -1,10 +1,10 @@
 """Rectification of the orbit of a sail (Encke's method; Battin 1987, Sec. 8.4).
 
 The coordinates of a sail on an orbit are relative to an origin that moves on a Kepler orbit. The thrust
-moves the sail away from it: 1e6 m in a day, 1e10 m in a year. Numbers of this size are rounded to 2e-6
-m, which is seen in the strain. At some switch times (`schedule.switch_times`) the origin therefore moves to
-the hub, on the Kepler orbit through the position and the velocity of the hub at that instant. Output
-remains relative to the orbit of the scene (`observables.Instant`).
+moves a light sail away from it: by 1e6 m in a day, by 1e10 m in a year. Numbers of the latter size are
+rounded to 2e-6 m, which is seen in the strain. At some switch times (`schedule.switch_times`) the origin
+therefore moves to the hub, on the Kepler orbit through the position and the velocity of the hub at that
+instant. Output remains relative to the orbit of the scene (`observables.Instant`).
 """
 
 from typing import NamedTuple
