@@ -1,11 +1,15 @@
 """A fixture that fails a test in which any program is compiled. Such tests run at the end of a session."""
 
 import contextlib
+import os
 import sys
+from unittest import mock
 
 import jax
 import jax.monitoring
 import pytest
+
+from esail_jax.compilation import store
 
 COMPILATION = "/jax/core/compile/backend_compile_duration"
 """JAX records this event for every program, whether it is compiled or read from the persistent cache: for
@@ -44,7 +48,10 @@ def forget_programs():
 
 @contextlib.contextmanager
 def no_compilation():
-    """Raises AssertionError where a program is compiled, and at the end, if that first error was caught."""
+    """Raises AssertionError where a program is compiled, and at the end, if that first error was caught.
+
+    The program cache is off: a program that an earlier test left there would be loaded without an event.
+    """
     compiled = []
 
     def refuse(event, _, **details):
@@ -55,7 +62,8 @@ def no_compilation():
     forget_programs()
     jax.monitoring.register_event_duration_secs_listener(refuse)
     try:
-        yield
+        with mock.patch.dict(os.environ, {store.VARIABLE: "off"}):
+            yield
     finally:
         jax.monitoring.unregister_event_duration_listener(refuse)
     assert not compiled, f"{', '.join(compiled)} compiled"
