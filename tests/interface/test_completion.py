@@ -19,28 +19,72 @@ printf '%s\\n' "${COMPREPLY[@]}"
 """
 """What bash does when the tab key is pressed after the words that follow the name of the script."""
 
+TYPE_AND_PRESS_TAB = """
+zmodload zsh/zpty
+zpty terminal zsh -f -i
+zpty -w terminal 'autoload -Uz compinit; compinit -u -D; eval "$(< esail.zsh)"'
+zpty -w -n terminal "$1"$'\\t'
+zpty -r -m terminal shown "*$2*"
+"""
+"""Starts an interactive zsh in a terminal, types the first argument and the tab key, and waits until the
+terminal shows the second argument."""
 
-@pytest.mark.skipif(shutil.which("bash") is None, reason="bash, which runs the script, is missing")
-def test_bash_completes_commands_scenes_options_and_files(tmp_path, capsys):
-    assert cli.main(["completion", "bash"]) == 0
-    script, error = capsys.readouterr()
-    assert error == ""
-    (tmp_path / "esail.bash").write_text(script)
+COMPLETIONS = {
+    "esail ru": {"run"},
+    "esail run base": {"baseline", "baseless.toml"},
+    "esail modes sun": {"sun-facing"},
+    "esail init tru": {"truss"},
+    "esail run --volt": {"--voltage-law"},
+    "esail design --method ": {"lbfgs", "adam"},
+    "esail plot first.h5 fir": {"first.h5"},
+}
+"""Typed text, and all words that may come in the place of its last word."""
+
+
+def needs(shell):
+    """Skips a test where the shell that runs the script is missing."""
+    missing = shutil.which(shell) is None
+    return pytest.mark.skipif(missing, reason=f"{shell}, which runs the script, is missing")
+
+
+@pytest.fixture
+def folder(tmp_path, capsys):
+    """A folder with the scripts of all shells, a scene file and a run file."""
+    for shell in SHELLS:
+        assert cli.main(["completion", shell]) == 0
+        (tmp_path / f"esail.{shell}").write_text(capsys.readouterr().out)
     (tmp_path / "baseless.toml").touch()
     (tmp_path / "first.h5").touch()
+    return tmp_path
 
-    def completed(*words):
-        command = ["bash", "-c", PRESS_TAB, "bash", "esail.bash", "esail", *words]
-        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
-        return set(done.stdout.split())
 
-    assert completed("") >= set(cli.COMMANDS)
-    assert completed("ru") == {"run"}
-    assert completed("run", "base") == {"baseline", "baseless.toml"}
-    assert completed("init", "") >= set(builtin_names())
-    assert completed("run", "--volt") == {"--voltage-law"}
-    assert completed("design", "--method", "") == {"lbfgs", "adam"}
-    assert completed("plot", "first.h5", "fir") == {"first.h5"}
+def output_of(folder, *command):
+    """Returns what a command prints that runs in a folder."""
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True, timeout=60)
+    return done.stdout
+
+
+@needs("bash")
+@pytest.mark.parametrize("typed", COMPLETIONS)
+def test_bash_completes_commands_scenes_options_and_files(typed, folder):
+    printed = output_of(folder, "bash", "-c", PRESS_TAB, "bash", "esail.bash", *typed.split(" "))
+    assert set(printed.split()) == COMPLETIONS[typed]
+
+
+@needs("fish")
+@pytest.mark.parametrize("typed", COMPLETIONS)
+def test_fish_completes_commands_scenes_options_and_files(typed, folder):
+    command = f"source esail.fish; complete -C '{typed}'"
+    lines = output_of(folder, "fish", "--no-config", "-c", command).splitlines()
+    assert {line.split("\t")[0] for line in lines} == COMPLETIONS[typed]
+
+
+@needs("zsh")
+@pytest.mark.parametrize("typed", [typed for typed, words in COMPLETIONS.items() if len(words) == 1])
+def test_zsh_completes_commands_scenes_options_and_files(typed, folder):
+    before, _, _ = typed.rpartition(" ")
+    (word,) = COMPLETIONS[typed]
+    output_of(folder, "zsh", "-f", "-c", TYPE_AND_PRESS_TAB, "zsh", typed, f"{before} {word}")
 
 
 @pytest.mark.parametrize("shell", SHELLS)
