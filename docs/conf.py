@@ -19,6 +19,9 @@ exclude_patterns = ["Thumbs.db", ".DS_Store"]
 html_theme = "furo"
 html_title = f"esail_jax {release}"
 html_show_sourcelink = False
+html_show_copyright = False
+html_static_path = ["static"]
+html_css_files = ["site.css"]
 
 myst_enable_extensions = ["colon_fence", "deflist"]
 myst_heading_anchors = 3

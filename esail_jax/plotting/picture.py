@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d import Axes3D
 
 from esail_jax.constants import ASTRONOMICAL_UNIT
-from esail_jax.observables.saved_rows import leading_finite, observable
+from esail_jax.observables.saved_rows import leading_finite, observable, released
 from esail_jax.plotting.data import KILOMETRE, spin_period
 from esail_jax.plotting.panels import LEAST_WIDTH, tether_colours
 
@@ -23,8 +23,8 @@ FRAME_MARGIN = 1.05
 
 
 def sail_picture(run: Any, instants: int = 3) -> Figure:
-    """Returns pictures of the sail at equally spaced instants in the inertial frame: straight lines from
-    the hub to the tips, the paths of the tips up to the instant, and the direction of the wind, Z_O."""
+    """Returns pictures of the sail at equally spaced instants in the inertial frame: its tethers, the paths
+    of the tips up to the instant, and the direction of the wind, Z_O."""
     tips = observable(run, "tip_position_I")
     frames = np.zeros(0, int)
     if tips is not None:
@@ -41,18 +41,32 @@ def sail_picture(run: Any, instants: int = 3) -> Figure:
 def draw_sail(ax: Axes3D, run: Any, frame: int) -> None:
     """Draws the sail at one saved instant, in km."""
     tips = np.asarray(run["tip_position_I"])[: frame + 1] / KILOMETRE
-    hub = hub_centre(run, frame) / KILOMETRE
+    hub, lines = hub_centre(run, frame) / KILOMETRE, tether_lines(run, frame)
     for k, colour in enumerate(tether_colours(tips.shape[1])):
         path, tip = tips[:, k], tips[-1, k]
         ax.plot(*path.T, color=colour, linewidth=0.6, alpha=0.6)
-        ax.plot(*np.stack([hub, tip], axis=1), color="0.3", linewidth=0.8)
+        ax.plot(*lines[k].T / KILOMETRE, color="0.3", linewidth=0.8)
         ax.plot(*tip[:, None], color=colour, marker="o", markersize=4)
     ax.plot(*hub[:, None], color="black", marker="s", markersize=4)
-    half = frame_cube(ax, np.concatenate([tips.reshape(-1, 3), hub[None]]))
+    shown = np.concatenate([tips.reshape(-1, 3), lines.reshape(-1, 3) / KILOMETRE, hub[None]])
+    half = frame_cube(ax, shown[np.isfinite(shown).all(axis=1)])
     draw_wind(ax, run, frame, hub, ARROW * half)
     period = spin_period(run)
     turns = "" if period is None else f", $t/T_s$ = {run.time[frame] / period:.3g}"
     ax.set_title(f"$t$ = {run.time[frame]:.4g} s{turns}", fontsize="medium", y=1.03)
+
+
+def tether_lines(run: Any, frame: int) -> np.ndarray:
+    """Returns the tethers at a saved instant as lines (tether, point, 3) [m]: through all nodes if the run
+    has them, otherwise from the hub to the tips. The place of a released tether is then not known but for
+    its tip, and its line is NaN."""
+    nodes = observable(run, "node_position_I")
+    if nodes is not None:
+        return nodes[frame]
+    tips = np.asarray(run["tip_position_I"])[frame]
+    lines = np.stack([np.broadcast_to(hub_centre(run, frame), tips.shape), tips], axis=1)
+    lines[released(run.scene, run.time[frame : frame + 1])[0]] = np.nan
+    return lines
 
 
 def hub_centre(run: Any, frame: int) -> np.ndarray:

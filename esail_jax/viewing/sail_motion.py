@@ -4,6 +4,7 @@ import numpy as np
 
 from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.files.reading import SavedRun
+from esail_jax.observables.saved_rows import released
 from esail_jax.viewing.motion import Motion, Quantity, chosen_exaggeration
 from esail_jax.viewing.signals import signals_of
 
@@ -46,6 +47,7 @@ def sail_motion(run: SavedRun, frames: np.ndarray) -> Motion:
 
     tips = to_body(rows["tip_position_I"][frames])
     roots = radius * outward(count)
+    free = released(scene, run.time[frames])
     if NODES in rows:
         shape, lines = "nodes", to_body(rows[NODES][frames])
     elif {"root_coning_angle", "root_lagging_angle"} <= rows.keys():
@@ -55,11 +57,11 @@ def sail_motion(run: SavedRun, frames: np.ndarray) -> Motion:
         shape = "straight"
         lines = np.stack([np.broadcast_to(roots, tips.shape), tips], axis=2)
     if shape != "nodes":  # where the root of a released tether is, the file does not say
-        lines[released(run, frames), :-1] = np.nan
+        lines[free, :-1] = np.nan
     points = lines.shape[2]
     vertices = lines.reshape(len(frames), count * points, 3)
     straight = np.repeat(outward(count), points, axis=0)
-    held = np.where(released(run, frames)[..., None, None], np.nan, lines).reshape(vertices.shape)
+    held = np.where(free[..., None, None], np.nan, lines).reshape(vertices.shape)
     reach = radius + float(np.max(scene.tethers.length))
     ends = tuple(i * points + points - 1 for i in range(count))
     return Motion(
@@ -118,16 +120,6 @@ def parabolas(roots: np.ndarray, tips: np.ndarray, directions: np.ndarray) -> np
     start = np.linalg.norm(chord, axis=-1, keepdims=True) * directions
     s = np.linspace(0.0, 1.0, POINTS)[:, None]
     return roots[:, None] + s * start[..., None, :] + s**2 * (chord - start)[..., None, :]
-
-
-def released(run: SavedRun, frames: np.ndarray) -> np.ndarray:
-    """Tells which tethers are released (frame, tether)."""
-    found = np.zeros((len(frames), run.scene.tethers.count), bool)
-    event = run.scene.event
-    if event is not None:
-        for time, number in zip(np.atleast_1d(event.time), np.atleast_1d(event.release), strict=True):
-            found[:, int(number) - 1] |= run.time[frames] >= time
-    return found
 
 
 def wind_directions(run: SavedRun, frames: np.ndarray, centre: np.ndarray) -> np.ndarray | None:
