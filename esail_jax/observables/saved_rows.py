@@ -4,8 +4,6 @@ from typing import Any
 
 import numpy as np
 
-from esail_jax.scenes.scene import Scene
-
 
 def observable(run: Any, name: str, factor: float = 1.0) -> np.ndarray | None:
     """Returns `factor` times an observable (time, ...); None if the run lacks it or all of it is NaN."""
@@ -27,13 +25,3 @@ def leading_finite(*signals: np.ndarray) -> int:
     for signal in signals:
         finite &= np.isfinite(signal).reshape(len(signal), -1).all(1)
     return len(finite) if finite.all() else int(np.argmin(finite))
-
-
-def released(scene: Scene, time: np.ndarray) -> np.ndarray:
-    """Tells which tethers of a sail are released at saved instants [s] (instant, tether)."""
-    found = np.zeros((len(time), scene.tethers.count), bool)
-    event = scene.event
-    if event is not None:
-        for begin, number in zip(np.atleast_1d(event.time), np.atleast_1d(event.release), strict=True):
-            found[:, int(number) - 1] |= time >= begin
-    return found
