@@ -20,6 +20,7 @@ from esail_jax.compilation.options import COMPILER_OPTIONS
 from esail_jax.compilation.size import count_equations
 from esail_jax.simulation.advance import Window
 from esail_jax.simulation.host import HostRun, compile_scene
+from esail_jax.steppers.log import Log
 
 METHOD = {"integrator.method": "generalized-alpha"}
 """The method that is timed here; `experiments/work_precision` compares the methods."""
@@ -43,13 +44,18 @@ class Started:
         run = HostRun(self.compiled)
         for _ in run.chunks():
             pass
-        self.problem, self.motion = self.compiled.problem, run.checkpoint.motion
+        self.problem = self.compiled.problem.under(self.compiled.carried)
+        self.motion = run.checkpoint.motion
         self.interval = self.compiled.scene.output.interval
 
     @property
     def steps(self) -> int:
         """Number of steps in one timed call."""
         return BLOCKS * self.problem.stepper.steps_per_block
+
+    def statistics(self, done) -> dict[str, np.ndarray]:
+        """Returns the statistics of the blocks of one timed call, by name."""
+        return Log.from_table(np.asarray(done.kept), self.compiled.programs.statistics).statistics
 
     def advance(self, instants: bool = False):
         """Takes BLOCKS blocks of steps; instants: with dense output at saved instants."""
@@ -76,7 +82,7 @@ def per_step() -> None:
     run = Started(esail.load_scene("baseline", METHOD), 200.0)
     matrix = jnp.asarray(np.random.default_rng(0).normal(size=(400, 400)))
     product = jax.jit(lambda a: a @ a)
-    statistics = run.advance().kept.statistics
+    statistics = run.statistics(run.advance())
     product(matrix).block_until_ready()
     pairs = [(seconds_of(run.advance) / run.steps, seconds_of(lambda: product(matrix))) for _ in range(50)]
     ours, theirs = np.median(pairs, axis=0)
@@ -149,7 +155,7 @@ def growth() -> None:
         step = 1e6 * median_of(run.advance) / run.steps
         look = 1e6 * median_of(look, run.problem, done.points, count) / (int(count) * per_instant)
         each = step / (tethers * elements)
-        iterations = float(np.mean(done.kept.statistics["iterations_per_step"][:BLOCKS]))
+        iterations = float(np.mean(run.statistics(done)["iterations_per_step"][:BLOCKS]))
         print(
             f"{tethers:3d} x {elements:3d}: step {step:7.1f} us = {each:.2f} us per element, "
             f"{iterations:.2f} iterations; observables {look:.1f} us per step",
