@@ -23,7 +23,7 @@ html_show_copyright = False
 html_static_path = ["static"]
 html_css_files = ["site.css"]
 
-myst_enable_extensions = ["colon_fence", "deflist"]
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 # Notebooks are run by `tests/interface/test_notebooks.py`. The site runs them only if it is asked to:
 # `-D nb_execution_mode=cache`.
