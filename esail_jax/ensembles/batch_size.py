@@ -16,8 +16,9 @@ MEMBERS_PER_CORE = 8
 PROBE_BATCH = 8
 """Members per GPU in the program whose memory is measured."""
 
-MOST_ON_GPU = 4096
-"""Largest number of members per GPU in one call."""
+MOST_ON_GPU = 1024
+"""Largest number of members per GPU in one call. Collocation is fastest with this number: 424 baseline
+sails per second on an H200, and 358 and 341 with half and twice as many (`experiments/ensembles`)."""
 
 GPU_SHARE = 0.4
 """Part of a GPU's memory that one call may take."""
