@@ -75,5 +75,10 @@ if __name__ == "__main__":
     elif sys.argv[1:2] == ["test"]:
         test(sys.argv[2:])
     else:
-        print(__doc__, file=sys.stdout if sys.argv[1:] in (["-h"], ["--help"]) else sys.stderr)
-        sys.exit(0 if sys.argv[1:] in (["-h"], ["--help"]) else 2)
+        asked = sys.argv[1:] in (["-h"], ["--help"])
+        if sys.argv[1:2] == ["run"]:
+            print(f"`run` must be given alone, but {sys.argv[2]} comes with it\n", file=sys.stderr)
+        elif sys.argv[1:] and not asked:
+            print(f"COMMAND must be run or test, but is {sys.argv[1]}\n", file=sys.stderr)
+        print(__doc__, file=sys.stdout if asked else sys.stderr)
+        sys.exit(0 if asked else 2)

@@ -6,6 +6,9 @@ one line on stderr.
 """
 
 import argparse
+import contextlib
+import os
+import select
 import signal
 import sys
 import threading
@@ -230,7 +233,36 @@ def complain(error: Exception | str) -> None:
 
 
 def main(arguments: list[str] | None = None) -> ExitCode:
-    """Runs a command line (None: that of the process). Returns the exit code."""
+    """Runs a command line (None: that of the process). Returns the exit code. If the reader of the output
+    has ended, so does the command, without a word."""
+    try:
+        try:
+            return run_command(arguments)
+        finally:
+            sys.stdout.flush()
+    except BrokenPipeError:
+        with contextlib.suppress(OSError, ValueError):  # a stream that is no file
+            # What is still in the buffer would fail again at the end of the process.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return ExitCode.CLOSED_PIPE
+    except OSError as error:  # the rest of the output could not be written
+        complain(error)
+        return ExitCode.BAD_INPUT
+
+
+def reader_has_ended() -> bool:
+    """Tells whether the output goes to a pipe that nobody reads any more. Pipes of an ensemble between its
+    processes may break, too."""
+    if not hasattr(select, "poll"):
+        return True
+    poll = select.poll()
+    poll.register(sys.stdout.fileno(), select.POLLOUT)
+    return any(state & select.POLLERR for _, state in poll.poll(0))
+
+
+def run_command(arguments: list[str] | None) -> ExitCode:
+    """Runs a command line; errors are one line on stderr. Returns the exit code. Raises BrokenPipeError if
+    the reader of the output has ended."""
     try:
         options = parser().parse_args(arguments)
         if options.command is None:
@@ -249,6 +281,8 @@ def main(arguments: list[str] | None = None) -> ExitCode:
         complain(f"{error}; make room and use --resume")
         return ExitCode.INTERRUPTED
     except (InputError, OSError) as error:
+        if isinstance(error, BrokenPipeError) and reader_has_ended():
+            raise
         complain(error)
         return ExitCode.BAD_INPUT
     except SimulationError as error:

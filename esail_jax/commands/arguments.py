@@ -1,7 +1,52 @@
-"""The parts of the command line that several commands have in common."""
+"""The parser of the command line, and the arguments that several commands have in common."""
 
 import argparse
+import sys
+from collections.abc import Sequence
 from typing import Any
+
+from esail_jax.commands.options import UsageError
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser whose errors are one line."""
+
+    given: Sequence[str] = ()
+
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parses arguments, None for those of the process."""
+        self.given = sys.argv[1:] if args is None else args
+        return super().parse_args(args, namespace)
+
+    def error(self, message: str):
+        blanks = setting_with_blanks(self.given)
+        if message.startswith("unrecognized arguments") and blanks:
+            raise UsageError(f"`--set` must be table.key=VALUE without blanks around `=`, but is {blanks}")
+        raise UsageError(f"{self.prog}: {message} (`{self.prog} --help` shows what there is)")
+
+
+def setting_with_blanks(given: Sequence[str]) -> str:
+    """Returns the first setting of a command line that has blanks around its `=`, otherwise an empty
+    text."""
+    for k, word in enumerate(given):
+        setting, following = [*given[k + 1 : k + 2], ""][0], given[k + 2 : k + 4]
+        if word != "--set" or not following:
+            continue
+        if "=" not in setting and following[0].startswith("="):
+            return " ".join([setting, *following[: 2 if following[0] == "=" else 1]])
+        if setting.endswith("=") and not following[0].startswith("-"):
+            return f"{setting} {following[0]}"
+    return ""
+
+
+class ShowVersion(argparse.Action):
+    """The action of `--version`, which reads the version only where it is asked for."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
+        from importlib import metadata
+
+        print(f"esail_jax {metadata.version('esail_jax')}")
+        parser.exit()
 
 
 def add_command(commands: Any, name: str, text: str) -> argparse.ArgumentParser:

@@ -1,7 +1,7 @@
 """The description of a run in a few lines, for `esail info` and at the end of `esail run`. It is read from
 the run file, without JAX."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +12,17 @@ from esail_jax.files.opening import intact, open_run, to_python
 from esail_jax.scenes.scene import Scene, parse
 
 
-def describe(path: Path) -> str:
-    """A few lines on a run: model, method, how it ended, speed, energy balance, versions."""
+def describe(path: Path, said: Sequence[str] = ()) -> str:
+    """A few lines on a run: model, method, how it ended, speed, energy balance, versions. said: sentences
+    of its message that its user has read already."""
     with open_run(path) as file, intact(path):
         attributes = {name: to_python(value) for name, value in file.attrs.items()}
         scene = parse(file["scene"][()].decode(), str(path))
         times = file["time"][()]
         terms = ", ".join(file["numerics"].attrs["terms"])
         balance = balance_text(file)
+    for sentence in said:
+        attributes["message"] = " ".join(attributes["message"].replace(sentence, "").split())
     reached = times[-1] if len(times) else 0.0
     wall = max(attributes["wall_time"], 1e-9)
     steps = attributes["steps"]

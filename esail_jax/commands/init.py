@@ -5,6 +5,7 @@ from pathlib import Path
 
 from esail_jax.atomic_file import atomic_file
 from esail_jax.commands.options import refuse_existing
+from esail_jax.errors import nearest
 from esail_jax.scenes.builtin_scenes import builtin_names, builtin_text
 from esail_jax.scenes.commented_scene import commented
 from esail_jax.scenes.rules import SceneError
@@ -15,7 +16,11 @@ def write_scene(name: str, path: Path | None) -> None:
     SceneError and UsageError."""
     text = builtin_text(name)
     if text is None:
-        raise SceneError("NAME", f"be a built-in scene ({', '.join(builtin_names())})", f"is {name!r}")
+        raise SceneError(
+            "NAME",
+            f"be a built-in scene ({', '.join(builtin_names())})",
+            f"is {name!r}{nearest(name, builtin_names())}",
+        )
     if path is None:
         sys.stdout.write(commented(text))
         return

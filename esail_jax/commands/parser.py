@@ -1,11 +1,9 @@
 """The parser of the command line, with the help of every command."""
 
-import argparse
 from pathlib import Path
 from typing import Any
 
-from esail_jax.commands.arguments import add_command, add_looks, add_scene
-from esail_jax.commands.options import UsageError
+from esail_jax.commands.arguments import Parser, ShowVersion, add_command, add_looks, add_scene
 
 OBJECTIVES_HELP = (
     "mean-torque, attitude, final-attitude, hub-swing, lagging, coning, spin, hub-torque, power and "
@@ -19,13 +17,6 @@ SHELLS = ("bash", "zsh", "fish")
 """Shells for which `esail completion` writes a script."""
 
 
-class Parser(argparse.ArgumentParser):
-    """A parser whose errors are one line."""
-
-    def error(self, message: str):
-        raise UsageError(f"{self.prog}: {message} (`{self.prog} --help` shows what there is)")
-
-
 def parser() -> Parser:
     """The parser of the command line."""
     top = Parser(
@@ -35,6 +26,7 @@ def parser() -> Parser:
         "(the file holds everything before the failure); 130 interrupted (--resume continues).",
         allow_abbrev=False,
     )
+    top.add_argument("--version", action=ShowVersion, nargs=0, help="show the version and exit")
     commands = top.add_subparsers(dest="command", metavar="COMMAND")
     for add in (
         add_run, add_scenes, add_init, add_info, add_plot, add_export, add_animate, add_view, add_modes,
@@ -49,7 +41,12 @@ def add_run(commands: Any) -> None:
     run = add_command(commands, "run", "simulate a scene and write its run file")
     add_scene(run)
     run.add_argument(
-        "-o", "--output", required=True, type=Path, metavar="RUN.h5", help="run file to write (HDF5)"
+        "-o",
+        "--output",
+        required=True,
+        type=Path,
+        metavar="RUN.h5",
+        help="run file to write (HDF5; any name, usually *.h5)",
     )
     run.add_argument(
         "--resume", action="store_true", help="continue RUN.h5 from its last checkpoint, if it exists"

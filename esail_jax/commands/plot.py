@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from esail_jax.commands.options import UsageError
+from esail_jax.commands.progress import Progress
 from esail_jax.errors import SimulationError
 from esail_jax.files.opening import holds_ensemble
 from esail_jax.files.run_file import load
@@ -21,22 +22,25 @@ from esail_jax.simulation.solution import Solution
 
 def draw_files(files: Sequence[Path], folder: Path) -> None:
     """Draws the figures of a run file or of the file of an ensemble, or those that compare several run
-    files, and prints the paths of the figures. Raises RunFileError, and InputError for runs of different
-    models."""
+    files, and prints the path of every figure when it is written. Raises RunFileError, and InputError for
+    runs of different models."""
     path = files[0]
     if len(files) > 1:
         runs = [load(path) for path in files]
-        paths = write_comparison(dict(zip(names_of(files), runs, strict=True)), folder)
+        write_comparison(dict(zip(names_of(files), runs, strict=True)), folder, tell)
     elif holds_ensemble(path):
         from esail_jax.ensembles import load_ensemble
         from esail_jax.plotting.ensemble import plot_ensemble
 
-        paths = plot_ensemble(load_ensemble(path), folder)
+        plot_ensemble(load_ensemble(path), folder, tell)
     else:
         run = load(path)
-        paths = plot_all(run, folder, modes_of(run))
-    for figure in paths:
-        print(figure)
+        plot_all(run, folder, modes_of(run), tell)
+
+
+def tell(path: Path) -> None:
+    """Prints the path of a figure as soon as it is written: a figure takes a second."""
+    print(path, flush=True)
 
 
 def names_of(files: Sequence[Path]) -> list[str]:
@@ -49,14 +53,21 @@ def names_of(files: Sequence[Path]) -> list[str]:
 
 
 def modes_of(run: Any) -> Any:
-    """Returns the modes of the sail of a run, for the lines in its spectra; None if its scene has none, or
-    if the run is too short for a spectrum."""
+    """Returns the modes of the sail of a run, for the lines in its spectra; None if the run is too short
+    for a spectrum, or if its scene has none, which is said. On a terminal a line says what takes some
+    seconds."""
     if run.scene.chain is not None or leading_finite(run.time) < LEAST_SAMPLES:
         return None
+    progress = Progress(0.0, lambda *_: ())
+    progress.stage("Computing the modes of the sail, for the lines in its spectra")
     try:
         return modes(run.scene, converge=False)
-    except (SceneError, SimulationError):
+    except (SceneError, SimulationError) as error:
+        progress.stage("")
+        print(f"The spectra of tether_motion.png have no lines of modes: {error}", flush=True)
         return None
+    finally:
+        progress.stage("")
 
 
 def draw_design(before: Solution, after: Solution, objective: np.ndarray, folder: Path) -> None:

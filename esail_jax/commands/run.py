@@ -25,7 +25,9 @@ from esail_jax.files.run_file import (
 )
 from esail_jax.files.state import load_checkpoint
 from esail_jax.loads.law_structure import identity_of
+from esail_jax.scenes.differences import ABSENT, differing_keys
 from esail_jax.scenes.method_choice import with_method
+from esail_jax.scenes.plausibility import doubts
 from esail_jax.scenes.scene import Scene, parse
 from esail_jax.simulation.host import CompiledScene, HostRun, compile_scene
 from esail_jax.simulation.simulate import stability_along
@@ -58,6 +60,8 @@ def run_alone(
     if going_on == "complete":
         if stability:
             raise RunFileError(f"`--stability` must be given before a run is complete, but {path} is")
+        if not quiet:
+            print(f"{path} is complete already, up to {scene.integrator.t_end:g} s: nothing is left to run")
         return ExitCode.DONE
     progress = RunProgress(scene, quiet)
     try:
@@ -77,7 +81,7 @@ def run_alone(
     if code:
         print(message, file=sys.stderr)
     elif not quiet:
-        print(describe(path))
+        print(describe(path, said=doubts(scene)))
     return code
 
 
@@ -166,9 +170,7 @@ def check_output(scene: Scene, path: Path, resume: bool) -> str:
         before = parse(file["scene"][()].decode(), str(path))
         check_law(scene, file.attrs.get("voltage_law"), path)
         if scene_of_run(before) != scene_of_run(scene):
-            raise RunFileError(
-                f"`--resume` must continue the same scene (t_end apart), but {path} holds another"
-            )
+            raise another_scene(before, scene, path)
         done = file["time"].shape[0] and float(file["time"][-1]) == scene.integrator.t_end
         if file.attrs["status"] == "complete" and done:
             return "complete"
@@ -183,6 +185,21 @@ def check_output(scene: Scene, path: Path, resume: bool) -> str:
             return "new"
         check_checkpoint(before, scene, file["state"], path)
         return "resume"
+
+
+def another_scene(before: Scene, scene: Scene, path: Path) -> RunFileError:
+    """The error that refuses to go on with another scene than that of the file. It names the first key that
+    differs, with both values."""
+    keys = differing_keys([before, scene])
+    keys.pop("integrator.t_end", None)
+    got = f"{path} holds another"
+    if keys:
+        key, values = next(iter(keys.items()))
+        old, new = ("absent" if value == ABSENT else value for value in values)
+        others = len(keys) - 1
+        more = f" ({others} more key{'s differ' if others > 1 else ' differs'})" if others else ""
+        got = f"`{key}` is {old} in {path} and {new} here{more}"
+    return RunFileError(f"`--resume` must continue the same scene (t_end apart), but {got}")
 
 
 def check_law(scene: Scene, before: str | None, path: Path) -> None:

@@ -62,11 +62,12 @@ def hint_at(name: str, present: Iterable[str], of_chain: bool) -> str:
 
 
 def described(name: str) -> Observable:
-    """The entry of an observable, from its name. Raises KeyError."""
-    for entry in (*sail.OBSERVABLES, *sail.ON_REQUEST, *chain.OBSERVABLES, chain.ENERGY_ERROR):
+    """The entry of an observable, from its name. Raises KeyError, with the nearest name."""
+    entries = (*sail.OBSERVABLES, *sail.ON_REQUEST, *chain.OBSERVABLES, chain.ENERGY_ERROR)
+    for entry in entries:
         if entry.name == name:
             return entry
-    raise KeyError(name)
+    raise KeyError(f"{name!r} is no observable{nearest(name, (entry.name for entry in entries))}")
 
 
 def observe(instant: Instant, requested: Sequence[str] = ()) -> dict[str, Array]:

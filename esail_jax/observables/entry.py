@@ -45,7 +45,7 @@ class Observable:
 
     @property
     def meaning(self) -> str:
-        """What it means, in one sentence with the sense in which it is positive."""
+        """What it means, with the sense in which it is positive, and whether a released tether counts."""
         return MEANINGS[self.name]
 
 

@@ -1,9 +1,10 @@
-"""What every observable means, in one sentence with the sense in which it is positive.
+"""What every observable means, in one sentence with the sense in which it is positive, and in another one
+what becomes of it when a tether is released.
 
 X_B is the axis of the hub about which the sail spins, Z_O the direction away from the Sun.
 """
 
-MEANINGS = {
+FIRST_SENTENCES = {
     "coning_angle": "Angle of the line from root to tip out of the spin plane, positive towards X_B.",
     "lagging_angle": (
         "Angle of the line from root to tip within the spin plane, from the radial direction of the "
@@ -87,3 +88,53 @@ MEANINGS = {
         "larger of its first magnitude and the largest kinetic energy."
     ),
 }
+
+COUNTED = (
+    "thrust_O",
+    "thrust_moment_O",
+    "thrust_angle",
+    "kinetic_energy",
+    "elastic_energy",
+    "dissipated_power",
+    "external_power",
+    "dissipated_energy",
+    "external_work",
+    "energy_balance_error",
+    "smallest_tether_distance",
+    "electric_power",
+    "flat_sail_thrust_O",
+    "flat_sail_thrust_moment_O",
+    "axisymmetric_thrust_O",
+    "axisymmetric_thrust_moment_O",
+)
+"""Observables of the whole sail in which a released tether counts as before: it flies on in the wind, at
+the voltage that the law commands."""
+
+LEFT_OUT = ("euler_sail", "precession_angle", "reaction_O", "reaction_moment_O", "reaction_angle")
+"""Observables of the whole sail in which a released tether does not count: the plane of the tips, and the
+forces at the roots."""
+
+BY_HUB = ("coning_angle", "lagging_angle", "root_coning_angle", "root_lagging_angle")
+"""Angles of a tether in axes of the hub, also when the tether is released."""
+
+RELEASED = (
+    dict.fromkeys(COUNTED, "A released tether still counts.")
+    | dict.fromkeys(LEFT_OUT, "A released tether does not count.")
+    | dict.fromkeys(
+        BY_HUB, "Of a released tether: the same angle of its free line, as seen from its place on the hub."
+    )
+    | {
+        "thrust_B": "A released tether keeps its thrust.",
+        "thrust_moment_B": "A released tether keeps its thrust, with the moment about its free end.",
+        "reaction_B": "Zero for a released tether.",
+        "voltage": "The law commands a voltage for a released tether, too.",
+        "electron_current": "A released tether collects electrons, too.",
+    }
+)
+"""What becomes of an observable when a tether is released (`[[event]]`). An observable that is not named
+goes on without a change."""
+
+MEANINGS = {
+    name: " ".join(filter(None, (first, RELEASED.get(name)))) for name, first in FIRST_SENTENCES.items()
+}
+"""The whole text of every observable."""

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from esail_jax.plotting.chain import chain_energies, chain_libration, chain_shapes, chain_tension, chain_tip
 from esail_jax.plotting.comparison import compare, write_comparison
-from esail_jax.plotting.figure_files import write_figures
+from esail_jax.plotting.figure_files import Told, write_figures
 from esail_jax.plotting.picture import sail_picture
 from esail_jax.plotting.sail import attitude, energies, sail_forces
 from esail_jax.plotting.single import draw_observable
@@ -105,10 +105,10 @@ def plot(
     return dict(overview(solution, modes))
 
 
-def plot_all(run: Any, directory: str | Path, modes: Any = None) -> list[Path]:
+def plot_all(run: Any, directory: str | Path, modes: Any = None, tell: Told = None) -> list[Path]:
     """Writes every figure that the run has data for as DIRECTORY/<name>.png; returns the paths. modes: as
-    for `plot`.
+    for `plot`; tell: a function that is called with every path as soon as the file is written.
 
     The directory is created if it does not exist. Raises OSError if that or the writing fails.
     """
-    return write_figures(overview(run, modes), directory)
+    return write_figures(overview(run, modes), directory, tell)

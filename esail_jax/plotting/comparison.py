@@ -14,8 +14,8 @@ from matplotlib.lines import Line2D
 
 from esail_jax.errors import InputError
 from esail_jax.observables.saved_rows import observable, per_tether
-from esail_jax.plotting.data import DEGREES, KILOMETRE, change
-from esail_jax.plotting.figure_files import write_figures
+from esail_jax.plotting.data import DEGREES, KILOMETRE, Mark, change, release_marks
+from esail_jax.plotting.figure_files import Told, write_figures
 from esail_jax.plotting.panels import Curve, Panel, against_time, assemble, time_unit, unwrapped_degrees
 from esail_jax.plotting.sail import norm
 from esail_jax.plotting.tether import of_tether
@@ -73,10 +73,11 @@ def compare(runs: Runs) -> dict[str, Figure]:
     return {name: figure for name, figure in figures.items() if figure.axes}
 
 
-def write_comparison(runs: Runs, directory: str | Path) -> list[Path]:
-    """Writes the figures of `compare` as DIRECTORY/<name>.png; returns the paths. Raises what `compare`
-    raises, before anything is written, and OSError."""
-    return write_figures(compare(runs).items(), directory)
+def write_comparison(runs: Runs, directory: str | Path, tell: Told = None) -> list[Path]:
+    """Writes the figures of `compare` as DIRECTORY/<name>.png; returns the paths, and tells
+    each of them as soon as the file is written. Raises what `compare` raises, before anything is written,
+    and OSError."""
+    return write_figures(compare(runs).items(), directory, tell)
 
 
 def compare_tether(runs: Runs) -> Figure:
@@ -226,6 +227,8 @@ def figure_of(
     rows: the quantity of every panel; None leaves its place empty."""
     unit, xlabel = common_time_unit(list(runs.values()))
     colours = colours_of(len(runs))
+    marks = common_marks(runs, colours)
+    bare = [mark._replace(label=None) for mark in marks]
 
     def panel(quantity: Quantity) -> Panel | None:
         curves = [
@@ -234,16 +237,32 @@ def figure_of(
             )
             for i, run in enumerate(runs.values())
         ]
-        return against_time(unit, xlabel, quantity.label, curves, quantity.logarithmic)
+        return against_time(unit, xlabel, quantity.label, curves, quantity.logarithmic, bare)
 
     figure = assemble(title, [[quantity and panel(quantity) for quantity in row] for row in rows], symbols)
     lines = [
         Line2D([], [], color=colours[i], linestyle=DASHES[i % len(DASHES)], label=text)
         for i, text in enumerate(legend_texts(runs))
     ]
+    lines += [
+        Line2D([], [], color=mark.colour, linewidth=0.6, label=mark.label) for mark in marks if mark.label
+    ]
     if figure.axes:
         figure.legend(handles=lines, loc="outside lower center", ncols=min(2, len(lines)), fontsize="small")
     return figure
+
+
+def common_marks(runs: Runs, colours: Sequence[Any]) -> list[Mark]:
+    """Returns the instants at which tethers are released: once if they are the same in all runs, otherwise
+    those of every run in its colour and with its name."""
+    every = [release_marks(run) for run in runs.values()]
+    if all(marks == every[0] for marks in every):
+        return every[0]
+    return [
+        Mark(mark.time, mark.label and f"{name}: {mark.label}", colour)
+        for name, marks, colour in zip(runs, every, colours, strict=True)
+        for mark in marks
+    ]
 
 
 def common_time_unit(runs: Sequence[Any]) -> tuple[float, str]:

@@ -1,11 +1,12 @@
 """Data for the figures of a run: periods, readable units, spectra."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.signal import periodogram
 
 from esail_jax.observables.saved_rows import leading_finite
+from esail_jax.scenes.releases import releases
 
 DEGREES = 180.0 / np.pi
 """Degrees in a radian."""
@@ -16,11 +17,32 @@ KILOMETRE = 1e3
 PREFIXES = ((1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, r"$\mu$"))
 """Prefixes of units and their factors, the largest first."""
 
+MOST_NUMBERED = 3
+"""Largest number of released tethers that a legend names one by one."""
+
 LEAST_SAMPLES = 8
 """Smallest number of samples for a spectrum."""
 
 ROUNDING = 1e-13
 """A signal counts as constant if its range, relative to its largest value, is at most this."""
+
+
+class Mark(NamedTuple):
+    """An instant [s] that is marked in a figure: its label in the legend, None for none, and its colour."""
+
+    time: float
+    label: str | None
+    colour: Any = "0.35"
+
+
+def release_marks(run: Any) -> list[Mark]:
+    """Returns the instants of the run at which tethers are released. The first one has the label of all."""
+    scene, time = run.scene, np.asarray(run.time)
+    found = {t: x for t, x in releases(scene).items() if len(time) and t <= time[-1]}
+    numbers = sorted(number for tethers in found.values() for number in tethers)
+    named = f"tether{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}"
+    label = f"{named if len(numbers) <= MOST_NUMBERED else f'{len(numbers)} tethers'} released"
+    return [Mark(t, None if k else label) for k, t in enumerate(found)]
 
 
 def change(values: np.ndarray | None) -> np.ndarray | None:

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from esail_jax.ensembles import Ensemble, outcomes_of, sensitivities
 from esail_jax.ensembles.statistics import DEGREES
-from esail_jax.plotting.figure_files import write_figures
+from esail_jax.plotting.figure_files import Told, write_figures
 
 FANS = (
     ("coning angle [deg]", "coning_angle", DEGREES, None),
@@ -29,13 +29,14 @@ BANDS = ((0.0, 1.0, 0.12), (0.05, 0.95, 0.22), (0.25, 0.75, 0.35))
 """Lower and upper probability of a band, and its opacity."""
 
 
-def plot_ensemble(ensemble: Ensemble, directory: str | Path) -> list[Path]:
-    """Writes every figure that the ensemble has data for as DIRECTORY/<name>.png; returns the paths.
+def plot_ensemble(ensemble: Ensemble, directory: str | Path, tell: Told = None) -> list[Path]:
+    """Writes every figure that the ensemble has data for as DIRECTORY/<name>.png; returns the paths, and
+    tells each of them as soon as the file is written.
 
     The directory is created if it does not exist. Raises OSError if that or the writing fails."""
     makers = {"fans": fans, "distributions": distributions, "drivers": drivers_figure}
     figures = ((name, make(ensemble)) for name, make in makers.items())
-    return write_figures(((name, figure) for name, figure in figures if figure.axes), directory)
+    return write_figures(((name, figure) for name, figure in figures if figure.axes), directory, tell)
 
 
 def grid_of(count: int, width: float = 4.0, height: float = 2.6) -> tuple[Figure, list[Axes]]:

@@ -1,6 +1,6 @@
 """PNG files of figures."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from matplotlib.figure import Figure
@@ -9,8 +9,14 @@ DOTS_PER_INCH = 150
 """Resolution of the written figures."""
 
 
-def write_figures(figures: Iterable[tuple[str, Figure]], directory: str | Path) -> list[Path]:
-    """Writes every figure as DIRECTORY/<name>.png; returns the paths.
+Told = Callable[[Path], object] | None
+"""A function that is called with the path of every file as soon as it is written; None for none."""
+
+
+def write_figures(
+    figures: Iterable[tuple[str, Figure]], directory: str | Path, tell: Told = None
+) -> list[Path]:
+    """Writes every figure as DIRECTORY/<name>.png; returns the paths, and tells each of them at once.
 
     The directory is created if it does not exist. Raises OSError if that or the writing fails.
     """
@@ -20,4 +26,6 @@ def write_figures(figures: Iterable[tuple[str, Figure]], directory: str | Path) 
     for name, figure in figures:
         paths.append(directory / f"{name}.png")
         figure.savefig(paths[-1], dpi=DOTS_PER_INCH)
+        if tell is not None:
+            tell(paths[-1])
     return paths

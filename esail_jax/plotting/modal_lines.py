@@ -16,9 +16,6 @@ HIGHEST_NODES = 3
 COLOURS = ("tab:red", "tab:green", "tab:purple", "tab:brown")
 """Colours of the lines, by the number of nodes."""
 
-SAME = 0.03
-"""Largest relative difference of the frequencies of modes that share one name in a spectrum."""
-
 
 class ModalLine(NamedTuple):
     """A mode in a spectrum. frequency: of its ringing [Hz]; name: what moves; nodes: along the tether."""
@@ -45,15 +42,11 @@ def modal_lines(table: Any, kind: str) -> list[ModalLine]:
 
 
 def draw_modal_lines(ax: Axes, lines: Sequence[ModalLine], lowest: float, highest: float) -> None:
-    """Draws the lines between two frequencies [Hz], with the name beside the first of those that lie
-    together."""
-    named: dict[str, float] = {}
+    """Draws the lines between two frequencies [Hz]. Their labels are for a legend, which hides no curve:
+    one for each name."""
+    named = set()
     for line in lines:
-        if not lowest <= line.frequency <= highest:
-            continue
-        colour = COLOURS[line.nodes]
-        ax.axvline(line.frequency, color=colour, linestyle=":", linewidth=0.7)
-        if abs(line.frequency - named.get(line.name, np.inf)) > SAME * line.frequency:
-            place = {"rotation": 90, "ha": "right", "va": "bottom", "fontsize": 5.5, "color": colour}
-            ax.text(line.frequency, 0.03, line.name, transform=ax.get_xaxis_transform(), **place)
-        named[line.name] = line.frequency
+        if lowest <= line.frequency <= highest:
+            label = None if line.name in named else line.name
+            ax.axvline(line.frequency, color=COLOURS[line.nodes], linestyle=":", linewidth=0.9, label=label)
+            named.add(line.name)

@@ -14,11 +14,14 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from esail_jax.observables.saved_rows import leading_finite
-from esail_jax.plotting.data import orbital_period, power_spectrum, spin_period
+from esail_jax.plotting.data import Mark, orbital_period, power_spectrum, release_marks, spin_period
 from esail_jax.plotting.modal_lines import ModalLine, draw_modal_lines
 
 LEAST_WIDTH = 7.0
 """Smallest width of a figure [inch], for its title and legends."""
+
+NAMES_SIZE = 6.0
+"""Size of the names of modes in a legend [point]."""
 
 FREQUENCY_LABEL = r"frequency $f$ [Hz]"
 
@@ -55,17 +58,24 @@ def time_unit(run: Any) -> tuple[float, str]:
 
 
 def history(run: Any, ylabel: str, *curves: Curve) -> Panel | None:
-    """Returns a panel with curves of one run against time; None if no curve has data."""
+    """Returns a panel with curves of one run against time, and the instants at which tethers are released;
+    None if no curve has data."""
     own = [dataclasses.replace(c, times=run.time) if c.times is None else c for c in curves]
-    return against_time(*time_unit(run), ylabel, own)
+    return against_time(*time_unit(run), ylabel, own, marks=release_marks(run))
 
 
 def against_time(
-    unit: float, xlabel: str, ylabel: str, curves: Sequence[Curve], logarithmic: bool = False
+    unit: float,
+    xlabel: str,
+    ylabel: str,
+    curves: Sequence[Curve],
+    logarithmic: bool = False,
+    marks: Sequence[Mark] = (),
 ) -> Panel | None:
     """Returns a panel with curves, each with its own instants, against time; None if no curve has data.
 
-    unit: unit of the time axis [s]; logarithmic: whether the other axis is."""
+    unit: unit of the time axis [s]; logarithmic: whether the other axis is; marks: instants that
+    thin vertical lines mark."""
     shown = [c for c in curves if c.values is not None and np.isfinite(c.values).any()]
     if not shown:
         return None
@@ -81,14 +91,22 @@ def against_time(
                 marker="." if np.isfinite(curve.values).sum() == 1 else "",
                 label=curve.label,
             )
+        draw_marks(ax, marks, unit)
         if logarithmic:
             ax.set_yscale("log")
         else:
             ax.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
-        if any(curve.label for curve in shown):
-            legend_above(ax, len(shown))
+        labels = [x.label for x in shown if x.label] + [x.label for x in marks if x.label]
+        if labels:
+            legend_above(ax, len(labels))
 
     return Panel(xlabel, ylabel, draw)
+
+
+def draw_marks(ax: Axes, marks: Sequence[Mark], unit: float) -> None:
+    """Draws a thin vertical line at every marked instant. unit: unit of the time axis [s]."""
+    for mark in marks:
+        ax.axvline(mark.time / unit, color=mark.colour, linewidth=0.6, label=mark.label)
 
 
 def components(run: Any, vectors: np.ndarray | None, symbol: str, unit: str) -> list[Panel | None]:
@@ -116,13 +134,17 @@ def spectrum(
         ax.loglog(frequency, density, linewidth=1.0, color="tab:blue")
         if period is not None and frequency[0] <= 1.0 / period <= frequency[-1]:
             ax.axvline(1.0 / period, color="black", linestyle="--", linewidth=0.8, label="spin")
-            legend_above(ax, 1)
         draw_modal_lines(ax, lines, frequency[0], frequency[-1])
+        entries = len(ax.get_legend_handles_labels()[1])
+        if entries:
+            legend_above(ax, min(2, entries), fontsize="small" if entries == 1 else NAMES_SIZE)
 
     return Panel(FREQUENCY_LABEL, ylabel, draw)
 
 
-def legend_above(ax: Axes, columns: int, handles: list[Line2D] | None = None) -> None:
+def legend_above(
+    ax: Axes, columns: int, handles: list[Line2D] | None = None, fontsize: str | float = "small"
+) -> None:
     """Adds a legend above the axes, where it hides no curve. handles: its lines; None: all with a label."""
     ax.legend(
         handles=handles,
@@ -131,7 +153,7 @@ def legend_above(ax: Axes, columns: int, handles: list[Line2D] | None = None) ->
         ncols=columns,
         frameon=False,
         borderaxespad=0.1,
-        fontsize="small",
+        fontsize=fontsize,
         handlelength=1.5,
     )
 

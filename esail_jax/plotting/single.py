@@ -11,7 +11,8 @@ from matplotlib.lines import Line2D
 
 from esail_jax.observables import chain, hint_at, sail
 from esail_jax.observables.entry import Observable
-from esail_jax.plotting.panels import legend_above, tether_colours, time_unit
+from esail_jax.plotting.data import release_marks
+from esail_jax.plotting.panels import draw_marks, legend_above, tether_colours, time_unit
 
 MOST_NAMED = 12
 """Largest number of tethers, rods or joints that the legend names one by one."""
@@ -64,12 +65,15 @@ def draw_observable(run: Any, name: str, ax: Axes | None = None) -> Axes:
     for k in range(first):
         for j in range(second):
             ax.plot(times, curves[:, k, j], DASHES[j], color=colours[k], linewidth=1.0, marker=marker)
+    marks = release_marks(run)
+    draw_marks(ax, marks, unit)
     ax.set_xlabel(xlabel)
     words = re.sub(r"_([A-Z])$", r"_in_\1", name).replace("_", " ")  # thrust_O: components in the frame O
     ax.set_ylabel(f"{words}, {mathtext(entry.symbol)} [{entry.unit}]")
     ax.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
     ax.grid(alpha=0.3)
     handles = legend_of(entry, first, colours)
+    handles += [Line2D([], [], color=x.colour, linewidth=0.6, label=x.label) for x in marks if x.label]
     if handles:
         legend_above(ax, min(4, len(handles)), handles=handles)
     return ax

@@ -93,8 +93,8 @@ class Orbit:
 
 @table
 class PlasmaBrake:
-    """Coulomb drag of the ionosphere on a negative chain in low orbit (`loads/plasma_brake.py`). In the
-    axes of the orbit the plasma streams along -y."""
+    """Coulomb drag of the ionosphere on a negative chain in low orbit. In the axes of the orbit the plasma
+    streams along -y."""
 
     voltage: PerMember = per_member(
         non_positive, unit="V", doc="Voltage of a rod; one at zero has no drag."

@@ -29,6 +29,11 @@ HOW_TO_READ = (
     "after `=` the key has no default."
 )
 
+LEFT_OUT = (
+    "Tables that this scene leaves out. To use one, remove the `#` of its heading and of the keys that you "
+    "give. Keys that must be given in such a table say so."
+)
+
 
 def commented(text: str) -> str:
     """Returns the TOML text of a built-in scene with comments. It stands for exactly the same scene: values
@@ -56,8 +61,11 @@ def commented(text: str) -> str:
                 given = {}
             result.append(line)
     others = {name: kind for name, kind in tables_of(tables).items() if name not in tables}
-    result.append("# Tables that this scene leaves out:")
-    result += [line for name, kind in others.items() for line in block(f"[{name}]: {about(kind)}")]
+    result += block(LEFT_OUT)
+    for name, kind in others.items():
+        result += ["", *block(about(kind)), f"# [[{name}]]" if name == "event" else f"# [{name}]"]
+        # Two more blanks than a key of a table that is there: these keys alone belong to no table.
+        result += [f"#   {line[2:]}" for line in (left_out(key) for key in known if key.table == name)]
     return "\n".join(result) + "\n"
 
 
@@ -77,15 +85,22 @@ def without_value(key: KeyDescription) -> str:
     return f"# {key.name} ={value}"
 
 
-def beside(entry: str, key: KeyDescription, note: str = "") -> str:
+def left_out(key: KeyDescription) -> str:
+    """Returns the line of a key in a table that is left out."""
+    return beside(without_value(key), key, must="Must be given." if key.required else "")
+
+
+def beside(entry: str, key: KeyDescription, note: str = "", must: str = "") -> str:
     """Returns a line with its comment: the unit and meaning of the key, and the remark of the scene's own
-    file."""
+    file. must: sentence on whether it must be given."""
     unit = "" if key.unit == "-" else f"{key.unit}: "
     parts = [f"{unit}{key.doc}"]
     if key.type.startswith("one of"):
         parts.append(f"{key.type.capitalize()}.")
     if key.type.startswith("number, or list with one number per"):
         parts.append(f"One for all, or a list with one per {key.type.split()[-1]}.")
+    if must:
+        parts.append(must)
     remark = note.removeprefix(key.unit).lstrip(":, ")
     if remark:
         parts.append(f"Here: {remark}.")

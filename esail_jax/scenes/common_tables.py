@@ -15,7 +15,9 @@ class Gravity:
 
 @table
 class Integrator:
-    """Time integration. Keys that are left out are chosen by `scenes/method_choice.py`."""
+    """Time integration. Without `method` the package chooses one: collocation for a sail, for a chain an
+    explicit method, or an implicit one if its rods vibrate fast. The method chooses its step or
+    tolerance."""
 
     t_end: float = declare(positive, structure=True, unit="s", doc="End time.")
     method: MethodName | None = declare(

@@ -10,6 +10,12 @@ from esail_jax.scenes.tables import given
 ABSENT = "-"
 """Text for a key that a scene does not have."""
 
+LONGEST = 60
+"""Largest number of characters of a value."""
+
+LARGE = 1e7
+"""Whole numbers from here on are written with an exponent."""
+
 
 def differing_keys(scenes: Sequence[Scene]) -> dict[str, tuple[str, ...]]:
     """Returns the keys whose values are not the same in all scenes, each with its value in every scene as a
@@ -27,5 +33,20 @@ def values_by_key(scene: Scene) -> dict[str, Any]:
 
 
 def text_of(value: Any) -> str:
-    """Returns a value as a text of at most about sixty characters."""
-    return ABSENT if value is None else describe(value).removeprefix("is ")
+    """Returns a value as a text of at most about sixty characters: numbers as people write them, lists
+    without brackets."""
+    if value is None:
+        return ABSENT
+    value = value.tolist() if hasattr(value, "tolist") else value
+    items = value if isinstance(value, (list, tuple)) else [value]
+    if not items or not all(isinstance(item, (str, bool, int, float)) for item in items):
+        return describe(value).removeprefix("is ")
+    text = ", ".join(plain(item) for item in items)
+    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
+
+
+def plain(item: str | bool | int | float) -> str:
+    """Returns an entry of a list, or a single value, as a text: 1000 in place of 1000.0."""
+    if isinstance(item, float) and item.is_integer() and abs(item) < LARGE:
+        return str(int(item))
+    return describe(item).removeprefix("is ").strip("'")

@@ -102,8 +102,8 @@ class Tethers:
 @table
 class SolarWind:
     """Solar wind at the sail ([PGV] after Eq. 28). With `time`, speed and density are given at those
-    instants and change linearly between them. In a file, `file` may name a CSV file with these three
-    columns (`scenes/wind_file.py`)."""
+    instants and change linearly between them. In a file, `file` may name a CSV file whose first line is
+    time,speed,number_density, and which has a line of numbers per instant."""
 
     speed: Series = declarations.speed_of_wind(Shape.SERIES)
     number_density: Series = declarations.density_of_wind(Shape.SERIES)
@@ -146,7 +146,8 @@ class SolarWind:
 
 @table
 class Voltage:
-    """Voltage V_0 of the tethers, and its modulation (`loads/voltage.py`)."""
+    """Voltage V_0 of the tethers, and the law by which it is modulated: in time, with the rotation of the
+    sail, or by feedback. Each law has keys of its own."""
 
     value: PerMember | None = per_member(any_number, unit="V", doc="Voltage V_0 of a tether.", default=None)
     law: LawName = declare(choice(LawName), unit="-", doc="Modulation law.", default="constant")

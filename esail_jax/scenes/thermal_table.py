@@ -12,10 +12,11 @@ from esail_jax.scenes.value_types import History, Number, Series, Shape
 
 @table
 class Thermal:
-    """Temperature of the tethers, which expand with it (`elements/thermal.py`): their elastic strain is the
-    strain less expansion times (T - reference_temperature). Auxiliary tethers are not heated. With `time`
-    the temperature is given at those instants and changes linearly between them; it is constant before the
-    first and after the last. `environment/thermal.py` writes such a series for an eclipse."""
+    """Temperature of the tethers, which expand with it: their elastic strain is the strain less expansion
+    times (T - reference_temperature). Auxiliary tethers are not heated. With `time` the temperature is
+    given at those instants and changes linearly between them; it is constant before the first and after the
+    last. In Python, the functions of `esail_jax.environment.thermal` compute such a series for an
+    eclipse."""
 
     expansion: Number = declare(any_number, unit="1/K", doc="Coefficient of thermal expansion.")
     reference_temperature: Number = declare(

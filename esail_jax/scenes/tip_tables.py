@@ -54,10 +54,9 @@ class RemoteUnits:
 
 @table
 class TipThrust:
-    """Thrust at the tips: a force on every remote unit (`loads/tip_thrust.py`). With X_B the spin axis and
-    d the unit vector along the chord from root to tip, less its part along X_B, a tangential force is along
-    X_B x d, an axial one along X_B and a radial one along d. Without `on`, `off` and `rise_time` it always
-    acts."""
+    """Thrust at the tips: a force on every remote unit. With X_B the spin axis and d the unit vector along
+    the chord from root to tip, less its part along X_B, a tangential force is along X_B x d, an axial one
+    along X_B and a radial one along d. Without `on`, `off` and `rise_time` it always acts."""
 
     force: PerMember = per_member(
         any_number, unit="N", doc="Force on a remote unit; a negative one has the opposite direction."

@@ -12,6 +12,7 @@ import numpy as np
 from esail_jax.errors import SimulationError, nearest
 from esail_jax.observables import described, known_names
 from esail_jax.observables.run_warning import run_warning
+from esail_jax.scenes.keywords import refuse_keywords
 from esail_jax.scenes.merging import check_overrides
 from esail_jax.scenes.own_law import KEY, period_of
 from esail_jax.scenes.rules import SceneError
@@ -45,6 +46,7 @@ def simulate(
     stepper: AbstractStepper | None = None,
     stability: bool = False,
     voltage_law: Any = None,
+    **unknown: Any,
 ) -> Solution:
     """Integrates the equations of motion of a scene and returns the observables at the saved instants.
 
@@ -78,6 +80,7 @@ def simulate(
     needs more ends with `RESULTS.too_many_steps`.
 
     Raises SceneError for bad input, SimulationError for a failed run, RuntimeError in 32-bit mode."""
+    refuse_keywords("simulate", unknown)
     scene = load_scene(scene, with_law(overrides, voltage_law))
     check_start(scene, start)
     check_times(times, 0.0 if start is None else start.time)
@@ -133,6 +136,7 @@ def run(
     max_steps: int | None = None,
     stepper: AbstractStepper | None = None,
     voltage_law: Any = None,
+    **unknown: Any,
 ) -> Iterator[Chunk]:
     """Integrates a scene and yields the results of consecutive saved instants as soon as they are known.
 
@@ -143,6 +147,7 @@ def run(
     with the length of the run. The arguments are those of `simulate`, but all numbers must be concrete.
 
     Raises SceneError when it is called, and SimulationError after the last good chunk of a failed run."""
+    refuse_keywords("run", unknown)
     scene = load_scene(scene, with_law(overrides, voltage_law))
     check_start(scene, start)
     check_times(times, 0.0 if start is None else start.time)

@@ -85,9 +85,10 @@ class Solution(eqx.Module, Mapping):
         return steps if isinstance(steps, jax.core.Tracer) else int(steps)
 
     def about(self, name: str) -> Observable:
-        """Returns the description of an observable: `unit`, `symbol`, `axes` (after time) and `equation`.
+        """Returns the description of an observable: `unit`, `symbol`, `axes` (after time), `equation` and
+        `meaning`.
 
-        Raises KeyError for an unknown name."""
+        Raises KeyError for an unknown name, with the nearest one."""
         return described(name)
 
     def units(self) -> dict[str, str]:

@@ -43,6 +43,7 @@ def chain_motion(run: SavedRun, frames: np.ndarray) -> Motion:
         vertices=vertices,
         lines=tuple((k, k + 1) for k in range(scene.chain.rods)),
         markers=(0, scene.chain.rods) if free else (scene.chain.rods,),
+        released=(),
         straight=straight,
         rotation=None,
         wind=None,

@@ -78,7 +78,7 @@ class Drawing:
         self.wind_name = ax.text(0.0, 0.0, "solar wind", color=WIND, fontsize=8, va="top")
         self.wind_name.set_visible(motion.wind is not None)
         self.figure.text(0.015, 0.985, statement(motion, style), color=INK, fontsize=9, va="top")
-        lines = textwrap.fill(remark(motion), int(style.width / PIXELS_PER_LETTER))
+        lines = textwrap.fill("; ".join(motion.remarks), int(style.width / PIXELS_PER_LETTER))
         self.figure.text(0.015, 0.01, lines, color=SOFT, fontsize=7, va="bottom")
         self.clock = self.figure.text(0.985, 0.985, "", color=INK, fontsize=9, va="top", ha="right")
         if self.quantity:
@@ -163,13 +163,7 @@ def statement(motion: Motion, style: Style) -> str:
     shape = "true shape"
     if style.exaggeration != 1.0:
         shape = f"lateral displacements × {style.exaggeration:g}"
-    return f"{shape}, {style.axes} axes, seen from the hub" if motion.turning else shape
-
-
-def remark(motion: Motion) -> str:
-    """Returns how the lines follow from the run file, and what the circle about a sail is."""
-    circle = "" if motion.reach is None else "; grey circle: undeformed tips in the spin plane"
-    return motion.shape + circle
+    return f"{shape}, {style.axes} axes, centred on the hub" if motion.turning else shape
 
 
 def moment(motion: Motion, frame: int) -> str:

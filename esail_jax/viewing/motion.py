@@ -24,10 +24,12 @@ class Quantity:
 class Signal:
     """An observable against time.
 
-    symbol, unit: as in the run file; labels: one per component; values: (frame, component)."""
+    symbol: as in the run file; unit: that of the figures of `esail plot`; axis: what the components are,
+    "tether", "rod", "xyz", "angle" or nothing; labels: one per component; values: (frame, component)."""
 
     symbol: str
     unit: str
+    axis: str
     labels: tuple[str, ...]
     values: np.ndarray
 
@@ -42,6 +44,8 @@ class Motion:
     vertices: positions [m], (frame, vertex, 3); NaN where a position is not known
     lines: indices of the vertices of every line
     markers: indices of the vertices that are drawn as dots, the remote units of a sail
+    released: of every tether the first frame in which it is released, None of one that is held; empty of a
+    chain. Frame, exaggeration and range of the colours follow the tethers that are held
     straight: unit vector of every vertex (vertex, 3), along which positions are never exaggerated
     rotation: C_B^I of a sail (frame, 3, 3); None of a chain, whose axes are the only ones
     wind: direction of the wind in inertial axes (frame, 3); None without wind
@@ -65,6 +69,7 @@ class Motion:
     vertices: np.ndarray
     lines: tuple[tuple[int, ...], ...]
     markers: tuple[int, ...]
+    released: tuple[int | None, ...]
     straight: np.ndarray
     rotation: np.ndarray | None
     wind: np.ndarray | None
@@ -85,6 +90,16 @@ class Motion:
     def turning(self) -> bool:
         """Whether spinning axes exist beside the inertial ones."""
         return self.rotation is not None
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a viewer must know of the lines: how they follow from the run file, what the circle about a
+        sail is, and how a released tether is drawn."""
+        circle = () if self.reach is None else ("grey circle: undeformed tips in the spin plane",)
+        numbers = [str(k + 1) for k, first in enumerate(self.released) if first is not None]
+        tethers = f"tether{'s' * (len(numbers) > 1)} {', '.join(numbers)}"
+        free = (f"{tethers}: grey when released, may leave the picture",) if numbers else ()
+        return (self.shape, *circle, *free)
 
 
 STEPS = (1.0, 2.0, 5.0)

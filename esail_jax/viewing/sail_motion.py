@@ -1,5 +1,7 @@
 """The moving picture of a sail."""
 
+import dataclasses
+
 import numpy as np
 
 from esail_jax.constants import ASTRONOMICAL_UNIT
@@ -76,6 +78,7 @@ def sail_motion(run: SavedRun, frames: np.ndarray) -> Motion:
             *(ring_lines(ends) if scene.auxiliary_tethers is not None else ()),
         ),
         markers=ends,
+        released=tuple(int(np.argmax(one)) if one.any() else None for one in free.T),
         straight=straight,
         rotation=rotation,
         wind=wind_directions(run, frames, centre),
@@ -89,7 +92,7 @@ def sail_motion(run: SavedRun, frames: np.ndarray) -> Motion:
         reach=reach,
         anchor=np.zeros(3),
         shape=SHAPES[shape] + (RING_SHAPE if scene.auxiliary_tethers is not None else ""),
-        colours=line_colours(run, frames),
+        colours={name: without(quantity, free) for name, quantity in line_colours(run, frames).items()},
         signals=signals_of(run, frames),
     )
 
@@ -179,6 +182,14 @@ def line_colours(run: SavedRun, frames: np.ndarray) -> dict[str, Quantity]:
         strain = with_ring(run, frames, rows["max_axial_strain"][frames])
         found["strain"] = Quantity("largest strain", "-", strain)
     return found
+
+
+def without(quantity: Quantity, free: np.ndarray) -> Quantity:
+    """Returns a quantity without its values of released tethers (frame, tether): such a tether has no
+    colour, and the range of the colours is that of the others."""
+    values = np.array(quantity.values, float)
+    values[:, : free.shape[1]][free] = np.nan
+    return dataclasses.replace(quantity, values=values)
 
 
 def with_ring(

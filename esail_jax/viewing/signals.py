@@ -8,6 +8,9 @@ from esail_jax.viewing.motion import Signal
 NUMBERED = ("tether", "rod")
 """Axes whose entries are told by number, from 1."""
 
+NEGLIGIBLE = 1e-9
+"""Values below this part of the largest one of a signal are shown as zero: they are rounding errors."""
+
 NAMES = {"xyz": "xyz", "angle": ""}
 """Names of the components of other axes; those of angles are in the symbol."""
 
@@ -23,9 +26,29 @@ def signals_of(run: SavedRun, frames: np.ndarray) -> dict[str, Signal]:
         columns = values[frames].reshape(len(frames), -1)
         if not np.isfinite(columns).any():
             continue
-        symbol = run.attributes[name]["symbol"]
-        found[name] = Signal(symbol, run.attributes[name]["unit"], labels(axes, symbol, columns), columns)
+        symbol, unit = run.attributes[name]["symbol"], run.attributes[name]["unit"]
+        if unit == "rad":
+            unit, columns = "deg", degrees(columns, axes)
+        axis = axes[0] if axes else ""
+        found[name] = Signal(symbol, unit, axis, labels(axes, symbol, columns), without_rounding(columns))
     return found
+
+
+def degrees(columns: np.ndarray, axes: tuple[str, ...]) -> np.ndarray:
+    """Returns angles [deg] (frame, component), as the figures of `esail plot` show them: those of hub and
+    sail without jumps by full turns, as far as they are known without a gap from the start."""
+    columns = np.array(columns, float)
+    if axes[:1] != ("tether",):
+        known = np.isfinite(columns).all(1)
+        end = len(known) if known.all() else int(np.argmin(known))
+        columns[:end] = np.unwrap(columns[:end], axis=0)
+    return np.degrees(columns)
+
+
+def without_rounding(columns: np.ndarray) -> np.ndarray:
+    """Returns values with zeros in place of those that are rounding errors."""
+    largest = np.abs(columns[np.isfinite(columns)]).max()
+    return np.where(np.abs(columns) <= NEGLIGIBLE * largest, 0.0, columns)
 
 
 def labels(axes: tuple[str, ...], symbol: str, columns: np.ndarray) -> tuple[str, ...]:

@@ -131,13 +131,13 @@ def energies(runs: Runs) -> Figure:
                 history(
                     runs,
                     "d",
-                    r"mean dissipated power [$\mu$W]",
+                    "mean dissipated\npower [$\\mu$W]",
                     lambda run: 1e6 * mean_power(run),
                 ),
             ],
             [
                 history(
-                    runs, "e", "dissipated energy [mJ]", lambda run: 1e3 * run["dissipated_energy"]
+                    runs, "e", "dissipated\nenergy [mJ]", lambda run: 1e3 * run["dissipated_energy"]
                 ),
                 Panel("f", "$E_T / E_T(0) - 1$ [-]", [change]),
             ],

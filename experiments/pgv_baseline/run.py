@@ -29,11 +29,26 @@ CASES = ("alpha-10", "alpha-0", "voltage-off")
 MORE = (plotting.all_tethers, plotting.sail_picture)
 """Figures of the run at 10 deg that the paper does not have."""
 
+FLOOR = 1e-8
+"""Values below this part of the largest one of an observable, in all runs and components, are written as 0.
+They are rounding errors of forces and angles that are zero by symmetry: the largest is 3e-9, of a moment of
+the root reactions. Another machine rounds differently, so that their digits mean nothing."""
+
 UNITS = {entry.name: entry.unit for entry in OBSERVABLES}
 
 
-def range_rows(case: str, solution: esail.Solution) -> list[list]:
-    """Returns rows (case, observable, component, unit, smallest, largest), over time and all tethers."""
+def largest_values(runs: dict[str, esail.Solution]) -> dict[str, float]:
+    """Returns the largest magnitude of every observable in all runs."""
+    found: dict[str, float] = {}
+    for run in runs.values():
+        for name in run.observables:
+            found[name] = max(found.get(name, 0.0), float(np.abs(run[name]).max()))
+    return found
+
+
+def range_rows(case: str, solution: esail.Solution, largest: dict[str, float]) -> list[list]:
+    """Returns rows (case, observable, component, unit, smallest, largest), over time and all tethers.
+    largest: largest magnitude of every observable."""
     rows = []
     for name in solution.observables:
         values = np.asarray(solution[name])
@@ -41,7 +56,8 @@ def range_rows(case: str, solution: esail.Solution) -> list[list]:
         if values.shape[-1:] == (3,) and name != "rotation_IB":
             components = [(str(k), values[..., k]) for k in range(3)]
         for component, part in components:
-            rows.append([case, name, component, UNITS[name], f"{part.min():.6g}", f"{part.max():.6g}"])
+            ends = [x if abs(x) > FLOOR * largest[name] else 0.0 for x in (part.min(), part.max())]
+            rows.append([case, name, component, UNITS[name], *(f"{x:.6g}" for x in ends)])
     return rows
 
 
@@ -64,11 +80,14 @@ def summary(solution: esail.Solution) -> dict[str, float]:
 def main() -> None:
     """Runs all cases, writes the table and the figures, prints the summary."""
     runs = {case: case_run(case) for case in CASES}
-    rows = [row for case, run in runs.items() for row in range_rows(case, run)]
+    largest = largest_values(runs)
+    rows = [row for case, run in runs.items() for row in range_rows(case, run, largest)]
+    print(f"writing into {HERE}")
     with open(HERE / "table.csv", "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["case", "observable", "component", "unit", "min", "max"])
         writer.writerows(rows)
+    print(f"wrote {HERE / 'table.csv'}, {len(rows)} rows")
     for name, make in FIGURES.items():
         save(make(runs), HERE / "figures" / f"{name}.png")
     for make in MORE:

@@ -50,11 +50,16 @@ def source_checksum() -> str:
 
 
 def kept_run(
-    name: str, scene: str, overrides: Mapping[str, Any] | None = None, save: Sequence[str] | None = None
+    name: str,
+    scene: str,
+    overrides: Mapping[str, Any] | None = None,
+    save: Sequence[str] | None = None,
+    shown: str | None = None,
 ) -> esail.Solution:
     """Returns the solution of a scene, from its file if there is one.
 
-    save: names of the observables to save, all of them if None. The statistics of a solution from a file
+    save: names of the observables to save, all of them if None; shown: name that is printed, if it is not
+    that of the file. The statistics of a solution from a file
     are those of the run that made the file.
     """
     loaded = with_method(esail.load_scene(scene, overrides))
@@ -62,7 +67,7 @@ def kept_run(
     path = FOLDER / f"{name}-{hashlib.sha256(text.encode()).hexdigest()[:10]}.h5"
     if path.exists():
         return esail.load(path)
-    print(f"running {name} ...", flush=True)
+    print(f"running {shown or name} ...", flush=True)
     solution = esail.simulate(loaded, save=save)
     stats = solution.stats
     print(f"  {stats['wall_time']:.1f} s, compiled in {stats['compile_time']:.1f} s", flush=True)
@@ -71,13 +76,16 @@ def kept_run(
     return solution
 
 
-def model_run(model: str, elements: int) -> esail.Solution:
+def model_run(model: str, elements: int, shown: str | None = None) -> esail.Solution:
     """Returns three spin periods of the baseline at 10 deg, with one of MODELS and this many elements per
-    tether, by the paper's method."""
+    tether, by the paper's method. shown: as for `kept_run`."""
     overrides = PAPERS_METHOD | MODELS[model] | {"tethers.elements": elements}
-    return kept_run(f"{model.replace(', ', '-').replace(' ', '-')}-{elements}", "baseline", overrides)
+    name = f"{model.replace(', ', '-').replace(' ', '-')}-{elements}"
+    return kept_run(name, "baseline", overrides, shown=shown)
 
 
 def case_run(case: str) -> esail.Solution:
     """Returns three spin periods of one of CASES by the paper's method."""
-    return model_run("cable", 5) if case == "alpha-10" else kept_run(case, CASES[case], PAPERS_METHOD)
+    if case == "alpha-10":  # the study of convergence has this run, too, under the name of its model
+        return model_run("cable", 5, shown=case)
+    return kept_run(case, CASES[case], PAPERS_METHOD)

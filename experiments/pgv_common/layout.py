@@ -100,4 +100,4 @@ def save(figure: Figure, path: Path) -> None:
     size = path.stat().st_size
     if size > LARGEST_FILE:
         raise ValueError(f"{path} must have at most {LARGEST_FILE} bytes, but has {size}")
-    print(f"wrote {path.name}, {size // 1000} kB")
+    print(f"wrote {path}, {size // 1000} kB")

@@ -8,8 +8,9 @@ import pytest
 from esail_jax.errors import InputError
 from esail_jax.plotting import compare
 from esail_jax.scenes.differences import differing_keys
+from esail_jax.scenes.sail_tables import Event
 from esail_jax.scenes.scene import load_scene
-from support.fake_run import FakeRun, make_run, scene_of
+from support.fake_run import PERIOD, FakeRun, make_run, scene_of
 from support.figures import check_axes, panels
 
 
@@ -101,5 +102,37 @@ def test_keys_in_which_scenes_differ():
         for name, value in vars(getattr(first, table)).items()
         if value is not None
     }
-    assert found["voltage.value"] == ("20000.0", "-", "20000.0")
-    assert found["tethers.length"][0] == "10000.0" and len(found["tethers.length"][1]) <= 60
+    assert found["voltage.value"] == ("20000", "-", "20000")
+    assert found["tethers.length"][0] == "10000" and len(found["tethers.length"][1]) <= 60
+    assert found["tethers.length"][1].startswith("10000, 10001, 10002, ")
+    other = {
+        "event.time": [1000.0],
+        "event.release": [2],
+        "voltage.value": 15.5e3,
+        "tethers.strain": "engineering",
+    }
+    found = differing_keys([first, first.replace(other)])
+    assert found["event.time"] == ("-", "1000") and found["event.release"] == ("-", "2")
+    assert found["voltage.value"] == ("20000", "15500") and found["tethers.strain"][1] == "engineering"
+    assert differing_keys(
+        [first, first.replace(other | {"event.time": [1e3, 2e3], "event.release": [2, 3]})]
+    )["event.time"] == ("-", "1000, 2000")
+
+
+def test_releases_are_marked_once_or_for_every_run():
+    """Equal instants are one line in every panel and one entry of the legend; other ones have the colour
+    and the name of their run. What happens after the end of a run is not marked."""
+    early, late, never = (released_at(t) for t in (400.0, 800.0, 1e6))
+    figure = compare({"a": early, "b": early})["compare_sail"]
+    assert legend_of(figure) == ["a", "b", "tether 2 released"]
+    assert all(len(ax.lines) == 3 for ax in figure.axes)
+    assert figure.axes[0].lines[2].get_xdata()[0] == pytest.approx(400.0 / PERIOD)
+    figure = compare({"a": early, "b": late, "c": never})["compare_sail"]
+    assert legend_of(figure)[3:] == ["a: tether 2 released", "b: tether 2 released"]
+    first, second = figure.axes[0].lines[3:]
+    assert second.get_xdata()[0] == pytest.approx(800.0 / PERIOD)
+    assert np.array_equal(first.get_color(), figure.axes[0].lines[0].get_color())
+
+
+def released_at(time):
+    return make_run(scene_of(event=Event(time=[time], release=[2])))

@@ -73,6 +73,9 @@ def test_a_name_that_a_run_lacks_is_answered_by_what_it_needs_or_by_near_names()
     with pytest.raises(KeyError, match=r"'coning_angle' .* not among those of `save`"):
         saved["coning_angle"]
     assert hint_at("tip_position_I", ["joint_position"], of_chain=True) == " (perhaps `joint_position`)"
+    with pytest.raises(KeyError) as caught:
+        solution.about("conning_angle")
+    assert caught.value.args == ("'conning_angle' is no observable (perhaps `coning_angle`)",)
 
 
 @pytest.mark.slow
@@ -131,7 +134,7 @@ def test_clamped_roots_turn_the_hub_by_their_couples_too():
 
 
 def test_every_observable_has_a_meaning():
-    """One sentence each; those of kinetic energy and work hold for sails and chains."""
+    """Those of kinetic energy and work hold for sails and chains."""
     entries = (*sail.OBSERVABLES, *sail.ON_REQUEST, *chain.OBSERVABLES, chain.ENERGY_ERROR)
     assert {entry.name for entry in entries} == set(MEANINGS)
     assert all(entry.meaning.endswith(".") and entry.meaning[0].isupper() for entry in entries)

@@ -59,6 +59,16 @@ def sail_rows(count=TETHERS, length=LENGTH):
     }
 
 
+def released_run(folder, count=TETHERS):
+    """Writes and returns the file of the invented sail whose second tether is released in the middle, and
+    flies off."""
+    rows, late = sail_rows(count), TIME > 800.0
+    rows["tip_position_I"][late, 1] *= 8.0
+    rows["reaction_B"][late, 1] = 1e-19
+    scene = sail_scene(tethers__count=count, event__time=[800.0], event__release=[2])
+    return write_run(folder / f"released_{count}.h5", scene, TIME, rows)
+
+
 def chain_rows(rods=20, instants=41):
     """Returns the observables of a chain that swings as a straight line."""
     angle = 0.8 * np.cos(np.linspace(0.0, 6.0, instants))

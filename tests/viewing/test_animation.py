@@ -10,7 +10,7 @@ from PIL import Image
 
 from esail_jax import cli
 from esail_jax.viewing.colour_scale import colours_of
-from esail_jax.viewing.drawing import Drawing, Style, remark, statement
+from esail_jax.viewing.drawing import Drawing, Style, statement
 from esail_jax.viewing.motions import read_motions
 from support.motion_files import TIME
 from support.new_process import output_of
@@ -89,11 +89,11 @@ def test_spinning_axes_hold_the_roots_still(sail):
 
 def test_the_exaggeration_is_stated(sail, chain):
     (motion,) = read_motions([sail], (), 5)
-    assert statement(motion, STYLE) == "lateral displacements × 5, inertial axes, seen from the hub"
+    assert statement(motion, STYLE) == "lateral displacements × 5, inertial axes, centred on the hub"
     (motion,) = read_motions([chain], (), 5)
     assert statement(motion, Style(1.0, "inertial", None, 320, 240)) == "true shape"
     texts = [text.get_text() for text in Drawing(motion, STYLE).figure.texts]
-    assert statement(motion, STYLE) in texts and remark(motion) in texts
+    assert statement(motion, STYLE) in texts and "; ".join(motion.remarks) in texts
 
 
 def test_a_run_without_colours_is_drawn(sail):

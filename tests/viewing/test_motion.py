@@ -11,7 +11,16 @@ from esail_jax.viewing.drawing import Drawing, Style
 from esail_jax.viewing.motion import chosen_exaggeration, exaggerated, lateral
 from esail_jax.viewing.motions import read_motions
 from esail_jax.viewing.sail_motion import POINTS, parabolas
-from support.motion_files import LENGTH, TETHERS, TIME, chain_rows, sail_rows, sail_scene, write_run
+from support.motion_files import (
+    LENGTH,
+    TETHERS,
+    TIME,
+    chain_rows,
+    released_run,
+    sail_rows,
+    sail_scene,
+    write_run,
+)
 
 ROUNDING = 1e-9 * LENGTH
 """Error [m] of sums and rotations of positions of kilometres."""
@@ -72,6 +81,22 @@ def test_a_released_tether_is_a_tip_only(folder):
     late = TIME >= 700.0
     assert np.isnan(points[late, 1, :-1]).all() and np.isfinite(points[late, 1, -1]).all()
     assert np.isfinite(points[~late]).all() and np.isfinite(points[:, [0, 2]]).all()
+
+
+def test_the_picture_follows_the_tethers_that_are_held(folder, sail):
+    """Frame, exaggeration and range of the colours are those of the run without a release; the released
+    tether has no colour, and the picture says so. From the instant of the release on it counts as free."""
+    motion, whole = motion_of(released_run(folder)), motion_of(sail)
+    assert (motion.radius, motion.exaggeration) == (whole.radius, whole.exaggeration)
+    assert motion.released == (None, list(TIME).index(800.0), None)
+    for name, quantity in motion.colours.items():
+        held = whole.colours[name].values.copy()
+        held[TIME >= 800.0, 1] = np.nan
+        assert np.array_equal(quantity.values, held, equal_nan=True), name
+    low, high = locked_range(motion.colours["tension"].values)
+    assert low > 0.05 and high < 0.35
+    assert motion.remarks[-1] == "tether 2: grey when released, may leave the picture"
+    assert not any("released" in remark for remark in whole.remarks)
 
 
 def test_rows_after_a_failure_are_left_out(folder):

@@ -21,7 +21,7 @@ from esail_jax.viewing.motion import exaggerated
 from esail_jax.viewing.motions import read_motions
 from esail_jax.viewing.page import checksum, packed, page_of, part
 from support.browser import Browser, browser_path
-from support.motion_files import TIME, chain_rows, sail_rows
+from support.motion_files import TIME, chain_rows, released_run, sail_rows, sail_scene, write_run
 
 SINGLE = float(np.finfo(np.float32).eps)
 """Relative rounding of a packed number."""
@@ -52,17 +52,18 @@ def test_a_page_holds_the_numbers_of_the_run(data):
     assert np.allclose(unpacked(run["time"]), TIME, rtol=SINGLE, atol=0)
     for name in ("coning_angle", "lagging_angle", "voltage", "kinetic_energy", "thrust_O"):
         signal = unpacked(run["signals"][name]["values"])
-        assert np.allclose(signal.reshape(rows[name].shape), rows[name], rtol=SINGLE, atol=0), name
+        signal = np.radians(signal) if run["signals"][name]["unit"] == "deg" else signal
+        assert np.allclose(signal.reshape(rows[name].shape), rows[name], rtol=2 * SINGLE, atol=0), name
     vertices = unpacked(run["vertices"])[:, run["markers"]]
     tips = np.einsum("tib,tnb->tni", unpacked(run["rotation"]), vertices)
     exact = rows["tip_position_I"] - rows["hub_position_I"][:, None]
     assert np.abs(tips - exact).max() < 10.0 * SINGLE * np.abs(exact).max()
 
 
-def test_signals_have_units_and_symbols_of_the_run_file(data):
+def test_signals_have_the_symbols_of_the_run_file_and_the_units_of_the_figures(data):
     (run,) = data["runs"]
     coning = run["signals"]["coning_angle"]
-    assert (coning["unit"], coning["symbol"]) == ("rad", "gamma")
+    assert (coning["unit"], coning["symbol"]) == ("deg", "gamma")
     assert coning["labels"] == ["tether 1", "tether 2", "tether 3"]
     assert run["signals"]["thrust_O"]["labels"] == ["x", "y", "z"]
     assert "tip_position_I" not in run["signals"]
@@ -100,6 +101,24 @@ def test_options_are_the_first_state_of_the_page(sail, chain):
     text = page_of(read_motions([chain], (), 5))
     start = json.loads(re.search(r'id="data">(.*?)</script>', text)[1])["start"]
     assert (start["exaggeration"], start["colour"]) == (1.0, "tension")
+
+
+def test_rounding_errors_are_zero_and_angles_do_not_jump(folder):
+    """Values of 1e-14 of the range are rounding errors. An angle of the hub that passes 180 degrees goes
+    on, as in the figures; an angle after a gap is shown as it is."""
+    turning = 2.0 * TIME / TIME[-1] * np.pi + 2.0
+    angle = np.angle(np.exp(1j * turning))
+    gap = np.where((TIME > 500.0) & (TIME < 700.0), np.nan, angle)
+    coning = sail_rows()["coning_angle"]
+    coning[0] = 1e-16
+    rows = sail_rows() | {"coning_angle": coning, "precession_angle": angle, "thrust_angle": gap}
+    (motion,) = read_motions([write_run(folder / "angles.h5", sail_scene(), TIME, rows)], (), 1000)
+    signals = motion.signals
+    assert (signals["coning_angle"].values[0] == 0.0).all() and signals["coning_angle"].unit == "deg"
+    assert np.allclose(np.radians(signals["coning_angle"].values[1:]), coning[1:], rtol=1e-12, atol=0)
+    shown = np.radians(signals["precession_angle"].values[:, 0])
+    assert np.allclose(shown, turning, rtol=1e-12, atol=0)
+    assert np.allclose(np.radians(signals["thrust_angle"].values[-1]), angle[-1], rtol=1e-12, atol=0)
 
 
 # ---- functions under node ---------------------------------------------------------------------
@@ -218,7 +237,7 @@ def test_controls_change_the_picture_and_say_so(shown):
         shown.choose(control, value)
         pictures.append(shown.picture())
     assert len(set(pictures)) == 4
-    assert shown.text("statement") == "lateral displacements × 20, seen from the hub in spinning axes"
+    assert shown.text("statement") == "lateral displacements × 20, spinning axes, centred on the hub"
     shown.value("document.getElementById('locked').click()")
     shown.settle()
     strain = sail_rows()["max_axial_strain"][13]
@@ -284,6 +303,33 @@ def test_a_narrow_window_needs_no_sideways_scrolling(shown):
     )
     shown.settle()
     assert shown.value("document.documentElement.scrollWidth") <= 380
+
+
+@pytest.mark.parametrize("release", [False, True])
+def test_a_window_of_a_laptop_needs_no_scrolling(browser, sail, folder, tmp_path, release):
+    """1200 x 900 pixels hold the whole page, also with the longer caption of a run with a release."""
+    path = tmp_path / "page.html"
+    run = released_run(folder) if release else sail
+    path.write_text(page_of(read_motions([run], (), 1000)), encoding="utf-8")
+    browser.open(path, 1200, 900)
+    assert browser.value("document.documentElement.scrollHeight") <= 900
+
+
+def test_numbers_of_a_released_tether_are_left_out_of_ranges(browser, folder, tmp_path):
+    """The extremes of all tethers become those of the attached ones; the caption says that it is free."""
+    path = tmp_path / "released.html"
+    path.write_text(page_of(read_motions([released_run(folder, 5)], (), 1000)), encoding="utf-8")
+    browser.complaints.clear()
+    browser.open(path)
+    browser.choose("first-name", "voltage")
+    for frame, held, word in ((0, [0, 1, 2, 3, 4], "all"), (40, [0, 2, 3, 4], "attached")):
+        browser.choose("slider", str(frame), "input")
+        volts, words = sail_rows(5)["voltage"][frame], browser.text("first-value")
+        expected = [volts[0], volts[held].min(), volts[held].max()]
+        assert word in words and np.allclose(numbers_in(words), expected, rtol=6e-5, atol=0)
+    caption = browser.value("document.querySelector('figcaption').textContent")
+    assert "tether 2: grey when released, may leave the picture" in caption
+    assert browser.complaints == []
 
 
 def test_a_single_instant_is_shown(browser, sail, tmp_path):

@@ -46,7 +46,7 @@ function draw() {
   at("turns").textContent = clock.period ? `${(time / clock.period).toFixed(3)} spin periods` : "";
   at("statement").textContent =
     (state.exaggeration === 1 ? "true shape" : `lateral displacements \u00d7 ${digits(state.exaggeration)}`) +
-    (clock.rotation ? `, seen from the hub in ${state.axes} axes` : "");
+    (clock.rotation ? `, ${state.axes} axes, centred on the hub` : "");
   drawKey(range);
   for (const id of ["first", "second"]) {
     const name = at(`${id}-name`).value;
@@ -58,7 +58,7 @@ function draw() {
 // The line of a plot that tells the values of a run.
 function valueOf(run, k, name, frame) {
   const line = document.createElement("div");
-  const value = run.signals[name] ? inWords(run.signals[name], frame) : "not in this file";
+  const value = run.signals[name] ? inWords(run, run.signals[name], frame) : "not in this file";
   line.textContent = runs.length === 1 ? value : `${run.title} (${DASH_NAMES[k % DASHES.length]}): ${value}`;
   return line;
 }
@@ -127,8 +127,7 @@ function makePictures() {
     title.textContent = run.title;
     const shown = run.frames.length === run.saved ? `${run.saved} saved instants`
       : `${run.frames.length} of ${run.saved} saved instants`;
-    const circle = run.reach === null ? "" : "; grey circle: undeformed tips in the spin plane";
-    about.textContent = `${run.model}; ${run.shape}${circle}; ${shown}`;
+    about.textContent = [run.model, ...run.remarks, shown].join("; ");
     caption.append(title, about);
     figure.append(canvas, caption);
     at("pictures").append(figure);

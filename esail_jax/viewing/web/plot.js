@@ -1,6 +1,6 @@
 // A small plot of an observable against time, with a cursor.
 
-const MARGINS = { left: 64, right: 10, top: 8, bottom: 20 };
+const MARGINS = { left: 64, right: 10, top: 18, bottom: 20 };
 const MOST_NAMED = 3; // components that are told one by one
 const DASHES = [[], [6, 3], [2, 2]]; // of the runs
 const DASH_NAMES = ["solid", "dashed", "dotted"];
@@ -10,7 +10,7 @@ function drawPlot(canvas, runs, name, time, theme) {
   const { pen, width, height } = cleared(canvas);
   const shown = runs.filter((run) => run.signals[name]);
   if (!shown.length) return;
-  const [low, high] = padded(rangeOf(shown.map((run) => rangeOf(run.signals[name].values)).flat()));
+  const [low, high] = padded(rangeOf(shown.map((run) => rangeOf(heldValues(run, run.signals[name]))).flat()));
   const end = Math.max(...runs.map((run) => run.time[run.time.length - 1])) || 1;
   const x = (t) => MARGINS.left + ((width - MARGINS.left - MARGINS.right) * t) / end;
   const y = (v) => height - MARGINS.bottom - ((height - MARGINS.top - MARGINS.bottom) * (v - low)) / (high - low);
@@ -22,10 +22,16 @@ function drawPlot(canvas, runs, name, time, theme) {
     polyline(pen, [[x(0), y(v)], [x(end), y(v)]]);
     pen.fillText(digits(v), MARGINS.left - 6, y(v) + 4);
   }
+  const { unit } = shown[0].signals[name];
+  pen.fillText(unit === "-" ? "" : unit, MARGINS.left - 6, 11);
   pen.textAlign = "left";
-  pen.fillText("0", x(0), height - 5);
+  pen.fillText("0 s", x(0), height - 5);
   pen.textAlign = "right";
   pen.fillText(`${digits(end)} s`, x(end), height - 5);
+  pen.save();
+  pen.beginPath();
+  pen.rect(MARGINS.left, MARGINS.top, width - MARGINS.left - MARGINS.right, height - MARGINS.top - MARGINS.bottom);
+  pen.clip(); // of a released tether, which the range does not follow
   shown.forEach((run) => {
     const { values, width: columns } = run.signals[name];
     pen.setLineDash(DASHES[runs.indexOf(run) % DASHES.length]);
@@ -37,10 +43,39 @@ function drawPlot(canvas, runs, name, time, theme) {
       polyline(pen, points.map(([a, b]) => (Number.isFinite(b) ? [a, b] : [NaN, NaN])));
     }
   });
-  pen.globalAlpha = 1;
-  pen.setLineDash([]);
+  pen.restore();
+  drawReleases(pen, shown, x, height, theme);
   pen.strokeStyle = theme.ink;
   polyline(pen, [[x(time), MARGINS.top], [x(time), height - MARGINS.bottom]]);
+}
+
+// Draws thin lines where tethers are released, with their numbers above.
+function drawReleases(pen, runs, x, height, theme) {
+  pen.strokeStyle = pen.fillStyle = theme.soft;
+  const marks = new Map();
+  for (const run of runs)
+    run.released.forEach((frame, k) => {
+      if (frame === null) return;
+      const time = run.time[frame];
+      marks.set(time, (marks.get(time) || new Set()).add(k + 1));
+    });
+  pen.setLineDash([1, 3]);
+  for (const [time, tethers] of marks) {
+    polyline(pen, [[x(time), MARGINS.top], [x(time), height - MARGINS.bottom]]);
+    pen.textAlign = x(time) < pen.canvas.clientWidth / 2 ? "left" : "right";
+    pen.fillText(`release of tether ${[...tethers].join(", ")}`, x(time), 11);
+  }
+  pen.setLineDash([]);
+}
+
+// The values of a signal but those of released tethers.
+function heldValues(run, signal) {
+  if (signal.axis !== "tether" || run.released.every((frame) => frame === null)) return signal.values;
+  return signal.values.filter((_, i) => isHeld(run, signal, Math.floor(i / signal.width), i % signal.width));
+}
+
+function isHeld(run, signal, frame, k) {
+  return signal.axis !== "tether" || run.released[k] === null || frame < run.released[k];
 }
 
 function padded([low, high]) {
@@ -49,11 +84,13 @@ function padded([low, high]) {
 }
 
 // The values of an observable at a saved instant in words: all components, or their extremes.
-function inWords(signal, frame) {
+function inWords(run, signal, frame) {
   const values = row(signal.values, frame, signal.width);
   if (signal.width === 1) return `${digits(values[0])} ${signal.unit}`;
   if (signal.width <= MOST_NAMED)
     return signal.labels.map((label, k) => `${label} ${digits(values[k])}`).join(", ") + ` ${signal.unit}`;
-  const [low, high] = rangeOf(values);
-  return `${signal.labels[0]} ${digits(values[0])}; all ${digits(low)} to ${digits(high)} ${signal.unit}`;
+  const held = values.filter((_, k) => isHeld(run, signal, frame, k));
+  const [low, high] = rangeOf(held);
+  const which = held.length === values.length ? "all" : "attached";
+  return `${signal.labels[0]}: ${digits(values[0])}; ${which}: ${digits(low)} to ${digits(high)} ${signal.unit}`;
 }

@@ -9,6 +9,7 @@ import pytest
 import esail_jax as esail
 import esail_jax.commands.run
 import esail_jax.simulation.programs
+from esail_jax import cli
 from esail_jax.files.seal import write_seal
 from support.bits import check_same, esail_run
 from support.quick import quickly
@@ -64,16 +65,27 @@ def test_a_call_of_any_length_gives_the_same_bits(kind, scenes, wholes, tmp_path
 def test_resume_with_another_scene_is_refused(scene, whole, tmp_path, capsys):
     path = tmp_path / "a.h5"
     path.write_bytes(whole.read_bytes())
-    for setting in (
-        "voltage.value=20001.0",
-        "integrator.step=0.05",
-        "output.interval=0.5",
-        "tethers.count=3",
+    for setting, got in (
+        ("voltage.value=20001.0", "`voltage.value` is 20000 in {path} and 20001 here"),
+        ("integrator.step=0.05", "`integrator.step` is 0.1 in {path} and 0.05 here"),
+        ("output.interval=0.5", "`output.interval` is 0.35 in {path} and 0.5 here"),
+        ("tethers.count=3", "`tethers.count` is 2 in {path} and 3 here"),
+        ("voltage.maximum=3e4", "`voltage.maximum` is absent in {path} and 30000 here"),
     ):
         assert esail_run(scene, path, "--resume", "--set", setting) == 2
-        err = capsys.readouterr().err
-        assert err.count("\n") == 1 and re.match("`--resume` must .*, but ", err)
+        must = "`--resume` must continue the same scene (t_end apart)"
+        assert capsys.readouterr().err == f"{must}, but {got.format(path=path)}\n"
+    assert esail_run(scene, path, "--resume", "--set", "voltage.value=1.0", "--set", "tethers.count=3") == 2
+    assert capsys.readouterr().err.endswith(" here (1 more key differs)\n")
     assert path.read_bytes() == whole.read_bytes()
+
+
+def test_resume_of_a_complete_run_says_so(scene, whole, tmp_path, capsys):
+    path = tmp_path / "a.h5"
+    path.write_bytes(whole.read_bytes())
+    assert cli.main(["run", str(scene), "-o", str(path), "--resume"]) == 0
+    out, err = capsys.readouterr()
+    assert (out, err) == (f"{path} is complete already, up to 80 s: nothing is left to run\n", "")
 
 
 def test_resume_to_an_earlier_end_is_refused(scene, whole, tmp_path, capsys):

@@ -112,7 +112,7 @@ def test_info_of_several_runs_is_a_table(whole, wholes, tmp_path, capsys):
     assert err == "" and len(rows) == len(out.splitlines())
     assert rows["model"].endswith("  2 tethers x 2 elements") and "3 rods" in rows["model"]
     assert rows["steps"].split()[1] == rows["steps"].split()[3] == "800"
-    assert rows["voltage.value"].split()[1:] == ["20000.0", "-", "20000.0"]
+    assert rows["voltage.value"].split()[1:] == ["20000", "-", "20000"]
     assert cli.main(["info", str(whole), str(tmp_path / "none.h5")]) == 2
     assert capsys.readouterr() == ("", f"`{tmp_path}/none.h5` must be a run file, but does not exist\n")
 
