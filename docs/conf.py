@@ -22,12 +22,15 @@ html_show_sourcelink = False
 html_show_copyright = False
 html_static_path = ["static"]
 html_css_files = ["site.css"]
+html_js_files = ["pictures.js"]
 
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
-# Notebooks are run by `tests/interface/test_notebooks.py`. The site runs them only if it is asked to:
-# `-D nb_execution_mode=cache`.
+# Notebooks are run by `tests/interface/test_notebooks.py`. The site runs them, and shows what they print
+# and draw, only if it is asked to: `-D nb_execution_mode=cache`, five minutes the first time. The published
+# site does so.
 nb_execution_mode = "off"
+nb_execution_timeout = 600  # seconds per cell; one of a gradient compiles for a minute
 nb_execution_raise_on_error = True
 suppress_warnings = ["myst.header"]  # some included READMEs have headings that skip a level
 

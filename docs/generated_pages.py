@@ -117,15 +117,13 @@ def scenes_page() -> str:
 
 
 def experiments_page() -> str:
-    """Returns the list of experiments: the title of every README."""
+    """Returns the list of experiments, `experiments/README.md`, with links to all their pages."""
+    listed = PAGES / "experiments" / "README.md"
+    lines = [listed.read_text(encoding="utf-8")]
+    listed.unlink()  # the list is the page `index`
     pages = sorted((PAGES / "experiments").glob("*/README.md"))
-    names = [page.parent.name for page in pages]
-    lines = [
-        "# Experiments",
-        "",
-        "Every experiment has a question, a command that answers it, and the answer.",
-    ]
-    lines += ["", "```{toctree}", ":maxdepth: 1", "", *[f"{name}/README" for name in names], "```"]
+    names = [f"{page.parent.name}/README" for page in pages]
+    lines += ["", "```{toctree}", ":hidden:", "", *names, "```"]
     others = sorted(set((PAGES / "experiments").rglob("*.md")) - set(pages))
     others = [page.relative_to(PAGES / "experiments").with_suffix("") for page in others]
     lines += ["", "```{toctree}", ":maxdepth: 1", ":caption: Tables", "", *map(str, others), "```"]

@@ -29,9 +29,9 @@ class Solution(eqx.Module, Mapping):
 
     time: saved instants [s]; observables: the mapping itself; result: a member of `RESULTS`; final_state:
     the point at the last saved instant, for `simulate(scene, start=...)`. A failed run may have a later
-    point, at an instant where something was switched, or None if it has no instant; stats: `steps`, `rejected_steps`, `compile_time` and `wall_time` [s], `method`, `terms` and
-    `message`, which is empty unless the run failed, its energy balance has a large error, or its step is
-    too long; numerics: statistics of the steps by name, with the axis `time`; checkpoint: the state from
+    point, at an instant where something was switched, or None if it has no instant; stats: `steps`,
+    `rejected_steps`, `compile_time` and `wall_time` [s], `method`, `terms` and `message`, which is empty
+    unless the run failed, its energy balance has a large error, or its step is too long; numerics: statistics of the steps by name, with the axis `time`; checkpoint: the state from
     which a longer run continues (None if `times`, `save`, `start` or `stepper` was given); save, start and
     stepper: these arguments of `simulate`; again: the function behind `at`.
 

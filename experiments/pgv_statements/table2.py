@@ -36,7 +36,7 @@ def table() -> str:
     axial = span(modes, "first axial")
     ringing = axial * np.sqrt(1.0 - np.max(modes.damping_ratio[np.isin(modes.frequency_hz, axial)]) ** 2)
     rows = [
-        ("spin", rounded(np.array([modes.spin_rate / (2.0 * np.pi)])), "first line: the spin"),
+        ("spin", rounded(np.array([modes.spin_rate / (2.0 * np.pi)])), "`spin` in the heading"),
         ("first bending", rounded(span(modes, "first in-plane bending")), "first in-plane bending"),
         ("first bending", rounded(span(modes, "first out-of-plane bending")), "first out-of-plane bending"),
         ("first axial", rounded(axial), "first axial"),

@@ -30,3 +30,12 @@ def test_the_example_prints_what_is_shown(capsys):
         return re.sub(r"[\d.]+ s, compiling [\d.]+ s", "", text)
 
     assert without_times(capsys.readouterr().out) == without_times(shown)
+
+
+def test_the_list_of_experiments_has_every_folder():
+    """`experiments/README.md` names every folder of experiments once, and each folder has a README."""
+    folder = ROOT / "experiments"
+    listed = re.findall(r"\]\((\w+)/README\.md\)", (folder / "README.md").read_text(encoding="utf-8"))
+    folders = [path.name for path in folder.iterdir() if path.is_dir() and path.name != "__pycache__"]
+    assert sorted(listed) == sorted(folders)
+    assert all((folder / name / "README.md").exists() for name in folders)
