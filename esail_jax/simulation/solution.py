@@ -31,9 +31,10 @@ class Solution(eqx.Module, Mapping):
     the point at the last saved instant, for `simulate(scene, start=...)`. A failed run may have a later
     point, at an instant where something was switched, or None if it has no instant; stats: `steps`,
     `rejected_steps`, `compile_time` and `wall_time` [s], `method`, `terms` and `message`, which is empty
-    unless the run failed, its energy balance has a large error, or its step is too long; numerics: statistics of the steps by name, with the axis `time`; checkpoint: the state from
-    which a longer run continues (None if `times`, `save`, `start` or `stepper` was given); save, start and
-    stepper: these arguments of `simulate`; again: the function behind `at`.
+    unless the run failed, its energy balance has a large error, or its step is too long; numerics:
+    statistics of the steps by name, with the axis `time`; checkpoint: the state from which a longer run
+    continues (None if `times`, `save`, `start` or `stepper` was given); save, start and stepper: these
+    arguments of `simulate`; again: the function behind `at`.
 
     After a failure with `throw=False` the arrays are NaN from the failure on. Under a trace `numerics`,
     `checkpoint`, `again` and `scene` are None, and `stats` has the numbers of steps only. Two solutions
