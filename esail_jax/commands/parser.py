@@ -23,7 +23,8 @@ def parser() -> Parser:
         prog="esail",
         description="Simulates electric solar-wind sails and tethered satellites.",
         epilog="Exit codes: 0 done; 2 bad input (one line on stderr, nothing written); 3 the solver failed "
-        "(the file holds everything before the failure); 130 interrupted (--resume continues).",
+        "(the file holds everything before the failure); 130 interrupted (--resume continues); "
+        "141 the reader of the output has ended.",
         allow_abbrev=False,
     )
     top.add_argument("--version", action=ShowVersion, nargs=0, help="show the version and exit")

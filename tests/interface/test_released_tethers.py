@@ -1,14 +1,25 @@
 """What figures show of a released tether, and what `esail plot` says of it."""
 
+import io
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
 import esail_jax
 from esail_jax import plotting
+from esail_jax.commands import plot
+from esail_jax.plotting.figure_files import write_figures
 from esail_jax.scenes.sail_tables import Event
 from support.fake_run import PERIOD, TIME, make_run, scene_of
 from support.figures import panels
+
+
+class Terminal(io.StringIO):
+    """A text stream that claims to be a terminal."""
+
+    def isatty(self):
+        return True
 
 
 def names_in_legend(ax):
@@ -56,10 +67,32 @@ def test_tethers_are_drawn_through_their_nodes():
 
 def test_modes_that_cannot_be_drawn_are_said(capsys):
     """A sail that loses a tether has no modes: one line says why the spectra lack their lines."""
-    from esail_jax.commands.plot import modes_of
-
-    assert modes_of(make_run(scene_of(event=Event(time=[700.0], release=[2])))) is None
+    assert plot.modes_of(make_run(scene_of(event=Event(time=[700.0], release=[2])))) is None
     (line,) = capsys.readouterr().out.splitlines()
     assert line.startswith(
         "The spectra of tether_motion.png have no lines of modes: `event` must be left out"
     )
+
+
+def test_a_figure_is_told_as_soon_as_it_is_written(tmp_path, capsys):
+    """`esail plot` prints a path when the file is there, before the next figure is made."""
+    seen = []
+
+    def figures():
+        for name in ("first", "second"):
+            seen.append((capsys.readouterr().out, sorted(path.name for path in tmp_path.iterdir())))
+            yield name, Figure()
+
+    paths = write_figures(figures(), tmp_path, plot.tell)
+    assert seen == [("", []), (f"{paths[0]}\n", ["first.png"])]
+    assert capsys.readouterr().out == f"{paths[1]}\n"
+
+
+def test_a_terminal_shows_that_modes_are_computed(monkeypatch):
+    """The line is there while they are computed, and gone before paths are printed."""
+    stream, shown = Terminal(), []
+    monkeypatch.setattr("sys.stderr", stream)
+    monkeypatch.setattr(plot, "modes", lambda *_, **__: shown.append(stream.getvalue()))
+    plot.modes_of(make_run(scene_of()))
+    assert shown == ["\rComputing the modes of the sail, for the lines in its spectra\x1b[K"]
+    assert stream.getvalue() == shown[0] + "\r\x1b[K"
