@@ -102,6 +102,7 @@ def shown():
     return dataclasses.replace(table, floquet=orbit)
 
 
+@pytest.mark.slow
 def test_records_hold_the_multipliers(shown):
     """A record has the multiplier, the exponent and the damping ratio of the orbit, null for a fast mode; a
     table without multipliers has none of the three."""

@@ -112,6 +112,7 @@ def test_lowest_modes_of_a_large_sail():
     assert worst_of_matches(inside, values) < 1e-6
 
 
+@pytest.mark.slow
 def test_no_equilibrium_is_said():
     """Across the wind, the notes name the mean load; its cone is that of a wind of u cos(alpha)."""
     angle = {"initial.sailing_angle_deg": 10.0}

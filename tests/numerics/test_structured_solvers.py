@@ -181,6 +181,7 @@ def test_derivatives_by_the_right_hand_side(ring):
     assert relative_error(dense.flatten(transposed)[own], inverse.T @ dense.flatten(weights)) < TOLERANCE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("p", [3, 4, 9])
 def test_released_chains_of_a_ring(p):
     """A chain whose root is released moves with all rows of its root; the ring goes on joining its tip."""

@@ -102,6 +102,7 @@ def test_observables_of_the_orbit(five):
     assert np.ptp(np.arctan2(r[:, 1], r[:, 0])) > 0.02  # the Sun line has turned
 
 
+@pytest.mark.slow
 def test_energy_balance_includes_the_tide(five):
     """The work of the tide and of the wind is the change of energy, to the tolerance of the run."""
     assert np.abs(five["energy_balance_error"]).max() < 1e-10 * np.abs(five["external_work"]).max()

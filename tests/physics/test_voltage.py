@@ -458,6 +458,7 @@ def factor_of_thrust(time):
     return speed / 4e5 * np.sqrt(density / 7.3e6)
 
 
+@pytest.mark.slow
 def test_a_constant_series_is_the_steady_wind():
     """The force of a constant series is that of the steady wind at any state and instant. In another series
     it is proportional to the speed and to the root of the density. Both hold to rounding."""

@@ -167,6 +167,7 @@ def test_energy_balance(fixed_steps):
         assert error < bound * solution["kinetic_energy"].max()
 
 
+@pytest.mark.slow
 def test_error_follows_the_tolerance():
     """A tolerance that is a hundred times smaller reduces the error at least ten times."""
     exact = esail.simulate("baseline", SMALL | {"integrator.tolerance": 1e-13})
