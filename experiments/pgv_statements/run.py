@@ -1,4 +1,4 @@
-"""Judges the statements of [PGV] Sec. 4 and 5 by runs, and lists its figures and tables with those made here.
+"""Judges the statements of [PGV] Sec. 4 and 5 by runs, and lists its figures beside those made here.
 
     python experiments/pgv_statements/run.py
 
