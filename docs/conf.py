@@ -1,4 +1,6 @@
-"""Configuration of the documentation site: `python -m sphinx -W docs build/docs`."""
+"""Configuration of the documentation site: `python -m sphinx -W docs build/docs`.
+
+The build runs the notebooks and shows their outputs. `-D nb_execution_mode=off` leaves the outputs out."""
 
 import sys
 from pathlib import Path
@@ -14,7 +16,7 @@ project = "esail_jax"
 author = "The esail_jax developers"
 release = esail_jax.__version__
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx_copybutton", "sphinx_design"]
-exclude_patterns = ["Thumbs.db", ".DS_Store"]
+exclude_patterns = ["Thumbs.db", ".DS_Store", "generated/downloads"]
 
 html_theme = "furo"
 html_title = f"esail_jax {release}"
@@ -24,13 +26,13 @@ html_static_path = ["static"]
 html_css_files = ["site.css"]
 html_js_files = ["pictures.js"]
 
-myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
+myst_enable_extensions = ["attrs_inline", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
-# Notebooks are run by `tests/interface/test_notebooks.py`. The site runs them, and shows what they print
-# and draw, only if it is asked to: `-D nb_execution_mode=cache`, five minutes the first time. The published
-# site does so.
-nb_execution_mode = "off"
-nb_execution_timeout = 600  # seconds per cell; one of a gradient compiles for a minute
+# Outputs of notebooks are kept, and used again until the code of a notebook or of the package changes.
+nb_execution_mode = "cache"
+nb_execution_cache_path = str(generated_pages.kept_outputs())
+nb_execution_timeout = 600  # seconds for a cell, on a busy machine
+nb_execution_in_temp = True  # notebooks write their files into a temporary folder
 nb_execution_raise_on_error = True
 suppress_warnings = ["myst.header"]  # some included READMEs have headings that skip a level
 

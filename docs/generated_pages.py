@@ -1,6 +1,8 @@
 """Pages that are written from the package and the repository when the site is built, so that no page can
 differ from the code: keys of a scene, observables, commands, and copies of READMEs and notebooks."""
 
+import hashlib
+import json
 import os
 import re
 import shutil
@@ -34,8 +36,9 @@ def write() -> None:
         copy_page(ROOT / name)
     for page in sorted((ROOT / "experiments").rglob("*.md")):
         copy_page(page)
-    (PAGES / "experiments" / "index.md").write_text(experiments_page(), encoding="utf-8")
-    shutil.copytree(ROOT / "notebooks", PAGES / "notebooks")
+    with (PAGES / "experiments" / "README.md").open("a", encoding="utf-8") as page:
+        page.write(experiments_contents())
+    copy_notebooks()
 
 
 # ---- pages from the package ----------------------------------------------------------------------
@@ -77,6 +80,13 @@ def observables_page() -> str:
         "which a vector is given ([frames](../theory.md)). X_B is the axis of the hub about which the sail "
         "spins, Z_O points away from the Sun.",
     ]
+    lines += [
+        "",
+        "After the release of a tether (`[[event]]`), the observables of the whole sail still include that "
+        "tether: thrust and its moments, coning and lagging angles, energies and the smallest distance of "
+        "tethers are computed as if it still belonged to the sail. Only the plane of the tips (frame E) "
+        "leaves it out.",
+    ]
     for title, entries in lists.items():
         lines += ["", f"## Observables of {title}", ""]
         lines += header("name, symbol", "unit", "axes after time", "meaning, equation")
@@ -116,18 +126,41 @@ def scenes_page() -> str:
     return "\n".join(lines) + "\n"
 
 
-def experiments_page() -> str:
-    """Returns the list of experiments, `experiments/README.md`, with links to all their pages."""
-    listed = PAGES / "experiments" / "README.md"
-    lines = [listed.read_text(encoding="utf-8")]
-    listed.unlink()  # the list is the page `index`
+def experiments_contents() -> str:
+    """Returns what the page of experiments needs on the site beside its own text: their place in the menu,
+    and the pages that are tables."""
     pages = sorted((PAGES / "experiments").glob("*/README.md"))
-    names = [f"{page.parent.name}/README" for page in pages]
-    lines += ["", "```{toctree}", ":hidden:", "", *names, "```"]
-    others = sorted(set((PAGES / "experiments").rglob("*.md")) - set(pages))
+    names = [page.parent.name for page in pages]
+    lines = ["", "```{toctree}", ":hidden:", "", *[f"{name}/README" for name in names], "```"]
+    others = sorted(set((PAGES / "experiments").glob("*/*.md")) - set(pages))
     others = [page.relative_to(PAGES / "experiments").with_suffix("") for page in others]
     lines += ["", "```{toctree}", ":maxdepth: 1", ":caption: Tables", "", *map(str, others), "```"]
     return "\n".join(lines) + "\n"
+
+
+def copy_notebooks() -> None:
+    """Copies the notebooks twice: to `downloads` as they are, and to `notebooks` as pages, with a link to
+    the first copy."""
+    (PAGES / "notebooks").mkdir()
+    (PAGES / "downloads").mkdir()
+    for path in sorted((ROOT / "notebooks").glob("*.ipynb")):
+        shutil.copyfile(path, PAGES / "downloads" / path.name)
+        notebook = json.loads(path.read_text(encoding="utf-8"))
+        notebook["cells"][0]["source"] += [
+            f"\n\n{{download}}`Download this notebook <../downloads/{path.name}>` ",
+            "([how to open it](../../course.md#open-a-notebook)).",
+        ]
+        (PAGES / "notebooks" / path.name).write_text(json.dumps(notebook), encoding="utf-8")
+
+
+def kept_outputs() -> Path:
+    """Returns the folder in which outputs of notebooks are kept. Its name is a checksum of the package,
+    because outputs of another version are of no use."""
+    package = ROOT / "esail_jax"
+    checksum = hashlib.sha256()
+    for path in sorted((*package.rglob("*.py"), *package.rglob("*.toml"))):
+        checksum.update(path.relative_to(package).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
+    return ROOT / "build" / "notebooks" / checksum.hexdigest()[:16]
 
 
 # ---- copies of pages -----------------------------------------------------------------------------

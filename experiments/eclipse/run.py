@@ -1,6 +1,6 @@
 """What an eclipse does to the baseline, and how near to a planet a sail may pass its shadow.
 
-python experiments/eclipse/run.py      # some minutes; writes baseline.csv, distances.csv, eclipse.png
+python experiments/eclipse/run.py      # three minutes; writes baseline.csv, distances.csv, eclipse.png
 """
 
 import csv

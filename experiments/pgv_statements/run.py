@@ -1,4 +1,4 @@
-"""Judges the statements of [PGV] Sec. 4 and 5 by runs, and sets the paper's figures beside ours.
+"""Judges the statements of [PGV] Sec. 4 and 5 by runs, and lists its figures beside those made here.
 
     python experiments/pgv_statements/run.py
 
@@ -33,7 +33,7 @@ says so. The conditions for a verdict are in the scripts of this folder. {counts
 |---|---|---|---|---|---|
 """
 
-FIGURES_HEAD = """# The figures and tables of [PGV] beside ours
+FIGURES_HEAD = """# The figures and tables of [PGV], made anew
 
 Written by `python experiments/pgv_statements/run.py`. Panels have the letters of the paper.
 """

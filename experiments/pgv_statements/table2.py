@@ -36,14 +36,18 @@ def table() -> str:
     axial = span(modes, "first axial")
     ringing = axial * np.sqrt(1.0 - np.max(modes.damping_ratio[np.isin(modes.frequency_hz, axial)]) ** 2)
     rows = [
-        ("spin", rounded(np.array([modes.spin_rate / (2.0 * np.pi)])), "`spin` in the heading"),
-        ("first bending", rounded(span(modes, "first in-plane bending")), "first in-plane bending"),
-        ("first bending", rounded(span(modes, "first out-of-plane bending")), "first out-of-plane bending"),
-        ("first axial", rounded(axial), "first axial"),
-        ("first axial", rounded(ringing), "first axial, as a run rings with its damping"),
+        ("spin", rounded(np.array([modes.spin_rate / (2.0 * np.pi)])), "above the table: `spin`"),
+        ("first bending", rounded(span(modes, "first in-plane bending")), "rows `first in-plane bending`"),
+        (
+            "first bending",
+            rounded(span(modes, "first out-of-plane bending")),
+            "rows `first out-of-plane bending`",
+        ),
+        ("first axial", rounded(axial), "rows `first axial`"),
+        ("first axial", rounded(ringing), "rows `first axial`, as a run rings with its damping"),
     ]
     lines = [
-        f"| Table 2 | printed [Hz] | ours [Hz] | lines of `esail modes {SCENE}` |",
+        f"| Table 2 | printed [Hz] | ours [Hz] | where in the output of `esail modes {SCENE}` |",
         "|---|---|---|---|",
     ]
     lines += [f"| {name} | {PRINTED[name]:.2e} | {ours} | {line} |" for name, ours, line in rows]

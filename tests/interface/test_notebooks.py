@@ -7,7 +7,9 @@ import nbclient
 import nbformat
 import pytest
 
-NOTEBOOKS = sorted((Path(__file__).parents[2] / "notebooks").glob("*.ipynb"))
+ROOT = Path(__file__).parents[2]
+NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+COURSE = (ROOT / "docs" / "course.md").read_text(encoding="utf-8")
 
 SECONDS_PER_CELL = 300
 
@@ -34,6 +36,15 @@ def test_notebook_runs(path, tmp_path):
 def test_notebook_is_stored_without_outputs(path):
     cells = nbformat.read(path, as_version=4).cells
     assert not any(cell.get("outputs") or cell.get("execution_count") for cell in cells)
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_notebook_starts_from_a_question(path):
+    """The course page of the site has the question, too, and the notebook to download."""
+    title, question, *_ = nbformat.read(path, as_version=4).cells[0].source.split("\n\n")
+    assert title.startswith("# ") and question.startswith("*Question.* ") and "?" in question
+    assert COURSE.count(f"(generated/notebooks/{path.stem})") == 1
+    assert COURSE.count(f"<generated/downloads/{path.name}>") == 1
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)

@@ -29,8 +29,9 @@ PAGES = sorted(
 @pytest.mark.slow
 def test_the_site_is_built_without_a_warning(tmp_path):
     """A warning is an error: a link to a page that does not exist, or a picture that is missing. Every key
-    of a scene and every observable has its row."""
+    of a scene and every observable has its row. Notebooks are not run: `test_notebooks.py` does that."""
     command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-d", tmp_path / "trees"]
+    command += ["-D", "nb_execution_mode=off"]
     done = subprocess.run([*command, ROOT / "docs", tmp_path / "site"], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     keys = (tmp_path / "site" / "generated" / "keys.html").read_text(encoding="utf-8")
