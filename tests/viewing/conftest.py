@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from esail_jax.scenes.scene import load_scene
+from esail_jax.viewing.motions import read_motions
+from esail_jax.viewing.page import page_of
 from support.motion_files import TIME, chain_rows, sail_rows, sail_scene, write_run
 
 
@@ -29,3 +31,9 @@ def chain(folder):
 def ensemble(folder):
     """The file of an ensemble of three sails."""
     return write_run(folder / "ensemble.h5", sail_scene(), TIME, sail_rows(), members=3)
+
+
+@pytest.fixture(scope="package")
+def page(sail):
+    """The text of the page of the sail."""
+    return page_of(read_motions([sail], (), 1000))
