@@ -121,7 +121,7 @@ RELEASED = (
     dict.fromkeys(COUNTED, "A released tether still counts.")
     | dict.fromkeys(LEFT_OUT, "A released tether does not count.")
     | dict.fromkeys(
-        BY_HUB, "Of a released tether: the same angle of its free line, as seen from its place on the hub."
+        BY_HUB, "For a released tether it is the angle of its free line, seen from its place on the hub."
     )
     | {
         "thrust_B": "A released tether keeps its thrust.",
