@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 
 from esail_jax.files.opening import intact, open_run, to_python
+from esail_jax.scenes.releases import releases
 from esail_jax.scenes.scene import Scene, parse
 
 
@@ -33,6 +34,7 @@ def describe(path: Path, said: Sequence[str] = ()) -> str:
         f"{reached / wall:.0f} x real time), compiling {attributes['compile_time']:.2f} s",
         balance,
         stability_text(attributes),
+        release_text(scene, reached),
         f"  device     {attributes['device']}, jax {attributes['version_jax']}, "
         f"Python {attributes['version_python']}, esail_jax {attributes['version_esail_jax']}",
     ]
@@ -45,6 +47,21 @@ def stability_text(attributes: Mapping[str, Any]) -> str:
         return ""
     rate, growth = attributes["growth_rate"], attributes["growth"]
     return f"  stability  a small perturbation grows {growth:.2g}-fold, at {rate:.2g} 1/s at the end"
+
+
+def release_text(scene: Scene, reached: float) -> str:
+    """A line on the tethers that were released up to an instant [s], and what still includes them; empty
+    if there are none."""
+    found = [
+        f"tether {number} at {time:g} s"
+        for time, numbers in releases(scene).items()
+        for number in numbers
+        if time <= reached
+    ]
+    if not found:
+        return ""
+    them = "it" if len(found) == 1 else "them"
+    return f"  released   {', '.join(found)}; thrust, energies and powers still include {them}"
 
 
 def heading(path: Path, attributes: Mapping[str, Any], scene: Scene, terms: str) -> list[str]:

@@ -11,6 +11,7 @@ import pytest
 from esail_jax import cli
 from esail_jax.atomic_file import atomic_file
 from esail_jax.commands import progress
+from esail_jax.commands.description import release_text
 from esail_jax.commands.exit_codes import ExitCode
 from esail_jax.commands.interrupts import Interrupts
 from esail_jax.commands.progress import Progress
@@ -137,3 +138,13 @@ def test_files_are_replaced_as_a_whole(tmp_path):
         assert str(os.getpid()) in part.name
         part.write_text("text")
     assert path.read_text() == "text" and list(tmp_path.iterdir()) == [path]
+
+
+def test_a_run_says_which_tethers_were_released_and_what_includes_them():
+    """Releases after the last saved instant, and those of a scene without any, are not told."""
+    scene = load_scene("baseline", {"event.time": [400.0, 200.0], "event.release": [5, 3]})
+    still = "thrust, energies and powers still include"
+    assert release_text(scene, 200.0) == f"  released   tether 3 at 200 s; {still} it"
+    assert release_text(scene, 1e3) == f"  released   tether 3 at 200 s, tether 5 at 400 s; {still} them"
+    assert release_text(scene, 100.0) == release_text(load_scene("baseline"), 1e3) == ""
+    assert release_text(load_scene("hanging-chain"), 1e3) == ""
