@@ -3,7 +3,9 @@
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.image import imsave
 
 DOTS_PER_INCH = 150
 """Resolution of the written figures."""
@@ -25,7 +27,15 @@ def write_figures(
     paths = []
     for name, figure in figures:
         paths.append(directory / f"{name}.png")
-        figure.savefig(paths[-1], dpi=DOTS_PER_INCH)
+        write_once(figure, paths[-1])
         if tell is not None:
             tell(paths[-1])
     return paths
+
+
+def write_once(figure: Figure, path: Path) -> None:
+    """Writes a PNG file, the same as that of `figure.savefig`, which draws every figure twice."""
+    figure.set_dpi(DOTS_PER_INCH)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    imsave(path, canvas.buffer_rgba(), format="png", origin="upper", dpi=DOTS_PER_INCH)

@@ -11,11 +11,13 @@ import pytest
 from matplotlib import pyplot
 from matplotlib.figure import Figure
 from matplotlib.mathtext import MathTextParser
+from PIL import Image
 
 import esail_jax
 from esail_jax import plotting
 from esail_jax.observables import chain, sail
 from esail_jax.observables.rigid_pendulum import rigid_pendulum
+from esail_jax.plotting.figure_files import DOTS_PER_INCH, write_figures
 from esail_jax.plotting.single import mathtext
 from esail_jax.scenes.scene import RemoteUnits, load_scene
 from support.fake_run import PERIOD, TIME, FakeRun, make_run, scene_of
@@ -163,6 +165,15 @@ def test_energies_start_at_zero_and_euler_angles_do_not_jump(runs):
     turned = FakeRun(run.scene, TIME, run.data | {"euler_hub": wrapped})
     phi = panels(plotting.attitude(turned))[r"$\phi$ [deg]"].lines[0].get_ydata()
     np.testing.assert_allclose(phi, np.degrees(turning[:, 2]))
+
+
+def test_a_written_figure_is_that_of_matplotlib(runs, tmp_path):
+    """It is drawn once, where `savefig` draws it twice: the pixels and the resolution are the same."""
+    write_figures([("once", plotting.energies(runs["one tether"]))], tmp_path)
+    plotting.energies(runs["one tether"]).savefig(tmp_path / "twice.png", dpi=DOTS_PER_INCH)
+    once, twice = (Image.open(tmp_path / f"{name}.png") for name in ("once", "twice"))
+    assert np.array_equal(np.asarray(once), np.asarray(twice))
+    assert once.info["dpi"] == twice.info["dpi"]
 
 
 @pytest.mark.slow
