@@ -15,13 +15,18 @@ The steps keep t^T y and R^T y as they are; tau is the moment that the steady sp
 equilibrium.
 """
 
+from collections.abc import Callable
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from esail_jax.array_types import Float, Vector
+from esail_jax.array_types import Array, Float, Vector
+from esail_jax.compilation.options import START_OPTIONS
+from esail_jax.compilation.program import program_of
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.equilibria.couplings import indices
 from esail_jax.equilibria.equilibrium import (
@@ -50,7 +55,7 @@ def steady_state(
     Returns the equilibrium, the matrices of the linearised equations there, and its y. `converged` of the
     equilibrium is false if none was found; nothing is raised.
     """
-    y = np.asarray(independent(system, start))
+    y = np.asarray(computed(independent, system, start))
     lam, acceleration = system.no_multipliers(), np.zeros(3)
     axis = np.asarray(spin) / np.linalg.norm(spin)
     settled, converged = False, False
@@ -69,13 +74,24 @@ def steady_state(
         y, acceleration = y + share * change, acceleration + share * gain * axis
         lam = added(lam, share * multipliers)
     at = Equilibrium(
-        q=expanded(system, jnp.asarray(y)),
+        q=computed(expanded, system, jnp.asarray(y)),
         lam=lam,
         frame=MovingFrame(jnp.asarray(spin), jnp.asarray(acceleration)),
         unbalanced=jnp.asarray(np.abs(matrices.balance).max()),
         converged=jnp.asarray(converged),
     )
     return at, matrices, y
+
+
+def computed(function: Callable, *arguments: Any) -> Any:
+    """Returns `function(*arguments)`, computed by a kept program. One after the other, JAX would compile
+    every operation of it in every process, which took longer than all the rest."""
+    return program_of(function, (), arguments, START_OPTIONS, fused=False)(*arguments)
+
+
+def displaced(system: System, change: Float[Array, " n"]) -> Coordinates:
+    """Returns the coordinates that belong to a displacement of y."""
+    return expanded(system, change, derivative=1)
 
 
 def newton_step(
@@ -127,7 +143,7 @@ def translations(system: System) -> Float[Host, "n 3"]:
 
 def neutral_turns(system: System, y: Float[Host, " n"], axis: Float[Host, "3"]) -> list[Float[Host, " n"]]:
     """Returns the rotations about the axis that no force opposes, with unit length."""
-    turn = np.asarray(rotation_about(system, jnp.asarray(axis), jnp.asarray(y)))
+    turn = np.asarray(computed(rotation_about, system, jnp.asarray(axis), jnp.asarray(y)))
     if system.clamped and system.hub is None:
         return []
     if system.hub is not None or system.ring is not None:
@@ -145,7 +161,7 @@ def neutral_turns(system: System, y: Float[Host, " n"], axis: Float[Host, "3"]) 
 
 def largest_slope(system: System, change: Float[Host, " n"]) -> float:
     """Returns the largest change of r_x at any node, and of the chord of an element."""
-    q = expanded(system, jnp.asarray(change), derivative=1)
+    q = computed(displaced, system, jnp.asarray(change))
     parts = [(system.tethers, q.tether)]
     parts += [] if system.ring is None else [(system.ring.segments, system.ring.nodal(q))]
     slopes = []

@@ -3,11 +3,12 @@
 import dataclasses
 import os
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 
+from esail_jax.array_types import Rotation
 from esail_jax.compilation.options import START_OPTIONS
 from esail_jax.compilation.program import program_of
 from esail_jax.errors import SimulationError
@@ -22,7 +23,7 @@ from esail_jax.modal.table import ModeTable
 from esail_jax.scenes.build import Model, build
 from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.scene import Scene, load_scene
-from esail_jax.scenes.structure import split
+from esail_jax.scenes.structure import Numbers, Structure, split
 from esail_jax.steppers.results import RESULTS
 from esail_jax.system import System
 
@@ -82,12 +83,11 @@ def solved_scene(scene: Scene, count: int | None) -> Moving:
     """Returns the system of a scene, its equilibrium and its spectrum. Raises SimulationError without
     equilibrium."""
     structure, numbers = split(with_method(scene))
-    program = program_of(build, (structure,), (numbers,), START_OPTIONS, fused=False)
-    model: Model = program(numbers)
-    system: System = model.system
-    axes = system.rotation(jnp.zeros(()), model.q)
+    program = program_of(start_of, (structure,), (numbers,), START_OPTIONS, fused=False)
+    begun: Start = program(numbers)
+    system, axes = begun.model.system, np.asarray(begun.axes)
     spin = float(np.asarray(scene.initial.spin_rate))
-    found = solve(with_mean_loads(system, axes), model.q, np.asarray(axes), spin, count)
+    found = solve(begun.under_mean_loads, begun.model.q, axes, spin, count)
     if not bool(found.at.converged):
         left = float(found.at.unbalanced)
         advice = "Try a faster spin, a weaker load or tethers under tension."
@@ -100,7 +100,23 @@ def solved_scene(scene: Scene, count: int | None) -> Moving:
             f"No steady spinning state was found: a force of {left:.1e} N is left. {advice}",
             RESULTS.nonfinite,
         )
-    return Moving(found, system, np.asarray(axes))
+    return Moving(found, system, axes)
+
+
+class Start(NamedTuple):
+    """A sail at its start: the model, the axes of its hub C_B^I, and the system under the mean of its loads
+    over a turn."""
+
+    model: Model
+    axes: Rotation
+    under_mean_loads: System
+
+
+def start_of(structure: Structure, numbers: Numbers) -> Start:
+    """Returns the start of a scene, from its structure and numbers."""
+    model = build(structure, numbers)
+    axes = model.system.rotation(jnp.zeros(()), model.q)
+    return Start(model, axes, with_mean_loads(model.system, axes))
 
 
 def assembled(scene: Scene, found: Solved, count: int | None) -> ModeTable:

@@ -2,14 +2,17 @@
 
 import json
 
+import jax.monitoring
 import numpy as np
 import pytest
 
 import esail_jax as esail
 from esail_jax.cli import main
+from esail_jax.compilation import store
 from esail_jax.equilibria.motions import conditions
 from esail_jax.equilibria.spectrum import sparse_spectrum
 from esail_jax.equilibria.steady_state import steady_state
+from support.compiled_nothing import COMPILATION, forget_programs
 from support.sail_modes import RING, SMALL, SPIN, UNEQUAL, built, compared_with_dense, worst_of_matches
 
 SIX = {"tethers.count": 6, "auxiliary_tethers.length": 1.0002e4}
@@ -160,3 +163,25 @@ def test_scene_without_modes_is_refused(scene, settings, message, capsys):
     assert main(["modes", scene, *given]) == 2
     error = capsys.readouterr().err
     assert len(error.splitlines()) == 1 and error.startswith(message)
+
+
+@pytest.mark.slow
+@pytest.mark.drops_programs
+def test_modes_are_computed_by_kept_programs(tmp_path, monkeypatch, without_jax_cache):
+    """A later process compiles some operations on single arrays, and no function operation by operation:
+    that took 66 compilations, and longer than all the rest of the modes."""
+    monkeypatch.setenv(store.VARIABLE, str(tmp_path))
+    compiled = []
+
+    def note(event, *_, **__):
+        compiled.extend([event] if event == COMPILATION else [])
+
+    first = esail.modes("baseline", SMALL, converge=False)
+    forget_programs()
+    jax.monitoring.register_event_duration_secs_listener(note)
+    try:
+        again = esail.modes("baseline", SMALL, converge=False)
+    finally:
+        jax.monitoring.unregister_event_duration_listener(note)
+    assert len(compiled) <= 20
+    np.testing.assert_array_equal(again.eigenvalue, first.eigenvalue)
