@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import hsv_to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import NullFormatter
 
 from esail_jax.observables.saved_rows import leading_finite
 from esail_jax.plotting.data import Mark, orbital_period, power_spectrum, release_marks, spin_period
@@ -132,6 +133,9 @@ def spectrum(
 
     def draw(ax: Axes) -> None:
         ax.loglog(frequency, density, linewidth=1.0, color="tab:blue")
+        if np.floor(np.log10(frequency[0])) < np.floor(np.log10(frequency[-1])):
+            # A power of ten has a label. Those of the numbers between would cover each other.
+            ax.xaxis.set_minor_formatter(NullFormatter())
         if period is not None and frequency[0] <= 1.0 / period <= frequency[-1]:
             ax.axvline(1.0 / period, color="black", linestyle="--", linewidth=0.8, label="spin")
         draw_modal_lines(ax, lines, frequency[0], frequency[-1])
@@ -208,6 +212,6 @@ def add_column(figure: Figure, column: Sequence[Panel | None], k: int, columns: 
         ax.set_ylabel(panel.ylabel)
         ax.grid(alpha=0.3)
         bottom = lowest[panel.xlabel] == i
-        ax.tick_params(labelbottom=bottom)
+        ax.tick_params(axis="x", which="both", labelbottom=bottom)
         if bottom:
             ax.set_xlabel(panel.xlabel)

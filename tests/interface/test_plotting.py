@@ -167,6 +167,23 @@ def test_energies_start_at_zero_and_euler_angles_do_not_jump(runs):
     np.testing.assert_allclose(phi, np.degrees(turning[:, 2]))
 
 
+def test_frequencies_are_labelled_once_below_each_column(runs):
+    """At powers of ten if there is one, and below the lowest panel only: the labels of numbers between
+    powers of ten covered each other, and stood below every panel."""
+    whole = runs["full"]
+    short = FakeRun(whole.scene, TIME[:31], {name: values[:31] for name, values in whole.data.items()})
+    figure = plotting.tether_motion(short)
+    spectra = [ax for ax in figure.axes if ax.get_xscale() == "log"]
+    figure.draw_without_rendering()
+    for ax in spectra:
+        shown = [text.get_text() for text in ax.get_xticklabels(which="minor") if text.get_visible()]
+        assert not any(shown)
+    low, high = spectra[-1].get_xlim()
+    assert 1e-3 < low < 1e-2 < high < 1e-1
+    labels = [[text.get_text() for text in ax.get_xticklabels() if text.get_text()] for ax in spectra]
+    assert labels[-1] and not any(labels[:-1])
+
+
 def test_a_written_figure_is_that_of_matplotlib(runs, tmp_path):
     """It is drawn once, where `savefig` draws it twice: the pixels and the resolution are the same."""
     write_figures([("once", plotting.energies(runs["one tether"]))], tmp_path)

@@ -133,6 +133,8 @@ const found = {
   range: pure.rangeOf([3, NaN, -2, 7]),
   nearest: given.times.map((t) => pure.nearest([0, 1, 2.5, 4], t)),
   ticks: [pure.ticks(-0.0319, 0.0319), pure.ticks(0, 141), pure.ticks(19999, 20003)],
+  placed: pure.placedTexts([[10, ["long text", "1"]], [60, ["long text", "2"]], [110, ["long text", "3"]],
+    [210, ["long text", "4"]], [380, ["long text", "5"]]], 400, (text) => 10 * text.length),
   digits: [0.0123456, 12345.678, 4e-7, 0, NaN].map(pure.digits),
 };
 console.log(JSON.stringify(found));
@@ -170,4 +172,7 @@ def test_functions_of_the_page_agree_with_those_in_python(tmp_path):
     assert np.allclose(np.reshape(found["product"], (3, 3)), np.eye(3), rtol=0, atol=1e-12)
     assert found["range"] == [-2, 7] and found["nearest"] == [0, 0, 1, 2, 3, 3]
     assert found["ticks"] == [[-0.02, 0, 0.02], [0, 50, 100], [20000, 20002]]
+    # Ten pixels a letter. The second text would cover the first. The last one has no room to its right, and
+    # its long version would cover the one before.
+    assert found["placed"] == [[10, "long text"], [110, "long text"], [210, "long text"], [380, "5"]]
     assert found["digits"] == ["0.012346", "12346", "4.0000e-7", "0", "\u2013"]

@@ -60,12 +60,16 @@ function drawReleases(pen, runs, x, height, theme) {
       marks.set(time, (marks.get(time) || new Set()).add(k + 1));
     });
   pen.setLineDash([1, 3]);
-  for (const [time, tethers] of marks) {
+  const texts = [...marks].sort((a, b) => a[0] - b[0]).map(([time, tethers]) => {
     polyline(pen, [[x(time), MARGINS.top], [x(time), height - MARGINS.bottom]]);
-    pen.textAlign = x(time) < pen.canvas.clientWidth / 2 ? "left" : "right";
-    pen.fillText(`release of tether ${[...tethers].join(", ")}`, x(time), 11);
-  }
+    const numbers = [...tethers].join(", ");
+    return [x(time), [`release of tether ${numbers}`, numbers]];
+  });
   pen.setLineDash([]);
+  pen.textAlign = "left";
+  const right = pen.canvas.clientWidth - MARGINS.right;
+  for (const [start, text] of placedTexts(texts, right, (text) => pen.measureText(text).width))
+    pen.fillText(text, start, 11);
 }
 
 // The values of a signal but those of released tethers.

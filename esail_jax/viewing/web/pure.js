@@ -100,6 +100,24 @@ function ticks(low, high) {
   return found;
 }
 
+// Texts beside each other that do not overlap, [left end, text]. Each entry, in the order of x, has its x
+// and its versions, the longest first; a text ends at x where there is no room up to `right`. Where no
+// version has room the text is left out.
+function placedTexts(entries, right, widthOf) {
+  const found = [];
+  let taken = -Infinity;
+  for (const [x, versions] of entries)
+    for (const text of versions) {
+      const width = widthOf(text);
+      const start = x + width <= right ? x : x - width;
+      if (start < taken) continue;
+      found.push([start, text]);
+      taken = start + width + 6;
+      break;
+    }
+  return found;
+}
+
 // A number with five digits.
 function digits(x) {
   if (!Number.isFinite(x)) return "\u2013";
@@ -110,4 +128,4 @@ function digits(x) {
 
 if (typeof module !== "undefined")
   module.exports = { decode, product, transposed, applied, turn, exaggerated, project, colourOf, rangeOf,
-    nearest, ticks, digits };
+    nearest, ticks, placedTexts, digits };
