@@ -88,13 +88,16 @@ def test_derivatives_and_many_runs():
         given |= {"integrator.t_end": 600.0, "output.interval": 600.0, "integrator.tolerance": 1e-11}
         return esail.simulate("plasma-brake", given)["joint_position"][-1, 1, :2]
 
-    slopes, ends = jit(jax.jacfwd(end))(at), jit(jax.vmap(end))
-    moves = jnp.concatenate([at[None]] + [at + 1e-2 * k * jnp.diag(at) for k in (-2, -1, 1, 2)])
-    x = np.asarray(ends(moves))
-    assert np.allclose(x[0], end(at), rtol=0, atol=1e-6)
-    x = x[1:].reshape(4, 5, 2)
-    quotient = (8.0 * (x[2] - x[1]) - (x[3] - x[0])) / 0.12 / np.asarray(at)[:, None]
-    error = np.abs(slopes.T - quotient).max(1) / np.abs(quotient).max(1)
+    # One program: five members with a direction each, then twenty for the quotients, without directions.
+    each = jnp.diag(at)
+    moves = jnp.concatenate([at + 1e-2 * k * each for k in (-2, -1, 1, 2)])
+    members = jnp.concatenate([jnp.stack([at] * 5), moves])
+    directions = jnp.concatenate([each, jnp.zeros((20, 5))])
+    ends, slopes = jit(jax.vmap(lambda x, dx: jax.jvp(end, (x,), (dx,))))(members, directions)
+    assert np.allclose(ends[0], end(at), rtol=0, atol=1e-6)
+    x = np.asarray(ends)[5:].reshape(4, 5, 2)
+    quotient = (8.0 * (x[2] - x[1]) - (x[3] - x[0])) / 0.12
+    error = np.abs(slopes[:5] - quotient).max(1) / np.abs(quotient).max(1)
     assert error.max() < 1e-6, error
 
 

@@ -8,6 +8,7 @@ import pytest
 
 import esail_jax as esail
 from support.pushed_sail import PushedSail
+from support.quick import jit
 from support.ring_sail import TIGHT, ring_scene
 from support.whole_runs import check_going_on
 
@@ -63,7 +64,7 @@ def test_many_runs_at_once(small):
         run = esail.simulate("baseline", given, save=["tip_position_I", "electric_power"])
         return run["tip_position_I"][-1], run["electric_power"][-1]
 
-    tips, power = esail.jit(jax.vmap(end))(forces, limits)
+    tips, power = jit(jax.vmap(end))(forces, limits)
     for k in range(2):
         alone, watts = end(float(forces[k]), float(limits[k]))
         assert np.allclose(tips[k], alone, rtol=0, atol=1e-7), "1e-11 of ten kilometres"

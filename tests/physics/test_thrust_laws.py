@@ -108,12 +108,15 @@ def test_derivatives_by_the_new_numbers(small):
         given = small | SHEATH | PUSHED | dict(zip(keys, x, strict=True))
         return esail.simulate("baseline", given, save=["voltage"])["voltage"][-1]
 
-    slopes, end = jit(jax.jacfwd(volts))(at), jit(jax.vmap(volts))
-    h = 1e-3
-    moves = jnp.concatenate([at + k * h * jnp.diag(size) for k in (-2, -1, 1, 2)])
-    x = np.asarray(end(moves)).reshape(4, 3, -1)
-    quotient = ((8.0 * (x[2] - x[1]) - (x[3] - x[0])) / (12.0 * h) / size[:, None]).T
-    assert np.abs(slopes / quotient - 1.0).max() < 1e-6
+    # One program: three members with a direction each, then twelve for the quotients, without directions.
+    h, each = 1e-3, jnp.diag(size)
+    moves = jnp.concatenate([at + k * h * each for k in (-2, -1, 1, 2)])
+    members = jnp.concatenate([jnp.stack([at] * 3), moves])
+    directions = jnp.concatenate([each, jnp.zeros((12, 3))])
+    ends, slopes = jit(jax.vmap(lambda x, dx: jax.jvp(volts, (x,), (dx,))))(members, directions)
+    x = np.asarray(ends)[3:].reshape(4, 3, -1)
+    quotient = (8.0 * (x[2] - x[1]) - (x[3] - x[0])) / (12.0 * h)
+    assert np.abs(np.asarray(slopes)[:3] / quotient - 1.0).max() < 1e-6
 
 
 def test_gamma_distributed_pressure():
