@@ -198,11 +198,11 @@ def test_fifty_moments_of_kill_9_leave_a_file_that_opens_and_resumes_bit_for_bit
     """
     folder, other, chance = tmp_path / "run", tmp_path / "b.h5", random.Random(2)
     folder.mkdir()
-    assert esail_run(scene, other, "--t-end", 3000) == 0
+    assert esail_run(scene, other, "--t-end", 1200) == 0
     copies, killed = [], 0
     for _ in range(5):
         before = (folder / "a.h5").stat().st_ino if copies else None
-        with process(scene, folder / "a.h5", "--t-end", 3000, "--resume") as running:
+        with process(scene, folder / "a.h5", "--t-end", 1200, "--resume") as running:
             wait_for_writing(running, folder / "a.h5", before)
             for last in (False,) * 9 + (True,):
                 if chance.random() < 0.5:
@@ -225,6 +225,6 @@ def test_fifty_moments_of_kill_9_leave_a_file_that_opens_and_resumes_bit_for_bit
         path = copy / "a.h5"
         assert status_of(path) == "running"
         assert cli.main(["info", str(path)]) == 0
-        assert esail_run(scene, path, "--t-end", 3000, "--resume") == 0
+        assert esail_run(scene, path, "--t-end", 1200, "--resume") == 0
         check_same(path, other)
         assert [left.name for left in copy.iterdir()] == ["a.h5"]
