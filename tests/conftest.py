@@ -32,9 +32,6 @@ CACHE, PROGRAMS = "JAX_COMPILATION_CACHE_DIR", "ESAIL_CACHE"
 LEAST_SECONDS = 0.3
 """Least compile time [s] of a program that is written to the cache."""
 
-DEFAULT_TESTS = "not slow"
-"""Expression of pytest's option `-m` without which the slow tests run, too (`pyproject.toml`)."""
-
 FLAGS = {"--xla_cpu_use_fusion_emitters": "false"} if jax.__version_info__ < (0, 11) else {}
 """Flags of XLA for all sessions. The package compiles with this emitter, too; the many small programs of
 the tests compile with it in half the time."""
@@ -45,14 +42,18 @@ UNOPTIMISED = {
     "simplify-while-loops,while-loop-constant-sinking",
     "--xla_cpu_parallel_codegen_split_count": "1",
 }
-"""Further flags for sessions of the default tests, in which compiling is most of the work: the suite
-compiles in two thirds of the time, and long runs take longer. The last one keeps XLA from dividing each
-program among threads, which takes up to a third more processor time and gains nothing beside another
-worker. Sessions with slow tests, such as that of `.ci/run`, compile all programs as the package does."""
+"""Further flags, without the option `--optimised`. Compiling is most of the work of the tests: they take
+two thirds of the time with these flags, and only long runs take longer. The last flag keeps XLA from
+dividing each program among threads, which takes up to a third more processor time and gains nothing beside
+another worker."""
 
 LESS_OFTEN = 100_000, 50, 100
 """Thresholds of the garbage collector. Tracing makes millions of objects that stay alive; a collection
 every 700 objects, the default, takes a tenth of a test's time."""
+
+
+def pytest_addoption(parser):
+    parser.addoption("--optimised", action="store_true", help="compile with the options of the package")
 
 
 def pytest_configure(config):
@@ -63,7 +64,7 @@ def pytest_configure(config):
     """
     gc.set_threshold(*LESS_OFTEN)
     chosen = os.environ.get("XLA_FLAGS", "")
-    flags = FLAGS | (UNOPTIMISED if config.option.markexpr == DEFAULT_TESTS else {})
+    flags = FLAGS | ({} if config.option.optimised else UNOPTIMISED)
     added = [f"{name}={value}" for name, value in flags.items() if name not in chosen]
     os.environ["XLA_FLAGS"] = " ".join([chosen, *added]).strip()
     if not hasattr(config, "workerinput") and CACHE not in os.environ:
