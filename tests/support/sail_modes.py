@@ -1,6 +1,5 @@
 """Small sails whose modes are known otherwise, and the comparison with a dense linearisation."""
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -11,6 +10,7 @@ from esail_jax.modal.steady_load import with_mean_loads
 from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.structure import split
+from support.quick import jit
 
 SPIN = 4e-3
 SMALL = {"tethers.count": 4, "tethers.elements": 2}
@@ -51,7 +51,7 @@ def compared_with_dense(overrides):
     """Returns the worst difference between the table and the derivatives of the residual as one dense
     matrix with its own equilibrium and eigenvalues, and the numbers of modes of both."""
     system, start, spin = built("sun-facing", overrides)
-    other = dense_modes(system, jax.jit(equilibrium)(system, start, spin))
+    other = dense_modes(system, jit(equilibrium)(system, start, spin))
     table = esail.modes("sun-facing", overrides, converge=False)
     # The dense eigenvalues are exact to rounding of the largest one: slow motions are left out.
     theirs = other.eigenvalue[vibrating(other.eigenvalue)]
