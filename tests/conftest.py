@@ -25,7 +25,8 @@ pytest_plugins = ["support.compiled_nothing", "support.validation_record"]
 MAPS = Path("/proc/self/maps")
 MOST_MAPS = 25_000
 """Number of memory mappings of a process above which the compiled programs are dropped. Every program adds
-dozens. Linux allows 65,530, which some hundred tests reach; the next compilation then ends the process."""
+dozens. Linux allows 65,530, which some hundred tests reach; the next compilation then ends the process. At
+this number a process has about 5 GB of memory."""
 
 
 CACHE, PROGRAMS = "JAX_COMPILATION_CACHE_DIR", "ESAIL_CACHE"
@@ -99,6 +100,9 @@ def without_jax_cache():
 
 @pytest.fixture(autouse=True)
 def _room_for_programs():
-    """Drops the compiled programs before a process has too many memory mappings."""
+    """Drops the compiled programs, also those that the package keeps in memory, before a process has too
+    many memory mappings."""
     if MAPS.exists() and MAPS.read_bytes().count(b"\n") > MOST_MAPS:
-        jax.clear_caches()
+        from support.compiled_nothing import forget_programs  # a plugin, which pytest imports first
+
+        forget_programs()
