@@ -206,11 +206,11 @@ def check_law(scene: Scene, before: str | None, path: Path) -> None:
     """Raises RunFileError unless a run goes on under the user's voltage law that the file names."""
     law = None if scene.voltage_law is None else identity_of(scene.voltage_law)
     if law != before:
-        must = (
-            f"be left out to go on with {path}" if before is None else f"be {before} to go on with {path}"
-        )
+        must = "be left out" if before is None else f"be {before}"
         got = "is missing" if law is None else f"is {law}"
-        raise RunFileError(f"`--voltage-law` must {must}, but {got}")
+        if law is not None and before is not None and law.split()[0] == before.split()[0]:
+            got += ": the numbers or the methods of the law have changed"
+        raise RunFileError(f"`--voltage-law` must {must} to go on with {path}, but {got}")
 
 
 def check_checkpoint(before: Scene, scene: Scene, state: h5py.Group, path: Path) -> None:

@@ -4,9 +4,13 @@ The numbers are arguments of the compiled programs, so that other numbers need n
 derivatives. The structure decides which program is compiled.
 """
 
+import ast
 import dataclasses
 import hashlib
+import inspect
 import re
+import textwrap
+from collections.abc import Iterator
 from typing import Any
 
 import jax
@@ -29,6 +33,9 @@ class LawStructure:
         leaves = [next(rest) if other is NUMBER else other for other in self.others]
         return jax.tree.unflatten(self.tree, leaves)
 
+
+LIBRARIES = {"builtins", "equinox", "esail_jax", "jax", "jaxlib", "numpy"}
+"""Packages whose code has no part in the checksum of a law."""
 
 NUMBER = None
 """What stands for a number among the leaves of a structure. No leaf is None."""
@@ -55,7 +62,10 @@ def array_of(leaf: Any) -> Array:
 
 
 def identity_of(law: Any) -> str:
-    """Name and checksum of a law: a run file holds it, so that the run goes on under the same law."""
+    """Name and checksum of a law: a run file holds it, so that the run goes on under the same law.
+
+    The checksum is that of the law's numbers and of the source of its methods, without comments. A function
+    that a method calls is not part of it, and neither is a method whose source cannot be read."""
     digest = hashlib.sha256()
     leaves, tree = jax.tree.flatten(law)
     for leaf in leaves:
@@ -64,7 +74,33 @@ def identity_of(law: Any) -> str:
         else:
             digest.update(without_addresses(getattr(leaf, "__qualname__", repr(leaf))))
     digest.update(without_addresses(str(tree)))
+    for text in sorted({text for own in classes_of(law) for text in sources_of(own)}):
+        digest.update(text.encode())
     return f"{type(law).__module__}.{type(law).__qualname__} {digest.hexdigest()[:16]}"
+
+
+def classes_of(law: Any) -> Iterator[type]:
+    """The classes of a law and of the laws among its fields, with their bases. Those of libraries are left
+    out."""
+    for own in type(law).__mro__:
+        if own.__module__.partition(".")[0] not in LIBRARIES:
+            yield own
+    if dataclasses.is_dataclass(law):
+        for field in dataclasses.fields(law):
+            yield from classes_of(getattr(law, field.name))
+
+
+def sources_of(own: type) -> Iterator[str]:
+    """The sources of the methods of a class, without comments."""
+    for name in vars(own):
+        method = getattr(own, name)
+        method = inspect.unwrap(getattr(method, "fget", method))  # also the function of a property
+        if inspect.isfunction(method):
+            try:
+                tree = ast.parse(textwrap.dedent(inspect.getsource(method)))
+            except (OSError, SyntaxError):  # a class without a file, or a lambda within a line
+                continue
+            yield ast.unparse(tree)
 
 
 def without_addresses(text: str) -> bytes:

@@ -51,7 +51,11 @@ AnyPoint = Point | PointOnOrbit
 
 
 def check_start(scene: Scene, start: AnyPoint | None) -> None:
-    """Raises SceneError if a run is to start from a point on an orbit, but has none."""
+    """Raises SceneError if the start of a run is no point, or one on an orbit where there is no orbit."""
+    if not isinstance(start, Point | PointOnOrbit | None):
+        raise SceneError(
+            "start", "be a point, such as `solution.final_state`", f"is of type {type(start).__name__}"
+        )
     if isinstance(start, PointOnOrbit) and (scene.chain is not None or scene.orbit is None):
         raise SceneError("start", "have no orbit in a scene without [orbit] and a sail", "has one")
 

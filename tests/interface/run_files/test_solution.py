@@ -1,5 +1,6 @@
 """Solutions of `simulate` and chunks of `run` in Python."""
 
+import inspect
 import re
 
 import jax
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 import esail_jax as esail
+from esail_jax.simulation.rectification import check_start
 from esail_jax.simulation.results import join
 from esail_jax.steppers.fixed_step import STEPS_PER_FACTORISATION
 from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
@@ -27,6 +29,16 @@ def test_a_solution_is_a_mapping(solution):
     with pytest.raises(KeyError, match=r"'coning' is no observable of this run .perhaps `coning_angle`."):
         solution["coning"]
     assert solution.units()["kinetic_energy"] == "J"
+
+
+def test_a_run_starts_from_a_point_only(solution):
+    """A solution or its checkpoint is refused in one line. The check of types in the tests is left out,
+    which would come first."""
+    for start in (solution, solution.checkpoint):
+        with pytest.raises(
+            esail.SceneError, match=r"`start` must be a point, such as `solution\.final_state`"
+        ):
+            inspect.unwrap(check_start)(solution.scene, start)
 
 
 def test_a_solution_says_what_it_is(solution, scene):
