@@ -6,6 +6,7 @@ the new one, complete and closed.
 """
 
 import contextlib
+import errno
 import os
 import platform
 import shutil
@@ -29,6 +30,9 @@ FILTERS = {"shuffle": True, "compression": "gzip", "compression_opts": 1, "fletc
 """HDF5 filters of a dataset that grows: lossless compression, which every HDF5 reader knows, and a checksum
 of every chunk, so that damaged numbers are not read. Runs of the baseline are a fifth smaller."""
 
+LEAST_ROOM = 2**20
+"""Number of bytes [B] that a file may need for its structure, texts and attributes."""
+
 REUSED_SPACE = {"fs_strategy": "fsm", "fs_persist": True}
 """HDF5 keeps a list of the free space of a file. A chunk that has grown is written to a new place; without
 this list the old place is lost, and a run with many checkpoints is 1.7 times as large."""
@@ -36,14 +40,21 @@ this list the old place is lost, and a run with many checkpoints is 1.7 times as
 
 @contextlib.contextmanager
 def atomic_hdf5(
-    path: str | os.PathLike, update: bool = False, unique: bool = False, sealed: bool = False
+    path: str | os.PathLike,
+    update: bool = False,
+    unique: bool = False,
+    sealed: bool = False,
+    room: int = LEAST_ROOM,
 ) -> Iterator[h5py.File]:
     """Context manager: gives an HDF5 file to write, which replaces `path` when the block ends.
 
     update: start from a copy of `path` instead of an empty file; unique: as for `atomic_file`; sealed:
-    write the checksum of the whole file to its user block (`files/seal.py`).
+    write the checksum of the whole file to its user block (`files/seal.py`); room: number of bytes by which
+    the file may grow. Raises NoSpaceError before HDF5 writes anything if the disk has no room for the file.
+    HDF5 itself cannot close a file on a full disk: it reports every dataset, and may crash the process.
     """
     with atomic_file(path, unique) as part:
+        reserve(part, room + (os.path.getsize(path) if update else 0))
         if update:
             shutil.copyfile(path, part)
         block = {"userblock_size": USER_BLOCK} if sealed else {}
@@ -58,8 +69,7 @@ def atomic_hdf5_in_memory(path: str | os.PathLike) -> Iterator[h5py.File]:
     """Context manager: gives an HDF5 file in memory, which is written to `path` as a whole when the block
     ends. The name of the temporary file is unique, as for `atomic_file`.
 
-    HDF5 cannot close a file on a full disk: it reports every dataset, and may crash the process. Written by
-    Python, the file raises one error. Raises NoSpaceError if the disk is full."""
+    Written by Python, the file raises one error on a full disk. Raises NoSpaceError if the disk is full."""
     with h5py.File(f"{path} in memory", "w", driver="core", backing_store=False) as file:
         yield file
         file.flush()
@@ -71,18 +81,27 @@ def atomic_hdf5_in_memory(path: str | os.PathLike) -> Iterator[h5py.File]:
 def require_room(path: Path, size: int) -> None:
     """Raises NoSpaceError unless the disk, and the user's quota, have room for another file of `size` bytes
     at `path`: for a file that is too large for memory (`atomic_hdf5_in_memory`)."""
-    if not hasattr(os, "posix_fallocate"):
-        return
     part = path.with_name(f"{path.name}.room.{os.getpid()}{PART}")
     try:
-        with open(part, "wb") as file:
+        reserve(part, size)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def reserve(path: Path, size: int) -> None:
+    """Gives a new file `size` bytes of the disk, where the system can do so. Raises NoSpaceError if the
+    disk, or the user's quota, has no room for them."""
+    try:
+        if not hasattr(os, "posix_fallocate"):
+            if shutil.disk_usage(path.parent).free < size:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            return
+        with open(path, "wb") as file:
             os.posix_fallocate(file.fileno(), 0, size)
     except OSError as error:
         if is_full(error):
             raise NoSpaceError(f"no space is left in {path.parent}") from error
         # Other errors: this file system cannot reserve room.
-    finally:
-        part.unlink(missing_ok=True)
 
 
 def create_quantity(

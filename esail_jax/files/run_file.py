@@ -17,6 +17,8 @@ import numpy as np
 
 from esail_jax.atomic_file import atomic_file
 from esail_jax.files.hdf5 import (
+    LEAST_ROOM,
+    ROWS_PER_CHUNK,
     append,
     atomic_hdf5,
     create_observables,
@@ -169,7 +171,7 @@ class RunWriter:
     def write(self, progress: Progress) -> None:
         """Writes the chunks in memory and the progress."""
         began = time.perf_counter()
-        with atomic_hdf5(self.path, update=True, sealed=True) as file:
+        with atomic_hdf5(self.path, update=True, sealed=True, room=self._room(progress)) as file:
             if self._dropped_to is not None:
                 for data in rows_of(file):
                     data.resize(self._dropped_to, axis=0)
@@ -200,6 +202,15 @@ class RunWriter:
         self._pending, self._dropped_to = [], None
         cost = time.perf_counter() - began
         self._next_write = time.perf_counter() + max(CHECKPOINT_SECONDS, cost / COPY_SHARE)
+
+    def _room(self, progress: Progress) -> int:
+        """Number of bytes by which the file may grow: the rows in memory without compression, a last chunk
+        of every dataset that is written to a new place, and the state."""
+        rows = jax.tree.leaves([(c.time, c.observables, c.numerics) for c in self._pending])
+        added = sum(x.nbytes for x in rows)
+        count = max(sum(len(chunk.time) for chunk in self._pending), 1)
+        state = sum(np.asarray(x).nbytes for x in jax.tree.leaves((progress.checkpoint, progress.point)))
+        return LEAST_ROOM + added + ROWS_PER_CHUNK * added // count + state
 
     def _append(self, file: h5py.File) -> None:
         append(file["time"], np.concatenate([chunk.time for chunk in self._pending]))
