@@ -235,9 +235,12 @@ def save_stability(path: Path, found: Stability) -> None:
 def save(solution: Solution, path: str | os.PathLike, overwrite: bool = False) -> None:
     """Writes a solution to a run file.
 
-    Raises FileExistsError unless `overwrite`, and ValueError for a solution made under a trace.
+    Raises FileExistsError unless `overwrite`, TypeError for anything but a solution, such as an ensemble,
+    and ValueError for a solution made under a trace.
     """
     path = Path(path)
+    if not isinstance(solution, Solution):
+        raise TypeError(f"`solution` must be a Solution, but is of type {type(solution).__name__}")
     if solution.scene is None:
         raise ValueError("`solution` must come from a run on concrete numbers, but was traced")
     if path.exists() and not overwrite:

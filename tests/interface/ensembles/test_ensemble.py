@@ -1,5 +1,6 @@
 """Ensembles in Python: equality with single runs, failed members, and statistics."""
 
+import inspect
 import os
 import threading
 
@@ -91,6 +92,10 @@ def test_simulate_members_draws_inputs(scene, inputs, ensemble):
     assert "coning_angle" in found and "spin" not in found and list(dict(found)) == ["coning_angle"]
     text = "Ensemble(4 members, 4 complete; 11 instants to 200 s; observables coning_angle)"
     assert repr(found) == text
+    # `esail_jax.save` is for one run. The check of types in the tests comes first, and is left out.
+    with pytest.raises(TypeError, match="`solution` must be a Solution, but is of type Ensemble"):
+        inspect.unwrap(esail.save)(found, "many.h5")
+    assert np.array_equal(dict(**found)["coning_angle"], found["coning_angle"])
 
 
 @pytest.mark.parametrize(
