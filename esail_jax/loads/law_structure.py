@@ -87,7 +87,7 @@ def classes_of(law: Any) -> Iterator[type]:
             yield own
     if dataclasses.is_dataclass(law):
         for field in dataclasses.fields(law):
-            yield from classes_of(getattr(law, field.name))
+            yield from classes_of(getattr(law, field.name, None))
 
 
 def sources_of(own: type) -> Iterator[str]:
