@@ -7,6 +7,7 @@ number of members.
 """
 
 import dataclasses
+import os
 import warnings
 import zlib
 from collections.abc import Mapping, Sequence
@@ -27,7 +28,7 @@ from esail_jax.ensembles.distributions import (
 from esail_jax.scenes.declarations import rule_of
 from esail_jax.scenes.merging import unknown
 from esail_jax.scenes.rules import Rule, SceneError
-from esail_jax.scenes.scene import Scene
+from esail_jax.scenes.scene import Scene, load_scene
 from esail_jax.scenes.tables import names_of, tables_of
 from esail_jax.scenes.value_types import Kind, Shape
 
@@ -96,13 +97,21 @@ def variations_of(vary: Vary) -> list[Variation]:
     return found
 
 
-def draw(scene: Scene, vary: Vary, members: int, seed: int = 0, sampling: str = "random") -> Inputs:
+def draw(
+    scene: Scene | str | os.PathLike,
+    vary: Vary,
+    members: int,
+    seed: int = 0,
+    sampling: str = "random",
+) -> Inputs:
     """Draws the inputs of an ensemble: arrays by scene key, of shape (member) or (member, tether).
 
-    vary: for example `{"tethers.length": Normal(10e3, 10, per_tether=True)}`; sampling: of `SAMPLINGS`.
+    scene: a scene, the name of a built-in one, or the path of a file; vary: for example
+    `{"tethers.length": Normal(10e3, 10, per_tether=True)}`; sampling: of `SAMPLINGS`.
 
     Raises SceneError for keys that cannot be varied and for the first member with a value out of bounds,
     VariationError for a key that is given twice."""
+    scene = load_scene(scene)
     variations = variations_of(vary)
     check_numbers(members, seed, sampling)
     counts = [columns_of(scene, variation) for variation in variations]
