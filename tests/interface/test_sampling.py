@@ -249,5 +249,5 @@ def test_numbers_of_draws(scene, arguments, message):
 def test_a_scene_is_given_by_name_too():
     """The numbers are those of the scene of that name."""
     vary = {"initial.spin_rate": Normal(4e-3, 4e-5)}
-    one, other = (draw(scene, vary, 8, 5) for scene in ("baseline", load_scene("baseline")))
+    one, other = (draw(scene, vary, 8, 5) for scene in ("baseline", esail.load_scene("baseline")))
     assert np.array_equal(one["initial.spin_rate"], other["initial.spin_rate"])
