@@ -68,6 +68,9 @@ def run_design(
     after = save_design(design, last, folder)
     if not quiet:
         measured = design.objective.measure(after)
+        value = float(last.value[last.best])
+        print(f"objective after {last.iteration} iterations: {value:.6g}. Its parts, in their own units:")
+        print(f"{'':16s} {'constant':>12s}    {'designed':>12s}")
         for name, value in design.objective.reference_values.items():
             print(f"{name:16s} {value:12.5g} -> {measured[name]:12.5g}")
     return before, after, read_history(path)

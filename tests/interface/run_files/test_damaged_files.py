@@ -90,3 +90,9 @@ def test_a_file_that_is_replaced_while_it_is_read_is_intact(file_of_a_run, tmp_p
 
     monkeypatch.setattr(seal, "seal_of", meanwhile)
     assert seal.is_sealed(path) and not later.exists()
+
+
+def test_a_scene_in_place_of_a_run_file_is_named(scene, capsys):
+    """`esail info SCENE.toml` says what the file is, and which command reads it."""
+    assert main(["info", str(scene)]) == 2
+    assert "must be a run file, but is a scene: `esail run` checks it" in capsys.readouterr().err
