@@ -44,8 +44,10 @@ def open_run(path: str | os.PathLike) -> h5py.File:
     try:
         file = h5py.File(path)
     except OSError as error:
-        reason = "does not exist" if not os.path.exists(path) else "cannot be read as HDF5"
-        if str(path).endswith(".toml") and os.path.exists(path):
+        reason = "cannot be read as HDF5"
+        if not os.path.exists(path):
+            reason = "does not exist"
+        elif str(path).endswith(".toml"):
             reason = "is a scene: `esail run` checks it before it computes anything"
         raise RunFileError(f"`{path}` must be a run file, but {reason}") from error
     if "schema_version" not in file.attrs or "scene" not in file:

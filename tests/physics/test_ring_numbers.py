@@ -1,10 +1,12 @@
 """Auxiliary tethers: derivatives by their numbers, batches, releases, resumed runs, and what is refused."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import esail_jax as esail
-from support.derivatives import batch_with_slopes, error_of_slope, stacked, weights_of_each
+from support.quick import jit
 from support.ring_sail import EACH, RING_NUMBERS, TIGHT, TRUSSES, ring_scene
 from support.whole_runs import check_resumed_bits
 
@@ -46,38 +48,55 @@ def alone(numbers):
 
 @pytest.fixture(scope="module")
 def batch():
-    """Weights by signal, the numbers of a batch, its signals and their derivatives, by one program. The
-    first members have the same numbers, one member for each signal; the last two have other lengths."""
-    base = alone(ring_numbers())
-    weights = weights_of_each(base)
-    members = [ring_numbers()] * len(weights)
-    members += [ring_numbers("auxiliary_tethers.length", change) for change in (-10.0, 10.0)]
-    found = batch_with_slopes(ring_signals)(stacked(members), stacked([*weights, *weights[:2]]))
-    return weights, members, *found
+    """Numbers of a batch, its signals and their derivatives along a direction, by one program in forward
+    mode. The first members have the same numbers, each with the direction of one key; the last two have
+    other lengths and no direction."""
+    none = {k: 0.0 * EACH for k in RING_NUMBERS}
+    members = [(ring_numbers(), none | {k: size * EACH}) for k, (_, size) in RING_NUMBERS.items()]
+    members += [(ring_numbers("auxiliary_tethers.length", change), none) for change in (-10.0, 10.0)]
+    numbers, directions = jax.tree.map(lambda *x: jnp.stack(x), *members)
+    forward = jit(jax.vmap(lambda x, dx: jax.jvp(ring_signals, (x,), (dx,))))
+    return [numbers for numbers, _ in members], *forward(numbers, directions)
 
 
 @pytest.mark.slow
 def test_derivatives_by_every_number_of_the_ring(batch, validate):
-    """Derivatives of every signal by every number equal difference quotients of fourth order to 1e-6."""
-    weights, _, _, slopes = batch
-    worst = 0.0
-    for key, (_, size) in RING_NUMBERS.items():
-        ends = {c: alone(ring_numbers(key, c)) for c in (-2, -1, 1, 2)}
-        for member, w in enumerate(weights):
-            along = slopes[key][member] @ (size * EACH)
-            worst = max(worst, error_of_slope(along, w, ends, 1.0))
+    """Forward derivatives by every number equal difference quotients of fourth order to 1e-6, and reverse
+    mode agrees with forward mode to 1e-8."""
+    _, _, forward = batch
+    at = {k: jnp.asarray(x) for k, x in ring_numbers().items()}
+    tangents, worst = {}, 0.0
+    for i, key in enumerate(RING_NUMBERS):
+        tangents[key] = {name: found[i] for name, found in forward.items()}
+        runs = {c: alone(ring_numbers(key, c)) for c in (-2.0, -1.0, 1.0, 2.0)}
+        for name, found in tangents[key].items():
+            value = {c: np.asarray(run[name]) for c, run in runs.items()}
+            quotient = (8.0 * (value[1.0] - value[-1.0]) - (value[2.0] - value[-2.0])) / 12.0
+            error = np.abs(quotient - found).max() / np.abs(quotient).max()
+            worst = max(worst, error)
     validate("RING-6", "derivatives by six numbers of the ring", "differences", "relative", worst, 1e-6)
+
+    pull = jit(lambda x, w: jax.vjp(ring_signals, x)[1](w)[0])
+    weights = jax.tree.map(lambda t: 1.0 / jnp.abs(t).max() * jnp.ones_like(t),
+                           tangents["auxiliary_tethers.length"])  # fmt: skip
+    back = pull(at, weights)
+    for key, (_, size) in RING_NUMBERS.items():
+        parts = jax.tree.map(lambda w, t: (w * t).sum(), weights, tangents[key])
+        along = sum(jax.tree.leaves(parts))
+        magnitude = sum(abs(x) for x in jax.tree.leaves(parts))
+        assert abs(back[key] @ (size * EACH) - along) < 1e-8 * magnitude, key
 
 
 @pytest.mark.slow
 def test_batch_of_lengths_equals_a_loop(batch):
     """Members of a batch with other segment lengths do not influence each other, also through the steady
-    start."""
-    _, numbers, signals, _ = batch
-    tips = signals["tip_position_I"]
+    start. The derivatives of members without a direction are zero."""
+    numbers, signals, forward = batch
     for i in (-2, -1):
-        np.testing.assert_allclose(tips[i], alone(numbers[i])["tip_position_I"], rtol=0, atol=1e-8)
-    assert np.abs(tips[-1] - tips[-2]).max() > 1e-3
+        loop = alone(numbers[i])["tip_position_I"]
+        np.testing.assert_allclose(signals["tip_position_I"][i], loop, rtol=0, atol=1e-8)
+        assert not np.asarray(forward["tip_position_I"][i]).any()
+    assert np.abs(signals["tip_position_I"][-1] - signals["tip_position_I"][-2]).max() > 1e-3
 
 
 # ---- events, resuming, bad input --------------------------------------------------------------------

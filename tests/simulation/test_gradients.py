@@ -1,4 +1,4 @@
-"""`jax.jvp` and `jax.grad` of `simulate`, over whole runs."""
+"""`jax.jvp`, `jax.grad` and `jax.vmap` of `simulate`, over whole runs."""
 
 import jax
 import jax.numpy as jnp
@@ -78,6 +78,19 @@ def test_traced_run_equals_the_host_run(run, differentiated):
     for name in SIGNALS:
         scale = np.abs(host[name]).max()
         assert np.abs(np.asarray(host[name]) - traced[name]).max() < 1e-11 * scale + 1e-14, name
+
+
+@pytest.mark.slow
+def test_vmap_over_voltages_equals_a_loop(small):
+    """Members of a batch do not influence each other."""
+    volts = jnp.array([10e3, 20e3])
+
+    def tip(volt):
+        return esail.simulate("baseline", {**small, "voltage.value": volt})["tip_position_I"]
+
+    batch = jit(jax.vmap(tip))(volts)
+    for member, volt in zip(batch, volts, strict=True):
+        np.testing.assert_allclose(member, tip(float(volt)), rtol=0, atol=1e-8)
 
 
 @pytest.mark.slow
