@@ -44,9 +44,9 @@ UNOPTIMISED = {
     "--xla_cpu_parallel_codegen_split_count": "1",
 }
 """Further flags, without the option `--optimised`. Compiling is most of the work of the tests: they take
-two thirds to three quarters of the time with these flags, and only long runs take longer. The last flag keeps XLA from
-dividing each program among threads, which takes up to a third more processor time and gains nothing beside
-another worker."""
+two thirds to three quarters of the time with these flags, and only long runs take longer. The last flag
+keeps XLA from dividing each program among threads, which takes up to a third more processor time and gains
+nothing beside another worker."""
 
 LESS_OFTEN = 100_000, 50, 100
 """Thresholds of the garbage collector. Tracing makes millions of objects that stay alive; a collection
