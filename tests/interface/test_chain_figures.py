@@ -39,15 +39,23 @@ def lost_from(index):
     return change
 
 
+class Chains(dict):
+    """Runs by name, each of which is made when it is first asked for."""
+
+    def __missing__(self, name):
+        if name == "failed":
+            self[name] = rows_of(self["satellite"], lost_from(20))
+        elif name == "start only":
+            self[name] = rows_of(self["hanging"], lambda values: values[:1])
+        else:
+            scene, changes = SHORT[name]
+            self[name] = simulate(scene, changes | {"integrator.method": "dopri5"})
+        return self[name]
+
+
 @pytest.fixture(scope="module")
 def chains():
-    found = {
-        name: simulate(scene, changes | {"integrator.method": "dopri5"})
-        for name, (scene, changes) in SHORT.items()
-    }
-    found["failed"] = rows_of(found["satellite"], lost_from(20))
-    found["start only"] = rows_of(found["hanging"], lambda values: values[:1])
-    return found
+    return Chains()
 
 
 @pytest.mark.parametrize("make", plotting.CHAIN_FIGURES, ids=lambda make: make.__name__)

@@ -126,6 +126,7 @@ def test_no_equilibrium_is_said():
     np.testing.assert_allclose(tilted.frequency_hz, facing.frequency_hz, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_command(tmp_path, capsys):
     """The command writes all modes and the figures, and overwrites nothing."""
     file = tmp_path / "modes.json"

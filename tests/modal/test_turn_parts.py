@@ -84,6 +84,7 @@ def test_tethers_are_renumbered_in_the_sense_of_the_spin(monkeypatch, spin):
     assert np.abs(seen - z).max() < 1e-11 * np.abs(z).max()  # rounding
 
 
+@pytest.mark.slow
 def test_angular_momentum_turns_with_the_sail_and_grows_with_the_spin(facing):
     """In a rotation about e the angular momentum changes by e x H. A relative change of the spin changes it
     by H, as the whole sail rotates about n. Neither violates a constraint nor moves the centre of mass.
@@ -117,6 +118,7 @@ def test_free_vibrations_have_no_angular_momentum():
             assert np.abs(found.slopes @ shape).max() < 1e-6 * parts.max(), table.name[mode]
 
 
+@pytest.mark.slow
 def test_multipliers_of_a_map_that_is_known(facing):
     """Facing the wind, a mode u exp(s t) of B is after a third of a turn exp(s T) u, turned with B and then
     renumbered. The map made of these images has the modes' eigenvalues for exponents, and with every image
@@ -151,6 +153,7 @@ def test_multipliers_of_a_map_that_is_known(facing):
     assert {signed_wave(table, int(k)) for k in np.flatnonzero(slow)} == {-1, 0, 1}
 
 
+@pytest.mark.slow
 def test_orbit_of_a_rigid_map_has_its_precession_and_drifts(monkeypatch, facing):
     """A map that turns the whole sail is known: by d about the wind, by a away from the wind, by Omega
     times what the duration differs from T, and that makes its spin faster by b. Newton's method finds T and

@@ -50,6 +50,7 @@ def test_undamped_turning_frame_follows_the_time_exact_solution(validate):
     enter(validate, "turning_frame", "undamped tethers on a turning frame, h = 2 ms", found, 1e-3)
 
 
+@pytest.mark.slow
 def test_error_falls_with_the_square_of_the_step():
     """The tip's error falls by 3.5 to 4.5 between h = 0.1 and 0.05 s (second order: 4)."""
     reference = np.load(GOLDEN / "unequal.npz")

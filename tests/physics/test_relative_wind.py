@@ -15,13 +15,13 @@ from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.structure import split
 from esail_jax.steppers.transposable import Transposable
 from support.one_tether import STEPPERS, integrate, one_tether, straight, turning
-from support.quick import jit
+from support.quick import jit, quickly
 
 ROD, TIP, LENGTH = 0.6, 1.5, 2.0
 """Masses of rod and tip [kg], length [m]."""
 
 
-@pytest.mark.parametrize("stepper", STEPPERS)
+@pytest.mark.parametrize("stepper", quickly(STEPPERS, ("collocation",)))
 def test_spin_of_a_straight_tether_decays(stepper, validate):
     """The angular momentum of a straight tether about an axis along the wind through its root decays as
     exp(-k t), k = sigma L / (3 u (m_u + rho A L/3)).

@@ -22,7 +22,7 @@ from esail_jax.environment.thermal import (
 from esail_jax.observables.run_warning import slack_warning
 from esail_jax.scenes.toml_text import to_toml
 from support.one_tether import STEPPERS, integrate, one_tether, straight
-from support.quick import jit
+from support.quick import jit, quickly
 from support.ring_sail import TIGHT, check_second_order, reference, ring_scene
 from support.whole_runs import check_resumed_bits
 
@@ -55,7 +55,7 @@ def heated(system, expansion, temperature):
 # ---- exact cases ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("stepper", STEPPERS)
+@pytest.mark.parametrize("stepper", quickly(STEPPERS, ("collocation",)))
 def test_hanging_mass_on_a_wire_that_is_heated(stepper, validate):
     """A mass that hangs on a massless wire vibrates when the wire begins to warm at a constant rate.
 

@@ -12,13 +12,13 @@ from esail_jax.loads.tip_thrust import Switching, TipThrust
 from esail_jax.measurements import Measurements
 from esail_jax.observables.run_warning import slack_warning
 from support.one_tether import STEPPERS, integrate, one_tether, straight, turning
-from support.quick import jit
+from support.quick import jit, quickly
 
 ROD, TIP, LENGTH = 0.6, 1.5, 2.0
 """Masses of rod and tip [kg], length [m]."""
 
 
-@pytest.mark.parametrize("stepper", STEPPERS)
+@pytest.mark.parametrize("stepper", quickly(STEPPERS, ("collocation",)))
 def test_spin_up_of_a_stiff_tether(stepper, validate):
     """A tangential force F turns a rod hinged at the axis with theta'' = F / ((m_u + m_t/3) L).
 

@@ -3,12 +3,14 @@
 import threading
 
 import numpy as np
+import pytest
 
 from esail_jax import load_scene
 from esail_jax.simulation.host import HostRun, compile_scene
 from esail_jax.simulation.results import join
 
 
+@pytest.mark.slow
 def test_the_next_call_begins_before_the_observables_of_the_last_are_evaluated(small, monkeypatch):
     """The observables of a call wait until the next call has begun, which would take for ever if that
     waited for the observables. The rows have the same bits as those of a run in one call."""

@@ -178,6 +178,7 @@ def test_error_follows_the_tolerance():
     assert found[1] < found[0] / 10 and found[2] < found[1] / 10, found
 
 
+@pytest.mark.slow
 def test_reactions_of_a_stiff_sail_at_the_default_tolerance():
     """The default tolerance of a stiff sail keeps the reactions to 2e-4 of their range.
 

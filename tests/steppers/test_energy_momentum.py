@@ -15,7 +15,7 @@ from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.structure import split
 from esail_jax.steppers.energy_momentum import Secant
 from support.one_tether import integrate
-from support.quick import jit, quickly
+from support.quick import jit
 from support.soft_sail import SOFT, STEPS, orders, stepped
 from support.whole_runs import check_going_on
 
@@ -124,7 +124,8 @@ KINDS = {
 }
 
 
-@pytest.mark.parametrize("kind", quickly(KINDS))
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
 def test_free_sail_keeps_energy_and_momenta(kind, validate):
     """A free sail keeps energy and both momenta to 1e-12 and the constraints to 1e-10 m.
 

@@ -125,6 +125,7 @@ def test_history_of_shorter_steps(begun):
     np.testing.assert_allclose(found.a.hub, expected, rtol=1e-14)
 
 
+@pytest.mark.slow
 def test_a_step_that_fails_is_halved_and_doubled_again(begun):
     """A block ends before a step that fails. The next one begins there with fresh factors; if its first
     step fails, the step is halved, and after a whole step doubled. Ends of steps are exact multiples."""

@@ -47,6 +47,7 @@ def stepped(step: float) -> dict:
 FACTORS = [("tip_position_I", "tip_error", 3.0), ("reaction_B", "root_force_error", 8.0)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("signal", "estimate", "most"), FACTORS)
 def test_the_estimate_is_the_error_within_a_factor(runs, signal, estimate, most):
     """The estimate is at least the error, and at most `most` times the error.
@@ -61,6 +62,7 @@ def test_the_estimate_is_the_error_within_a_factor(runs, signal, estimate, most)
         assert error < run.numerics[estimate][-1] < most * error
 
 
+@pytest.mark.slow
 def test_too_long_a_step_is_said(runs):
     """The long step, with root force errors of 5e-2 of the range, causes a warning; the short one, with
     1e-3, does not."""
@@ -69,6 +71,7 @@ def test_too_long_a_step_is_said(runs):
     assert short == ""
 
 
+@pytest.mark.slow
 def test_estimates_begin_with_nothing(runs):
     """The estimate at a saved instant covers all earlier steps; at the first instant it is zero."""
     for run in runs:

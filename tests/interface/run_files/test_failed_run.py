@@ -16,6 +16,7 @@ from esail_jax.compilation import program, store
 from esail_jax.numerics.lockstep import select
 from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
 from support.bits import check_same, esail_run
+from support.quick import quickly
 from support.run_kinds import KINDS, check_start_of
 
 
@@ -43,7 +44,7 @@ def break_from(monkeypatch, stepper, start):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", quickly(KINDS))
 def test_a_failed_run_keeps_what_was_good_and_says_why(kind, scenes, wholes, tmp_path, monkeypatch, capsys):
     scene, whole, (_, stepper, scale) = scenes[kind], wholes(kind), KINDS[kind]
     path = tmp_path / "a.h5"

@@ -27,7 +27,7 @@ from support.run_kinds import KINDS, SHORT_CALLS, check_start_of
 
 @pytest.mark.parametrize("place", ["progress", "collect", "write"])
 @pytest.mark.parametrize("number", [1, 2, 3])
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", quickly(KINDS))
 def test_ctrl_c_anywhere_leaves_a_file_that_resumes_bit_for_bit(
     kind, place, number, scenes, wholes, tmp_path, monkeypatch, capsys
 ):

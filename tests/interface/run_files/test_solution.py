@@ -14,6 +14,7 @@ from esail_jax.simulation.results import join
 from esail_jax.steppers.fixed_step import STEPS_PER_FACTORISATION
 from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
 from support.bits import same_bits
+from support.quick import quickly
 from support.run_kinds import KINDS, OBSERVABLES
 
 
@@ -51,7 +52,7 @@ def test_a_solution_says_what_it_is(solution, scene):
     assert repr(shapes) == f"Solution({count} observables at 230 instants, under a trace)"
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", quickly(KINDS))
 def test_a_run_goes_on_from_a_final_state(kind, solutions, tmp_path):
     """The final state of a file is that of the solution, and a run to a later end goes on from it. Step
     sizes and first guesses begin anew, so that the results agree within the errors of the method."""
@@ -77,7 +78,7 @@ def test_a_run_goes_on_from_a_final_state(kind, solutions, tmp_path):
     assert seen[0].checkpoint is None, "the scene's own run would go on otherwise"
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", quickly(KINDS))
 def test_observables_at_a_time_are_those_of_a_run_that_saves_it(kind, solutions):
     solution, scale = solutions(kind), KINDS[kind].scale
     time = 23.456 * scale
@@ -106,7 +107,7 @@ def test_observables_at_a_time_of_a_run_from_a_state(solution):
     assert same_bits(found, {"kinetic_energy": later["kinetic_energy"][9]})
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", quickly(KINDS))
 def test_the_chunks_of_a_run_are_its_solution(kind, solutions):
     solution = solutions(kind)
     chunks = list(esail.run(solution.scene))
@@ -155,7 +156,7 @@ def test_given_times_are_saved(solution):
             esail.simulate(solution.scene, times=bad)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", quickly(KINDS))
 def test_a_run_stops_at_the_largest_number_of_steps(kind, solutions):
     solution = solutions(kind)
     most = solution.steps // 2

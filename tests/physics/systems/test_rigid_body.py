@@ -12,6 +12,7 @@ from scipy.special import ellipj
 
 from esail_jax.elements.rigid_body import RigidBody
 from support.one_tether import STEPPERS, integrate, one_tether, straight, turning
+from support.quick import quickly
 
 EXTENTS = np.array([0.9, 0.6, 0.3])
 """Mean squares of the three body coordinates [m^2]; moments of inertia are sums of two."""
@@ -59,7 +60,7 @@ def alone():
     return made, q, turning(q, START)
 
 
-@pytest.fixture(scope="module", params=STEPPERS)
+@pytest.fixture(scope="module", params=quickly(STEPPERS))
 def runs(request):
     """Runs of 10 s, 2.5 turns about the main axis, with two step sizes."""
     made, q, v = alone()

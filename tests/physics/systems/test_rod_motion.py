@@ -24,6 +24,7 @@ def weight(direction):
     return {"gravity.acceleration": [9.81 * x for x in (*direction, 0.0)[:3]]}
 
 
+@pytest.mark.slow
 def test_experiment_1_against_quadruple_precision(validate):
     """The tip agrees to 8 digits of 20 m for every direction of gravity but -X, where slack rods move
     chaotically.

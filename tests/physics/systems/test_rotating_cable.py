@@ -14,7 +14,7 @@ import pytest
 from esail_jax.equilibria.equilibrium import equilibrium
 from esail_jax.equilibria.steady_stretch import steady_line
 from support.one_tether import STEPPERS, integrate, one_tether, straight, turning
-from support.quick import jit
+from support.quick import jit, quickly
 
 LENGTH, AXIAL, DENSITY, TIP, RADIUS, SPIN = 2.0, 50.0, 0.8, 1.5, 0.3, 1.2
 """Numbers of a soft cable, which is stretched by 20 %."""
@@ -61,7 +61,7 @@ def test_steady_stretch_and_its_derivative(validate):
         validate(f"ROT-{2 * row + 2}", case, reference, f"d radii / d spin ({name})", error, 1e-8)
 
 
-@pytest.mark.parametrize("stepper", STEPPERS)
+@pytest.mark.parametrize("stepper", quickly(STEPPERS, ("collocation",)))
 def test_steady_rotation_stays_steady(stepper, validate):
     """A cable that starts from the closed form rotates as a rigid body.
 
