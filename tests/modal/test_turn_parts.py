@@ -15,6 +15,8 @@ from esail_jax.modal.turn_map import from_state, local, renumbered, settled, to_
 from esail_jax.numerics.angles import rotation_by
 from support.sail_modes import RING, SPIN, built
 
+pytestmark = pytest.mark.slow
+
 SMALL = {"tethers.count": 3, "tethers.elements": 1}
 RINGS = SMALL | RING | {"auxiliary_tethers.length": 17322.0, "auxiliary_tethers.elements": 2}
 """Three tethers of one element, and auxiliary tethers with nodes of their own."""
@@ -49,7 +51,6 @@ def facing():
     return solved("sun-facing", SMALL)
 
 
-@pytest.mark.slow
 def test_steady_sail_with_a_ring_looks_the_same_from_every_tether():
     """A steady sail of equal tethers that is turned by a third of a turn is the same sail with other
     numbers, its hub and the nodes of its auxiliary tethers included. 1e-11: rounding."""
@@ -62,7 +63,6 @@ def test_steady_sail_with_a_ring_looks_the_same_from_every_tether():
         assert np.abs(seen - z).max() < 1e-11 * np.abs(z).max()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("spin", [SPIN, -SPIN])
 def test_tethers_are_renumbered_in_the_sense_of_the_spin(monkeypatch, spin):
     """After its part of a turn the steady sail, renumbered as the map does it, stands where it stood,
@@ -84,7 +84,6 @@ def test_tethers_are_renumbered_in_the_sense_of_the_spin(monkeypatch, spin):
     assert np.abs(seen - z).max() < 1e-11 * np.abs(z).max()  # rounding
 
 
-@pytest.mark.slow
 def test_angular_momentum_turns_with_the_sail_and_grows_with_the_spin(facing):
     """In a rotation about e the angular momentum changes by e x H. A relative change of the spin changes it
     by H, as the whole sail rotates about n. Neither violates a constraint nor moves the centre of mass.
@@ -104,7 +103,6 @@ def test_angular_momentum_turns_with_the_sail_and_grows_with_the_spin(facing):
         assert np.abs(found.conditions @ change).max() < 1e-9 * rows.max()
 
 
-@pytest.mark.slow
 def test_free_vibrations_have_no_angular_momentum():
     """Without wind the angular momentum is constant in space. A motion exp(s t) u as seen in B changes it,
     as seen in B, by exp(s t) h, so that h = 0 unless s is that of an axis at rest in space, +-i Omega.
@@ -118,7 +116,6 @@ def test_free_vibrations_have_no_angular_momentum():
             assert np.abs(found.slopes @ shape).max() < 1e-6 * parts.max(), table.name[mode]
 
 
-@pytest.mark.slow
 def test_multipliers_of_a_map_that_is_known(facing):
     """Facing the wind, a mode u exp(s t) of B is after a third of a turn exp(s T) u, turned with B and then
     renumbered. The map made of these images has the modes' eigenvalues for exponents, and with every image
@@ -153,7 +150,6 @@ def test_multipliers_of_a_map_that_is_known(facing):
     assert {signed_wave(table, int(k)) for k in np.flatnonzero(slow)} == {-1, 0, 1}
 
 
-@pytest.mark.slow
 def test_orbit_of_a_rigid_map_has_its_precession_and_drifts(monkeypatch, facing):
     """A map that turns the whole sail is known: by d about the wind, by a away from the wind, by Omega
     times what the duration differs from T, and that makes its spin faster by b. Newton's method finds T and
