@@ -30,4 +30,6 @@ def atomic_file(path: str | os.PathLike, unique: bool = False) -> Iterator[Path]
         part.unlink(missing_ok=True)
         if is_full(error):
             raise NoSpaceError(f"no space is left in {path.parent}") from error
+        if isinstance(error, OSError) and error.filename == str(part):
+            error.filename = str(path)  # the file that was asked for
         raise

@@ -28,7 +28,7 @@ from esail_jax.commands.options import (
     settings,
 )
 from esail_jax.commands.parser import parser
-from esail_jax.errors import InputError, NoSpaceError, SimulationError
+from esail_jax.errors import InputError, NoSpaceError, SimulationError, sentence_of
 
 if TYPE_CHECKING:
     from esail_jax.scenes.scene import Scene
@@ -38,7 +38,7 @@ def scene_of(options: argparse.Namespace) -> "Scene":
     """Reads and checks the scene of a command, before JAX is imported: an error is reported at once, and so
     is a number that may be in a wrong unit."""
     from esail_jax.scenes.own_law import KEY, MissingLaw
-    from esail_jax.scenes.plausibility import doubts
+    from esail_jax.scenes.plausibility import doubts, without_effect
     from esail_jax.scenes.scene import load_scene
 
     overrides = settings(options)
@@ -51,8 +51,8 @@ def scene_of(options: argparse.Namespace) -> "Scene":
     except MissingLaw as error:
         raise missing_law(options) from error
     if not getattr(options, "quiet", False):
-        for doubt in doubts(scene):
-            print(doubt, file=sys.stderr)
+        for sentence in (*doubts(scene), *without_effect(scene)):
+            print(sentence, file=sys.stderr)
     return scene
 
 
@@ -283,7 +283,7 @@ def run_command(arguments: list[str] | None) -> ExitCode:
     except (InputError, OSError) as error:
         if isinstance(error, BrokenPipeError) and reader_has_ended():
             raise
-        complain(error)
+        complain(sentence_of(error) if isinstance(error, OSError) else error)
         return ExitCode.BAD_INPUT
     except SimulationError as error:
         complain(error)

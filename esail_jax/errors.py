@@ -16,6 +16,13 @@ class NoSpaceError(OSError):
     """A file that could not be written because the disk, or the user's share of it, is full."""
 
 
+def sentence_of(error: OSError) -> str:
+    """The system's error about a file or a folder, in the grammar of all messages."""
+    if error.filename is None or error.strerror is None:
+        return str(error)
+    return f"`{error.filename}` must be accessible, but is not: {error.strerror}"
+
+
 FULL = (errno.ENOSPC, errno.EDQUOT)
 """Numbers of the system's errors of a full disk and of a full quota."""
 

@@ -21,7 +21,6 @@ from esail_jax.commands.exit_codes import ExitCode
 from esail_jax.commands.interrupts import Interrupts
 from esail_jax.commands.options import UsageError
 from esail_jax.ensembles.ensemble_file import (
-    WHOLE,
     Task,
     computed_members,
     parts_of,
@@ -29,7 +28,7 @@ from esail_jax.ensembles.ensemble_file import (
 )
 from esail_jax.ensembles.merging import merge_pieces
 from esail_jax.files.locks import FolderLock
-from esail_jax.files.opening import RunFileError
+from esail_jax.files.opening import WHOLE, RunFileError
 
 COMPUTE, NOTHING_TO_DO, REFUSED = 0, 1, 2
 """Messages from the first of many processes to the others."""

@@ -16,7 +16,7 @@ from esail_jax.design.design_file import append_state, read_history, read_state
 from esail_jax.design.law_variables import law_variables, with_free_law
 from esail_jax.design.optimiser import State
 from esail_jax.design.problem import Design
-from esail_jax.files.opening import RunFileError
+from esail_jax.files.opening import DESIGN, RUNS_OF_DESIGN, RunFileError
 from esail_jax.files.run_file import save
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.toml_text import to_toml
@@ -50,7 +50,7 @@ def run_design(
 
     Returns the runs with constant voltage and with the design, and the objective, (iteration, start).
     Raises SceneError and RunFileError before anything is written, SimulationError if a run fails."""
-    path = folder / "design.h5"
+    path = folder / DESIGN
     if path.exists() and not resume:
         raise RunFileError(f"{path} must not exist (or ask for --resume), but does")
     scene = with_free_law(scene)
@@ -58,8 +58,8 @@ def run_design(
     design = Design(scene, weights, law_variables(scene), method=how.method)
     identity = {"scene": to_toml(scene), "weights": repr(sorted(weights.items())), "method": how.method}
     last = read_state(path, design.optimiser, identity) if path.exists() else None
-    before, _ = design.reference_run, design.objective.references
     folder.mkdir(parents=True, exist_ok=True)
+    before, _ = design.reference_run, design.objective.references
     for state in design.optimise(how.iterations, last, starts=how.starts, seed=how.seed):
         last = state
         append_state(path, state, identity)
@@ -81,6 +81,6 @@ def save_design(design: Design, state: State, folder: Path) -> Solution:
     best = design.scene_at(state.x[state.best])
     (folder / "designed.toml").write_text(to_toml(best), encoding="utf-8")
     before, after = design.reference_run, simulate(best)
-    save(before, folder / "before.h5", overwrite=True)
-    save(after, folder / "after.h5", overwrite=True)
+    for run, name in zip((before, after), RUNS_OF_DESIGN, strict=True):
+        save(run, folder / name, overwrite=True)
     return after

@@ -20,7 +20,6 @@ from esail_jax.commands.interrupts import Interrupts
 from esail_jax.commands.progress import Progress
 from esail_jax.cores import cores
 from esail_jax.ensembles.ensemble_file import (
-    WHOLE,
     Task,
     computed_members,
     parts_of,
@@ -33,7 +32,7 @@ from esail_jax.ensembles.merging import merge_pieces
 from esail_jax.ensembles.sampling import Vary, draw, variations_of
 from esail_jax.errors import NoSpaceError
 from esail_jax.files.locks import FolderLock
-from esail_jax.files.opening import RunFileError
+from esail_jax.files.opening import WHOLE, RunFileError
 from esail_jax.scenes.scene import Scene
 
 PIECES_PER_PROCESS = 4

@@ -1,5 +1,6 @@
 """`esail info` of an ensemble."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -8,16 +9,16 @@ from esail_jax.commands.description import heading, size_of
 from esail_jax.ensembles.ensemble import Ensemble
 from esail_jax.ensembles.ensemble_file import (
     TASK,
-    WHOLE,
     computed_members,
     load_ensemble,
     outcome_counts,
     parts_of,
     read_task,
 )
+from esail_jax.ensembles.joining import join
 from esail_jax.ensembles.statistics import MEMBERS_PER_COLUMN, OUTCOMES, outcomes_of, sensitivities
 from esail_jax.files.locks import in_use
-from esail_jax.files.opening import RunFileError, intact, open_run, to_python
+from esail_jax.files.opening import WHOLE, files_of, intact, open_run, to_python
 
 LEAST_SHARE = 0.05
 """Least share of an outcome's variance for which an input is named."""
@@ -45,6 +46,20 @@ def describe_ensemble(path: Path) -> str:
     return "\n".join([line for line in lines if line] + distributions(ensemble))
 
 
+def describe_joined(paths: Sequence[Path]) -> str:
+    """The distributions of the outcomes of several ensembles as one sample, after a line for each. Raises
+    RunFileError, and InputError for ensembles that do not fit together."""
+    parts = [load_ensemble(path, [outcome.observable for outcome in OUTCOMES]) for path in paths]
+    whole = join(parts)
+    width = max(len(str(path)) for path in paths)
+    lines = [
+        f"{path!s:{width}s}  {len(part)} members, {int(part.complete.sum())} complete"
+        for path, part in zip(paths, parts, strict=True)
+    ]
+    lines.append(f"One sample of {len(whole)} members, {int(whole.complete.sum())} complete:")
+    return "\n".join(lines + distributions(whole))
+
+
 def describe_folder(folder: Path) -> str:
     """The description of the ensemble in a folder, or its progress if it is not finished. Raises
     RunFileError."""
@@ -53,11 +68,8 @@ def describe_folder(folder: Path) -> str:
             raise FileNotFoundError
         return progress_of(folder)
     except FileNotFoundError:  # no pieces, or they have just been put together
-        if not (folder / WHOLE).exists():
-            raise RunFileError(
-                f"`{folder}` must be a run file, but is a folder without an ensemble"
-            ) from None
-        return describe_ensemble(folder / WHOLE)
+        (path,) = files_of([folder])
+        return describe_ensemble(path)
 
 
 def progress_of(folder: Path) -> str:

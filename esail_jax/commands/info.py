@@ -4,19 +4,35 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from esail_jax.commands.description import describe
-from esail_jax.files.opening import holds_ensemble
+from esail_jax.files.opening import DESIGN, files_of, holds_ensemble
 
 
 def print_info(paths: Sequence[Path]) -> None:
-    """Prints what a run file, or the file or the folder of an ensemble holds, or a table of several run
-    files. Raises RunFileError."""
-    if len(paths) > 1:
+    """Prints what a path holds: a run, an ensemble, which may be unfinished, or a design. Several runs are
+    a table, and several ensembles are one sample. Raises RunFileError, and InputError for ensembles that do
+    not fit together."""
+    if len(paths) == 1 and paths[0].is_dir():
+        print(folder_text(paths[0]))
+        return
+    files = files_of(paths)
+    if all(holds_ensemble(file) for file in files):
+        from esail_jax.commands.ensemble_report import describe_ensemble, describe_joined
+
+        print(describe_joined(files) if len(files) > 1 else describe_ensemble(files[0]))
+    elif len(files) > 1:
         from esail_jax.commands.side_by_side import describe_together
 
-        print(describe_together(paths))
-    elif paths[0].is_dir() or holds_ensemble(paths[0]):
-        from esail_jax.commands.ensemble_report import describe_ensemble, describe_folder
-
-        print(describe_folder(paths[0]) if paths[0].is_dir() else describe_ensemble(paths[0]))
+        print(describe_together(files))
     else:
-        print(describe(paths[0]))
+        print(describe(files[0]))
+
+
+def folder_text(folder: Path) -> str:
+    """The description of a design or an ensemble by its folder. Raises RunFileError."""
+    if (folder / DESIGN).exists():
+        from esail_jax.commands.design_report import describe_design
+
+        return describe_design(folder)
+    from esail_jax.commands.ensemble_report import describe_folder
+
+    return describe_folder(folder)

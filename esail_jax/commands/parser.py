@@ -91,8 +91,9 @@ def add_info(commands: Any) -> None:
     )
     info.add_argument(
         "runs", type=Path, nargs="+", metavar="RUN.h5",
-        help="run file, or the folder or ensemble.h5 of an ensemble, also of one that is not finished; "
-        "several run files make a table, also of the keys in which their scenes differ",
+        help="run file, or the folder of an ensemble or a design, also of one that is not finished; "
+        "several runs make a table, also of the keys in which their scenes differ; several ensembles are "
+        "one sample",
     )  # fmt: skip
 
 
@@ -103,7 +104,8 @@ def add_plot(commands: Any) -> None:
     )
     plot.add_argument(
         "runs", type=Path, nargs="+", metavar="RUN.h5",
-        help="run file, or ensemble.h5 of an ensemble; several run files are drawn on the same axes",
+        help="run file, or the folder of an ensemble or a design; several runs are drawn on the same axes, "
+        "several ensembles are one sample",
     )  # fmt: skip
     plot.add_argument(
         "-o", "--output", required=True, type=Path, metavar="DIR", help="folder for the PNG files"

@@ -9,7 +9,7 @@ import numpy as np
 from esail_jax.commands.options import UsageError
 from esail_jax.commands.progress import Progress
 from esail_jax.errors import SimulationError
-from esail_jax.files.opening import holds_ensemble
+from esail_jax.files.opening import files_of, holds_ensemble
 from esail_jax.files.run_file import load
 from esail_jax.modal.sail_modes import modes
 from esail_jax.observables.saved_rows import leading_finite
@@ -21,20 +21,20 @@ from esail_jax.simulation.solution import Solution
 
 
 def draw_files(files: Sequence[Path], folder: Path) -> None:
-    """Draws the figures of a run file or of the file of an ensemble, or those that compare several run
-    files, and prints the path of every figure when it is written. Raises RunFileError, and InputError for
-    runs of different models."""
-    path = files[0]
-    if len(files) > 1:
-        runs = [load(path) for path in files]
-        write_comparison(dict(zip(names_of(files), runs, strict=True)), folder, tell)
-    elif holds_ensemble(path):
-        from esail_jax.ensembles import load_ensemble
+    """Draws the figures of a run file, those that compare several run files, or those of an ensemble or of
+    several ensembles as one sample. Prints the path of every figure when it is written. Raises
+    RunFileError, and InputError for runs of different models and ensembles that do not fit together."""
+    files = files_of(files)
+    if all(holds_ensemble(path) for path in files):
+        from esail_jax.ensembles import join, load_ensemble
         from esail_jax.plotting.ensemble import plot_ensemble
 
-        plot_ensemble(load_ensemble(path), folder, tell)
+        plot_ensemble(join([load_ensemble(path) for path in files]), folder, tell)
+    elif len(files) > 1:
+        runs = [load(path) for path in files]
+        write_comparison(dict(zip(names_of(files), runs, strict=True)), folder, tell)
     else:
-        run = load(path)
+        run = load(files[0])
         plot_all(run, folder, modes_of(run), tell)
 
 

@@ -10,6 +10,7 @@ from esail_jax.ensembles.distributions import Distribution, Grid, LogNormal, Nor
 from esail_jax.ensembles.ensemble import Ensemble
 from esail_jax.ensembles.ensemble_file import load_ensemble
 from esail_jax.ensembles.gradient import MeanGradient, mean_gradient
+from esail_jax.ensembles.joining import join
 from esail_jax.ensembles.member_runner import MemberRunner
 from esail_jax.ensembles.members import simulate_members
 from esail_jax.ensembles.sampling import (
@@ -47,6 +48,7 @@ __all__ = [
     "Variation",
     "VariationError",
     "draw",
+    "join",
     "load_ensemble",
     "mean_gradient",
     "outcomes_of",

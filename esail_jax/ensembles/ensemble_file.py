@@ -22,7 +22,7 @@ import numpy as np
 from esail_jax.ensembles.ensemble import Ensemble
 from esail_jax.ensembles.sampling import Inputs
 from esail_jax.files.hdf5 import atomic_hdf5_in_memory
-from esail_jax.files.opening import RunFileError, intact, open_run, to_python
+from esail_jax.files.opening import WHOLE, RunFileError, intact, open_run, to_python
 from esail_jax.scenes.scene import Scene, parse
 from esail_jax.scenes.toml_text import to_toml
 
@@ -30,9 +30,6 @@ COMPLETE, FAILED, MISSING = "complete", "failed", "missing"
 """Status of a member: it reached its end; it failed, and is NaN from there on; it is not computed yet."""
 
 TEXT = h5py.string_dtype()
-
-WHOLE = "ensemble.h5"
-"""Name of the file of a whole ensemble."""
 
 TASK = "task.h5"
 """Name of the file of the task, beside the pieces."""

@@ -14,7 +14,6 @@ from esail_jax.ensembles.ensemble_file import (
     FAILED,
     MISSING,
     TEXT,
-    WHOLE,
     Task,
     parts_of,
     pieces_in,
@@ -29,7 +28,7 @@ from esail_jax.files.hdf5 import (
     require_room,
     versions,
 )
-from esail_jax.files.opening import SCHEMA_VERSION
+from esail_jax.files.opening import SCHEMA_VERSION, WHOLE
 from esail_jax.observables import listed
 from esail_jax.scenes.method_choice import accuracy_of, with_method
 from esail_jax.simulation.schedule import save_times

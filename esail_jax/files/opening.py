@@ -3,7 +3,8 @@ JAX, which takes longer to import than a file to read."""
 
 import contextlib
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from pathlib import Path
 from typing import Any
 
 import h5py
@@ -16,8 +17,34 @@ SCHEMA_VERSION = 3
 checkpoints and results have other names."""
 
 
+WHOLE = "ensemble.h5"
+"""Name of the file of a whole ensemble in its folder."""
+
+DESIGN = "design.h5"
+"""Name of the history of a design in its folder."""
+
+RUNS_OF_DESIGN = "before.h5", "after.h5"
+"""Names of the runs with constant voltage and with the design, in the same folder."""
+
+
 class RunFileError(InputError):
     """A run file that cannot be used as asked."""
+
+
+def files_of(paths: Iterable[Path]) -> list[Path]:
+    """Returns the run files that paths stand for: of the folder of an ensemble its file, of the folder of a
+    design its two runs, otherwise the path itself. Raises RunFileError for another folder."""
+    found = []
+    for path in paths:
+        if not path.is_dir():
+            found.append(path)
+        elif (path / DESIGN).exists():
+            found += [path / name for name in RUNS_OF_DESIGN]
+        elif (path / WHOLE).exists():
+            found.append(path / WHOLE)
+        else:
+            raise RunFileError(f"`{path}` must be a run file, but is a folder without an {WHOLE}")
+    return found
 
 
 def holds_ensemble(path: str | os.PathLike) -> bool:
@@ -49,10 +76,13 @@ def open_run(path: str | os.PathLike) -> h5py.File:
             reason = "does not exist"
         elif str(path).endswith(".toml"):
             reason = "is a scene: `esail run` checks it before it computes anything"
+        elif is_hdf5(path):
+            raise damaged(path, error) from error
         raise RunFileError(f"`{path}` must be a run file, but {reason}") from error
     if "schema_version" not in file.attrs or "scene" not in file:
+        reason = "is the history of a design: give its folder" if "memory" in file else "has no scene"
         file.close()
-        raise RunFileError(f"`{path}` must be a run file, but has no scene")
+        raise RunFileError(f"`{path}` must be a run file, but {reason}")
     if file.attrs["schema_version"] != SCHEMA_VERSION:
         found = file.attrs["schema_version"]
         file.close()
@@ -66,6 +96,18 @@ def open_run(path: str | os.PathLike) -> h5py.File:
     return file
 
 
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+"""First bytes of an HDF5 file without a user block, such as that of an ensemble."""
+
+
+def is_hdf5(path: str | os.PathLike) -> bool:
+    """Tells whether a file begins like one of HDF5."""
+    if not os.path.isfile(path):
+        return False
+    with open(path, "rb") as file:
+        return file.read(len(SIGNATURE)) == SIGNATURE
+
+
 def damaged(path: str | os.PathLike, reason: Any) -> RunFileError:
     """The error for a file that was damaged, or changed by another program, after it was written."""
     return RunFileError(f"`{path}` must be an intact run file, but is damaged ({reason})")
@@ -74,10 +116,12 @@ def damaged(path: str | os.PathLike, reason: Any) -> RunFileError:
 @contextlib.contextmanager
 def intact(path: str | os.PathLike) -> Iterator[None]:
     """Context manager: raises RunFileError if HDF5 cannot read data of an open file, for example because
-    the checksum of a chunk is wrong."""
+    the checksum of a chunk is wrong. An error of the system, which names its file, is passed on."""
     try:
         yield
     except OSError as error:
+        if error.filename is not None:
+            raise
         raise damaged(path, error) from error
 
 

@@ -53,7 +53,8 @@ def commented(text: str) -> str:
         elif entry and table:
             given[entry["name"]] = True
             key = next(key for key in known if (key.table, key.name) == (table, entry["name"]))
-            result.append(beside(f"{key.name} = {entry['value']}", key, entry["note"] or ""))
+            without = "" if key.default is None else f"If left out: {toml_value(key.default)}."
+            result.append(beside(f"{key.name} = {entry['value']}", key, entry["note"] or "", without))
         else:
             if table and given and not line:
                 absent = [key for key in known if key.table == table and key.name not in given]
@@ -92,7 +93,7 @@ def left_out(key: KeyDescription) -> str:
 
 def beside(entry: str, key: KeyDescription, note: str = "", must: str = "") -> str:
     """Returns a line with its comment: the unit and meaning of the key, and the remark of the scene's own
-    file. must: sentence on whether it must be given."""
+    file. must: sentence on whether it must be given, or on what holds without it."""
     unit = "" if key.unit == "-" else f"{key.unit}: "
     parts = [f"{unit}{key.doc}"]
     if key.type.startswith("one of"):

@@ -1,7 +1,8 @@
-"""Numbers of a scene that may be in another unit than SI: each is a sentence, and nothing is refused.
+"""Numbers of a scene that may be in another unit than SI, or that have no effect: each is a sentence, and
+nothing is refused.
 
-They are found before anything is compiled, from the numbers that have a value; what is traced has none. A
-sail in the solar wind is judged only.
+They are found before anything is compiled, from the numbers that have a value; what is traced has none.
+Units are judged only of a sail in the solar wind.
 """
 
 from typing import NamedTuple
@@ -36,6 +37,22 @@ def doubts(scene: Scene) -> tuple[str, ...]:
         return ()
     found = [doubt_of(scene, key) for key in USUAL]
     return tuple(filter(None, (*found, doubt_of_thrust(scene))))
+
+
+BENDING = "second_moment", "bending_damping_time", "straight_turn"
+"""Keys of tethers and chains that take effect with bending stiffness only."""
+
+
+def without_effect(scene: Scene) -> tuple[str, ...]:
+    """A sentence if numbers of bending are given for tethers or a chain without bending stiffness. A user
+    of truss elements, which cannot bend, knows that."""
+    table, body = ("chain", scene.chain) if scene.chain is not None else ("tethers", scene.tethers)
+    if body.bending or getattr(body, "element", "cable") == "truss":
+        return ()
+    given = [f"`{table}.{name}`" for name in BENDING if getattr(body, name, None) is not None]
+    have = "has" if len(given) == 1 else "have"
+    cause = f"because `{table}.bending` is false"
+    return (f"{' and '.join(given)} {have} no effect, {cause}",) if given else ()
 
 
 def doubt_of(scene: Scene, key: str) -> str:

@@ -371,6 +371,16 @@ def test_a_design_from_the_shell_goes_on_as_if_uninterrupted(tmp_path, capsys):
     for name in ("designed.toml", "design.png", "before.h5", "after.h5"):
         assert (twice / name).exists()
     assert (once / "designed.toml").read_text() == (twice / "designed.toml").read_text()
+    capsys.readouterr()
+    assert main(["info", str(twice)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == f"{twice}: design, 2 iterations from each of 3 starts"
+    assert "mean-torque 1, thrust 1" in lines[1] and lines[2].startswith("  objective  1 at the start, ")
+    assert lines[4].split() == ["run", str(twice / "before.h5"), str(twice / "after.h5")]
+    assert main(["plot", str(twice), "-o", str(tmp_path / "figures")]) == 0
+    assert "compare_tether.png" in capsys.readouterr().out
+    assert main(["info", str(twice / "design.h5")]) == 2
+    assert "is the history of a design: give its folder" in capsys.readouterr().err
     assert main([*command, str(once)]) == 2
     assert "must not exist" in capsys.readouterr().err
     assert main([*command, str(once), "--resume", "--objective", "spin=1"]) == 2

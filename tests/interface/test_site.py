@@ -70,6 +70,9 @@ def test_examples_of_a_page_run(path, tmp_path, monkeypatch):
         esail.save(esail.simulate("baseline", short), "run.h5")
     if "many/ensemble.h5" in path.read_text(encoding="utf-8"):
         assert main(arguments("many", members=4, processes=1)) == 0
+    if "many-*/ensemble.h5" in path.read_text(encoding="utf-8"):
+        for seed in (1, 2):
+            assert main(arguments(f"many-{seed}", members=2, seed=seed, processes=1)) == 0
     blocks = re.findall(
         r"^```python\n(.*?)^```", path.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
     )

@@ -8,7 +8,7 @@ from esail_jax import cli
 from esail_jax.commands.parser import parser
 from esail_jax.observables.run_warning import run_warning
 from esail_jax.scenes.builtin_scenes import builtin_names
-from esail_jax.scenes.plausibility import USUAL, doubts
+from esail_jax.scenes.plausibility import USUAL, doubts, without_effect
 from esail_jax.scenes.scene import load_scene, read_scene
 
 pytestmark = pytest.mark.usefixtures("nothing_compiles")
@@ -81,6 +81,19 @@ def test_a_command_says_it_before_anything_is_compiled(quiet, capsys):
     cli.scene_of(parser().parse_args(["run", "baseline", "-o", "a.h5", *settings, *quiet]))
     lines = capsys.readouterr().err.splitlines()
     assert [line.split()[0] for line in lines] == ["`tethers.length`", "`voltage.value`"] * (not quiet)
+
+
+def test_numbers_of_bending_without_bending_are_said(capsys):
+    """The sections of a wire have no effect unless its tether bends, in a sail and in a chain."""
+    sail = load_scene("baseline", {"tethers.bending": False})
+    (sentence,) = without_effect(sail)
+    both = "`tethers.second_moment` and `tethers.bending_damping_time` have no effect"
+    assert sentence == f"{both}, because `tethers.bending` is false" and not doubts(sail)
+    (sentence,) = without_effect(load_scene("hanging-chain", {"chain.second_moment": 1e-12}))
+    assert sentence == "`chain.second_moment` has no effect, because `chain.bending` is false"
+    assert not any(without_effect(load_scene(name)) for name in builtin_names())
+    cli.scene_of(parser().parse_args(["run", "baseline", "-o", "a.h5", "--set", "tethers.bending=false"]))
+    assert capsys.readouterr().err.startswith(both)
 
 
 def test_the_message_of_a_run_says_it_too():

@@ -20,12 +20,12 @@ from esail_jax.cli import main
 from esail_jax.commands.cluster import end_together
 from esail_jax.commands.ensemble import publish_pieces, task_of
 from esail_jax.commands.ensemble_report import distributions
-from esail_jax.ensembles import Ensemble, load_ensemble
+from esail_jax.ensembles import load_ensemble
 from esail_jax.ensembles.ensemble_file import parts_of, pieces_in, write_piece
 from esail_jax.ensembles.merging import merge_pieces, size_of
 from esail_jax.errors import NoSpaceError
 from esail_jax.files.locks import FolderLock, in_use
-from support.small_ensemble import VARY, arguments, same
+from support.small_ensemble import VARY, arguments, made_up, same
 
 # ---- one writer ----------------------------------------------------------------------------------
 
@@ -203,17 +203,6 @@ def test_a_full_disk_keeps_the_pieces(finished, tmp_path, monkeypatch, capsys):
 
 
 # ---- progress and statistics ----------------------------------------------------------------------
-
-
-def made_up(scene, members, inputs, messages=None, complete=None):
-    """An ensemble without a run: the coning angle is the number of the member [rad]."""
-    numbers = np.asarray(members)
-    rows = {"coning_angle": np.broadcast_to(numbers[:, None, None] + 0.0, (len(numbers), 11, 3))}
-    complete = np.ones(len(numbers), bool) if complete is None else np.array(complete)
-    messages = tuple(messages or [""] * len(numbers))
-    return Ensemble(
-        scene, numbers, np.linspace(0.0, 200.0, 11), inputs, rows, complete, messages, 10.0 + 0.0 * numbers
-    )
 
 
 def test_info_of_an_unfinished_ensemble(scene, tmp_path, capsys):
