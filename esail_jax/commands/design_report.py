@@ -16,11 +16,11 @@ def describe_design(folder: Path) -> str:
     with intact(path), h5py.File(path) as file:
         value, method, weights = file["value"][()], file.attrs["method"], file.attrs["weights"]
     weights = ", ".join(f"{name} {weight:g}" for name, weight in ast.literal_eval(weights))
-    best, starts = value[-1].argmin(), value.shape[1]
+    starts = value.shape[1]  # the first of them begins with the voltages of the scene
     lines = [
         f"{folder}: design, {len(value) - 1} iterations" + f" from each of {starts} starts" * (starts > 1),
         f"  optimiser  {method}, with the weights {weights}",
-        f"  objective  {value[0, best]:.6g} at the start, {value[-1, best]:.6g} now",
+        f"  objective  {value[0, 0]:.6g} at the start, {value[-1].min():.6g} now",
     ]
     runs = [folder / name for name in RUNS_OF_DESIGN]
     if all(run.exists() for run in runs):

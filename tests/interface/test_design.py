@@ -16,6 +16,7 @@ import esail_jax as esail
 from esail_jax.cli import main
 from esail_jax.design import Design, Objective, Variable, objectives
 from esail_jax.design.problem import coordinate_of_start, value_of
+from esail_jax.design.design_file import read_history
 from esail_jax.scenes.scene import read_scene
 from esail_jax.scenes.toml_text import to_toml
 from support.new_process import output_of
@@ -375,7 +376,9 @@ def test_a_design_from_the_shell_goes_on_as_if_uninterrupted(tmp_path, capsys):
     assert main(["info", str(twice)]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == f"{twice}: design, 2 iterations from each of 3 starts"
-    assert "mean-torque 1, thrust 1" in lines[1] and lines[2].startswith("  objective  1 at the start, ")
+    value = read_history(twice / "design.h5")
+    assert "mean-torque 1, thrust 1" in lines[1] and value[-1].min() < value[0].min()
+    assert lines[2] == f"  objective  {value[0, 0]:.6g} at the start, {value[-1].min():.6g} now"
     assert lines[4].split() == ["run", str(twice / "before.h5"), str(twice / "after.h5")]
     assert main(["plot", str(twice), "-o", str(tmp_path / "figures")]) == 0
     assert "compare_tether.png" in capsys.readouterr().out
