@@ -8,11 +8,14 @@ from esail_jax.files.opening import DESIGN, files_of, holds_ensemble
 
 
 def print_info(paths: Sequence[Path]) -> None:
-    """Prints what a path holds: a run, an ensemble, which may be unfinished, or a design. Several runs are
-    a table, and several ensembles are one sample. Raises RunFileError, and InputError for ensembles that do
-    not fit together."""
+    """Prints what a path holds: a run, an ensemble, which may be unfinished, a design, or a scene. Several
+    runs are a table, and several ensembles are one sample. Raises RunFileError, SceneError, and InputError
+    for ensembles that do not fit together."""
     if len(paths) == 1 and paths[0].is_dir():
         print(folder_text(paths[0]))
+        return
+    if len(paths) == 1 and paths[0].suffix == ".toml":
+        print(scene_text(paths[0]))
         return
     files = files_of(paths)
     if all(holds_ensemble(file) for file in files):
@@ -36,3 +39,17 @@ def folder_text(folder: Path) -> str:
     from esail_jax.commands.ensemble_report import describe_folder
 
     return describe_folder(folder)
+
+
+def scene_text(path: Path) -> str:
+    """The description of a scene file, which is checked but not run, and sentences on what in it may be
+    meant otherwise. Raises SceneError."""
+    from esail_jax.scenes.plausibility import doubts, without_effect
+    from esail_jax.scenes.scene import read_scene
+    from esail_jax.simulation.schedule import save_times
+
+    scene = read_scene(path, {})
+    instants = len(save_times(scene.integrator.t_end, scene.output.interval))
+    return "\n".join(
+        [f"{path}: {scene}", f"  instants  {instants} saved", *doubts(scene), *without_effect(scene)]
+    )

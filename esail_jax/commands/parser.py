@@ -93,7 +93,7 @@ def add_info(commands: Any) -> None:
         "runs", type=Path, nargs="+", metavar="RUN.h5",
         help="run file, or the folder of an ensemble or a design, also of one that is not finished; "
         "several runs make a table, also of the keys in which their scenes differ; several ensembles are "
-        "one sample",
+        "one sample; a scene file (.toml) is checked and described",
     )  # fmt: skip
 
 

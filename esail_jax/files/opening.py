@@ -75,7 +75,7 @@ def open_run(path: str | os.PathLike) -> h5py.File:
         if not os.path.exists(path):
             reason = "does not exist"
         elif str(path).endswith(".toml"):
-            reason = "is a scene: `esail run` checks it before it computes anything"
+            reason = "is a scene"
         elif is_hdf5(path):
             raise damaged(path, error) from error
         raise RunFileError(f"`{path}` must be a run file, but {reason}") from error

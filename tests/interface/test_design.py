@@ -15,8 +15,8 @@ import pytest
 import esail_jax as esail
 from esail_jax.cli import main
 from esail_jax.design import Design, Objective, Variable, objectives
-from esail_jax.design.problem import coordinate_of_start, value_of
 from esail_jax.design.design_file import read_history
+from esail_jax.design.problem import coordinate_of_start, value_of
 from esail_jax.scenes.scene import read_scene
 from esail_jax.scenes.toml_text import to_toml
 from support.new_process import output_of

@@ -10,6 +10,7 @@ import esail_jax as esail
 from esail_jax.cli import main
 from esail_jax.files import seal
 from esail_jax.files.seal import write_seal
+from esail_jax.scenes.toml_text import to_toml
 from support.bits import esail_run
 
 
@@ -92,7 +93,19 @@ def test_a_file_that_is_replaced_while_it_is_read_is_intact(file_of_a_run, tmp_p
     assert seal.is_sealed(path) and not later.exists()
 
 
-def test_a_scene_in_place_of_a_run_file_is_named(scene, capsys):
-    """`esail info SCENE.toml` says what the file is, and which command reads it."""
-    assert main(["info", str(scene)]) == 2
-    assert "must be a run file, but is a scene: `esail run` checks it" in capsys.readouterr().err
+def test_a_scene_is_checked_and_described(scene, whole, tmp_path, capsys, nothing_compiles):
+    """`esail info SCENE.toml` checks a scene without a run, and says what in it has no effect. Among run
+    files a scene is refused, and so is a scene with a mistake."""
+    assert main(["info", str(scene)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith(f"{scene}: Scene: ") and lines[-1] == "  instants  230 saved"
+    other = tmp_path / "other.toml"
+    text = to_toml(esail.load_scene("baseline", {"tethers.bending": False}))
+    other.write_text(text)
+    assert main(["info", str(other)]) == 0
+    assert "because `tethers.bending` is false" in capsys.readouterr().out
+    other.write_text(text.replace("second_moment = ", "second_moment = -"))
+    assert main(["info", str(other)]) == 2
+    assert capsys.readouterr().err.startswith("`tethers.second_moment` must be positive, but is -1.47e-18")
+    assert main(["info", str(whole), str(scene)]) == 2
+    assert capsys.readouterr().err == f"`{scene}` must be a run file, but is a scene\n"
