@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from esail_jax.observables.saved_rows import leading_finite, observable
 from esail_jax.plotting.data import change, orbital_period, readable
 from esail_jax.plotting.panels import Curve, assemble, components, history, time_unit, unwrapped_degrees
+from esail_jax.plotting.style import BLUE, ORANGE, PURPLE, RED
 
 TIME_COLOURS = ListedColormap(colormaps["viridis"](np.linspace(0.0, 0.92, 256)))
 """Colours from the first to the last instant, not close to white."""
@@ -140,12 +141,12 @@ def chain_tension(run: Any) -> Figure:
     rods = tension.shape[1]
     shown = np.unique([0, (rods - 1) // 2, rods - 1])
     some = [
-        Curve(tension[:, rod], f"rod {rod + 1}", f"tab:{colour}", width=0.8)
-        for rod, colour in zip(shown, ("blue", "orange", "green"), strict=False)
+        Curve(tension[:, rod], f"rod {rod + 1}", colour, width=0.8)
+        for rod, colour in zip(shown, (BLUE, ORANGE, RED), strict=False)
     ]
     extremes = [
-        Curve(tension.max(1), "largest of all rods", "tab:red", width=0.8),
-        Curve(tension.min(1), "smallest of all rods", "tab:purple", width=0.8),
+        Curve(tension.max(1), "largest of all rods", RED, width=0.8),
+        Curve(tension.min(1), "smallest of all rods", PURPLE, width=0.8),
     ]
     rows = [[history(run, ylabel, *some)], [history(run, ylabel, *extremes) if rods > 1 else None]]
     return assemble(title, rows)
@@ -169,18 +170,14 @@ def chain_energies(run: Any) -> Figure:
             history(
                 run,
                 f"energy [{unit}]",
-                Curve(factor * kinetic, "kinetic $T$", "tab:blue"),
-                Curve(factor * elastic, "elastic $U$", "tab:orange"),
-                Curve(factor * potential, "potential $V - V(0)$", "tab:green"),
+                Curve(factor * kinetic, "kinetic $T$", BLUE),
+                Curve(factor * elastic, "elastic $U$", ORANGE),
+                Curve(factor * potential, "potential $V - V(0)$", PURPLE),
                 Curve(factor * total, "total $E$", "black", "--"),
             )
         ],
         [history(run, r"energy error $e_E$ [-]", Curve(observable(run, "energy_error")))],
-        [
-            history(
-                run, "work [J]", Curve(work, "loads and fields"), Curve(dissipated, "dissipated", "tab:red")
-            )
-        ],
+        [history(run, "work [J]", Curve(work, "loads and fields"), Curve(dissipated, "dissipated", RED))],
         [history(run, r"$\Delta(T + U) - W + E_d$ [J]", Curve(observable(run, "energy_balance_error")))],
     ]
     symbols = "" if work is None else "work of loads and fields $W$, dissipated energy $E_d$"

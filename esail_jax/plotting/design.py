@@ -3,6 +3,7 @@
 import numpy as np
 from matplotlib.figure import Figure
 
+from esail_jax.plotting.style import styled
 from esail_jax.simulation.solution import Solution
 
 
@@ -22,6 +23,7 @@ PANELS = (
 """Panels: the label, and the function of a run that is drawn."""
 
 
+@styled
 def design_figure(before: Solution, after: Solution, values: np.ndarray) -> Figure:
     """Returns the figure of a design.
 

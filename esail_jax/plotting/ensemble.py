@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from esail_jax.ensembles import Ensemble, outcomes_of, sensitivities
 from esail_jax.ensembles.statistics import DEGREES
 from esail_jax.plotting.figure_files import Told, write_figures
+from esail_jax.plotting.style import BLUE, styled
 
 FANS = (
     ("coning angle [deg]", "coning_angle", DEGREES, None),
@@ -70,8 +71,8 @@ def fans(ensemble: Ensemble) -> Figure:
         for low, high, dark in BANDS:
             lower, upper = np.quantile(rows, (low, high), axis=1)
             part = "all" if high == 1.0 else f"{100 * (high - low):.0f} %"
-            ax.fill_between(minutes, lower, upper, color="tab:blue", alpha=dark, lw=0.0, label=part)
-        ax.plot(minutes, np.median(rows, axis=1), color="tab:blue", lw=1.0, label="median")
+            ax.fill_between(minutes, lower, upper, color=BLUE, alpha=dark, lw=0.0, label=part)
+        ax.plot(minutes, np.median(rows, axis=1), color=BLUE, lw=1.0, label="median")
         ax.set_xlabel("t [min]")
         ax.set_ylabel(label)
         ax.grid(alpha=0.3)
@@ -88,7 +89,7 @@ def distributions(ensemble: Ensemble) -> Figure:
     for ax, outcome in zip(axes, found, strict=True):
         y = outcome.of(ensemble)
         y = y[np.isfinite(y)]
-        ax.hist(y, bins=int(np.clip(len(y) ** 0.5, 5, 60)), color="tab:blue", alpha=0.7)
+        ax.hist(y, bins=int(np.clip(len(y) ** 0.5, 5, 60)), color=BLUE, alpha=0.7)
         for probability in (0.05, 0.95):
             ax.axvline(np.quantile(y, probability), color="black", ls="--", lw=0.8)
         ax.set_xlabel(f"{outcome.label} [{outcome.unit}]")
@@ -97,6 +98,7 @@ def distributions(ensemble: Ensemble) -> Figure:
     return figure
 
 
+@styled
 def drivers_figure(ensemble: Ensemble) -> Figure:
     """Returns the figure of every outcome's shares of variance by input."""
     found = outcomes_of(ensemble)

@@ -10,10 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 
+from esail_jax.plotting.style import BROWN, ORANGE, PURPLE, RED
+
 HIGHEST_NODES = 3
 """Largest number of nodes along the tether of the modes that are drawn."""
 
-COLOURS = ("tab:red", "tab:green", "tab:purple", "tab:brown")
+COLOURS = (RED, ORANGE, PURPLE, BROWN)
 """Colours of the lines, by the number of nodes."""
 
 

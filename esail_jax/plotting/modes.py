@@ -9,13 +9,14 @@ from matplotlib.patches import Circle
 
 from esail_jax.plotting.data import KILOMETRE
 from esail_jax.plotting.figure_files import write_figures
+from esail_jax.plotting.style import BLUE, ORANGE, PURPLE, RED, styled
 
 COLOURS = {
-    "in-plane": "tab:blue",
-    "out-of-plane": "tab:orange",
-    "axial": "tab:green",
+    "in-plane": BLUE,
+    "out-of-plane": ORANGE,
+    "axial": RED,
     "hub": "black",
-    "auxiliary tethers": "tab:purple",
+    "auxiliary tethers": PURPLE,
 }
 """Colour of every kind of motion."""
 
@@ -52,6 +53,7 @@ def mode_frequencies(table: Any) -> Figure:
     return figure
 
 
+@styled
 def mode_shapes(table: Any) -> Figure:
     """Returns the figure of the shapes along the tether that moves most, for the lowest orders of every
     kind; the displacement relative to its largest value at the phase at which it is largest."""

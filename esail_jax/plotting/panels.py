@@ -17,6 +17,7 @@ from matplotlib.ticker import NullFormatter
 from esail_jax.observables.saved_rows import leading_finite
 from esail_jax.plotting.data import Mark, orbital_period, power_spectrum, release_marks, spin_period
 from esail_jax.plotting.modal_lines import ModalLine, draw_modal_lines
+from esail_jax.plotting.style import BLUE
 
 LEAST_WIDTH = 7.0
 """Smallest width of a figure [inch], for its title and legends."""
@@ -33,7 +34,7 @@ class Curve:
 
     values: np.ndarray | None
     label: str | None = None
-    colour: Any = "tab:blue"
+    colour: Any = BLUE
     dashes: str = "-"
     width: float = 1.0
     times: np.ndarray | None = None
@@ -132,7 +133,7 @@ def spectrum(
     period = spin_period(run)
 
     def draw(ax: Axes) -> None:
-        ax.loglog(frequency, density, linewidth=1.0, color="tab:blue")
+        ax.loglog(frequency, density, linewidth=1.0, color=BLUE)
         if np.floor(np.log10(frequency[0])) < np.floor(np.log10(frequency[-1])):
             # A power of ten has a label. Those of the numbers between would cover each other.
             ax.xaxis.set_minor_formatter(NullFormatter())

@@ -10,6 +10,7 @@ from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.observables.saved_rows import leading_finite, observable
 from esail_jax.plotting.data import KILOMETRE, spin_period
 from esail_jax.plotting.panels import LEAST_WIDTH, tether_colours
+from esail_jax.plotting.style import RED
 from esail_jax.scenes.releases import released
 
 VIEW_OFF_WIND_DEG, VIEW_ELEVATION_DEG = 25.0, 25.0
@@ -104,6 +105,6 @@ def draw_wind(ax: Axes3D, run: Any, frame: int, hub: np.ndarray, length: float) 
     """Draws an arrow along Z_O at the hub [km] and sets an oblique view of the sail."""
     outward = heliocentric(run, frame, hub)
     arrow = length * outward / np.linalg.norm(outward)
-    ax.quiver(*hub, *arrow, color="tab:red", linewidth=1.5, arrow_length_ratio=0.15)
+    ax.quiver(*hub, *arrow, color=RED, linewidth=1.5, arrow_length_ratio=0.15)
     azimuth = np.degrees(np.arctan2(arrow[1], arrow[0]))
     ax.view_init(elev=VIEW_ELEVATION_DEG, azim=azimuth - VIEW_OFF_WIND_DEG)

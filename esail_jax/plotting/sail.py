@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 from esail_jax.observables.saved_rows import observable
 from esail_jax.plotting.data import DEGREES, change
 from esail_jax.plotting.panels import Curve, Panel, assemble, components, history, unwrapped_degrees
+from esail_jax.plotting.style import BLUE, ORANGE
 
 
 def energies(run: Any) -> Figure:
@@ -92,8 +93,8 @@ def euler_row(run: Any) -> list[Panel | None]:
         history(
             run,
             rf"${symbol}$ [deg]",
-            Curve(None if hub is None else hub[:, k], "hub", "tab:blue"),
-            Curve(None if sail is None else sail[:, k], "sail", "tab:orange", "--"),
+            Curve(None if hub is None else hub[:, k], "hub", BLUE),
+            Curve(None if sail is None else sail[:, k], "sail", ORANGE, "--"),
         )
         for k, symbol in enumerate((r"\psi", r"\theta", r"\phi"))
     ]

@@ -13,6 +13,7 @@ from esail_jax.observables import chain, hint_at, sail
 from esail_jax.observables.entry import Observable
 from esail_jax.plotting.data import release_marks
 from esail_jax.plotting.panels import draw_marks, legend_above, tether_colours, time_unit
+from esail_jax.plotting.style import BLUE, ORANGE, RED
 
 MOST_NAMED = 12
 """Largest number of tethers, rods or joints that the legend names one by one."""
@@ -20,7 +21,7 @@ MOST_NAMED = 12
 DASHES = ("-", "--", ":")
 """Line styles of the components of a vector that every tether or joint has."""
 
-COMPONENT_COLOURS = ("tab:blue", "tab:orange", "tab:green")
+COMPONENT_COLOURS = (BLUE, ORANGE, RED)
 
 GREEK = "alpha beta gamma delta theta lambda phi psi omega Gamma Theta Phi Psi".split()
 """Greek letters that occur in symbols by name."""

@@ -14,6 +14,7 @@ from esail_jax.observables.saved_rows import observable, per_tether
 from esail_jax.plotting.data import DEGREES, KILOMETRE, ROUNDING, readable
 from esail_jax.plotting.modal_lines import ModalLine, modal_lines
 from esail_jax.plotting.panels import Curve, Panel, assemble, components, history, spectrum, tether_colours
+from esail_jax.plotting.style import ORANGE
 
 KEY_TICKS = 12
 """Largest number of labels beside the colour bar of the tethers."""
@@ -32,7 +33,7 @@ def tether_motion(run: Any, tether: int = 0, modes: Any = None) -> Figure:
     if rigid is not None:
         times, *angles = rigid
         coning, lagging = (
-            Curve(DEGREES * angle, "rigid pendulum", "tab:orange", "--", times=times) for angle in angles
+            Curve(DEGREES * angle, "rigid pendulum", ORANGE, "--", times=times) for angle in angles
         )
     across, within, along = (modal_lines(modes, kind) for kind in ("out-of-plane", "in-plane", "axial"))
     rows = [
