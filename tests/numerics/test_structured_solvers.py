@@ -101,17 +101,11 @@ NONE, TRUSS, TRUSSES, CABLE, CABLES = None, (1, 3), (4, 3), (1, 6), (3, 6)
 # (tethers, elements, block size, hub, extra local unknowns, ring)
 DEFAULT = {
     (1, 1, 3, False, 0, NONE),
-    (1, 5, 3, True, 0, NONE),
-    (3, 1, 6, True, 2, NONE),
     (3, 5, 6, True, 2, NONE),
-    (12, 2, 6, False, 2, NONE),
     (12, 40, 3, True, 0, NONE),
-    (3, 1, 6, True, 2, TRUSS),
     (3, 5, 6, True, 2, CABLES),
-    (3, 40, 3, False, 0, CABLE),
     (12, 2, 6, True, 2, TRUSSES),
-    (12, 5, 3, True, 0, TRUSS),
-    (12, 1, 3, False, 0, CABLES),
+    (3, 40, 3, False, 0, CABLE),
 }
 
 

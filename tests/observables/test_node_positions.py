@@ -8,6 +8,8 @@ from esail_jax import cli
 from esail_jax.commands.run import names_with_nodes
 from esail_jax.viewing.motions import read_motions
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def run(small):

@@ -33,6 +33,8 @@ from esail_jax.steppers.stepper import AbstractStepper
 from support.own_stepper import RungeKutta4
 from support.quick import jit
 
+pytestmark = pytest.mark.slow
+
 SAIL = """
 [tethers]
 count = 2
@@ -236,9 +238,6 @@ CASES = {
 
 
 every_case = pytest.mark.parametrize("name", CASES)
-own_case_by_default = pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[] if name == "own" else pytest.mark.slow) for name in CASES]
-)
 
 
 def difference(one: Any, other: Any, name: str, rows: Any = slice(None)) -> float:
@@ -250,7 +249,6 @@ def difference(one: Any, other: Any, name: str, rows: Any = slice(None)) -> floa
 # ---- steps --------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
 @every_case
 def test_order_of_convergence_at_steps_and_between_them(name):
     """Differences between three runs fall with the order of the method, by the number of steps.
@@ -274,7 +272,7 @@ def test_order_of_convergence_at_steps_and_between_them(name):
         assert max(between) < case.between * max(ends)
 
 
-@own_case_by_default
+@pytest.mark.parametrize("name", CASES)
 def test_saved_instants_do_not_change_the_steps(name):
     """Runs with many and with few saved instants take the same steps, and agree in every bit where both
     save."""
@@ -287,7 +285,7 @@ def test_saved_instants_do_not_change_the_steps(name):
         assert np.array_equal(one[key], other[key][np.searchsorted(many, few)]), key
 
 
-@own_case_by_default
+@pytest.mark.parametrize("name", CASES)
 def test_a_run_goes_on_after_any_batch_of_blocks(name):
     """A run that stops after every batch of blocks, and goes on from arrays by path, has the same bits as
     one that never stops. So has a run that is continued from the end of a shorter one."""
@@ -333,7 +331,6 @@ def check_bits(found: Mapping[str, np.ndarray], expected: Mapping[str, np.ndarra
 # ---- traced runs --------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
 @every_case
 def test_batch_of_traced_runs_equals_a_loop_on_the_host(name):
     """One `vmap` holds good members, members that fail, and one that needs too many steps.
@@ -374,7 +371,6 @@ def test_batch_of_traced_runs_equals_a_loop_on_the_host(name):
         assert before < 1e-9 and after > 1e-3
 
 
-@pytest.mark.slow
 @every_case
 def test_derivative(name):
     """Forward mode agrees with the difference quotient of host runs to 1e-6, and reverse with forward mode
@@ -440,7 +436,6 @@ def repaired() -> esail.Solution:
     return found
 
 
-@pytest.mark.slow
 def test_a_traced_run_halves_steps_that_do_not_converge():
     """A run inside a function of no arguments, under plain `jax.jit`, gives the run on the host and halves
     the same steps."""
@@ -457,7 +452,6 @@ def test_a_traced_run_halves_steps_that_do_not_converge():
     np.testing.assert_allclose(tips, host[TIPS], rtol=0, atol=1e-9 * np.abs(host[TIPS]).max())
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("lockstep", [False, True])
 def test_a_member_that_halves_steps_is_not_run_alone(lockstep, monkeypatch):
     """All members of an ensemble complete in the batch, and equal single runs on the host."""
@@ -470,7 +464,6 @@ def test_a_member_that_halves_steps_is_not_run_alone(lockstep, monkeypatch):
     np.testing.assert_allclose(tips, host, rtol=0, atol=1e-9 * np.abs(host).max())
 
 
-@pytest.mark.slow
 def test_a_users_vmap_of_runs_that_halve_steps():
     """Plain `jax.vmap` and `jax.jit`, without options of this package."""
     volts = jnp.array([20e3, 10e3])
@@ -485,7 +478,6 @@ def test_a_users_vmap_of_runs_that_halve_steps():
     np.testing.assert_allclose(tips[0], host[TIPS], rtol=0, atol=1e-9 * np.abs(host[TIPS]).max())
 
 
-@pytest.mark.slow
 def test_reverse_gradient_of_a_run_of_many_steps():
     """The gradient of a run of 5,300 collocation steps agrees with the difference quotient of host runs."""
     case = CASES["collocation-fixed"]

@@ -195,6 +195,7 @@ def test_a_released_tether_pulls_at_nothing(system):
     np.testing.assert_allclose(found, [[0.0, 0.0], [held, 0.0], [0.0, 0.0]], atol=1e-12 * held)
 
 
+@pytest.mark.slow
 def test_a_chain_with_too_long_a_step_is_told():
     """A chain whose step is too long causes a warning.
 

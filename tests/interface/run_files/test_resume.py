@@ -16,7 +16,7 @@ from support.quick import quickly
 from support.run_kinds import KINDS
 
 
-@pytest.mark.parametrize("kind", quickly(KINDS, ("generalized-alpha", "collocation")))
+@pytest.mark.parametrize("kind", quickly(KINDS))
 def test_resume_without_a_file_starts(kind, scenes, wholes, tmp_path):
     assert esail_run(scenes[kind], tmp_path / "a.h5", "--resume") == 0
     check_same(tmp_path / "a.h5", wholes(kind))
@@ -33,7 +33,7 @@ def test_resume_of_a_complete_run_changes_no_byte(scene, whole, tmp_path, capsys
     assert capsys.readouterr().err == ""
 
 
-@pytest.mark.parametrize("kind", quickly(KINDS, ("generalized-alpha", "collocation")))
+@pytest.mark.parametrize("kind", quickly(KINDS))
 @pytest.mark.parametrize("first", [30.0, 35.0, 1.0, 68.0, 30.07, 0.07])
 def test_a_later_end_continues_bit_for_bit(first, kind, scenes, wholes, tmp_path):
     """A run can be continued from any t_end.

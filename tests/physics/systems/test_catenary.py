@@ -43,7 +43,10 @@ def closed_form(s, pull):
     return jnp.stack([x, z])
 
 
-@pytest.mark.parametrize(("kind", "elements", "bound"), [("cable", 16, 1e-6), ("truss", 64, 2.5e-4)])
+@pytest.mark.parametrize(
+    ("kind", "elements", "bound"),
+    [("cable", 16, 1e-6), pytest.param("truss", 64, 2.5e-4, marks=pytest.mark.slow)],
+)
 def test_elastic_catenary(kind, elements, bound, validate):
     """The shape and its derivative by H agree with the closed form. The truss has an error of order
     (1/64)^2."""

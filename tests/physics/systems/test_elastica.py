@@ -25,6 +25,8 @@ from support.elastica import TIP_ANGLE, elliptic
 from support.one_tether import one_tether, straight
 from support.quick import jit
 
+pytestmark = pytest.mark.slow
+
 
 def shooting(load, axial):
     """Returns the tip (along, down) of the extensible cable with EI = L = 1."""
@@ -69,7 +71,6 @@ def cantilever(elements, axial):
     )
 
 
-@pytest.mark.slow
 def test_elliptic_integrals(validate):
     """The tip of the inextensible limit and its derivative by the load agree with elliptic integrals.
 
