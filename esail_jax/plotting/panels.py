@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
-from matplotlib.colors import hsv_to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter
@@ -164,9 +164,9 @@ def legend_above(
 
 
 def tether_colours(count: int) -> np.ndarray:
-    """Returns one colour per tether (tether, 3): cyclic, as the tethers are, and not close to white."""
-    hue = np.arange(count) / count
-    return hsv_to_rgb(np.stack([hue, np.full(count, 0.9), np.full(count, 0.8)], axis=1))
+    """Returns one colour per tether (tether, 3): cyclic, as the tethers are, and not close to white. The
+    scale, dark to light and back through blue and red, is one that colour-blind readers can tell apart."""
+    return 0.9 * colormaps["twilight_shifted"](np.arange(count) / count)[:, :3]
 
 
 def unwrapped_degrees(angle: np.ndarray | None) -> np.ndarray | None:
