@@ -21,6 +21,8 @@ def join(parts: Sequence[Ensemble]) -> Ensemble:
     whole = join([load_ensemble(f"many-{i}/ensemble.h5") for i in range(16)])
     ```
     """
+    if not parts:
+        raise InputError("one ensemble at least must be given, but there is none")
     for number, part in enumerate(parts[1:], 2):
         check_fits(parts[0], part, number)
     for number, part in enumerate(parts, 1):

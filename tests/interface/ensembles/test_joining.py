@@ -46,6 +46,8 @@ def test_ensembles_that_do_not_fit_are_refused(scene):
     """Members that are the same would count twice; other scenes and keys give another sample."""
     first, second = (made_up(scene, range(4), draw(scene, VARY, 4, seed)) for seed in (1, 2))
     assert len(join([first, second])) == 8
+    with pytest.raises(InputError, match="one ensemble at least must be given, but there is none"):
+        join([])
     with pytest.raises(InputError, match="the members of part 3 must be new, but an earlier part has the"):
         join([first, second, second])
     other = esail.load_scene("baseline", SMALL | {"tethers.count": 4})
