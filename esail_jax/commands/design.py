@@ -6,6 +6,7 @@ design); the command line adds design.png.
 """
 
 import dataclasses
+import os
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -58,8 +59,9 @@ def run_design(
     design = Design(scene, weights, law_variables(scene), method=how.method)
     identity = {"scene": to_toml(scene), "weights": repr(sorted(weights.items())), "method": how.method}
     last = read_state(path, design.optimiser, identity) if path.exists() else None
-    folder.mkdir(parents=True, exist_ok=True)
+    check_folder(folder)
     before, _ = design.reference_run, design.objective.references
+    folder.mkdir(parents=True, exist_ok=True)
     for state in design.optimise(how.iterations, last, starts=how.starts, seed=how.seed):
         last = state
         append_state(path, state, identity)
@@ -74,6 +76,13 @@ def run_design(
         for name, value in design.objective.reference_values.items():
             print(f"{name:16s} {value:12.5g} -> {measured[name]:12.5g}")
     return before, after, read_history(path)
+
+
+def check_folder(folder: Path) -> None:
+    """Raises RunFileError unless files can be made in a folder, which may not exist yet."""
+    place = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if not place.is_dir() or not os.access(place, os.W_OK):
+        raise RunFileError(f"`-o` must be in a writable directory, but {place} is not")
 
 
 def save_design(design: Design, state: State, folder: Path) -> Solution:

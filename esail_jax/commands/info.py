@@ -46,10 +46,6 @@ def scene_text(path: Path) -> str:
     meant otherwise. Raises SceneError."""
     from esail_jax.scenes.plausibility import doubts, without_effect
     from esail_jax.scenes.scene import read_scene
-    from esail_jax.simulation.schedule import save_times
 
     scene = read_scene(path, {})
-    instants = len(save_times(scene.integrator.t_end, scene.output.interval))
-    return "\n".join(
-        [f"{path}: {scene}", f"  instants  {instants} saved", *doubts(scene), *without_effect(scene)]
-    )
+    return "\n".join([f"{path}: {scene}", *doubts(scene), *without_effect(scene)])

@@ -76,7 +76,7 @@ def open_run(path: str | os.PathLike) -> h5py.File:
             reason = "does not exist"
         elif str(path).endswith(".toml"):
             reason = "is a scene"
-        elif is_hdf5(path):
+        elif h5py.is_hdf5(path):
             raise damaged(path, error) from error
         raise RunFileError(f"`{path}` must be a run file, but {reason}") from error
     if "schema_version" not in file.attrs or "scene" not in file:
@@ -94,18 +94,6 @@ def open_run(path: str | os.PathLike) -> h5py.File:
         file.close()
         raise damaged(path, "its checksum is missing")
     return file
-
-
-SIGNATURE = b"\x89HDF\r\n\x1a\n"
-"""First bytes of an HDF5 file without a user block, such as that of an ensemble."""
-
-
-def is_hdf5(path: str | os.PathLike) -> bool:
-    """Tells whether a file begins like one of HDF5."""
-    if not os.path.isfile(path):
-        return False
-    with open(path, "rb") as file:
-        return file.read(len(SIGNATURE)) == SIGNATURE
 
 
 def damaged(path: str | os.PathLike, reason: Any) -> RunFileError:

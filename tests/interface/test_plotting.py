@@ -5,7 +5,6 @@ import subprocess
 import sys
 from types import SimpleNamespace
 
-import matplotlib
 import matplotlib.image
 import numpy as np
 import pytest
@@ -20,7 +19,6 @@ from esail_jax.observables import chain, sail
 from esail_jax.observables.rigid_pendulum import rigid_pendulum
 from esail_jax.plotting.figure_files import DOTS_PER_INCH, write_figures
 from esail_jax.plotting.single import mathtext
-from esail_jax.plotting.style import BLUE, ORANGE, RED, styled
 from esail_jax.scenes.scene import RemoteUnits, load_scene
 from support.fake_run import PERIOD, TIME, FakeRun, make_run, scene_of
 from support.figures import check_axes, panels
@@ -293,18 +291,3 @@ def test_the_package_does_not_import_matplotlib_by_itself():
     subprocess.run([sys.executable, "-c", program], check=True)
     with pytest.raises(AttributeError, match="no attribute 'plots'"):
         esail_jax.plots  # noqa: B018
-
-
-def test_one_style_sheet_colours_all_figures():
-    """The sheet is one that matplotlib finds by its name, for figures of a user's own. Lines without a
-    colour of their own get its colours in the figures of the package, and elsewhere those of the user."""
-    with pyplot.style.context("esail_jax.plotting.esail"):
-        used = matplotlib.rcParams["axes.prop_cycle"].by_key()["color"]
-    assert used[:3] == [BLUE, ORANGE, RED] and len(set(used)) == 10
-
-    @styled
-    def axes():
-        return Figure().add_subplot()
-
-    assert axes().plot([0.0, 1.0])[0].get_color() == BLUE
-    assert Figure().add_subplot().plot([0.0, 1.0])[0].get_color() != BLUE

@@ -1,9 +1,14 @@
 """What is imported: commands that compute nothing start without JAX, and the package always has 64 bits."""
 
+from pathlib import Path
+
 import pytest
 
 import esail_jax as esail
 from support.new_process import heavy_imports_of, output_of
+
+BUILTIN = Path(esail.__file__).parent / "scenes" / "builtin"
+"""Folder of the built-in scenes."""
 
 
 @pytest.mark.parametrize(
@@ -20,6 +25,7 @@ from support.new_process import heavy_imports_of, output_of
         (["run", "baseline", "--set", "tethers.length=-3", "-o", "a.h5"], 2),
         (["ensemble", "baseline", "--set", "tethers.length=-3", "--members", "2", "-o", "a"], 2),
         (["info", "no-such-file.h5"], 2),
+        (["info", str(BUILTIN / "baseline.toml")], 0),
     ],
 )
 def test_a_command_without_computation_imports_no_heavy_library(arguments, status, tmp_path, monkeypatch):

@@ -98,7 +98,7 @@ def test_a_scene_is_checked_and_described(scene, whole, tmp_path, capsys, nothin
     files a scene is refused, and so is a scene with a mistake."""
     assert main(["info", str(scene)]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0].startswith(f"{scene}: Scene: ") and lines[-1] == "  instants  230 saved"
+    assert lines[0].startswith(f"{scene}: Scene: ") and lines[-1] == "  interval  0.35 s"
     other = tmp_path / "other.toml"
     text = to_toml(esail.load_scene("baseline", {"tethers.bending": False}))
     other.write_text(text)
