@@ -138,12 +138,17 @@ def measured(scene: esail.Scene) -> dict[str, float]:
 
 
 def main(names: list[str]) -> None:
-    """Solves the named designs (not with --check), checks them, writes results.csv."""
+    """Solves the named designs (not with --check), checks them, writes results.csv. The rows of other
+    designs stay."""
     only_check, rows = "--check" in names, []
-    for name in [name for name in names if name != "--check"] or list(DESIGNS):
+    chosen = [name for name in names if name != "--check"] or list(DESIGNS)
+    with open(HERE / "results.csv", newline="") as file:
+        kept = [row for row in list(csv.reader(file))[1:] if row[0] not in chosen]
+    for name in chosen:
         if not only_check:
             designed(name)
         rows += checked(name)
+    rows = sorted(rows + kept, key=lambda row: list(DESIGNS).index(row[0]))
     with open(HERE / "results.csv", "w", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow("design number constant undesigned designed constant_finer designed_finer".split())
