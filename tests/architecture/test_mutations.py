@@ -1,6 +1,6 @@
 """The lists of perturbations (`mutations/*.toml`) fit the package and the table of results.
 
-Running the perturbations takes twenty minutes and is no test: `python tests/tools/mutations.py`.
+Running the perturbations takes 45 minutes and is no test: `python tests/tools/mutations.py`.
 """
 
 import csv

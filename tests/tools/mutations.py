@@ -2,9 +2,14 @@
 
     python tests/tools/mutations.py [NAME ...]      all mutations, or those whose name contains NAME
 
-A mutation replaces one piece of text in a copy of the package. Its tests then run against the copy until
-three have failed; before, they must pass on an unchanged copy. The result is written to
-`experiments/mutations/mutations.csv`. The exit status is 1 if no test notices a mutation.
+A mutation replaces one piece of text in a copy of the package. The tests that noticed it the last time
+run against the copy first. If none of them fails, all tests named with the mutation run until three have
+failed. At the end every test that noticed a mutation must pass on an unchanged copy. The result is written
+to `experiments/mutations/mutations.csv`. The exit status is 1 if no test notices a mutation, or if a test
+fails without a mutation.
+
+All runs share one folder of programs compiled by JAX, whose key is the program itself: a mutation compiles
+only what it changes.
 """
 
 import concurrent.futures
@@ -23,8 +28,9 @@ LISTS = ROOT / "tests" / "architecture" / "mutations"
 TABLE = ROOT / "experiments" / "mutations" / "mutations.csv"
 
 # Without -P the working directory, with the unchanged package, would come before PYTHONPATH.
-PYTEST = [sys.executable, "-P", "-m", "pytest", "-q", "--tb=no", "--maxfail=3"]
-PYTEST += ["-p", "no:cacheprovider", "-m", ""]
+PYTEST = [sys.executable, "-P", "-m", "pytest", "-q", "--tb=no", "-p", "no:cacheprovider", "-m", ""]
+NOT_FOUND = 4
+"""Exit status of pytest if a test that is asked for does not exist, for example because it was renamed."""
 
 
 def mutations() -> list[dict]:
@@ -36,11 +42,8 @@ def mutations() -> list[dict]:
 
 
 def mutated_copy(mutation: dict, folder: Path) -> None:
-    """Copies the package and replaces one text, which must occur exactly once; without a file it only
-    copies."""
+    """Copies the package and replaces one text, which must occur exactly once."""
     shutil.copytree(ROOT / "esail_jax", folder / "esail_jax")
-    if mutation["file"] is None:
-        return
     path = folder / "esail_jax" / mutation["file"]
     text = path.read_text(encoding="utf-8")
     if text.count(mutation["old"]) != 1:
@@ -48,53 +51,71 @@ def mutated_copy(mutation: dict, folder: Path) -> None:
     path.write_text(text.replace(mutation["old"], mutation["new"]), encoding="utf-8")
 
 
-def failing_tests(mutation: dict) -> list[str]:
-    """Returns the names of the tests that fail on the mutated copy, at most three."""
-    with tempfile.TemporaryDirectory() as name:
-        mutated_copy(mutation, Path(name))
-        environment = os.environ | {"PYTHONPATH": name}
-        run = subprocess.run(
-            PYTEST + mutation["tests"], cwd=ROOT, env=environment, capture_output=True, text=True
-        )
-    if run.returncode not in (0, 1, 2) or "error" in run.stdout.splitlines()[-1]:
-        raise SystemExit(f"{mutation['name']}: the tests did not run\n{run.stdout[-2000:]}{run.stderr}")
-    caught = re.findall(r"^FAILED (?:tests/)?(.*?)(?: - .*)?$", run.stdout, flags=re.MULTILINE)
+def run(name: str, package: Path, programs: Path, options: list[str]) -> list[str] | None:
+    """Runs tests on the package in a folder and returns the names of those that fail; returns None if a
+    test does not exist."""
+    folders = {"JAX_COMPILATION_CACHE_DIR": str(programs), "ESAIL_CACHE": str(package / "programs")}
+    environment = os.environ | folders | {"PYTHONPATH": str(package)}
+    result = subprocess.run(PYTEST + options, cwd=ROOT, env=environment, capture_output=True, text=True)
+    if result.returncode == NOT_FOUND:
+        return None
+    if result.returncode not in (0, 1, 2) or "error" in result.stdout.splitlines()[-1]:
+        raise SystemExit(f"{name}: the tests did not run\n{result.stdout[-2000:]}{result.stderr}")
+    return re.findall(r"^FAILED (?:tests/)?(.*?)(?: - .*)?$", result.stdout, flags=re.MULTILINE)
+
+
+def failing_tests(mutation: dict, before: list[str], programs: Path) -> list[str]:
+    """Returns the names of the tests that fail on the mutated copy, at most three: of those that failed
+    `before`, or else of all that are named with the mutation."""
+    with tempfile.TemporaryDirectory() as folder:
+        mutated_copy(mutation, Path(folder))
+        fixed = mutation["name"], Path(folder), programs
+        caught = run(*fixed, [f"tests/{test}" for test in before]) if before else None
+        caught = caught or run(*fixed, ["--maxfail=3", *mutation["tests"]])
+    if caught is None:
+        raise SystemExit(f"{mutation['name']}: one of its tests does not exist: {mutation['tests']}")
     print(f"{mutation['name']}: {', '.join(caught) or 'no test fails'}", flush=True)
     return caught
 
 
-def control(chosen: list[dict]) -> None:
-    """Checks that all chosen tests pass on an unchanged copy."""
-    tests = sorted({tuple(mutation["tests"]) for mutation in chosen}, key=len)
-    alone = sorted({name for group in tests if "-k" not in group for name in group})
-    groups = ([alone] if alone else []) + [list(group) for group in tests if "-k" in group]
-    for group in groups:
-        if failing_tests({"name": "control", "file": None, "tests": group}):
-            raise SystemExit("a test fails although nothing is changed")
+def control(tests: list[str], programs: Path) -> list[str]:
+    """Returns the names of the tests that fail on an unchanged copy."""
+    with tempfile.TemporaryDirectory() as folder:
+        shutil.copytree(ROOT / "esail_jax", Path(folder) / "esail_jax")
+        several = ["-n", "auto", "--dist", "worksteal"]
+        return run("control", Path(folder), programs, several + [f"tests/{test}" for test in tests])
 
 
-def recorded() -> dict[str, str]:
+def recorded() -> dict[str, list[str]]:
     """Returns the failing tests by mutation, as the table has them."""
     if not TABLE.exists():
         return {}
     with TABLE.open(encoding="utf-8") as file:
-        return {row["term"]: row["tests that fail"] for row in csv.DictReader(file)}
+        rows = list(csv.DictReader(file))
+    return {row["term"]: row["tests that fail"].split("; ") for row in rows if row["tests that fail"]}
 
 
 def main(names: list[str]) -> int:
     """Runs the mutations, one per core, and enters them in the table; returns 1 if one is not noticed."""
     chosen = [m for m in mutations() if not names or any(name in m["name"] for name in names)]
-    control(chosen)
-    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
-        caught = list(pool.map(failing_tests, chosen))
-    found = recorded() | {m["name"]: "; ".join(tests) for m, tests in zip(chosen, caught, strict=True)}
+    known = recorded()
+    with tempfile.TemporaryDirectory() as programs:
+        with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+            caught = list(
+                pool.map(lambda m: failing_tests(m, known.get(m["name"], []), Path(programs)), chosen)
+            )
+        wrong = control(sorted({test for tests in caught for test in tests}), Path(programs))
+    if wrong:
+        print("These tests fail although nothing is changed:", *wrong)
+        return 1
+    found = known | {m["name"]: tests for m, tests in zip(chosen, caught, strict=True)}
     with TABLE.open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(("term", "file", "before", "after", "tests that fail"))
         for mutation in mutations():
             if mutation["name"] in found:
                 cells = (mutation[key].strip() for key in ("name", "file", "old", "new"))
-                table.writerow((*cells, found[mutation["name"]]))
+                table.writerow((*cells, "; ".join(found[mutation["name"]])))
     survivors = [m["name"] for m, tests in zip(chosen, caught, strict=True) if not tests]
     print(f"{len(chosen)} mutations, {len(survivors)} unnoticed {survivors or ''}")
     return 1 if survivors else 0
