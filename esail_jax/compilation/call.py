@@ -7,8 +7,9 @@ second process computes the gradient of a run without tracing the run.
 """
 
 import functools
+import operator
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -22,7 +23,6 @@ from esail_jax.compilation.derived import (
     Mask,
     Pruned,
     as_function,
-    backward,
     batched,
     chosen,
     forward,
@@ -35,25 +35,43 @@ from esail_jax.compilation.derived import (
 )
 from esail_jax.compilation.options import OURS
 from esail_jax.compilation.program import Leaves, Program, TreeProgram, load, save
+from esail_jax.compilation.transposed import of_whole, tangent_again, transposed
 from esail_jax.compilation.workaround import refuse_wrong_products
 
 program_p = Primitive("program")
 program_p.multiple_results = True
 
 
-def call(program: TreeProgram, *arguments: Any) -> Any:
-    """Returns the result of a program. Some of the arguments may be tracers."""
+class Reverse(NamedTuple):
+    """What is known of a call for its derivative in reverse mode.
+
+    recompute: the program is computed again instead of saving residuals. This suits a program that is cheap
+    beside others: only the results with a cotangent are differentiated, which are not known yet when
+    residuals are computed. expected: the results that usually have a cotangent, None if that is unknown.
+    The transpose for them is compiled while the program itself is compiled and run."""
+
+    recompute: bool = False
+    expected: Mask | None = None
+
+
+UNKNOWN = Reverse()
+
+
+def call(program: TreeProgram, *arguments: Any, recompute: bool = False, expected: Any = None) -> Any:
+    """Returns the result of a program. Some of the arguments may be tracers. recompute: as in `Reverse`;
+    expected: there, as a function of the result with types in place of arrays."""
     leaves = program.leaves(arguments)
-    return program.unflatten(bind(program.program, *leaves))
+    mask = None if expected is None else tuple(jax.tree.leaves(expected(program.result)))
+    return program.unflatten(bind(program.program, *leaves, reverse=Reverse(recompute, mask)))
 
 
-def bind(program: Program, *leaves: Any) -> Leaves:
+def bind(program: Program, *leaves: Any, reverse: Reverse = UNKNOWN) -> Leaves:
     """Returns the results of a program of leaves."""
-    return program_p.bind(*map(jnp.asarray, leaves), program=program)
+    return program_p.bind(*map(jnp.asarray, leaves), program=program, reverse=reverse)
 
 
 @program_p.def_impl
-def _run(*leaves, program):
+def _run(*leaves, program, reverse):
     if jax.device_count() == 1 and jax.default_backend() == "cpu":
         return program(*leaves)
     # The executable is that of one device: `jax.jit` follows the devices of the arguments.
@@ -67,53 +85,57 @@ def ordinary(program: Program) -> Callable[..., Leaves]:
 
 
 @program_p.def_abstract_eval
-def _types(*_, program):
+def _types(*_, program, reverse):
     return [ShapedArray(x.shape, x.dtype, weak_type=x.weak_type) for x in program.facts.results]
 
 
-def _batch(leaves, axes, *, program):
+def _batch(leaves, axes, *, program, reverse):
     """`jax.vmap`."""
     size = next(x.shape[axis] for x, axis in zip(leaves, axes, strict=True) if axis is not None)
     whole = batched(program, size, tuple(axes))
-    results = bind(whole, *leaves)
+    results = bind(whole, *leaves, reverse=Reverse(reverse.recompute))
     return results, [0 if depends else None for depends in whole.facts.about]
 
 
-def _push_forward(primals, tangents, *, program):
+def _push_forward(primals, tangents, *, program, reverse):
     """Forward mode. `jax.linearize` and reverse mode come here, too, with tangents that are unknown: the
     results must then be computed without the tangents."""
     moving = tuple(not isinstance(x, ad.Zero) for x in tangents)
     along = chosen(tangents, moving)
     count = len(program.facts.results)
-    if any(isinstance(x, pe.JaxprTracer) for x in along):
-        if not any(isinstance(x, Tracer) for x in primals):
-            load_transpose_ahead(tangent(program, moving))
-        found = bind(forward(program, moving), *primals)
-        results, residuals = found[:count], found[count:]
-        moved = bind(tangent(program, moving), *residuals, *along)
-    else:
+    if not any(isinstance(x, pe.JaxprTracer) for x in along):
         found = bind(pushed_forward(program, moving), *primals, *along)
         results, moved = found[:count], found[count:]
+    elif reverse.recompute:
+        results = bind(program, *primals, reverse=reverse)
+        moved = bind(tangent_again(program, moving), *primals, *along)
+    else:
+        first, linear = forward(program, moving), tangent(program, moving)
+        expected = reverse.expected and chosen(reverse.expected, with_tangent(program.facts.results))
+        if not any(map(is_traced, primals)):
+            prepare(program, moving, expected)
+        found = bind(first, *primals)
+        results, residuals = found[:count], found[count:]
+        moved = bind(linear, *residuals, *along, reverse=Reverse(expected=expected))
     mask = with_tangent(results)
     none = [ad.Zero(jax.typeof(x).to_tangent_aval()) for x in chosen(results, not_(mask))]
     return results, list(merged(mask, moved, none))
 
 
-def _transpose(cotangents, *leaves, program):
+def _transpose(cotangents, *leaves, program, reverse):
     """Reverse mode, for a program that is linear in the arguments that are undefined here. Residuals of
     results without a cotangent are left out."""
     linear = tuple(ad.is_undefined_primal(x) for x in leaves)
     given = tuple(not isinstance(x, ad.Zero) for x in cotangents)
-    needed = transposed(program, linear, given)
+    expected = reverse.expected
+    if expected and not any(map(operator.gt, given, expected)) and not any(map(is_traced, leaves)):
+        given = expected
+        cotangents = [ad.instantiate_zeros(x) if y else x for x, y in zip(cotangents, given, strict=True)]
+    found = transposed(program, linear, given)
     remember_transpose(program, linear, given)
-    arguments = (*chosen(leaves, not_(linear)), *chosen(cotangents, given))
-    found = bind(needed, *chosen(arguments, needed.facts.about))
-    return list(merged(linear, found, [None] * linear.count(False)))
-
-
-def transposed(program: Program, linear: Mask, given: Mask) -> Program:
-    """Returns the transpose of a program, without the arguments that its results do not need."""
-    return pruned(backward(program, linear, given), (True,) * sum(linear))
+    arguments = chosen(leaves, found.arguments), chosen(chosen(cotangents, given), found.cotangents)
+    results = iter(bind(found.program, *arguments[0], *arguments[1]) if any(found.reached) else ())
+    return [next(results) if is_reached else None for is_reached in found.reached]
 
 
 TRANSPOSE = "transpose"
@@ -122,39 +144,47 @@ TRANSPOSE = "transpose"
 
 @functools.lru_cache(maxsize=256)
 def remember_transpose(program: Program, linear: Mask, given: Mask) -> None:
-    """Writes down, once in a process, that this transpose was needed: for `load_transpose_ahead` in a later
-    process."""
-    prunings: list[Mask] = []
-    whole = program
-    while isinstance(whole, Pruned):
-        prunings.insert(0, whole.used)
-        whole = whole.whole
-    found = prunings, linear, given
-    if load(whole.key, TRANSPOSE) != found:
-        save(whole.key, TRANSPOSE, found)
+    """Writes down, once in a process, that this transpose was needed: for `prepare` in a later process."""
+    while isinstance(program, Pruned):
+        program, linear, given = of_whole(program, linear, given)
+    if load(program.key, TRANSPOSE) != (linear, given):
+        save(program.key, TRANSPOSE, (linear, given))
 
 
 @functools.lru_cache(maxsize=256)
-def load_transpose_ahead(program: Program) -> None:
-    """Starts, once in a process, to load the transpose of a program of tangents, if the cache tells which
-    one was needed last.
-    A gradient needs it after the forward program, whose loading takes longer."""
-    found = load(program.key, TRANSPOSE)
+def prepare(program: Program, moving: Mask, expected: Mask | None) -> None:
+    """Starts, once in a process, to load or compile the two programs of reverse mode side by side. The
+    transpose is the one that was needed last, or else the one for the expected cotangents."""
+    first, linear = forward(program, moving), tangent(program, moving)
+    first.prepare()
+    found = load(linear.key, TRANSPOSE)
+    if found is None and expected is not None:
+        residuals = len(first.facts.results) - len(program.facts.results)
+        found = (False,) * residuals + (True,) * sum(moving), expected
     if found is not None:
-        prunings, linear, given = found
-        transposed(functools.reduce(pruned, prunings, program), linear, given).load_ahead()
+        transposed(linear, *found).program.prepare()
+
+
+def is_traced(x: Any) -> bool:
+    """Tells whether the value of an array is unknown."""
+    return isinstance(x, Tracer)
 
 
 def _prune(used, equation):
-    """Leaves out unused results, and the arguments that only these need."""
+    """Leaves out unused results, and the arguments that only these need. Results with an expected cotangent
+    stay, because their transpose is prepared."""
     if not any(used):
         return [False] * len(equation.invars), None
+    reverse = equation.params["reverse"]
+    if reverse.expected is not None:
+        used = list(map(operator.or_, used, reverse.expected))
+        reverse = reverse._replace(expected=chosen(reverse.expected, used))
     shorter = pruned(equation.params["program"], tuple(used))
     needed = shorter.facts.about
     return list(needed), equation.replace(
         invars=list(chosen(equation.invars, needed)),
         outvars=list(chosen(equation.outvars, used)),
-        params={"program": shorter},
+        params={"program": shorter, "reverse": reverse},
     )
 
 
@@ -171,24 +201,24 @@ def _split(_, unknown, instantiated, equation):
     known = equation.replace(
         invars=equation.invars[: program.arguments],
         outvars=equation.outvars[:results],
-        params={"program": program.primal},
+        params={"program": program.primal, "reverse": UNKNOWN},
     )
     moved = [place >= results for place in range(count)]
     _, staged = _prune(moved, equation)
     return known, staged, moved, moved, new
 
 
-def _lower(context, *leaves, program):
+def _lower(context, *leaves, program, reverse):
     """Puts the operations of the program into the program that is being compiled."""
     if not OURS.get():
         refuse_wrong_products()
     return mlir.lower_fun(ordinary(program), multiple_results=True)(context, *leaves)
 
 
-def _name(context, *leaves, program):
+def _name(context, *leaves, program, reverse):
     """Puts the key of the program in its place (`NAMED`)."""
     if program.key is None:
-        return _lower(context, *leaves, program=program)
+        return _lower(context, *leaves, program=program, reverse=reverse)
     return jax.ffi.ffi_lowering("esail_jax_program")(context, *leaves, key=program.key)
 
 

@@ -157,25 +157,25 @@ def order_of_results(closed: ClosedJaxpr) -> str:
 
 
 @derivation
-def backward(program: Program, linear: Mask, given: Mask) -> Program:
+def backward(program: Program, linear: Mask) -> Program:
     """Returns the transpose of a program that is linear in some of its arguments. Its arguments are the
-    other ones, followed by the given cotangents; the cotangents of the other results are zero. Its results
-    are the cotangents of the linear arguments."""
+    other ones, followed by the cotangents of the results. Its results are the cotangents of the linear
+    arguments."""
 
     def function(*leaves):
         constants, cotangents = leaves[: linear.count(False)], leaves[linear.count(False) :]
         arguments = types_of(program)
 
         def of_linear(*x):
-            return chosen(as_function(program)(*merged(linear, x, constants)), given)
+            return tuple(as_function(program)(*merged(linear, x, constants)))
 
         return jax.linear_transpose(of_linear, *chosen(arguments, linear))(cotangents)
 
     def make():
         constants = chosen(types_of(program), not_(linear))
-        return jax.jit(function).trace(*constants, *chosen(program.facts.results, given)), None
+        return jax.jit(function).trace(*constants, *program.facts.results), None
 
-    return Program(make, derived_key(program, "backward", linear, given), program.compile)
+    return Program(make, derived_key(program, "backward", linear), program.compile)
 
 
 class Pruned(Program):

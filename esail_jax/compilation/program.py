@@ -96,21 +96,22 @@ class Program:
         self._lowered = None
         return compile_and_save(self.key, lambda: self.compile(lowered))
 
-    def load_ahead(self) -> None:
-        """Starts to load the executable in a thread, if it is kept. `executable` waits for that thread."""
+    def prepare(self) -> None:
+        """Traces and lowers the program here, and starts to load or compile it in a thread, for which
+        `executable` waits. An error of that thread comes up again there."""
 
-        def load_now():
-            with self._lock:
-                if self._executable is None:
-                    self._executable = self._loaded()
+        def executable_now():
+            with contextlib.suppress(Exception):
+                self.executable  # noqa: B018
 
-        if self._executable is None and is_kept(self.key):
-            threading.Thread(target=load_now).start()
+        if self._executable is None:
+            self.lower()
+            threading.Thread(target=executable_now).start()
 
     def lower(self) -> None:
         """Traces and lowers the program, unless its executable is kept. Python runs this part of compiling
         in one thread at a time."""
-        if not is_kept(self.key):
+        if self._lowered is None and not is_kept(self.key):
             with self._lock, collector_paused():
                 self._lowered = lower(self.traced)
 

@@ -8,8 +8,9 @@ import numpy as np
 from jax import lax
 from jax.sharding import get_abstract_mesh
 
-from esail_jax.array_types import Array, Float, Scalar
+from esail_jax.array_types import Array, Bool, Float, Scalar
 from esail_jax.compilation.call import call
+from esail_jax.compilation.options import LOOK_OPTIONS
 from esail_jax.compilation.program import program_of
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.environment.kepler_orbit import KeplerOrbit
@@ -20,11 +21,11 @@ from esail_jax.scenes.structure import Numbers, Structure
 from esail_jax.simulation.advance import Window, keep_tapes, move, point_of, room_for
 from esail_jax.simulation.divided_windows import divided_windows
 from esail_jax.simulation.look import look, on_constraints, with_running_observables
-from esail_jax.simulation.problem import restart, start
+from esail_jax.simulation.problem import Carried, Problem, restart, start
 from esail_jax.simulation.rectification import AnyPoint, PointOnOrbit
 from esail_jax.simulation.schedule import Schedule
 from esail_jax.steppers.results import RESULTS
-from esail_jax.steppers.stepper import INSTANTS_TOGETHER, AbstractStepper
+from esail_jax.steppers.stepper import INSTANTS_TOGETHER, AbstractStepper, Point
 from esail_jax.system import Power
 
 
@@ -55,25 +56,57 @@ def traced_run(
     schedule: the windows of the run; names: observables to save, all if None; point: an instant to start
     from, instead of the scene's start.
 
-    The run is called as a program, whose derivatives and batches are kept in the program cache. A run with
-    a part that cannot be kept, or on several devices, is traced as an ordinary function."""
-    static, arguments = (structure, schedule, names), (numbers, max_steps, stepper, point)
-    program = program_of(run, static, arguments)
+    The run and the observables at its saved instants are called as two programs, whose derivatives and
+    batches are kept in the program cache. A run with a part that cannot be kept, or on several devices, is
+    traced as an ordinary function."""
+    arguments = numbers, max_steps, stepper, point
+    program = program_of(run, (structure, schedule), arguments)
     if program.program.key is None or jax.config.jax_disable_jit or not get_abstract_mesh().empty:
-        return ordinary_run(*static, *arguments)
-    return call(program, *arguments)
+        return ordinary_run(structure, schedule, names, *arguments)
+    moved = call(program, *arguments, expected=usual_cotangents)
+    looking = (numbers, stepper, point), moved
+    return call(program_of(observe, (names,), looking, LOOK_OPTIONS), *looking, recompute=True)
+
+
+class Moved(NamedTuple):
+    """The motion of a traced run.
+
+    problem: of the run; points: dense output at the saved instants; carried: what the run carried along
+    there; segments: the switch times before and after them, None without any; good: whether the run reached
+    them; orbit: about the Sun at the end; result, counts, errors: those of `Traced`, before the observables
+    are known."""
+
+    problem: Problem
+    points: Point
+    carried: Carried
+    segments: tuple[Array, Array] | None
+    good: Bool[Array, " instant"]
+    orbit: KeplerOrbit | None
+    result: RESULTS
+    counts: Float[Array, "2"]
+    errors: dict[str, Scalar]
+
+
+def usual_cotangents(moved: Moved) -> Moved:
+    """Returns which parts of the motion most objectives depend on: not energies, work and times."""
+    usual = jax.tree.map(lambda _: True, moved)
+    unusual = jax.tree.map(lambda _: False, moved)
+    return unusual._replace(
+        problem=usual.problem._replace(start_energy=False),
+        points=unusual.points._replace(q=usual.points.q, v=usual.points.v),
+        orbit=usual.orbit,
+    )
 
 
 def run(
     structure: Structure,
     schedule: Schedule,
-    names: tuple[str, ...] | None,
     numbers: Numbers,
     max_steps: Scalar,
     stepper: AbstractStepper | None,
     point: AnyPoint | None,
-) -> Traced:
-    """Returns the result of `traced_run`."""
+) -> Moved:
+    """Integrates the whole run."""
     begun = start(structure, numbers, stepper, point)
     problem = begun.problem
     windows, number, place = schedule.windows()
@@ -107,36 +140,64 @@ def run(
     first = differentiable((begun.motion, nothing, begun.carried), (numbers, stepper, point))
     (motion, _, last), (points, passed, carried) = lax.scan(body, first, windows)
 
-    # All saved instants, in batches of equal length. The last instant is repeated to fill the last batch.
-    instants = len(place)
+    points, carried = (
+        jax.tree.map(lambda x: x[number, place], points),
+        jax.tree.map(lambda x: x[number], carried),
+    )
+    segments = (windows.start[number], windows.until[number]) if switched else None
+    result, errors = motion.state.result, problem.stepper.error_estimates(motion.state)
+    good = place < passed[number]
+    return Moved(problem, points, carried, segments, good, last.orbit, result, motion.counts, errors)
+
+
+def observe(
+    names: tuple[str, ...] | None,
+    arguments: tuple[Numbers, AbstractStepper | None, AnyPoint | None],
+    moved: Moved,
+) -> Traced:
+    """Returns the observables at the saved instants of a run. arguments: those of the run that may be
+    differentiated."""
+    problem, points, carried, segments, good, orbit, result, counts, errors = moved
+    # In batches of equal length. The last instant is repeated to fill the last batch.
+    instants = len(points.time)
     together = -(-instants // -(-instants // INSTANTS_TOGETHER))
-    pad = jnp.pad if schedule.divided else np.pad
-    number, place = (pad(x, (0, -instants % together), mode="edge") for x in (number, place))
-    points = jax.tree.map(lambda x: x[number, place], points)
-    between = windows.start[number], windows.until[number]
+    number = np.minimum(np.arange(instants + -instants % together), instants - 1)
 
     def observed(row):
         segment, point, carried = row
-        now = problem.in_segment(*segment) if switched else problem
+        now = problem if segment is None else problem.in_segment(*segment)
         return look(now.under(carried).settled(), point, names)[:2]
 
-    carried = jax.tree.map(lambda x: x[number], carried)
-    found = lax.map(observed, (between, points, carried), batch_size=together)
-    rows, points, good = jax.tree.map(lambda x: x[:instants], (*found, place < passed[number]))
-    result = motion.state.result
+    each = jax.tree.map(lambda x: x[number], (segments, points, carried))
+    found = lax.map(observed, each, batch_size=together)
+    rows, points = jax.tree.map(lambda x: x[:instants], found)
     rows, _, kept = with_running_observables(problem, rows, (jnp.nan, 0.0), jnp)
     if kept is not None:
         drifted = ~(kept | ~good).all()
-        result = RESULTS.where(drifted & is_good(motion), RESULTS.energy_drift, result)
+        result = RESULTS.where(drifted & (result == RESULTS.successful), RESULTS.energy_drift, result)
         good = jnp.cumprod(good & kept).astype(bool)
-    zero = zero_of((numbers, stepper, point))
+    zero = zero_of(arguments)
     rows = {name: nan_unless(along(good, x), x, zero) for name, x in rows.items()}
-    final = PointOnOrbit.of(jax.tree.map(lambda x: x[-1], points), last.orbit)
+    final = PointOnOrbit.of(jax.tree.map(lambda x: x[-1], points), orbit)
     final = jax.tree.map(lambda x: nan_unless(good[-1], x, zero), final)
-    return Traced(rows, final, result, motion.counts, problem.stepper.error_estimates(motion.state))
+    return Traced(rows, final, result, counts, errors)
 
 
-ordinary_run = jax.jit(run, static_argnums=(0, 1, 2))
+def whole_run(
+    structure: Structure,
+    schedule: Schedule,
+    names: tuple[str, ...] | None,
+    numbers: Numbers,
+    max_steps: Scalar,
+    stepper: AbstractStepper | None,
+    point: AnyPoint | None,
+) -> Traced:
+    """Returns the result of `traced_run`, without programs."""
+    moved = run(structure, schedule, numbers, max_steps, stepper, point)
+    return observe(names, (numbers, stepper, point), moved)
+
+
+ordinary_run = jax.jit(whole_run, static_argnums=(0, 1, 2))
 
 
 def differentiable(carry: Any, of: Any) -> Any:

@@ -1,7 +1,12 @@
 """Replay of the steps of collocation from their records, as differentiable functions.
 
 No equation is solved again: the stages are known, and the implicit function theorem gives their derivative
-(`collocation_solution.known_stages`)."""
+(`collocation_solution.known_stages`).
+
+Steps and blocks have a checkpoint within `lax.cond` and another one around it. The inner one keeps the
+intermediate values of a step out of the results of `cond`. The outer one keeps its arguments out of the
+results of the loop, which would store a copy of the system and of the factors for every step: JAX sees that
+the arguments of a checkpoint do not change in a loop, but not that the results of `cond` do not."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -38,7 +43,7 @@ def replay_window(
     def block(now, records):
         return replay_steps(system, now, records)
 
-    now, records = lax.scan(unless_empty(block), start, tapes)
+    now, records = lax.scan(jax.checkpoint(unless_empty(block)), start, tapes)
     flat = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), records)
     (work, power), flat = replay_work(system, start, flat)
     records = jax.tree.map(lambda x, like: x.reshape(like.shape), flat, records)
@@ -86,6 +91,7 @@ def replay_steps(
         end = now._replace(q=q, v=v, vdot=jax.tree.map(lambda x: x[-1], unknowns.vdot))
         return end, replace(record, start=now, stages=unknowns)
 
+    @jax.checkpoint
     def step_or_stay(now, record):
         now = now._replace(time=record.start.time)
         return lax.cond(record.taken, step, lambda now, record: (now, record), now, record)
@@ -110,6 +116,7 @@ def replay_work(
         work = jax.tree.map(jnp.add, before[0], work_of_step(record.h, before[1], power))
         return (work, jax.tree.map(lambda x: x[-1], power)), power
 
+    @jax.checkpoint
     def step_or_stay(before, record):
         none = jax.tree.map(jnp.zeros_like, record.power)
         after, power = lax.cond(record.taken, step, lambda *x: (x[0], none), before, record)

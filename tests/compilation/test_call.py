@@ -7,10 +7,11 @@ import pytest
 from jax import lax
 from jax.interpreters import partial_eval
 
-from esail_jax.compilation import call, derived, store
+from esail_jax.compilation import call, derived, store, transposed
 from esail_jax.compilation.jit import jit
 from esail_jax.compilation.program import Program, TreeProgram, tree_program, type_of
 from support.new_process import output_of
+from support.quick import quickly
 
 X, Y, COUNT = jnp.linspace(0.1, 1.0, 4), jnp.asarray([2.0, -1.0, 0.5, 3.0]), jnp.asarray(3)
 
@@ -40,8 +41,8 @@ def folder(tmp_path, monkeypatch, without_jax_cache):
 def forget():
     """Forgets all derived programs, as a new process does."""
     for derivation in (derived.batched, derived.pushed_forward, derived.forward, derived.tangent,
-                       derived.backward, derived.pruned, derived.linearised,
-                       call.remember_transpose, call.load_transpose_ahead):  # fmt: skip
+                       derived.backward, derived.pruned, derived.linearised, transposed.tangent_again,
+                       transposed.pulled_back, call.remember_transpose, call.prepare):  # fmt: skip
         derivation.cache_clear()
 
 
@@ -82,12 +83,21 @@ TRANSFORMED = {
 }  # fmt: skip
 
 
+REVERSE = {
+    "residuals": {},
+    "recomputed": {"recompute": True},
+    "expected": {"expected": lambda result: {name: name in ("angle", "path", "rate") for name in result}},
+}
+"""The three ways in which reverse mode treats a call (`call.Reverse`)."""
+
+
+@pytest.mark.parametrize("reverse", quickly(REVERSE))
 @pytest.mark.parametrize("name", TRANSFORMED)
-def test_transformations_of_a_call_are_those_of_the_function(folder, name):
+def test_transformations_of_a_call_are_those_of_the_function(folder, name, reverse):
     """The rules of the operation against those of JAX for the operations inside. Both compute the same
     formulas in other orders: some roundings of numbers of the order 10."""
     program = new_program()
-    found = TRANSFORMED[name](lambda *x: call.call(program, *x))
+    found = TRANSFORMED[name](lambda *x: call.call(program, *x, **REVERSE[reverse]))
     expected = TRANSFORMED[name](pendulums)
     assert jax.tree.structure(found) == jax.tree.structure(expected)
     for x, y in zip(jax.tree.leaves(found), jax.tree.leaves(expected), strict=True):
@@ -99,16 +109,21 @@ KEPT = ["eager", "gradient", "forward mode", "second derivative", "batch of grad
 
 
 @pytest.mark.drops_programs
+@pytest.mark.parametrize("reverse", quickly(REVERSE))
 @pytest.mark.parametrize("name", KEPT)
-def test_a_second_process_traces_no_program(folder, monkeypatch, name):
+def test_a_second_process_traces_no_program(folder, monkeypatch, name, reverse):
     """Derived programs are found by keys that follow from the key of the first program."""
+
+    def called(*x):
+        return call.call(program, *x, **REVERSE[reverse])
+
     program = new_program()
-    first = TRANSFORMED[name](lambda *x: call.call(program, *x))
+    first = TRANSFORMED[name](called)
     forget()
     jax.clear_caches()
     monkeypatch.setattr(Program, "_made", property(lambda self: pytest.fail("a program is traced")))
     program = new_program()
-    second = TRANSFORMED[name](lambda *x: call.call(program, *x))
+    second = TRANSFORMED[name](called)
     jax.tree.map(np.testing.assert_array_equal, first, second)
 
 
@@ -155,8 +170,9 @@ def test_keys_distinguish_derived_programs(folder):
         derived.batched(base, 3, (0, None, None)), derived.batched(base, 2, (1, None, None)),
         derived.pushed_forward(base, (True, False, False)), derived.forward(base, (True, False, False)),
         derived.forward(base, (True, True, False)), derived.tangent(base, (True, False, False)),
-        derived.backward(base, (True, False, False), (True,) * 5),
-        derived.backward(base, (True, False, False), (True,) * 4 + (False,)),
+        derived.backward(base, (True, False, False)), derived.backward(base, (True, True, False)),
+        transposed.tangent_again(base, (True, False, False)),
+        transposed.pulled_back(base, (True, False, False)),
         derived.pruned(base, (True,) * 5), derived.pruned(base, (True,) * 4 + (False,)),
         derived.batched(derived.forward(base, (True, False, False)), 2, (0, None, None)),
         derived.forward(derived.batched(base, 2, (0, None, None)), (True, False, False)),
@@ -175,6 +191,16 @@ def test_results_that_are_not_used_are_not_computed():
     assert "scan" not in str(operation.params["program"].traced.jaxpr)
 
 
+def prepared_by(gradient, monkeypatch):
+    """The programs that a gradient loads or compiles ahead, and the gradient."""
+    ahead = []
+    prepare = Program.prepare
+    with monkeypatch.context() as patch:
+        patch.setattr(Program, "prepare", lambda self: (ahead.append(self), prepare(self)))
+        found = gradient()
+    return ahead, found
+
+
 def test_a_second_process_loads_the_transpose_of_a_gradient_ahead(folder, monkeypatch):
     """The transpose is loaded in a thread before the forward program runs, so that both are loaded side by
     side. The gradient is the same."""
@@ -185,10 +211,37 @@ def test_a_second_process_loads_the_transpose_of_a_gradient_ahead(folder, monkey
 
     expected = gradient()
     forget()
-    ahead = []
-    load_ahead = Program.load_ahead
-    monkeypatch.setattr(Program, "load_ahead", lambda self: (ahead.append(self), load_ahead(self)))
     monkeypatch.setattr(Program, "_compiled", lambda self: pytest.fail("a program was compiled again"))
-    np.testing.assert_array_equal(gradient(), expected)
-    (transpose,) = set(ahead)
+    (_, transpose), found = prepared_by(gradient, monkeypatch)
+    np.testing.assert_array_equal(found, expected)
     assert transpose._executable is not None
+
+
+@pytest.mark.parametrize("result", ["angle", "length"])
+def test_the_transpose_for_expected_cotangents_is_compiled_ahead(monkeypatch, result):
+    """It serves for every gradient that needs no other cotangents; the angle's cotangent is expected, the
+    length's is not. Both gradients are those of the function."""
+    program, compiled = new_program(None), []
+    compile_now = Program._compiled
+    monkeypatch.setattr(Program, "_compiled", lambda self: (compiled.append(self), compile_now(self))[1])
+    reverse = REVERSE["expected"]
+
+    def gradient():
+        return jax.grad(lambda y: call.call(program, X, y, COUNT, **reverse)[result].sum())(Y)
+
+    (_, transpose), found = prepared_by(gradient, monkeypatch)
+    assert len(compiled) == (2 if result == "angle" else 3)
+    assert transpose in compiled
+    expected = jax.grad(lambda y: pendulums(X, y, COUNT)[result].sum())(Y)
+    np.testing.assert_allclose(found, expected, rtol=1e-13)
+
+
+def test_recomputed_tangents_save_no_residuals_and_differentiate_one_result():
+    """The transpose of a recomputed call takes the arguments of the call. The length needs no loop."""
+    program = new_program(None)
+    linear = transposed.tangent_again(program.program, (True, True, False))
+    given = tuple(x == "length" for x in program.result if x != "steps")
+    found = transposed.transposed(linear, linear.linear, given)
+    assert found.reached == (False, False, False, False, True)
+    assert found.arguments == (False, True, False, False, False)
+    assert "scan" not in str(found.program.traced.jaxpr)

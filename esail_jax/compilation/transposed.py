@@ -1,0 +1,125 @@
+"""Transposes of programs, for derivatives in reverse mode.
+
+Reverse mode needs the cotangents of the arguments of a program from those of its results. There are two
+ways. A program that is linear in some arguments, such as the program of tangents, is transposed (`backward`
+in `derived.py`). `tangent_again` stands for the tangents of a program whose residuals were not saved: its
+transpose computes the results again, of which only those with a cotangent are differentiated.
+"""
+
+from typing import NamedTuple
+
+import jax
+
+from esail_jax.compilation.derived import (
+    Mask,
+    Pruned,
+    backward,
+    chosen,
+    derivation,
+    derived_key,
+    merged,
+    not_,
+    of_moving,
+    pruned,
+    types_of,
+    with_tangent,
+)
+from esail_jax.compilation.program import Facts, Program
+
+
+class TangentAgain(Program):
+    """The program of the tangents, which computes everything else again (`tangent_again`). primal: the
+    program of the results; moving: its arguments that have a tangent; linear: the arguments of this program
+    that are tangents."""
+
+    primal: Program
+    moving: Mask
+    linear: Mask
+
+    @property
+    def facts(self) -> Facts:
+        """Types of the results, without tracing."""
+        results = self.primal.facts.results
+        return Facts(chosen(results, with_tangent(results)), None)
+
+
+@derivation
+def tangent_again(program: Program, moving: Mask) -> TangentAgain:
+    """Returns the program of the tangents of all results that are floating-point numbers. Its arguments are
+    those of `program`, followed by the tangents of the moving ones."""
+
+    def function(*leaves):
+        primals, tangents = leaves[: len(moving)], leaves[len(moving) :]
+        results, moved = jax.jvp(of_moving(program, moving, primals), chosen(primals, moving), tangents)
+        return chosen(moved, with_tangent(results))
+
+    def make():
+        primals = types_of(program)
+        return jax.jit(function).trace(*primals, *chosen(primals, moving)), None
+
+    made = TangentAgain(make, derived_key(program, "tangent again", moving), program.compile)
+    made.primal, made.moving = program, moving
+    made.linear = (False,) * len(moving) + (True,) * sum(moving)
+    return made
+
+
+@derivation
+def pulled_back(program: Program, moving: Mask) -> Program:
+    """Returns the program of the cotangents of the moving arguments. Its arguments are those of `program`,
+    followed by the cotangents of its results, which must be floating-point numbers."""
+
+    def function(*leaves):
+        primals, cotangents = leaves[: len(moving)], leaves[len(moving) :]
+        return jax.vjp(of_moving(program, moving, primals), *chosen(primals, moving))[1](list(cotangents))
+
+    def make():
+        return jax.jit(function).trace(*types_of(program), *program.facts.results), None
+
+    return Program(make, derived_key(program, "pulled back", moving), program.compile)
+
+
+class Transposed(NamedTuple):
+    """The transpose of a program that is linear in some of its arguments.
+
+    program: the transpose; arguments: which of the program's arguments it takes; cotangents: which of the
+    given cotangents it takes after them; reached: which arguments are linear and have a cotangent, because
+    a result with a cotangent depends on them. The transpose returns these cotangents."""
+
+    program: Program
+    arguments: Mask
+    cotangents: Mask
+    reached: Mask
+
+
+def transposed(program: Program, linear: Mask, given: Mask) -> Transposed:
+    """Returns the transpose of a program for cotangents of the given results, without everything that it
+    does not need. A pruned program and the whole one share their transposes."""
+    if isinstance(program, Pruned):
+        found, left = transposed(*of_whole(program, linear, given)), program.facts.about
+        return found._replace(arguments=chosen(found.arguments, left), reached=chosen(found.reached, left))
+    if isinstance(program, TangentAgain) and linear == program.linear:
+        results = with_tangent(program.primal.facts.results)
+        shorter = pruned(program.primal, placed(results, given))
+        kept, moving = shorter.facts.about, program.moving
+        tangents = chosen(kept, moving)
+        arguments = (*kept, *(False,) * len(tangents))
+        back = pulled_back(shorter, chosen(moving, kept))
+        return Transposed(back, arguments, (True,) * sum(given), (*(False,) * len(kept), *tangents))
+    shorter = pruned(program, given)
+    kept = shorter.facts.about
+    reached = placed(linear, chosen(kept, linear))
+    constants = placed(not_(linear), chosen(kept, not_(linear)))
+    back = pruned(backward(shorter, chosen(linear, kept)), (True,) * sum(reached))
+    count = sum(constants)
+    return Transposed(back, placed(constants, back.facts.about[:count]), back.facts.about[count:], reached)
+
+
+def of_whole(program: Pruned, linear: Mask, given: Mask) -> tuple[Program, Mask, Mask]:
+    """Returns the program from which a pruned one was made, and the masks of its linear arguments and given
+    cotangents."""
+    return program.whole, placed(program.facts.about, linear), placed(program.used, given)
+
+
+def placed(mask: Mask, values: Mask) -> Mask:
+    """Returns a mask with these values at the places where `mask` is true, and false elsewhere."""
+    return merged(mask, values, (False,) * mask.count(False))
