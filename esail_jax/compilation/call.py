@@ -35,7 +35,13 @@ from esail_jax.compilation.derived import (
 )
 from esail_jax.compilation.options import OURS
 from esail_jax.compilation.program import Leaves, Program, TreeProgram, load, save
-from esail_jax.compilation.transposed import of_whole, tangent_again, transposed
+from esail_jax.compilation.transposed import (
+    TangentAgain,
+    of_whole,
+    tangent_again,
+    transposed,
+    with_fewer_results,
+)
 from esail_jax.compilation.workaround import refuse_wrong_products
 
 program_p = Primitive("program")
@@ -46,9 +52,9 @@ class Reverse(NamedTuple):
     """What is known of a call for its derivative in reverse mode.
 
     recompute: the program is computed again instead of saving residuals. This suits a program that is cheap
-    beside others: only the results with a cotangent are differentiated, which are not known yet when
-    residuals are computed. expected: the results that usually have a cotangent, None if that is unknown.
-    The transpose for them is compiled while the program itself is compiled and run."""
+    beside others: only the results with a cotangent are differentiated, and these are not known yet when
+    residuals are computed. expected: a mask of the results that usually have a cotangent, None if these are
+    unknown. The transpose for them is compiled while the program itself is compiled."""
 
     recompute: bool = False
     expected: Mask | None = None
@@ -58,8 +64,10 @@ UNKNOWN = Reverse()
 
 
 def call(program: TreeProgram, *arguments: Any, recompute: bool = False, expected: Any = None) -> Any:
-    """Returns the result of a program. Some of the arguments may be tracers. recompute: as in `Reverse`;
-    expected: there, as a function of the result with types in place of arrays."""
+    """Returns the result of a program. Some of the arguments may be tracers.
+
+    recompute: as in `Reverse`; expected: a function that returns that mask as a tree, from the result with
+    types in place of arrays."""
     leaves = program.leaves(arguments)
     mask = None if expected is None else tuple(jax.tree.leaves(expected(program.result)))
     return program.unflatten(bind(program.program, *leaves, reverse=Reverse(recompute, mask)))
@@ -133,8 +141,8 @@ def _transpose(cotangents, *leaves, program, reverse):
         cotangents = [ad.instantiate_zeros(x) if y else x for x, y in zip(cotangents, given, strict=True)]
     found = transposed(program, linear, given)
     remember_transpose(program, linear, given)
-    arguments = chosen(leaves, found.arguments), chosen(chosen(cotangents, given), found.cotangents)
-    results = iter(bind(found.program, *arguments[0], *arguments[1]) if any(found.reached) else ())
+    arguments = *chosen(leaves, found.arguments), *chosen(cotangents, given)
+    results = iter(bind(found.program, *arguments) if any(found.reached) else ())
     return [next(results) if is_reached else None for is_reached in found.reached]
 
 
@@ -179,8 +187,12 @@ def _prune(used, equation):
     if reverse.expected is not None:
         used = list(map(operator.or_, used, reverse.expected))
         reverse = reverse._replace(expected=chosen(reverse.expected, used))
-    shorter = pruned(equation.params["program"], tuple(used))
-    needed = shorter.facts.about
+    program = equation.params["program"]
+    if isinstance(program, TangentAgain):
+        shorter, needed = with_fewer_results(program, tuple(used))
+    else:
+        shorter = pruned(program, tuple(used))
+        needed = shorter.facts.about
     return list(needed), equation.replace(
         invars=list(chosen(equation.invars, needed)),
         outvars=list(chosen(equation.outvars, used)),

@@ -29,12 +29,10 @@ from esail_jax.compilation.program import Facts, Program
 
 class TangentAgain(Program):
     """The program of the tangents, which computes everything else again (`tangent_again`). primal: the
-    program of the results; moving: its arguments that have a tangent; linear: the arguments of this program
-    that are tangents."""
+    program of the results; moving: its arguments that have a tangent."""
 
     primal: Program
     moving: Mask
-    linear: Mask
 
     @property
     def facts(self) -> Facts:
@@ -59,7 +57,6 @@ def tangent_again(program: Program, moving: Mask) -> TangentAgain:
 
     made = TangentAgain(make, derived_key(program, "tangent again", moving), program.compile)
     made.primal, made.moving = program, moving
-    made.linear = (False,) * len(moving) + (True,) * sum(moving)
     return made
 
 
@@ -81,13 +78,12 @@ def pulled_back(program: Program, moving: Mask) -> Program:
 class Transposed(NamedTuple):
     """The transpose of a program that is linear in some of its arguments.
 
-    program: the transpose; arguments: which of the program's arguments it takes; cotangents: which of the
-    given cotangents it takes after them; reached: which arguments are linear and have a cotangent, because
-    a result with a cotangent depends on them. The transpose returns these cotangents."""
+    program: the transpose; arguments: which of the program's arguments it takes, before the given
+    cotangents; reached: which arguments are linear and have a cotangent, because a result with a cotangent
+    depends on them. The transpose returns these cotangents."""
 
     program: Program
     arguments: Mask
-    cotangents: Mask
     reached: Mask
 
 
@@ -97,21 +93,32 @@ def transposed(program: Program, linear: Mask, given: Mask) -> Transposed:
     if isinstance(program, Pruned):
         found, left = transposed(*of_whole(program, linear, given)), program.facts.about
         return found._replace(arguments=chosen(found.arguments, left), reached=chosen(found.reached, left))
-    if isinstance(program, TangentAgain) and linear == program.linear:
-        results = with_tangent(program.primal.facts.results)
-        shorter = pruned(program.primal, placed(results, given))
-        kept, moving = shorter.facts.about, program.moving
-        tangents = chosen(kept, moving)
-        arguments = (*kept, *(False,) * len(tangents))
-        back = pulled_back(shorter, chosen(moving, kept))
-        return Transposed(back, arguments, (True,) * sum(given), (*(False,) * len(kept), *tangents))
+    if isinstance(program, TangentAgain) and not any(linear[: len(program.moving)]):
+        return pulled_back_along(program, linear[len(program.moving) :], given)
     shorter = pruned(program, given)
     kept = shorter.facts.about
     reached = placed(linear, chosen(kept, linear))
     constants = placed(not_(linear), chosen(kept, not_(linear)))
-    back = pruned(backward(shorter, chosen(linear, kept)), (True,) * sum(reached))
-    count = sum(constants)
-    return Transposed(back, placed(constants, back.facts.about[:count]), back.facts.about[count:], reached)
+    return Transposed(backward(shorter, chosen(linear, kept)), constants, reached)
+
+
+def pulled_back_along(program: TangentAgain, linear: Mask, given: Mask) -> Transposed:
+    """Returns the transpose of recomputed tangents. linear: which tangents are linear arguments."""
+    shorter = pruned(program.primal, placed(with_tangent(program.primal.facts.results), given))
+    kept, moving = shorter.facts.about, placed(program.moving, linear)
+    reached = tuple(x and y for x, y in zip(chosen(kept, program.moving), linear, strict=True))
+    back = pulled_back(shorter, chosen(moving, kept))
+    none = (False,) * len(reached)
+    return Transposed(back, (*kept, *none), (*(False,) * len(kept), *reached))
+
+
+def with_fewer_results(program: TangentAgain, used: Mask) -> tuple[TangentAgain, Mask]:
+    """Returns the program of the used tangents, and the mask of the arguments that it has. These are all
+    that the results need, not only their tangents: `pulled_back` takes them."""
+    shorter = pruned(program.primal, placed(with_tangent(program.primal.facts.results), used))
+    kept = shorter.facts.about
+    moving = program.moving
+    return tangent_again(shorter, chosen(moving, kept)), (*kept, *chosen(kept, moving))
 
 
 def of_whole(program: Pruned, linear: Mask, given: Mask) -> tuple[Program, Mask, Mask]:

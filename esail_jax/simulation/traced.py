@@ -71,10 +71,10 @@ def traced_run(
 class Moved(NamedTuple):
     """The motion of a traced run.
 
-    problem: of the run; points: dense output at the saved instants; carried: what the run carried along
-    there; segments: the switch times before and after them, None without any; good: whether the run reached
-    them; orbit: about the Sun at the end; result, counts, errors: those of `Traced`, before the observables
-    are known."""
+    problem: the model and the stepper of the run; points: dense output at the saved instants; carried: what
+    the run carried along there; segments: the switch times before and after the instants, None without any;
+    good: whether the run reached them; orbit: the sail's orbit about the Sun at the end; result, counts,
+    errors: those of `Traced`, before the observables are known."""
 
     problem: Problem
     points: Point

@@ -241,7 +241,7 @@ def test_recomputed_tangents_save_no_residuals_and_differentiate_one_result():
     program = new_program(None)
     linear = transposed.tangent_again(program.program, (True, True, False))
     given = tuple(x == "length" for x in program.result if x != "steps")
-    found = transposed.transposed(linear, linear.linear, given)
+    found = transposed.transposed(linear, (False, False, False, True, True), given)
     assert found.reached == (False, False, False, False, True)
     assert found.arguments == (False, True, False, False, False)
     assert "scan" not in str(found.program.traced.jaxpr)
