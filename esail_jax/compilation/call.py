@@ -80,10 +80,13 @@ def bind(program: Program, *leaves: Any, reverse: Reverse = UNKNOWN) -> Leaves:
 
 @program_p.def_impl
 def _run(*leaves, program, reverse):
-    if jax.device_count() == 1 and jax.default_backend() == "cpu":
-        return program(*leaves)
     # The executable is that of one device: `jax.jit` follows the devices of the arguments.
-    return ordinary(program)(*leaves)
+    return program(*leaves) if uses_executables() else ordinary(program)(*leaves)
+
+
+def uses_executables() -> bool:
+    """Tells whether programs are run by their executables, which is so on a single CPU device."""
+    return jax.device_count() == 1 and jax.default_backend() == "cpu"
 
 
 @functools.lru_cache(maxsize=256)
@@ -120,7 +123,7 @@ def _push_forward(primals, tangents, *, program, reverse):
     else:
         first, linear = forward(program, moving), tangent(program, moving)
         expected = reverse.expected and chosen(reverse.expected, with_tangent(program.facts.results))
-        if not any(map(is_traced, primals)):
+        if uses_executables() and not any(map(is_traced, primals)):
             prepare(program, moving, expected)
         found = bind(first, *primals)
         results, residuals = found[:count], found[count:]

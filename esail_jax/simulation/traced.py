@@ -140,10 +140,8 @@ def run(
     first = differentiable((begun.motion, nothing, begun.carried), (numbers, stepper, point))
     (motion, _, last), (points, passed, carried) = lax.scan(body, first, windows)
 
-    points, carried = (
-        jax.tree.map(lambda x: x[number, place], points),
-        jax.tree.map(lambda x: x[number], carried),
-    )
+    points = jax.tree.map(lambda x: x[number, place], points)
+    carried = jax.tree.map(lambda x: x[number], carried)
     segments = (windows.start[number], windows.until[number]) if switched else None
     result, errors = motion.state.result, problem.stepper.error_estimates(motion.state)
     good = place < passed[number]
