@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
+import numpy as np
 from jax.core import ShapedArray, Tracer
 from jax.extend.core import Literal, Primitive
 from jax.interpreters import ad, batching, mlir
@@ -75,7 +75,7 @@ def call(program: TreeProgram, *arguments: Any, recompute: bool = False, expecte
 
 def bind(program: Program, *leaves: Any, reverse: Reverse = UNKNOWN) -> Leaves:
     """Returns the results of a program of leaves."""
-    return program_p.bind(*map(jnp.asarray, leaves), program=program, reverse=reverse)
+    return program_p.bind(*leaves, program=program, reverse=reverse)
 
 
 @program_p.def_impl
@@ -141,12 +141,20 @@ def _transpose(cotangents, *leaves, program, reverse):
     expected = reverse.expected
     if expected and not any(map(operator.gt, given, expected)) and not any(map(is_traced, leaves)):
         given = expected
-        cotangents = [ad.instantiate_zeros(x) if y else x for x, y in zip(cotangents, given, strict=True)]
+        cotangents = [zeros_of(x) if y else x for x, y in zip(cotangents, given, strict=True)]
     found = transposed(program, linear, given)
     remember_transpose(program, linear, given)
     arguments = *chosen(leaves, found.arguments), *chosen(cotangents, given)
     results = iter(bind(found.program, *arguments) if any(found.reached) else ())
     return [next(results) if is_reached else None for is_reached in found.reached]
+
+
+def zeros_of(cotangent: Any) -> Any:
+    """Returns a cotangent as an array. Zeros are made by NumPy: for JAX they would be a program to
+    compile."""
+    if not isinstance(cotangent, ad.Zero):
+        return cotangent
+    return np.zeros(cotangent.aval.shape, cotangent.aval.dtype)
 
 
 TRANSPOSE = "transpose"

