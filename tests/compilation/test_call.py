@@ -10,6 +10,7 @@ from jax.interpreters import partial_eval
 from esail_jax.compilation import call, derived, store, transposed
 from esail_jax.compilation.jit import jit
 from esail_jax.compilation.program import Program, TreeProgram, tree_program, type_of
+from support.compiled_nothing import COMPILATION
 from support.new_process import output_of
 from support.quick import quickly
 
@@ -236,6 +237,30 @@ def test_the_transpose_for_expected_cotangents_is_compiled_ahead(monkeypatch, re
     assert transpose in compiled
     expected = jax.grad(lambda y: pendulums(X, y, COUNT)[result].sum())(Y)
     np.testing.assert_allclose(found, expected, rtol=1e-13)
+
+
+def test_a_gradient_compiles_only_its_programs():
+    """Arguments go into a program as they are, and cotangents that are zero are made by NumPy. For JAX each
+    would be a small program of its own. No other test has arrays of seven numbers; what a gradient compiles
+    for single numbers is compiled before."""
+    compiled = []
+
+    def gradient(x, y):
+        program = tree_program(pendulums, tuple(map(type_of, (x, y, COUNT))), None)
+        jax.grad(lambda x: call.call(program, x, y, COUNT, **REVERSE["expected"])["rate"])(x)
+
+    def listen(event, _, **details):
+        if event == COMPILATION:
+            compiled.append(details["fun_name"])
+
+    gradient(X, Y)
+    seven = jnp.asarray(np.linspace(0.1, 1.0, 7)), jnp.asarray(np.linspace(1.0, 2.0, 7))
+    jax.monitoring.register_event_duration_secs_listener(listen)
+    try:
+        gradient(*seven)
+    finally:
+        jax.monitoring.unregister_event_duration_listener(listen)
+    assert compiled and set(compiled) == {"jit(function)"}
 
 
 def test_recomputed_tangents_save_no_residuals_and_differentiate_one_result():
