@@ -20,6 +20,7 @@ from esail_jax.compilation import store
 from esail_jax.compilation.cache_hits import HITS
 from esail_jax.compilation.collector import collector_paused
 from esail_jax.compilation.keys import key_of, settings
+from esail_jax.compilation.memory import return_freed_memory
 from esail_jax.compilation.options import COMPILER_OPTIONS, Options, compile_lowered, lower
 
 Leaves = Sequence[Any]
@@ -84,6 +85,7 @@ class Program:
         with self._lock:
             if self._executable is None:
                 self._executable = self._loaded() or self._compiled()
+                return_freed_memory()
             return self._executable
 
     def _loaded(self) -> Callable | None:
