@@ -7,14 +7,19 @@ of Linux (glibc) keeps most of them for later allocations, of which a run has fe
 import contextlib
 import ctypes
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 
-def return_freed_memory() -> None:
-    """Returns freed memory to the operating system, where the C library can."""
-    trim = trim_function()
-    if trim is not None:
-        trim(0)
+@contextlib.contextmanager
+def returning_freed_memory() -> Iterator[None]:
+    """Decorator or context: at its end freed memory is returned to the operating system, where the C
+    library can."""
+    try:
+        yield
+    finally:
+        trim = trim_function()
+        if trim is not None:
+            trim(0)
 
 
 @functools.cache

@@ -20,7 +20,7 @@ from esail_jax.compilation import store
 from esail_jax.compilation.cache_hits import HITS
 from esail_jax.compilation.collector import collector_paused
 from esail_jax.compilation.keys import key_of, settings
-from esail_jax.compilation.memory import return_freed_memory
+from esail_jax.compilation.memory import returning_freed_memory
 from esail_jax.compilation.options import COMPILER_OPTIONS, Options, compile_lowered, lower
 
 Leaves = Sequence[Any]
@@ -85,7 +85,6 @@ class Program:
         with self._lock:
             if self._executable is None:
                 self._executable = self._loaded() or self._compiled()
-                return_freed_memory()
             return self._executable
 
     def _loaded(self) -> Callable | None:
@@ -253,6 +252,7 @@ def is_kept(key: str | None) -> bool:
     return key is not None and store.has(f"{key}-executable")
 
 
+@returning_freed_memory()
 def load_executable(key: str | None, trees: tuple | None = None) -> Callable | None:
     """Returns an executable from the cache, or None. trees: structures of arguments and results, if these
     are not lists of arrays."""
@@ -281,6 +281,7 @@ def connect_lapack() -> None:
     lapack.prepare_lapack_call("getrf_ffi", np.dtype(float))
 
 
+@returning_freed_memory()
 def compile_and_save(key: str | None, compile: Callable[[], jax.stages.Compiled]) -> jax.stages.Compiled:
     """Compiles a program and writes its executable to the cache.
 

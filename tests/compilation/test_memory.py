@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from esail_jax.compilation.memory import return_freed_memory, trim_function
+from esail_jax.compilation.memory import returning_freed_memory, trim_function
 
 
 def resident() -> float:
@@ -19,11 +19,11 @@ def resident() -> float:
 def test_freed_memory_is_returned():
     """Of 200 MB in blocks of 2 kB all but a few are freed, so that the C library keeps the memory. At least
     half of it is returned."""
-    blocks = [bytes(2000) for _ in range(100_000)]
-    kept = blocks[::1000]
-    del blocks
-    before = resident()
-    return_freed_memory()
+    with returning_freed_memory():
+        blocks = [bytes(2000) for _ in range(100_000)]
+        kept = blocks[::1000]
+        del blocks
+        before = resident()
     assert len(kept) == 100 and before - resident() > 100.0
 
 
@@ -35,6 +35,7 @@ def test_a_c_library_without_the_function_is_no_error(monkeypatch):
         raise OSError("no such library")
 
     monkeypatch.setattr(ctypes, "CDLL", missing)
-    return_freed_memory()
+    with returning_freed_memory():
+        pass
     assert trim_function() is None
     trim_function.cache_clear()

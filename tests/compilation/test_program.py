@@ -2,17 +2,20 @@
 
 import dataclasses
 import functools
+import inspect
 import json
 import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
+from unittest import mock
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from esail_jax.compilation import keys, program, store
+from esail_jax.compilation import keys, options, program, store
 from esail_jax.compilation.jit import jit
 from esail_jax.compilation.keys import Unkeyed, key_of, text_of
 from esail_jax.compilation.program import Program
@@ -168,3 +171,20 @@ def test_two_programs_are_compiled_at_the_same_time():
     with ThreadPoolExecutor(2) as pool:
         executables = list(pool.map(lambda made: made.executable, programs))
     assert [run(np.asarray(5.0))[0] for run in executables] == [10.0, 15.0]
+
+
+def test_lowering_in_two_threads_leaves_the_settings_of_jax():
+    """The second thread begins while the first one lowers. The setting of tracebacks is afterwards what it
+    was, although both change it."""
+    first, second = threading.Event(), threading.Event()
+    slow, other = (mock.Mock(spec=jax.stages.Traced) for _ in range(2))
+    # Without a lock the second thread arrives while the first one waits.
+    slow.lower.side_effect = lambda: (first.set(), second.wait(0.2))
+    other.lower.side_effect = lambda: (second.set(), time.sleep(0.2))
+    before = jax.config.jax_include_full_tracebacks_in_locations
+    with ThreadPoolExecutor() as pool:
+        one = pool.submit(inspect.unwrap(options.lower), slow)
+        assert first.wait(5.0)
+        pool.submit(inspect.unwrap(options.lower), other).result()
+        one.result()
+    assert before and jax.config.jax_include_full_tracebacks_in_locations
