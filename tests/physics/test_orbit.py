@@ -1,5 +1,5 @@
-"""A sail on its orbit about the Sun (`[orbit]`): an independent integration, conservation, derivatives, and
-what is refused."""
+"""A sail on its orbit about the Sun (`[orbit]`): an independent integration, conservation, and what is
+refused."""
 
 import jax
 import jax.numpy as jnp
@@ -166,31 +166,6 @@ def test_energy_and_angular_momentum_about_the_sun_over_a_year(validate):
         "energy and angular momentum about the Sun", float(error), 1e-9,
     )  # fmt: skip
     assert np.ptp(np.linalg.norm(run["heliocentric_position"], axis=1)) > 0.1 * AU
-
-
-@pytest.mark.slow
-def test_derivatives_by_the_orbit():
-    """Derivatives of the end of a run by position, velocity and reference distance are difference quotients
-    of fourth order to 1e-6, with a fixed step of collocation: the same for all numbers; and both modes
-    agree to rounding."""
-    settings = {"integrator.step": 2.0, "integrator.method": "collocation", "output.interval": 20.0}
-    scene = ring_scene(FIVE | settings | {"integrator.t_end": 20.0, "integrator.tolerance": None})
-    at = jnp.array([*NEAR_SUN["orbit.position_au"], *NEAR_SUN["orbit.velocity"], 0.01])
-    size = jnp.array([1e-3] * 3 + [1e4] * 3 + [1e-3])
-
-    def end(x):
-        keys = {"orbit.position_au": x[:3], "orbit.velocity": x[3:6]}
-        run = esail.simulate(scene, keys | {"solar_wind.reference_distance_au": x[6]})
-        return jnp.concatenate([run["tip_position_I"][-1, 0], run["thrust_O"][-1] * 1e3])
-
-    slopes, backward = jit(jax.jacfwd(end))(at), jit(jax.jacrev(end))(at)
-    end = jit(end)
-    for k in range(7):
-        move = 0.1 * size[k] * jnp.eye(7)[k]
-        ends = {i: end(at + i * move) for i in (-2, -1, 1, 2)}
-        quotient = (8.0 * (ends[1] - ends[-1]) - (ends[2] - ends[-2])) / (12.0 * 0.1 * size[k])
-        assert np.abs(slopes[:, k] - quotient).max() < 1e-6 * np.abs(quotient).max(), k
-        assert np.abs(slopes[:, k] - backward[:, k]).max() < 1e-9 * np.abs(quotient).max(), k
 
 
 def test_one_solution_of_kepler_s_equation_per_evaluation(monkeypatch):

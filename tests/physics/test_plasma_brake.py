@@ -8,6 +8,10 @@ import pytest
 import esail_jax as esail
 from esail_jax.loads.plasma_brake import PlasmaBrake, ions
 from esail_jax.point_fields import PointFields
+from esail_jax.scenes.build import build
+from esail_jax.scenes.structure import split
+from esail_jax.terms import find_term
+from support.derivatives import check_both_modes
 from support.quick import jit
 
 MOTION, SPEED = 1.078e-3, 7.56e3
@@ -76,29 +80,40 @@ def test_decay_of_an_orbit(validate):
     )  # fmt: skip
 
 
-@pytest.mark.slow
-def test_derivatives_and_many_runs():
-    """Derivatives of the end of a run by every number are difference quotients to 1e-6, which are one batch
-    of runs under `vmap`; its first member is a run of its own."""
-    names = ("voltage", "speed", "number_density", "tether_radius", "ion_mass_u")
-    at = jnp.array([-1e3, SPEED, 3e10, 1e-3, 16.0])
+def test_derivatives_by_every_number():
+    """Derivatives of the force per length by every number of the table are difference quotients of
+    fourth order to 1e-6, and both modes agree. (`test_rod_motion.py` checks derivatives of whole runs of
+    chains.)"""
+    numbers = {
+        "plasma_brake.voltage": (-1e3, 5.0),
+        "plasma_brake.speed": (SPEED, 40.0),
+        "plasma_brake.number_density": (3e10, 1e8),
+        "plasma_brake.tether_radius": (1e-3, 5e-6),
+        "plasma_brake.ion_mass_u": (16.0, 0.05),
+    }
 
-    def end(x):
-        given = DUMBBELL | {f"plasma_brake.{k}": x[i] for i, k in enumerate(names)}
+    def drag(given):
+        system = build(*split(esail.load_scene("plasma-brake", DUMBBELL | given))).system
+        load = find_term(system.loads, PlasmaBrake)
+        return {"drag": load.drag}
+
+    assert max(check_both_modes(drag, numbers).values()) < 1e-6
+
+
+@pytest.mark.slow
+def test_many_runs():
+    """Members of a batch with other voltages and densities are runs of their own, to 1e-6 m."""
+    volts, density = jnp.array([-1e3, -500.0]), jnp.array([3e10, 5e10])
+
+    def end(volts, density):
+        given = DUMBBELL | {"plasma_brake.voltage": volts, "plasma_brake.number_density": density}
         given |= {"integrator.t_end": 600.0, "output.interval": 600.0, "integrator.tolerance": 1e-11}
         return esail.simulate("plasma-brake", given)["joint_position"][-1, 1, :2]
 
-    # One program: five members with a direction each, then twenty for the quotients, without directions.
-    each = jnp.diag(at)
-    moves = jnp.concatenate([at + 1e-2 * k * each for k in (-2, -1, 1, 2)])
-    members = jnp.concatenate([jnp.stack([at] * 5), moves])
-    directions = jnp.concatenate([each, jnp.zeros((20, 5))])
-    ends, slopes = jit(jax.vmap(lambda x, dx: jax.jvp(end, (x,), (dx,))))(members, directions)
-    assert np.allclose(ends[0], end(at), rtol=0, atol=1e-6)
-    x = np.asarray(ends)[5:].reshape(4, 5, 2)
-    quotient = (8.0 * (x[2] - x[1]) - (x[3] - x[0])) / 0.12
-    error = np.abs(slopes[:5] - quotient).max(1) / np.abs(quotient).max(1)
-    assert error.max() < 1e-6, error
+    found = jit(jax.vmap(end))(volts, density)
+    for k in range(2):
+        assert np.allclose(found[k], end(float(volts[k]), float(density[k])), rtol=0, atol=1e-6)
+    assert np.abs(found[1] - found[0]).max() > 1e-3
 
 
 @pytest.mark.parametrize(

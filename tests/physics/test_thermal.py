@@ -19,8 +19,12 @@ from esail_jax.environment.thermal import (
     thermal_toml,
     visible_fraction,
 )
+from esail_jax.observables import elastic_energy
 from esail_jax.observables.run_warning import slack_warning
+from esail_jax.scenes.build import build
+from esail_jax.scenes.structure import split
 from esail_jax.scenes.toml_text import to_toml
+from support.derivatives import check_both_modes
 from support.one_tether import STEPPERS, integrate, one_tether, straight
 from support.quick import jit, quickly
 from support.ring_sail import TIGHT, check_second_order, reference, ring_scene
@@ -250,48 +254,34 @@ def end_of(numbers):
     return {name: run[name][-1] for name in NAMES}
 
 
-@pytest.mark.slow
-def test_derivatives_by_every_number(validate):
-    """Forward derivatives by expansion, temperatures and instants equal difference quotients of fourth
-    order to 1e-6, and reverse mode agrees with forward mode to 1e-8.
+def test_derivatives_by_steady_temperatures():
+    """Derivatives of the steady start and its elastic energy by temperatures that do not change are
+    difference quotients of fourth order to 1e-6, and both modes agree. (Those by a series are in
+    `test_every_part.py`.)"""
+    numbers = {
+        "thermal.expansion": (2.3e-5, 1e-6),
+        "thermal.reference_temperature": (293.0, 5.0),
+        "thermal.temperature": (np.array([350.0, 330.0]), np.array([3.0, -2.0])),
+    }
+    scene = two_tethers({key: np.asarray(value).tolist() for key, (value, _) in numbers.items()})
 
-    The difference quotients are those of runs on the host, which are divided at known knots; the knots of
-    the derivatives are tracers."""
-    at = {key: jnp.asarray(value) for key, (value, _) in NUMBERS.items()}
-    forward = jit(lambda dx: jax.jvp(end_of, (at,), (dx,)))
-    known = end_of({key: value.tolist() for key, (value, _) in NUMBERS.items()})
-    tangents, worst = {}, 0.0
-    for key, (value, change) in NUMBERS.items():
-        direction = {k: jnp.asarray((k == key) * other) for k, (_, other) in NUMBERS.items()}
-        ends, tangents[key] = forward(direction)
-        for name, x in known.items():
-            assert np.allclose(ends[name], x, rtol=0, atol=1e-11 * np.abs(x).max()), name
-        others = {k: v.tolist() for k, (v, _) in NUMBERS.items() if k != key}
-        ends = {c: end_of(others | {key: (value + c * change).tolist()}) for c in (-0.4, -0.2, 0.2, 0.4)}
-        for name, found in tangents[key].items():
-            pairs = (ends[c][name] - ends[-c][name] for c in (0.2, 0.4))
-            quotient = np.dot([8.0, -1.0], np.stack([x.ravel() for x in pairs])) / 2.4
-            error = np.abs(quotient - np.ravel(found)).max() / np.abs(quotient).max()
-            worst = max(worst, float(error))
-    validate("HEAT-6", "derivatives by the numbers of [thermal]", "differences", "relative", worst, 1e-6)
-    weights = {name: 1.0 / (1e-30 + jnp.abs(x)) for name, x in tangents["thermal.expansion"].items()}
-    back = jit(lambda w: jax.vjp(end_of, at)[1](w)[0])(weights)
-    for key, (_, change) in NUMBERS.items():
-        parts = [(weights[name] * x).sum() for name, x in tangents[key].items()]
-        along, size = sum(parts), sum(map(abs, parts))
-        assert abs((back[key] * change).sum() - along) < 1e-8 * size, key
+    def signals(given):
+        system, q, _, _ = build(*split(esail.load_scene(scene, given)))
+        return {"tether": q.tether, "energy": elastic_energy(system, jnp.zeros(()), q)}
+
+    assert max(check_both_modes(signals, numbers).values()) < 1e-6
 
 
 @pytest.mark.slow
 def test_batch_equals_a_loop():
-    """Members of a batch with other temperatures and instants do not influence each other, also through
-    the steady start."""
+    """Members of a batch with other temperatures and instants are the runs of the host, also through the
+    steady start. Steps of the host end at the instants, which are tracers in a batch."""
     given = {key: jnp.asarray(value) for key, (value, _) in NUMBERS.items()}
     moved = {key: jnp.asarray(value + change) for key, (value, change) in NUMBERS.items()}
     both = jax.tree.map(lambda *x: jnp.stack(x), given, moved)
-    batch, alone = jit(jax.vmap(end_of))(both), jit(end_of)
+    batch = jit(jax.vmap(end_of))(both)
     for member, numbers in enumerate((given, moved)):
-        for name, exact in alone(numbers).items():
+        for name, exact in end_of({key: x.tolist() for key, x in numbers.items()}).items():
             assert np.allclose(batch[name][member], exact, rtol=1e-9, atol=1e-12), (member, name)
 
 

@@ -11,7 +11,8 @@ from esail_jax.constants import PROTON_MASS
 from esail_jax.environment.gusts import gamma_wind
 from esail_jax.environment.solar_wind import SteadyWind
 from esail_jax.environment.thrust_laws import DebyeSheath
-from support.quick import jit, quickly
+from support.derivatives import check_both_modes
+from support.quick import quickly
 
 SHEATH = {"solar_wind.thrust_law": "debye-sheath", "solar_wind.electron_temperature_ev": 12.0,
           "solar_wind.tether_radius": 1e-5, "solar_wind.cutoff_voltage": None}  # fmt: skip
@@ -97,26 +98,22 @@ def test_upper_limit_of_the_voltage():
     assert limited.tolist() == [5e3, 5e3] and volts.min() > 5e3
 
 
-@pytest.mark.slow
-def test_derivatives_by_the_new_numbers(small):
-    """Derivatives of the end of a run by temperature, radius and thrust are difference quotients to
-    1e-6."""
-    at, size = jnp.array([12.0, 1e-5, 0.012]), jnp.array([12.0, 1e-5, 0.012])
-    keys = ("solar_wind.electron_temperature_ev", "solar_wind.tether_radius", "voltage.thrust")
+@pytest.mark.parametrize("name", LAWS)
+def test_derivatives_by_the_thrust(name):
+    """Derivatives of the law's voltages by the thrust and the length of the tethers are difference
+    quotients of fourth order to 1e-6, and both modes agree."""
+    from esail_jax.loads.constant_thrust import ConstantThrust
+    from esail_jax.measurements import Measurements
+
+    d = jnp.eye(3)[:, 1:]
+    measured = Measurements(jnp.zeros(()), jnp.eye(3)[0], d, d, jnp.eye(3)[0])
 
     def volts(x):
-        given = small | SHEATH | PUSHED | dict(zip(keys, x, strict=True))
-        return esail.simulate("baseline", given, save=["voltage"])["voltage"][-1]
+        law = ConstantThrust(x["thrust"], x["length"], SteadyWind(*AVERAGE, LAWS[name]), None)
+        return {"volts": law.voltage(measured)}
 
-    # One program: three members with a direction each, then twelve for the quotients, without directions.
-    h, each = 1e-3, jnp.diag(size)
-    moves = jnp.concatenate([at + k * h * each for k in (-2, -1, 1, 2)])
-    members = jnp.concatenate([jnp.stack([at] * 3), moves])
-    directions = jnp.concatenate([each, jnp.zeros((12, 3))])
-    ends, slopes = jit(jax.vmap(lambda x, dx: jax.jvp(volts, (x,), (dx,))))(members, directions)
-    x = np.asarray(ends)[3:].reshape(4, 3, -1)
-    quotient = (8.0 * (x[2] - x[1]) - (x[3] - x[0])) / (12.0 * h)
-    assert np.abs(np.asarray(slopes)[:3] / quotient - 1.0).max() < 1e-6
+    numbers = {"thrust": (0.012, 1e-4), "length": (np.array([1e4, 2e4]), np.array([100.0, -50.0]))}
+    assert max(check_both_modes(volts, numbers).values()) < 1e-6
 
 
 def test_gamma_distributed_pressure():

@@ -2,7 +2,6 @@
 
 import dataclasses
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -12,7 +11,7 @@ from esail_jax.loads.tip_thrust import Switching, TipThrust
 from esail_jax.measurements import Measurements
 from esail_jax.observables.run_warning import slack_warning
 from support.one_tether import STEPPERS, integrate, one_tether, straight, turning
-from support.quick import jit, quickly
+from support.quick import quickly
 
 ROD, TIP, LENGTH = 0.6, 1.5, 2.0
 """Masses of rod and tip [kg], length [m]."""
@@ -96,28 +95,6 @@ def test_spin_up_of_a_sail():
     energy = np.abs(run["energy_balance_error"]).max()
     assert energy < 1e-6 * np.ptp(run["kinetic_energy"]) and np.ptp(run["external_work"]) > 0.0
     assert abs(run["external_work"][-1] / np.ptp(run["kinetic_energy"]) - 1.0) < 1e-2
-
-
-@pytest.mark.slow
-def test_derivative_by_force_and_instants():
-    """Derivatives of the end of a run by the force, `on`, `off` and `rise_time` are difference quotients to
-    1e-6, which use a fixed step of collocation: the same for all numbers."""
-    at = jnp.array([2e-3, 100.0, 250.0, 40.0])
-    size = jnp.array([1e-3, 10.0, 10.0, 10.0])
-    steady = CALM | {"integrator.step": 5.0, "integrator.method": "collocation"}
-    steady |= {"integrator.t_end": 320.0, "output.interval": 320.0}
-
-    def end(x):
-        given = dict(zip(PULSE, x, strict=True))
-        return esail.simulate("baseline", steady | given)["tip_position_I"][-1, 0]
-
-    slopes, end = jit(jax.jacfwd(end))(at), jit(end)
-    for k in range(4):
-        move = 0.02 * size[k] * jnp.eye(4)[k]
-        ends = {i: end(at + i * move) for i in (-2, -1, 1, 2)}
-        quotient = (8.0 * (ends[1] - ends[-1]) - (ends[2] - ends[-2])) / (12.0 * 0.02 * size[k])
-        error = np.abs(slopes[:, k] - quotient).max() / np.abs(quotient).max()
-        assert error < 1e-6, (k, error)
 
 
 @pytest.mark.parametrize(

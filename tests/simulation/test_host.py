@@ -27,7 +27,7 @@ def test_the_next_call_begins_before_the_observables_of_the_last_are_evaluated(s
     def waiting(self, call):
         seen.append(call)
         ahead = 2 if len(seen) == 1 else 1
-        assert call.ended or all(begun.acquire(timeout=30.0) for _ in range(ahead))
+        assert call.ended or all(begun.acquire(timeout=300.0) for _ in range(ahead))
         return look(self, call)
 
     monkeypatch.setattr(HostRun, "_begin", counted)

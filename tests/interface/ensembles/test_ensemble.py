@@ -51,7 +51,7 @@ def test_every_core_takes_a_member(scene, inputs, ensemble, monkeypatch):
 
     Each waits for the other to begin, which would fail if they ran one after the other.
     """
-    barrier, one = threading.Barrier(2, timeout=30.0), MemberRunner._run_one
+    barrier, one = threading.Barrier(2, timeout=300.0), MemberRunner._run_one
 
     def together(self, member):
         barrier.wait()

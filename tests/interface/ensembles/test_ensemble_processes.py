@@ -67,7 +67,7 @@ def test_interrupted(tmp_path):
     process = shell(arguments(folder, members=64, processes=1), stderr=subprocess.PIPE, text=True)
     wait_for_pieces(folder, 1, process)
     process.terminate()
-    _, err = process.communicate(timeout=120)
+    _, err = process.communicate(timeout=300)
     assert process.returncode == 130 and "missing" in err and "--resume" in err
     with h5py.File(folder / "ensemble.h5") as file:
         assert file.attrs["status"] == "interrupted"

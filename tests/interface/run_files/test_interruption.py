@@ -76,6 +76,10 @@ OFTEN = (
 writes."""
 
 
+LONGEST_WAIT = 300.0
+"""Time [s] after which a process is taken to hang. On a busy machine it may start for a minute."""
+
+
 @contextlib.contextmanager
 def process(scene, path, *more, code=OFTEN):
     """Runs the command in a process, which is ended on exit if it still runs."""
@@ -88,9 +92,9 @@ def process(scene, path, *more, code=OFTEN):
         running.communicate()
 
 
-def wait_for_writing(running, path, before, deadline=60.0):
+def wait_for_writing(running, path, before):
     """Waits until the process has replaced the file (`before`: its inode) or has ended."""
-    end = time.monotonic() + deadline
+    end = time.monotonic() + LONGEST_WAIT
     while running.poll() is None and time.monotonic() < end:
         with contextlib.suppress(FileNotFoundError):
             if path.stat().st_ino != before:
@@ -105,7 +109,7 @@ def test_a_signal_to_the_process_ends_it_with_130_and_resumable(number, scene, t
         wait_for_writing(running, path, None)
         time.sleep(0.2)
         running.send_signal(number)
-        out, err = running.communicate(timeout=60)
+        out, err = running.communicate(timeout=LONGEST_WAIT)
     assert (running.returncode, out, err.count("\n")) == (130, "", 1), err
     assert status_of(path) == "interrupted" and not path.with_name("a.h5.part").exists()
     with h5py.File(path, "r") as file:
@@ -161,7 +165,7 @@ MIDST = (
 def test_kill_9_in_the_midst_of_a_write_leaves_a_consistent_file(scene, whole, tmp_path):
     path = tmp_path / "a.h5"
     with process(scene, path, code=MIDST + OFTEN) as running:
-        running.communicate(timeout=100)
+        running.communicate(timeout=LONGEST_WAIT)
     assert running.returncode == -signal.SIGKILL and path.with_name("a.h5.part").exists()
     check_start_of(path, whole)
     assert status_of(path) == "running"
@@ -213,7 +217,7 @@ def test_fifty_moments_of_kill_9_leave_a_file_that_opens_and_resumes_bit_for_bit
                 copies.append(tmp_path / f"copy {len(copies)}")
                 shutil.copytree(folder, copies[-1])
                 running.send_signal(signal.SIGKILL if last else signal.SIGCONT)
-            running.communicate(timeout=60)
+            running.communicate(timeout=LONGEST_WAIT)
             if running.returncode == -signal.SIGKILL:
                 killed += 1
                 assert content(folder) == content(copies[-1])
