@@ -12,7 +12,7 @@ import pytest
 import esail_jax as esail
 import support.own_laws
 from esail_jax.cli import main
-from esail_jax.control import Delayed
+from esail_jax.control import Delayed, Noisy
 from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.scene import load_scene, parse
 from esail_jax.scenes.structure import split
@@ -155,36 +155,45 @@ def test_measurements_are_those_of_the_run():
 NAMES = ("sailing_angle", "voltage", "tip_position_I")
 
 
-def outcome(law):
-    run = simulate(law, save=NAMES)
+def outcome(numbers, seed=3):
+    """Angle, voltage and tip at the end of a run whose law sees noise and answers a sample too late.
+
+    numbers: both gains, and the spread of the attitude's noise [rad]."""
+    gain, rate, spread = numbers
+    noisy = Noisy(Swinging(gain, rate), {"rotation": spread, "root_tension": 0.01}, seed)
+    run = simulate(Delayed(noisy, 1), save=NAMES)
     return jnp.stack(
         [run["sailing_angle"][-1], run["voltage"][-1, 0] / 20e3, run["tip_position_I"][-1, 1, 2]]
     )
 
 
 @pytest.mark.slow
-def test_derivatives_by_the_numbers_of_a_law(validate):
-    """Forward mode by both gains agrees with the fourth-order difference quotient of concrete runs (1e-6,
-    the errors of the steps are 1e-9), and reverse mode with forward mode (1e-10)."""
-    law, along = Swinging(), Swinging(0.7, -1.0)
-    arrays = lambda x: Swinging(jnp.asarray(x.gain), jnp.asarray(x.rate))  # noqa: E731
-    value, forward = jit(lambda x: jax.jvp(outcome, (x,), (arrays(along),)))(arrays(law))
-    assert np.allclose(value, outcome(law), rtol=1e-9)
+def test_derivatives_by_the_numbers_of_a_law_and_a_batch_of_seeds(validate):
+    """Forward mode by the gains and the spread of the noise agrees with the fourth-order difference
+    quotient of concrete runs (1e-6, the errors of the steps are 1e-9), and reverse mode with forward mode
+    (1e-10). A batch of seeds equals single runs, which are repeated by their seeds."""
+    numbers, along = np.array([0.1, 0.05, 1e-2]), np.array([0.7, -1.0, 0.1])
+    value, forward = jit(lambda x: jax.jvp(outcome, (x,), (along,)))(numbers)
+    concrete = {seed: np.asarray(outcome(numbers.tolist(), seed)) for seed in (3, 4)}
+    assert np.array_equal(outcome(numbers.tolist()), concrete[3])
+    assert (concrete[3] != concrete[4]).all()
+    assert np.allclose(value, concrete[3], rtol=1e-9)
 
     def at(e):
-        return np.asarray(outcome(Swinging(law.gain + e * along.gain, law.rate + e * along.rate)))
+        return np.asarray(outcome((numbers + e * along).tolist()))
 
     e = 2e-2
     quotient = (8.0 * (at(e) - at(-e)) - (at(2 * e) - at(-2 * e))) / (12.0 * e)
     error = np.abs(forward / quotient - 1.0).max()
     validate(
-        "LAW-1", "sampled voltage law with a memory, four samples", "difference quotient, fourth order",
-        "angle, voltage and tip by the gains", error, 1e-6,
+        "LAW-1", "sampled voltage law with memory, noise and delay", "difference quotient, fourth order",
+        "angle, voltage and tip by gains and spread", error, 1e-6,
     )  # fmt: skip
     weights = np.array([1.0, 1.0, 1e-4])
-    reverse = jit(jax.grad(lambda x: weights @ outcome(x)))(arrays(law))
-    found = reverse.gain * along.gain + reverse.rate * along.rate
-    assert abs(found / (weights @ forward) - 1.0) < 1e-10
+    slopes = jax.value_and_grad(lambda x, seed: weights @ outcome(x, seed))
+    values, reverse = jit(jax.vmap(slopes, (None, 0)))(numbers, jnp.array([3, 4]))
+    assert abs(reverse[0] @ along / (weights @ forward) - 1.0) < 1e-10
+    assert np.allclose(values, [weights @ concrete[seed] for seed in (3, 4)], rtol=1e-9)
 
 
 @pytest.mark.slow

@@ -1,17 +1,16 @@
-"""Wrappers of sampled laws: noise, delay, missing sensors and failed sources."""
+"""Wrappers of sampled laws: noise, delay, missing sensors and failed sources. (`test_own_law.py` runs a law
+with noise and delay.)"""
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-import esail_jax as esail
 from esail_jax import control
 from esail_jax.control.wrappers import small_rotation, turned
 from esail_jax.errors import InputError
 from esail_jax.measurements import Measurements
-from support.own_laws import SAIL, Clock, Swinging
-from support.quick import jit
+from support.own_laws import Clock, Swinging
 
 
 def measured(time=0.0):
@@ -86,29 +85,3 @@ def test_wrong_names_are_refused():
         control.Without(Clock(), ["camera"])
     with pytest.raises(ValueError, match="`samples` must be a positive whole number, but is 0"):
         control.Delayed(Clock(), 0)
-
-
-SHORT = {"integrator.method": "generalized-alpha", "integrator.step": 0.1, "integrator.t_end": 80.0}
-
-
-@pytest.mark.slow
-def test_seeds_are_a_batch_and_noise_has_a_derivative():
-    """A run with noise and delay is repeated by its seed; a batch of seeds equals single runs, and the
-    derivative by the spread of the noise is the difference quotient (1e-6)."""
-
-    def angle(seed, spread):
-        law = control.Delayed(
-            control.Noisy(Swinging(), {"rotation": spread, "root_tension": 0.01}, seed), 1
-        )
-        return esail.simulate("baseline", SAIL, voltage_law=law, save=["sailing_angle"])["sailing_angle"][
-            -1
-        ]
-
-    single = [angle(i, 1e-2) for i in (3, 4)]
-    assert angle(3, 1e-2) == single[0] != single[1]
-    slope = jax.value_and_grad(angle, 1)
-    batch, slopes = jit(jax.vmap(slope))(jnp.array([3, 4]), jnp.full(2, 1e-2))
-    assert np.allclose(batch, single, rtol=1e-11)
-    e = 1e-3
-    wanted = (angle(3, 1e-2 + e) - angle(3, 1e-2 - e)) / (2 * e)
-    assert float(slopes[0]) == pytest.approx(wanted, rel=1e-4)
