@@ -36,14 +36,16 @@ def ring_signals(numbers):
 @pytest.mark.slow
 def test_batch_of_lengths_equals_a_loop():
     """Members of a batch with other segment lengths do not influence each other, also through the steady
-    start, to 1e-9 of a signal: rounding of the dissipated energy, which is a small sum of powers."""
+    start: tips to 1e-8 m, other signals to 1e-9, the rounding of the dissipated energy, which is a small
+    sum of powers."""
     key = "auxiliary_tethers.length"
     value, size = RING_NUMBERS[key]
     lengths = value + size * np.array([[-10.0], [10.0]]) * EACH
     batch = jit(jax.vmap(lambda x: ring_signals({key: x})))(jnp.asarray(lengths))
     for i, length in enumerate(lengths):
         for name, exact in ring_signals({key: length.tolist()}).items():
-            np.testing.assert_allclose(batch[name][i], exact, rtol=0, atol=1e-9 * np.abs(exact).max())
+            bound = 1e-8 if name == "tip_position_I" else 1e-9 * np.abs(exact).max()
+            np.testing.assert_allclose(batch[name][i], exact, rtol=0, atol=bound)
     assert np.abs(np.diff(batch["tip_position_I"], axis=0)).max() > 1e-3
 
 
