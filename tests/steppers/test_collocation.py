@@ -183,8 +183,8 @@ def test_reactions_of_a_stiff_sail_at_the_default_tolerance():
     """The default tolerance of a stiff sail keeps the reactions to 2e-4 of their range.
 
     Tethers that are a thousand times stiffer have a thousandth of the strain, which is a difference of
-    positions; the default tolerance decreases with it. With the tolerance of the baseline the error is 9 to 10
-    times larger: the sizes of the steps are rounded differently on different processors.
+    positions; the default tolerance decreases with it. With the tolerance of the baseline the error is 9
+    to 10 times larger, depending on the processor.
     """
     stiff = SMALL | {"tethers.youngs_modulus": 70e12, "tethers.second_moment": 1.47e-21}
     stiff |= {"output.interval": 1.0, "integrator.t_end": 200.0}
