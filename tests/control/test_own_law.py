@@ -263,15 +263,15 @@ def run_file(path, end, law="Swinging", *more):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("first", [60.0, 70.0, 3.0])
-def test_a_run_resumed_between_two_samples_is_bit_for_bit_the_same(first, tmp_path):
-    """The file holds the voltages and the memory of the law. The first end is between two samples, at a
-    sampling instant, or before the first of them."""
-    once, twice = tmp_path / "once.h5", tmp_path / "twice.h5"
+def test_a_run_resumed_between_two_samples_is_bit_for_bit_the_same(tmp_path):
+    """The file holds the voltages and the memory of the law. A run goes on from an end before the first
+    sample, from one between two samples, and from one at a sampling instant."""
+    once, resumed = tmp_path / "once.h5", tmp_path / "resumed.h5"
     assert run_file(once, 120.0) == 0
-    assert run_file(twice, first) == 0
-    assert run_file(twice, 120.0, "Swinging", "--resume") == 0
-    one, other = esail.load(once), esail.load(twice)
+    assert run_file(resumed, 3.0) == 0
+    for end in (60.0, 70.0, 120.0):
+        assert run_file(resumed, end, "Swinging", "--resume") == 0
+    one, other = esail.load(once), esail.load(resumed)
     for name in one:
         assert np.array_equal(one[name], other[name], equal_nan=True), name
     assert one.scene.voltage.law == "python"

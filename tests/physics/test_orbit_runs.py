@@ -104,7 +104,7 @@ def test_batch_of_orbits_equals_single_runs(members):
     """`jax.vmap` of `simulate` over position and velocity of the orbit gives the runs of each orbit."""
 
     def signals(orbit):
-        run = esail.simulate(SCENE, orbit)
+        run = esail.simulate(SCENE, orbit, save=NAMES)
         return {name: run[name] for name in NAMES}
 
     check_members(jit(jax.vmap(signals))(jax.tree.map(jnp.asarray, ORBITS)), members)
@@ -113,7 +113,7 @@ def test_batch_of_orbits_equals_single_runs(members):
 @pytest.mark.slow
 def test_ensemble_of_orbits(members):
     """Members of an ensemble with orbits of their own, whose eccentricities differ, are the single runs."""
-    ensemble = simulate_members(SCENE, ORBITS)
+    ensemble = simulate_members(SCENE, ORBITS, NAMES)
     assert ensemble.complete.all()
     check_members(ensemble, members)
     assert np.ptp(ensemble["orbital_elements"][:, 0, 1]) > 0.01
