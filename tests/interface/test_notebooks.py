@@ -11,8 +11,7 @@ ROOT = Path(__file__).parents[2]
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 COURSE = (ROOT / "docs" / "course.md").read_text(encoding="utf-8")
 
-SECONDS_PER_CELL = 900
-"""Time after which a cell is taken to hang. On a busy machine a cell may compile for five minutes."""
+SECONDS_PER_CELL = 300
 
 LONG = ["06_an_ensemble"]
 """Notebooks in which running takes longer than compiling. They are compiled with the package's options."""

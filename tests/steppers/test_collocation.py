@@ -183,10 +183,10 @@ def test_reactions_of_a_stiff_sail_at_the_default_tolerance():
     """The default tolerance of a stiff sail keeps the reactions to 2e-4 of their range.
 
     Tethers that are a thousand times stiffer have a thousandth of the strain, which is a difference of
-    positions; the default tolerance decreases with it. With the tolerance of the baseline the error is ten
-    times larger (measured: 22 times) and exceeds that bound. The two errors are compared by their
-    root-mean-square values: the largest error of a run is that of a single instant of the axial waves, and
-    its ratio varies between 8.3 and 10.0 if Young's modulus changes by a millionth of itself or less.
+    positions; the default tolerance decreases with it. With the tolerance of the baseline the error exceeds
+    that bound, and its root mean square is 15 times larger (measured: 19 to 30 times, if Young's modulus
+    changes by up to 5 %). The largest error is that of a single instant of the axial waves: its ratio is
+    8.3 to 10.0 if Young's modulus changes by a millionth of itself or less, so that it is no measure.
     """
     stiff = SMALL | {"tethers.youngs_modulus": 70e12, "tethers.second_moment": 1.47e-21}
     stiff |= {"output.interval": 1.0, "integrator.t_end": 200.0}
@@ -198,7 +198,7 @@ def test_reactions_of_a_stiff_sail_at_the_default_tolerance():
     )
     assert default.max() < 2e-4 < 10 * default.max() and coarse.max() > 2e-4
     rms = [np.sqrt((error**2).mean()) for error in (default, coarse)]
-    assert 10 * rms[0] < rms[1], rms
+    assert 15 * rms[0] < rms[1], rms
 
 
 # ---- output -------------------------------------------------------------------------------------

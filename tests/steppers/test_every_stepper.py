@@ -393,8 +393,8 @@ def test_derivative(name):
 
     @jit
     def derivatives(x, weights):
-        value, linear = jax.linearize(signals, x)
-        return value, linear(jnp.asarray(along)), jax.linear_transpose(linear, x)(weights)[0]
+        value, forward = jax.jvp(signals, (x,), (jnp.asarray(along),))
+        return value, forward, jax.vjp(signals, x)[1](weights)[0]
 
     host = np.asarray(signals(one))
     weights = np.random.default_rng(1).normal(size=host.size)
