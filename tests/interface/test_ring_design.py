@@ -44,7 +44,7 @@ def test_design_of_a_sail_with_a_ring_from_the_shell(tmp_path, validate):
     The gradient of the objective by the harmonics of the voltages after the first iteration, in reverse
     mode through the ring, its steady start and the run, is the difference quotient of fourth order of
     concrete runs. 1e-6: the tolerance of the runs, 1e-12, over the step, 1e-3 of the voltage, and the
-    torque that is cancelled to a tenth."""
+    torque, a quarter of which is left."""
     settings = [x for key, value in SMALL.items() for x in ("--set", f"{key}={shown(value)}")]
     weights = [x for name, weight in WEIGHTS.items() for x in ("--objective", f"{name}={weight}")]
     folder = tmp_path / "design"
