@@ -1,13 +1,11 @@
 """Fixtures and settings of all tests.
 
 Most of a test's time is compile time. Tests therefore use scenes of the same structure where they can, and
-the processes of a session share the compiled programs.
+share the compiled programs (`support/program_caches.py`).
 """
 
 import gc
 import os
-import shutil
-import tempfile
 from pathlib import Path
 
 # NumPy reads this when it is imported. The threads of its library wait busily: on two busy cores the
@@ -20,18 +18,13 @@ import jax
 import pytest
 from jax.experimental.compilation_cache.compilation_cache import reset_cache
 
-pytest_plugins = ["support.compiled_nothing", "support.validation_record"]
+pytest_plugins = ["support.compiled_nothing", "support.program_caches", "support.validation_record"]
 
 MAPS = Path("/proc/self/maps")
 MOST_MAPS = 25_000
 """Number of memory mappings of a process above which the compiled programs are dropped. Every program adds
 dozens. Linux allows 65,530, which some hundred tests reach; the next compilation then ends the process. At
 this number a process has about 5 GB of memory."""
-
-
-CACHE, PROGRAMS = "JAX_COMPILATION_CACHE_DIR", "ESAIL_CACHE"
-LEAST_SECONDS = 0.3
-"""Least compile time [s] of a program that is written to the cache."""
 
 FLAGS = {"--xla_cpu_use_fusion_emitters": "false"} if jax.__version_info__ < (0, 11) else {}
 """Flags of XLA for all sessions. The package compiles with this emitter, too; the many small programs of
@@ -58,26 +51,12 @@ def pytest_addoption(parser):
 
 
 def pytest_configure(config):
-    """Gives the session caches of compiled programs of its own, which are removed at its end.
-
-    All processes of the session share the caches, also those that tests start, so that each program is
-    compiled once. Programs of earlier sessions are not used.
-    """
+    """Sets the thresholds of the garbage collector and the flags of XLA."""
     gc.set_threshold(*LESS_OFTEN)
     chosen = os.environ.get("XLA_FLAGS", "")
     flags = FLAGS | ({} if config.option.optimised else UNOPTIMISED)
     added = [f"{name}={value}" for name, value in flags.items() if name not in chosen]
     os.environ["XLA_FLAGS"] = " ".join([chosen, *added]).strip()
-    if not hasattr(config, "workerinput") and CACHE not in os.environ:
-        folder = tempfile.mkdtemp(prefix="esail_programs_")
-        config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
-        os.environ[CACHE] = os.path.join(folder, "jax")
-        os.environ[PROGRAMS] = os.path.join(folder, "programs")
-        os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = str(LEAST_SECONDS)
-        os.environ["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
-    jax.config.update("jax_compilation_cache_dir", os.environ[CACHE])
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", LEAST_SECONDS)
-    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 
 
 @pytest.fixture(scope="session")
