@@ -67,9 +67,11 @@ def small():
 
 
 @pytest.fixture
-def without_jax_cache():
-    """JAX's own compilation cache is off. The package does not keep an executable that JAX has taken from
-    there, which happens if an earlier test compiled the same program and took long enough."""
+def without_jax_cache(monkeypatch):
+    """JAX's own compilation cache is off, also in processes that the test starts. The package does not keep
+    an executable that JAX has taken from there, as it does if an earlier test or session compiled the same
+    program."""
+    monkeypatch.setenv("JAX_ENABLE_COMPILATION_CACHE", "0")
     jax.config.update("jax_enable_compilation_cache", False)
     reset_cache()
     yield
