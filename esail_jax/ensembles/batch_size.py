@@ -29,14 +29,18 @@ def batch_on_cores(result_bytes: int, cores: int) -> int:
     return int(np.clip(HOST_BYTES // result_bytes, 1, MEMBERS_PER_CORE * cores))
 
 
-def batch_in_lockstep(result_bytes: int, lower: Callable[[int], jax.stages.Lowered]) -> int:
-    """Members in one call on all local devices, as many as their memory holds.
+def batch_in_lockstep(result_bytes: int, members: int, lower: Callable[[int], jax.stages.Lowered]) -> int:
+    """Members in one call on all local devices: all `members`, or as many as the memory holds.
 
-    lower(count): the program of so many members, which is compiled once to measure its memory."""
+    result_bytes: size of one member's observables; lower(count): the program of so many members. It is
+    compiled once for PROBE_BATCH members to measure its memory, unless there are no more and their results
+    fit."""
     devices = jax.local_devices()
     room = (devices[0].memory_stats() or {}).get("bytes_limit", HOST_BYTES)
+    if members <= PROBE_BATCH * len(devices) and members * result_bytes <= GPU_SHARE * room:
+        return members
     # The analysis counts the memory of one device's share of the program.
     memory = compile_lowered(lower(PROBE_BATCH * len(devices))).memory_analysis()
     measured = (memory.temp_size_in_bytes + memory.output_size_in_bytes) / PROBE_BATCH
     each = max(result_bytes, measured)
-    return int(np.clip(GPU_SHARE * room / each, 1, MOST_ON_GPU)) * len(devices)
+    return min(members, int(np.clip(GPU_SHARE * room / each, 1, MOST_ON_GPU)) * len(devices))

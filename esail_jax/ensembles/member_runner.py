@@ -119,10 +119,11 @@ class MemberRunner:
             self._program.compile()
 
     def _fitting_batch(self) -> int:
-        """Members in one call: as many as the memory holds; on a CPU not more than take some seconds."""
+        """Members in one call: all, or as many as the memory holds; on a CPU not more than take some
+        seconds."""
         result_bytes = 8 * len(self.time) * sum(math.prod(self.shapes[name]) for name in self._computed)
         if self.lockstep:
-            return batch_in_lockstep(result_bytes, self.lower)
+            return batch_in_lockstep(result_bytes, len(next(iter(self.inputs.values()))), self.lower)
         return batch_on_cores(result_bytes, self.threads)
 
     # ---- members --------------------------------------------------------------------------------

@@ -4,6 +4,8 @@ import inspect
 import os
 import threading
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -18,6 +20,7 @@ from esail_jax.ensembles import (
     simulate_members,
     spread,
 )
+from esail_jax.ensembles.batch_size import GPU_SHARE, HOST_BYTES, PROBE_BATCH, batch_in_lockstep
 
 SIGNALS = (
     "tip_position_I",
@@ -132,6 +135,19 @@ def test_lockstep_and_subsets(scene, inputs, ensemble):
         size = np.abs(ensemble[name]).max()
         assert np.abs(found[name] - ensemble[name][:5]).max() < 1e-11 * size, name
     assert (found.steps == ensemble.steps[:5]).all()
+
+
+def test_a_batch_in_lockstep_has_no_more_members_than_the_ensemble():
+    """A batch is filled with copies of its last member: a batch of hundreds for two members would take
+    hundreds of times as long. Members whose results do not fit into the memory are in several batches."""
+
+    def lower(count):
+        return jax.jit(jnp.sin).lower(jnp.zeros(count))
+
+    third = int(GPU_SHARE * HOST_BYTES / 3.5)
+    assert batch_in_lockstep(8, 100, lower) == 100
+    assert batch_in_lockstep(third, 100, lower) == batch_in_lockstep(third, PROBE_BATCH, lower) == 3
+    assert batch_in_lockstep(8, 2, lambda _: pytest.fail("a program was made to be measured")) == 2
 
 
 @pytest.mark.slow
