@@ -12,7 +12,7 @@ from pathlib import Path
 import jax
 
 CACHE, PROGRAMS = "JAX_COMPILATION_CACHE_DIR", "ESAIL_CACHE"
-LEAST_SECONDS = 0.1
+LEAST_SECONDS = 0.3
 """Least compile time [s] of a program that is written to JAX's compilation cache."""
 
 LARGEST = 2e9
