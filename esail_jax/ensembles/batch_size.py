@@ -33,8 +33,8 @@ def batch_in_lockstep(result_bytes: int, members: int, lower: Callable[[int], ja
     """Members in one call on all local devices: all `members`, or as many as the memory holds.
 
     result_bytes: size of one member's observables; lower(count): the program of so many members. It is
-    compiled once for PROBE_BATCH members to measure its memory, unless there are no more and their results
-    fit."""
+    compiled once, for PROBE_BATCH members per device, to measure its memory; not if the ensemble has no
+    more members than that and their results fit."""
     devices = jax.local_devices()
     room = (devices[0].memory_stats() or {}).get("bytes_limit", HOST_BYTES)
     if members <= PROBE_BATCH * len(devices) and members * result_bytes <= GPU_SHARE * room:

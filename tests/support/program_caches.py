@@ -68,9 +68,9 @@ def remove_oldest(folder: Path, largest: float) -> None:
         with contextlib.suppress(OSError):  # another session removes files at the same time
             found = path.stat()
             files.append((max(found.st_atime, found.st_mtime), found.st_size, path))
-    size = sum(bytes for _, bytes, _ in files)
-    for _, bytes, path in sorted(files):
+    size = sum(taken for _, taken, _ in files)
+    for _, taken, path in sorted(files):
         if size <= largest:
             break
         path.unlink(missing_ok=True)
-        size -= bytes
+        size -= taken
