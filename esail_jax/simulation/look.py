@@ -99,4 +99,5 @@ def with_running_observables(
     rows, memory = observables.chain.with_energy_error(rows, memory, xp)
     if problem.energy_floor is None:
         return rows, memory, None
-    return rows, memory, observables.chain.balanced(rows, problem.energy_floor, xp)
+    # On the host an array of JAX would make every comparison a program to compile.
+    return rows, memory, observables.chain.balanced(rows, xp.asarray(problem.energy_floor), xp)

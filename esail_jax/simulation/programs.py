@@ -74,12 +74,13 @@ def _compiled(structure: Structure, tree: Any, types: tuple, names: tuple[str, .
     number, integer = jax.ShapeDtypeStruct((), float), jax.ShapeDtypeStruct((), int)
     kind = stepper_class(structure["integrator.method"]) if given[1] is None else type(given[1])
     rods = kind.relative_coordinates
+    step_options, look_options = (CHAIN_OPTIONS,) * 2 if rods else (COMPILER_OPTIONS, LOOK_OPTIONS)
 
     with ThreadPoolExecutor() as pool:
 
         def ready(name, function, static, arguments, options, fused=not rods):
             """Traces a program here and compiles it in another thread."""
-            program = program_of(function, static, arguments, CHAIN_OPTIONS if rods else options, fused)
+            program = program_of(function, static, arguments, options, fused)
             announce(f"{'loading' if program.is_kept else 'compiling'} the program of {name} ...")
             program.lower()
             return program, pool.submit(program.compile)
@@ -99,11 +100,11 @@ def _compiled(structure: Structure, tree: Any, types: tuple, names: tuple[str, .
             advance_window,
             (batches,),
             (begun, motion, window, number, integer),
-            COMPILER_OPTIONS,
+            step_options,
         )
         points = stepping.result.points
         arguments = begun, points, integer
-        looking, looks = ready("the observables", look_at_points, (names,), arguments, LOOK_OPTIONS)
+        looking, looks = ready("the observables", look_at_points, (names,), arguments, look_options)
         restarting = None
         if structure.is_sampled or any(structure.has(key) for key in SWITCHED):
             one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), points)

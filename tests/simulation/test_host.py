@@ -5,9 +5,23 @@ import threading
 import numpy as np
 import pytest
 
+from support.compiled_nothing import no_compilation
+
 from esail_jax import load_scene
 from esail_jax.simulation.host import HostRun, compile_scene
 from esail_jax.simulation.results import join
+
+
+@pytest.mark.drops_programs
+@pytest.mark.parametrize("scene", ["baseline", "hanging-chain"])
+def test_a_compiled_scene_compiles_nothing_more(scene, small):
+    """The host computes with NumPy between the calls of its programs. An array of JAX among its numbers
+    would be a program for every operation and every number of rows, in every process anew."""
+    chain = {"chain.rods": 5, "integrator.t_end": 0.2, "output.interval": 0.1}
+    compiled = compile_scene(load_scene(scene, small if scene == "baseline" else chain))
+    with no_compilation():
+        chunks = list(HostRun(compiled).chunks())
+    assert sum(len(chunk.time) for chunk in chunks) > 2
 
 
 @pytest.mark.slow
