@@ -5,11 +5,10 @@ import threading
 import numpy as np
 import pytest
 
-from support.compiled_nothing import no_compilation
-
 from esail_jax import load_scene
 from esail_jax.simulation.host import HostRun, compile_scene
 from esail_jax.simulation.results import join
+from support.compiled_nothing import no_compilation
 
 
 @pytest.mark.drops_programs
