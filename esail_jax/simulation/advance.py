@@ -140,6 +140,7 @@ def block_of(stepper: AbstractStepper, model: Any, state: AbstractState) -> tupl
     return stepper.block(model, state)
 
 
+@traced_once()
 def point_of(problem: Problem, motion: Motion, time: Scalar) -> Point:
     """Returns dense output at a time [s] within the last block."""
     return problem.stepper.evaluate(problem.model, motion.last.pick(motion.last.find(time)), time)
