@@ -74,7 +74,8 @@ def _compiled(structure: Structure, tree: Any, types: tuple, names: tuple[str, .
     number, integer = jax.ShapeDtypeStruct((), float), jax.ShapeDtypeStruct((), int)
     kind = stepper_class(structure["integrator.method"]) if given[1] is None else type(given[1])
     rods = kind.relative_coordinates
-    step_options, look_options = (CHAIN_OPTIONS,) * 2 if rods else (COMPILER_OPTIONS, LOOK_OPTIONS)
+    of_sail = COMPILER_OPTIONS, LOOK_OPTIONS, START_OPTIONS
+    step_options, look_options, switch_options = (CHAIN_OPTIONS,) * 3 if rods else of_sail
 
     with ThreadPoolExecutor() as pool:
 
@@ -110,7 +111,7 @@ def _compiled(structure: Structure, tree: Any, types: tuple, names: tuple[str, .
             one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), points)
             due = None if carried.control is None else jax.ShapeDtypeStruct((), bool)
             arguments = begun, motion, one, number, carried, due
-            restarting, restarts = ready("switch times", restart, (), arguments, START_OPTIONS, fused=False)
+            restarting, restarts = ready("switch times", restart, (), arguments, switch_options, fused=False)
             restarts.result()
         for done in (starts, advances, looks):
             done.result()
