@@ -111,7 +111,9 @@ def _compiled(structure: Structure, tree: Any, types: tuple, names: tuple[str, .
             one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), points)
             due = None if carried.control is None else jax.ShapeDtypeStruct((), bool)
             arguments = begun, motion, one, number, carried, due
-            restarting, restarts = ready("switch times", restart, (), arguments, switch_options, fused=False)
+            restarting, restarts = ready(
+                "switch times", restart, (), arguments, switch_options, fused=False
+            )
             restarts.result()
         for done in (starts, advances, looks):
             done.result()
