@@ -20,7 +20,7 @@ import numpy as np
 from jax import lax
 
 from esail_jax.array_types import Array, Float, Int, Scalar
-from esail_jax.numerics.lockstep import bounded_loop, select, while_active
+from esail_jax.numerics.lockstep import any_member, bounded_loop, select, while_active
 from esail_jax.steppers import step_error
 from esail_jax.steppers.consistent import consistent_motion
 from esail_jax.steppers.fixed_step_method import FixedStepMethod
@@ -64,7 +64,6 @@ class FixedStep(FixedStepMethod):
         vdot, lam, _, power = consistent_motion(model, time, q, v)
         nothing = jax.tree.map(jnp.zeros_like, vdot)
         now = StepState(q, v, vdot, vdot, lam, nothing, nothing, work, power)
-        now = self.first_state(model, time, now)
         zero, none = jnp.zeros(()), jnp.zeros((), int)
         errors = StepErrors.initial(model.tethers.count)
         tick = self.step_size / TICKS
@@ -89,28 +88,32 @@ class FixedStep(FixedStepMethod):
 
     def block(self, model: System, state: FixedStepState) -> tuple[FixedStepState, FixedStepSteps]:
         """Takes up to STEPS_PER_FACTORISATION steps with one factorisation. After a failed step the steps
-        before it are repeated: failures are rare, and the loop then needs no selection after good steps."""
+        before it are repeated: failures are rare, and the loop then needs no selection after good steps.
+        The same loop takes the trial steps of a start, so that a step is compiled once."""
         one_step, wanted = self.stepping(model, state)
 
         def attempts(carry, records, _):
-            limit, _, failure = carry
-            begun = (state.now, jnp.asarray(jnp.inf), jnp.zeros((), int))
+            limit, _, failure, start, trials = carry
+            trying = trials > 0
+            most = jnp.where(trying, 1, limit)
             (now, *_), (ends, info, good) = bounded_loop(
-                one_step, begun, limit, nothing, STEPS_PER_FACTORISATION
+                one_step, beginning(start), most, nothing, STEPS_PER_FACTORISATION
             )
-            count = jnp.minimum(good.sum(), limit)
+            count = jnp.minimum(good.sum(), most)
+            failed = ~trying & (count < limit)
             at = jnp.minimum(count, STEPS_PER_FACTORISATION - 1)
-            failed_info = jax.tree.map(lambda x: x[at], info)
-            failure = select(count < limit, failed_info, failure)
-            return (count, limit, failure), (now, ends, info)
+            failure = select(failed, jax.tree.map(lambda x: x[at], info), failure)
+            start = select(trying & (count > 0), self.after_trial(start, now), start)
+            limit = jnp.where(trying, limit, count)
+            return (limit, trying | failed, failure, start, trials - trying), (now, ends, info)
 
         nothing = (Node.of(state.now), no_info(), jnp.asarray(False))
         room = jax.tree.map(
             lambda x: jnp.broadcast_to(x, (STEPS_PER_FACTORISATION, *jnp.shape(x))), nothing
         )
-        carry = (wanted, wanted + 1, no_info())
-        (count, _, failure), (now, ends, info) = while_active(
-            lambda carry: carry[0] < carry[1], attempts, carry, (state.now, *room[:2])
+        carry = (wanted, jnp.asarray(True), no_info(), state.now, self.trials_at(state))
+        (count, _, failure, *_), (now, ends, info) = while_active(
+            lambda carry: carry[1], attempts, carry, (state.now, *room[:2])
         )
         return self.finished(model, state, now, ends, info, Tape(count, count < wanted), failure)
 
@@ -133,6 +136,26 @@ class FixedStep(FixedStepMethod):
             state.halvings > 0, jnp.minimum(whole, STEPS_PER_FACTORISATION), STEPS_PER_FACTORISATION
         )
         return one_step, wanted
+
+    def trials_at(self, state: FixedStepState) -> Int[Array, ""]:
+        """Returns the number of trial steps before this block: `trials` at the start of a run and after an
+        event, otherwise none."""
+        return jnp.where((state.taken == 0) & (state.halvings == 0), self.trials, 0)
+
+    def after_trials(self, state: FixedStepState, one_step: Callable) -> StepState:
+        """Returns the start of a block after its trial steps, in a loop of fixed length."""
+        if not self.trials:
+            return state.now
+        wanted = self.trials_at(state) > 0
+
+        def trial(start, _):
+            (end, *_), good, _ = one_step(beginning(start))
+            return select(wanted & good, self.after_trial(start, end), start), None
+
+        def with_trials(start):
+            return lax.scan(trial, start, length=self.trials)[0]
+
+        return lax.cond(any_member(wanted), with_trials, lambda start: start, state.now)
 
     def finished(
         self,
@@ -219,6 +242,7 @@ class FixedStep(FixedStepMethod):
 
         def block(state, tape):
             one_step, _ = self.stepping(model, state)
+            start = self.after_trials(state, one_step)
 
             def step(carry, index):
                 def go(carry):
@@ -230,8 +254,13 @@ class FixedStep(FixedStepMethod):
 
                 return lax.cond(index < tape.count, go, stay, carry)
 
-            carry = (state.now, jnp.asarray(jnp.inf), jnp.zeros((), int))
-            (now, *_), (ends, info) = lax.scan(step, carry, jnp.arange(STEPS_PER_FACTORISATION))
+            (now, *_), (ends, info) = lax.scan(step, beginning(start), jnp.arange(STEPS_PER_FACTORISATION))
             return self.finished(model, state, now, ends, info, tape, no_info())
 
         return replay_blocks(self, model, motion, block, tapes, blocks, times)
+
+
+def beginning(start: StepState) -> tuple[StepState, Scalar, Int[Array, ""]]:
+    """Returns what the steps of a block begin with: the state, an infinite convergence rate, because no
+    earlier step is known, and the number of steps before."""
+    return start, jnp.asarray(jnp.inf), jnp.zeros((), int)

@@ -23,6 +23,10 @@ class FixedStepMethod(AbstractStepper):
 
     order: ClassVar[int] = 2
     most_iterations: ClassVar[int] = MAX_ITERATIONS
+    trials: ClassVar[int] = 0
+    """Number of trial steps at the start of a run. Each improves the memory of the start (`after_trial`)
+    and is then taken back."""
+
     trusted: ClassVar[float] = 1.0
     """Largest last increment, relative to the tolerance, of an accepted step. The expected remaining error
     must be within tolerance in addition. With a value above 1 the power of a step, which is computed before
@@ -80,9 +84,9 @@ class FixedStepMethod(AbstractStepper):
         """Returns the system that reverse mode differentiates with respect to the state."""
         return system
 
-    def first_state(self, system: System, time: Scalar, state: StepState) -> StepState:
-        """Returns the start with better first guesses, for a method that has them."""
-        return state
+    def after_trial(self, start: StepState, end: StepState) -> StepState:
+        """Returns a better start from the end of a trial step that began there."""
+        return start
 
     def rescaled(self, state: StepState, ratio: Scalar) -> StepState:
         """Returns the state for steps that are `ratio` times as long."""

@@ -19,7 +19,6 @@ from esail_jax import iteration_matrix
 from esail_jax.array_types import Float, Rotation, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.numerics import structured
-from esail_jax.numerics.lockstep import select
 from esail_jax.steppers.fixed_step import FixedStep
 from esail_jax.steppers.fixed_step_solution import solve_step
 from esail_jax.steppers.fixed_step_state import FrozenFactors, IterationInfo, StepState, Unknowns
@@ -64,6 +63,7 @@ class GeneralizedAlpha(FixedStep):
     trusted: ClassVar[float] = 1000.0
     """With 40 elements per tether, increments reach this limit. The relative change of the work is then
     1e-10, that of the dissipated energy 4e-7, and the number of iterations is half as large."""
+    trials: ClassVar[int] = 2
 
     @property
     def parameters(self) -> Parameters:
@@ -210,34 +210,22 @@ class GeneralizedAlpha(FixedStep):
         )
         return state, info
 
-    def first_state(self, system: System, time: Scalar, state: StepState) -> StepState:
-        """Returns the start with a_0 = vdot_0 + (alpha_m - alpha_f) h jerk. The jerk comes from a trial
-        step, TRIALS times.
+    def after_trial(self, start: StepState, end: StepState) -> StepState:
+        """Returns the start with a_0 = vdot_0 + (alpha_m - alpha_f) h jerk. The jerk gives the velocity at
+        the end of the trial step.
 
-        vdot at the end of a trial step follows from the velocity there. The trial step is implicit and
-        damps stiff modes; a time derivative of the accelerations would amplify them. A trial step that does
-        not converge is not used."""
-        factors = self.factor(system, time, state.q, state.v, state.lam)
-        infinite = jnp.asarray(jnp.inf)
-
-        def improved(_, state):
-            trial, info = self.step(system, time, state, factors, infinite)
-            return select(info.converged(), self.with_jerk(state, trial.v), state)
-
-        return lax.fori_loop(0, TRIALS, improved, state)
-
-    def with_jerk(self, state: StepState, v_next: Coordinates) -> StepState:
-        """Returns the start with the jerk that gives the velocity `v_next` after a step."""
+        The trial step is implicit and damps stiff modes; a time derivative of the accelerations would
+        amplify them. A trial step that does not converge is not used."""
         c, h = self.parameters, self.step_size
         a_next = jax.tree.map(
-            lambda v1, v0, a: ((v1 - v0) / h - (1.0 - c.gamma) * a) / c.gamma, v_next, state.v, state.a
+            lambda v1, v0, a: ((v1 - v0) / h - (1.0 - c.gamma) * a) / c.gamma, end.v, start.v, start.a
         )
         vdot_next = jax.tree.map(
             lambda a1, a0, vdot: ((1.0 - c.alpha_m) * a1 + c.alpha_m * a0 - c.alpha_f * vdot)
             / (1.0 - c.alpha_f),
-            a_next, state.a, state.vdot,
+            a_next, start.a, start.vdot,
         )  # fmt: skip
-        return self.with_difference(state, jax.tree.map(jnp.subtract, vdot_next, state.vdot))
+        return self.with_difference(start, jax.tree.map(jnp.subtract, vdot_next, start.vdot))
 
     def with_difference(self, state: StepState, difference: Coordinates) -> StepState:
         """Returns the state with a given first difference of vdot and a = vdot(t + (alpha_m - alpha_f)
@@ -251,7 +239,3 @@ class GeneralizedAlpha(FixedStep):
         belongs depends on the length of the step."""
         state = super().rescaled(state, ratio)
         return self.with_difference(state, state.vdot_difference)
-
-
-TRIALS = 2
-"""Number of trial steps at a start."""
