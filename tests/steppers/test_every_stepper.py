@@ -186,8 +186,10 @@ DIVERGED = {("number", np.inf): "nonfinite", ("number", 1e200): "newton_diverged
 
 @functools.cache
 def chain_scale() -> Any:
-    """Magnitudes of the chain's coordinates, by which an error control measures."""
-    return error_scale(*build_chain(*split(SMALL_CHAIN)))
+    """Magnitudes of the chain's coordinates, by which an error control measures. The first call may be in a
+    traced function, and the result is kept."""
+    with jax.ensure_compile_time_eval():
+        return error_scale(*build_chain(*split(SMALL_CHAIN)))
 
 
 CASES = {
