@@ -8,7 +8,10 @@ shape makes old factors worse, not the rotation.
 
 A block ends before a step that does not converge, and the next block begins there with fresh factors. If
 its first step fails too, the step is halved, up to `MAX_HALVINGS` times; after a whole step it is doubled
-again."""
+again.
+
+A start may have trial steps. The end of a trial step serves only to improve the start, from which the steps
+are then taken (`FixedStepMethod.after_trial`)."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -82,6 +85,7 @@ class FixedStep(FixedStepMethod):
             repeated(False),
             repeated(True),
             info,
+            none,
             errors.relative,
         )
         return state, steps
@@ -89,12 +93,12 @@ class FixedStep(FixedStepMethod):
     def block(self, model: System, state: FixedStepState) -> tuple[FixedStepState, FixedStepSteps]:
         """Takes up to STEPS_PER_FACTORISATION steps with one factorisation. After a failed step the steps
         before it are repeated: failures are rare, and the loop then needs no selection after good steps.
-        The same loop takes the trial steps of a start, so that a step is compiled once."""
-        one_step, wanted = self.stepping(model, state)
+        The same loop takes the trial steps, so that a run compiles a step once."""
+        fine, one_step, wanted = self.stepping(model, state)
 
         def attempts(carry, records, _):
-            limit, _, failure, start, trials = carry
-            trying = trials > 0
+            # Under `vmap` a member that has ended repeats its last turn, and writes the same records again.
+            limit, _, failure, start, trying, trials = carry
             most = jnp.where(trying, 1, limit)
             (now, *_), (ends, info, good) = bounded_loop(
                 one_step, beginning(start), most, nothing, STEPS_PER_FACTORISATION
@@ -103,23 +107,30 @@ class FixedStep(FixedStepMethod):
             failed = ~trying & (count < limit)
             at = jnp.minimum(count, STEPS_PER_FACTORISATION - 1)
             failure = select(failed, jax.tree.map(lambda x: x[at], info), failure)
-            start = select(trying & (count > 0), self.after_trial(start, now), start)
-            limit = jnp.where(trying, limit, count)
-            return (limit, trying | failed, failure, start, trials - trying), (now, ends, info)
+            better = trying & (count > 0)
+            start = select(better, fine.after_trial(start, now), start)
+            trials = trials + better
+            again, limit = trying | failed, jnp.where(trying, limit, count)
+            trying = better & (trials < self.trials)
+            return (limit, again, failure, start, trying, trials), (now, ends, info)
 
         nothing = (Node.of(state.now), no_info(), jnp.asarray(False))
         room = jax.tree.map(
             lambda x: jnp.broadcast_to(x, (STEPS_PER_FACTORISATION, *jnp.shape(x))), nothing
         )
-        carry = (wanted, jnp.asarray(True), no_info(), state.now, self.trials_at(state))
-        (count, _, failure, *_), (now, ends, info) = while_active(
+        trying = (state.taken == 0) & (self.trials > 0)
+        carry = (wanted, jnp.asarray(True), no_info(), state.now, trying, jnp.zeros((), int))
+        (count, _, failure, _, _, trials), (now, ends, info) = while_active(
             lambda carry: carry[1], attempts, carry, (state.now, *room[:2])
         )
-        return self.finished(model, state, now, ends, info, Tape(count, count < wanted), failure)
+        return self.finished(model, state, now, ends, info, Tape(count, count < wanted, trials), failure)
 
-    def stepping(self, model: System, state: FixedStepState) -> tuple[Callable, Int[Array, ""]]:
-        """Returns the function of one step with the factors of this block, and the number of steps to take.
-        With a halved step a block ends at the end of a whole step, where the step may be doubled."""
+    def stepping(
+        self, model: System, state: FixedStepState
+    ) -> tuple["FixedStep", Callable, Int[Array, ""]]:
+        """Returns the method with the present size of its steps, the function of one step with the factors
+        of a block from this state, and the number of steps to take. With a halved step a block ends at the
+        end of a whole step, where the step may be doubled."""
         now, ticks = state.now, TICKS >> state.halvings
         fine = replace(self, step_size=self.step_size * (ticks / TICKS))
         factors = fine.factor(model, state.time, now.q, now.v, now.lam)
@@ -135,27 +146,7 @@ class FixedStep(FixedStepMethod):
         wanted = jnp.where(
             state.halvings > 0, jnp.minimum(whole, STEPS_PER_FACTORISATION), STEPS_PER_FACTORISATION
         )
-        return one_step, wanted
-
-    def trials_at(self, state: FixedStepState) -> Int[Array, ""]:
-        """Returns the number of trial steps before this block: `trials` at the start of a run and after an
-        event, otherwise none."""
-        return jnp.where((state.taken == 0) & (state.halvings == 0), self.trials, 0)
-
-    def after_trials(self, state: FixedStepState, one_step: Callable) -> StepState:
-        """Returns the start of a block after its trial steps, in a loop of fixed length."""
-        if not self.trials:
-            return state.now
-        wanted = self.trials_at(state) > 0
-
-        def trial(start, _):
-            (end, *_), good, _ = one_step(beginning(start))
-            return select(wanted & good, self.after_trial(start, end), start), None
-
-        def with_trials(start):
-            return lax.scan(trial, start, length=self.trials)[0]
-
-        return lax.cond(any_member(wanted), with_trials, lambda start: start, state.now)
+        return fine, one_step, wanted
 
     def finished(
         self,
@@ -184,7 +175,8 @@ class FixedStep(FixedStepMethod):
             lambda x, y: jnp.where(failed.reshape(-1, *(1,) * (x.ndim - 1)), y, x), info, failure
         )
         sizes = jnp.where(tried, length, 0.0)
-        steps = FixedStepSteps(Node.of(state.now), ends, end, sizes, tried, taken, info, errors.relative)
+        before = Node.of(state.now)
+        steps = FixedStepSteps(before, ends, end, sizes, tried, taken, info, tape.trials, errors.relative)
 
         no_progress = tape.failed & (tape.count == 0)
         exhausted = no_progress & (state.halvings == MAX_HALVINGS)
@@ -226,8 +218,8 @@ class FixedStep(FixedStepMethod):
     # ---- derivatives -------------------------------------------------------------------------------
 
     def tape(self, steps: FixedStepSteps) -> Tape:
-        """Returns the number of steps, which `replay` computes again."""
-        return Tape(steps.taken.sum(), (steps.tried & ~steps.taken).any())
+        """Returns the numbers of steps, which `replay` computes again."""
+        return Tape(steps.taken.sum(), (steps.tried & ~steps.taken).any(), steps.trials)
 
     def replay(
         self,
@@ -241,8 +233,8 @@ class FixedStep(FixedStepMethod):
         """Takes the blocks again, each in a loop of fixed length."""
 
         def block(state, tape):
-            one_step, _ = self.stepping(model, state)
-            start = self.after_trials(state, one_step)
+            fine, one_step, _ = self.stepping(model, state)
+            start = fine.after_trials(one_step, state.now, tape.trials)
 
             def step(carry, index):
                 def go(carry):
@@ -259,8 +251,26 @@ class FixedStep(FixedStepMethod):
 
         return replay_blocks(self, model, motion, block, tapes, blocks, times)
 
+    def after_trials(self, one_step: Callable, start: StepState, count: Int[Array, ""]) -> StepState:
+        """Returns the start after `count` trial steps that converged. The loop has a fixed length, because
+        reverse mode cannot differentiate a loop that ends early."""
+        if not self.trials:
+            return start
+
+        def go(start):
+            (end, *_), *_ = one_step(beginning(start))
+            return self.after_trial(start, end)
+
+        def trial(start, number):
+            return lax.cond(number < count, go, lambda start: start, start), None
+
+        def with_trials(start):
+            return lax.scan(trial, start, jnp.arange(self.trials))[0]
+
+        return lax.cond(any_member(count > 0), with_trials, lambda start: start, start)
+
 
 def beginning(start: StepState) -> tuple[StepState, Scalar, Int[Array, ""]]:
-    """Returns what the steps of a block begin with: the state, an infinite convergence rate, because no
-    earlier step is known, and the number of steps before."""
+    """Returns the argument of the first step of a block: the state, an infinite convergence rate, because
+    there is no earlier step with these factors, and the number 0 of the step."""
     return start, jnp.asarray(jnp.inf), jnp.zeros((), int)

@@ -24,8 +24,9 @@ class FixedStepMethod(AbstractStepper):
     order: ClassVar[int] = 2
     most_iterations: ClassVar[int] = MAX_ITERATIONS
     trials: ClassVar[int] = 0
-    """Number of trial steps at the start of a run. Each improves the memory of the start (`after_trial`)
-    and is then taken back."""
+    """Number of trial steps at the start of a run and after an event. The end of a trial step serves only
+    to improve the start (`after_trial`), from which the steps are then taken. A trial step that does not
+    converge improves nothing and is the last one."""
 
     trusted: ClassVar[float] = 1.0
     """Largest last increment, relative to the tolerance, of an accepted step. The expected remaining error
@@ -85,7 +86,8 @@ class FixedStepMethod(AbstractStepper):
         return system
 
     def after_trial(self, start: StepState, end: StepState) -> StepState:
-        """Returns a better start from the end of a trial step that began there."""
+        """Returns a better start; by default the start itself. end: the state after a trial step from
+        `start`."""
         return start
 
     def rescaled(self, state: StepState, ratio: Scalar) -> StepState:

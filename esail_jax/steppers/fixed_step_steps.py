@@ -37,8 +37,8 @@ class FixedStepSteps(AbstractSteps):
     """The record of the steps of a block.
 
     start: the start of the first step; ends, end, size: the end of each step, its time and its length [s];
-    tried, taken: as in `Log`; errors: the estimated errors at the end of the block, relative to the ranges
-    of the signals."""
+    tried, taken: as in `Log`; trials: number of trial steps that converged; errors: the estimated errors at
+    the end of the block, relative to the ranges of the signals."""
 
     start: Node
     ends: Node
@@ -47,6 +47,7 @@ class FixedStepSteps(AbstractSteps):
     tried: Bool[Array, "*block attempt"]
     taken: Bool[Array, "*block attempt"]
     info: IterationInfo
+    trials: Int[Array, "*block"]
     errors: Float[Array, "*block 2"]
 
     @property
@@ -112,7 +113,9 @@ class Interval(NamedTuple):
 
 
 class Tape(NamedTuple):
-    """Number of steps taken in a block, and whether an attempt failed after them."""
+    """Number of steps taken in a block, whether an attempt failed after them, and number of trial steps
+    before them that converged."""
 
     count: Int[Array, ""]
     failed: Bool[Array, ""]
+    trials: Int[Array, ""]

@@ -64,6 +64,7 @@ class GeneralizedAlpha(FixedStep):
     """With 40 elements per tether, increments reach this limit. The relative change of the work is then
     1e-10, that of the dissipated energy 4e-7, and the number of iterations is half as large."""
     trials: ClassVar[int] = 2
+    """The second trial step begins with the jerk that the first one gave."""
 
     @property
     def parameters(self) -> Parameters:
@@ -211,11 +212,11 @@ class GeneralizedAlpha(FixedStep):
         return state, info
 
     def after_trial(self, start: StepState, end: StepState) -> StepState:
-        """Returns the start with a_0 = vdot_0 + (alpha_m - alpha_f) h jerk. The jerk gives the velocity at
-        the end of the trial step.
+        """Returns the start with a_0 = vdot_0 + (alpha_m - alpha_f) h jerk. The jerk is chosen so that a
+        step from there leads to the velocity at the end of the trial step.
 
-        The trial step is implicit and damps stiff modes; a time derivative of the accelerations would
-        amplify them. A trial step that does not converge is not used."""
+        The trial step is implicit and damps stiff modes, which a time derivative of the accelerations would
+        amplify."""
         c, h = self.parameters, self.step_size
         a_next = jax.tree.map(
             lambda v1, v0, a: ((v1 - v0) / h - (1.0 - c.gamma) * a) / c.gamma, end.v, start.v, start.a

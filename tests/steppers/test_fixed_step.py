@@ -1,5 +1,7 @@
 """Fixed steps: dense output between them, and steps that are halved where one cannot be solved."""
 
+from typing import ClassVar
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -20,8 +22,8 @@ from esail_jax.steppers.stepper import Motion, Point
 from esail_jax.system import Power
 from support.quick import jit
 
-STEP, FAILS = 0.5, 2.0
-"""Length of a step [s], and the time [s] at which `Stubborn` begins to fail."""
+STEP = 0.5
+"""Length of a step [s]."""
 
 SAIL = {
     "tethers.count": 2, "tethers.elements": 2, "integrator.method": "generalized-alpha",
@@ -31,12 +33,21 @@ SAIL = {
 
 class Stubborn(GeneralizedAlpha):
     """Generalized-alpha, whose steps cannot be solved from 2.0 to 2.5 s unless they are a quarter of a
-    whole step or shorter."""
+    whole step or shorter. A failed step ends at NaN, as one does whose iterations overflow."""
+
+    fails: ClassVar[float] = 2.0
 
     def step(self, system, time, state, kept, rate):
         new, info = super().step(system, time, state, kept, rate)
-        bad = (time >= FAILS) & (time < FAILS + STEP) & (self.step_size > 0.3 * STEP)
+        bad = (time >= self.fails) & (time < self.fails + STEP) & (self.step_size > 0.3 * STEP)
+        new = jax.tree.map(lambda x: jnp.where(bad, jnp.nan, 1.0) * x, new)
         return new, info._replace(left=jnp.where(bad, jnp.inf, info.left))
+
+
+class StubbornStart(Stubborn):
+    """The same, from 0 to 0.5 s: whole trial steps and the first whole step fail."""
+
+    fails = 0.0
 
 
 @pytest.fixture(scope="module")
@@ -45,8 +56,9 @@ def begun():
     return jit(start, static_argnums=0)(*split(with_method(esail.load_scene("truss", SAIL))))
 
 
-def stubborn(stepper):
-    return Stubborn(stepper.step_size, stepper.spectral_radius)
+def like(stepper, kind):
+    """The method with the numbers of another one."""
+    return kind(stepper.step_size, stepper.spectral_radius)
 
 
 # ---- dense output -------------------------------------------------------------------------------
@@ -116,9 +128,10 @@ def test_the_end_of_a_step_is_taken_as_it_is(begun):
 
 @pytest.mark.slow
 def test_trial_steps_precede_the_first_block_only_also_in_a_replay(begun):
-    """Two blocks are two trial steps, which are taken back and improve the first auxiliary acceleration,
-    and 40 steps. They equal these steps one by one, and the replay of the blocks, up to rounding. A start
-    without trials differs by 2e-8 of the accelerations, a second block with trials by 1e-9."""
+    """The end of the first two blocks equals that of two trial steps and 40 steps, taken one by one, and
+    that of the replayed blocks, up to rounding. A start without trials differs by 2e-8 of the
+    accelerations, a second block with trials by 1e-9. In a batch of a member before its first block and a
+    member after it, each member equals its block alone."""
     stepper, model, motion = begun.problem.stepper, begun.problem.model, begun.motion
     infinite = jnp.asarray(jnp.inf)
 
@@ -139,18 +152,14 @@ def test_trial_steps_precede_the_first_block_only_also_in_a_replay(begun):
             (now, _), _ = lax.scan(step, (now, infinite), number)
         return now
 
-    def blocks(stepper):
-        found, tapes = motion, []
-        for _ in range(2):
-            found = Motion(*stepper.block(model, found.state), found.earlier)
-            tapes.append(stepper.tape(found.last))
-        rest = stepper.blocks_per_window - len(tapes)
-        tapes = jax.tree.map(lambda *x: jnp.stack([*x, *[jnp.zeros_like(x[0])] * rest]), *tapes)
-        times = jnp.asarray([found.state.time])
-        again, _ = stepper.replay(model, motion, found, tapes, jnp.asarray(2), times)
-        return found.state.now, again.state.now
-
-    found, again = jit(blocks)(stepper)
+    found, again = jit(lambda stepper: blocks_and_replay(stepper, begun, 2))(stepper)
+    first, second, found, again = *found, found[-1].now, again.now
+    both = jax.tree.map(lambda *x: jnp.stack(x), motion.state, first)
+    batch = jit(jax.vmap(lambda state: stepper.block(model, state)[0]))(both)
+    for k, alone in enumerate((first, second)):
+        member = jax.tree.map(lambda x, k=k: x[k], batch)
+        np.testing.assert_allclose(member.now.a.tether, alone.now.a.tether, rtol=1e-9, atol=1e-15)
+        assert member.taken == alone.taken
     known, without, always = (
         jit(lambda stepper, trials=trials: one_by_one(stepper, trials))(stepper)
         for trials in ((2, 0), (0, 0), (2, 2))
@@ -162,6 +171,49 @@ def test_trial_steps_precede_the_first_block_only_also_in_a_replay(begun):
 
     assert max(gap(found), gap(again)) < 1e-13
     assert min(gap(without), gap(always)) > 1e-10
+
+
+@pytest.mark.slow
+def test_a_trial_step_that_fails_improves_nothing(begun):
+    """After a block without a step the start has its accelerations as auxiliary ones. Then half a step
+    fails, too, and two trial steps of a quarter of a whole step give the jerk."""
+    stepper, start = like(begun.problem.stepper, StubbornStart), begun.motion.state.now
+    (first, _, third), again = jit(lambda stepper: blocks_and_replay(stepper, begun, 3))(stepper)
+    assert (first.taken, third.taken) == (0, 4)
+    assert (first.now.a.tether == start.vdot.tether).all()
+    np.testing.assert_allclose(again.now.a.tether, third.now.a.tether, rtol=0, atol=1e-13)
+
+    def one_by_one(stepper):
+        now, model, infinite = start, begun.problem.model, jnp.asarray(jnp.inf)
+        time, h = begun.motion.state.time, stepper.step_size
+        factors = stepper.factor(model, time, now.q, now.v, now.lam)
+        for _ in range(2):
+            now = stepper.after_trial(now, stepper.step(model, time, now, factors, infinite)[0])
+        rate = infinite
+        for k in range(4):
+            now, info = stepper.step(model, time + k * h, now, factors, rate)
+            rate = info.rate
+        return now
+
+    quarter = GeneralizedAlpha(0.25 * stepper.step_size, stepper.spectral_radius)
+    known = jit(one_by_one)(quarter)
+    size = np.abs(known.vdot.tether).max()
+    np.testing.assert_allclose(third.now.vdot.tether, known.vdot.tether, rtol=0, atol=1e-13 * size)
+
+
+def blocks_and_replay(stepper, begun, count):
+    """Returns the states after each of the first blocks, and the state after the replay of these blocks."""
+    model, motion = begun.problem.model, begun.motion
+    found, states, tapes = motion, [], []
+    for _ in range(count):
+        found = Motion(*stepper.block(model, found.state), found.earlier)
+        states.append(found.state)
+        tapes.append(stepper.tape(found.last))
+    rest = stepper.blocks_per_window - count
+    tapes = jax.tree.map(lambda *x: jnp.stack([*x, *[jnp.zeros_like(x[0])] * rest]), *tapes)
+    times = jnp.asarray([found.state.time])
+    again, _ = stepper.replay(model, motion, found, tapes, jnp.asarray(count), times)
+    return states, again.state
 
 
 # ---- halved steps -------------------------------------------------------------------------------
@@ -184,7 +236,7 @@ def test_a_step_that_fails_is_halved_and_doubled_again(begun):
     """A block ends before a step that fails. The next one begins there with fresh factors; if its first
     step fails, the step is halved, and after a whole step doubled. Ends of steps are exact multiples."""
     problem, motion = begun.problem, begun.motion
-    stepper = stubborn(problem.stepper)
+    stepper = like(problem.stepper, Stubborn)
     block = jit(lambda model, state: stepper.block(model, state))
     state, logs, halvings = motion.state, [], []
     while state.time < 12.0:
@@ -202,7 +254,8 @@ def test_a_step_that_fails_is_halved_and_doubled_again(begun):
 
 
 @pytest.mark.slow
-def test_halved_steps_are_as_accurate_and_have_the_same_derivative(begun):
+@pytest.mark.parametrize("kind", [Stubborn, StubbornStart])
+def test_halved_steps_are_as_accurate_and_have_the_same_derivative(begun, kind):
     """The motion with halved steps differs from that with whole ones by less than the error of these. Its
     derivative by the initial spin agrees with the difference quotient, and in reverse mode with forward
     mode."""
@@ -220,7 +273,7 @@ def test_halved_steps_are_as_accurate_and_have_the_same_derivative(begun):
             [points.q.tether[:, 0, :, -1, 0].ravel(), velocity, work, end.state.now.v.hub[0]]
         )
 
-    usual, halved = problem.stepper, stubborn(problem.stepper)
+    usual, halved = problem.stepper, like(problem.stepper, kind)
     run = jit(lambda x: tips(halved, x))
     value, whole = run(0.0), jit(lambda x: tips(usual, x))(0.0)
     assert 0.0 < np.abs(value - whole)[:6].max() < 1e-3
