@@ -12,6 +12,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 from jax.custom_derivatives import SymbolicZero
 
 from esail_jax.array_types import Array
@@ -55,6 +56,22 @@ def unused_matvec(x: Any) -> Any:
     JAX then needs the product only for derivatives with respect to the matrix, and here the matrix carries
     none. The true product would be traced for nothing."""
     return x
+
+
+def bundled(rhs: Any) -> Any:
+    """Returns the right-hand sides of a `lax.custom_linear_solve` as one bundle: if one of them has a
+    tangent, all have. JAX cannot transpose the solve if some of several right-hand sides have none.
+
+    JAX 0.11 cannot transpose a barrier one of whose operands is constant. There every right-hand side gets
+    a zero added that depends on all of them, which the compiler removes."""
+    if CONSTANTS_IN_BARRIERS:
+        return lax.optimization_barrier(rhs)
+    zero = sum(jnp.where(False, x.sum(), 0.0) for x in jax.tree.leaves(rhs))
+    return lax.optimization_barrier(jax.tree.map(lambda x: x + zero, rhs))
+
+
+CONSTANTS_IN_BARRIERS = jax.__version_info__ < (0, 11)
+"""True if JAX transposes a barrier with constant operands (jax/_src/lax/lax.py, optimization_barrier)."""
 
 
 @jax.custom_jvp

@@ -15,7 +15,7 @@ from jax import lax
 
 from esail_jax.array_types import Array, Float, Int, Scalar
 from esail_jax.coordinates import Coordinates
-from esail_jax.numerics.symbolic_zeros import jvp_of_perturbed, unused_matvec
+from esail_jax.numerics.symbolic_zeros import bundled, jvp_of_perturbed, unused_matvec
 from esail_jax.numerics.vectors import greatest
 from esail_jax.steppers.collocation_stages import (
     TABLE,
@@ -236,9 +236,7 @@ def linear_solution(
 
     equations = linear.folded
     rhs = jax.tree.map(jnp.negative, equations(given))
-    # Bundled by a barrier: `custom_linear_solve` cannot be transposed if one of several right-hand sides
-    # has a symbolic zero tangent.
-    both = lax.optimization_barrier((moved, rhs))
+    both = bundled((moved, rhs))
     _, x = lax.custom_linear_solve(unused_matvec, both, solve, solve_transposed)
     return linear.with_roots(x)
 

@@ -15,6 +15,7 @@ from jax import lax
 from esail_jax.array_types import Float, Int, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.numerics.symbolic_zeros import (
+    bundled,
     is_symbolic,
     jvp_of_perturbed,
     materialised,
@@ -178,9 +179,7 @@ def linear_solution(linear: Linearised, moved: Start, given: Residual) -> Unknow
         return jax.tree.map(jnp.subtract, moved, back(x)[0]), x
 
     rows = jax.tree.map(jnp.negative, Unknowns(*given))
-    # Bundled by a barrier: `custom_linear_solve` cannot be transposed if one of several right-hand sides
-    # has a symbolic zero tangent.
-    both = lax.optimization_barrier((moved, rows))
+    both = bundled((moved, rows))
     return lax.custom_linear_solve(unused_matvec, both, solve, solve_transposed)[1]
 
 
@@ -202,7 +201,7 @@ def jvp_if_wanted(function: Callable, primals: tuple, tangents: tuple) -> Any:
         return jax.tree.map(jnp.add, moves, back), y
 
     nothing = nothing_of(jax.eval_shape(function, *at))
-    both = lax.optimization_barrier((moves, nothing))
+    both = bundled((moves, nothing))
     return lax.custom_linear_solve(unused_matvec, both, solve, solve_transposed)[1]
 
 

@@ -6,8 +6,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax import lax
 
-from esail_jax.numerics.symbolic_zeros import jvp_of_perturbed, with_tangents
+from esail_jax.numerics.symbolic_zeros import bundled, jvp_of_perturbed, unused_matvec, with_tangents
 
 
 def oscillation(stiffness, first, counted):
@@ -47,3 +48,26 @@ def test_infinite_tangents_change_nothing():
     _, moved = jax.jvp(lambda x, of: with_tangents(x, of), (1.0, 2.0), (3.0, jnp.inf))
     assert moved == 3.0
     assert jax.grad(lambda of: with_tangents(1.0, of) * jnp.nan)(2.0) == 0.0
+
+
+@pytest.mark.parametrize("constant", [0, 1])
+def test_a_solve_with_a_constant_right_hand_side_is_transposed(constant):
+    """The sum of 3 x^2 and of 5 times a constant has the derivative 6 x. JAX cannot transpose the solve
+    without the bundle, and JAX 0.11 cannot transpose a barrier with a constant operand."""
+
+    def solve(_, rhs):
+        return tuple(factor * x for factor, x in zip((3.0, 5.0), rhs, strict=True))
+
+    @jax.custom_jvp
+    def total(x):
+        return (3.0, 5.0)[1 - constant] * (x**2).sum()
+
+    @total.defjvp
+    def _total_jvp(primals, tangents):
+        rhs = [2.0 * primals[0] * tangents[0]] * 2
+        rhs[constant] = jnp.zeros(3)
+        found = lax.custom_linear_solve(unused_matvec, bundled(tuple(rhs)), solve, solve)
+        return total(*primals), found[0].sum() + found[1].sum()
+
+    x, factor = jnp.asarray([1.0, 2.0, -4.0]), (3.0, 5.0)[1 - constant]
+    assert (jax.grad(total)(x) == 2.0 * factor * x).all()
