@@ -66,8 +66,14 @@ def bundled(rhs: Any) -> Any:
     a zero added that depends on all of them, which the compiler removes."""
     if CONSTANTS_IN_BARRIERS:
         return lax.optimization_barrier(rhs)
-    zero = sum(jnp.where(False, x.sum(), 0.0) for x in jax.tree.leaves(rhs))
+    zero = linear_zero(jax.tree.leaves(rhs))
     return lax.optimization_barrier(jax.tree.map(lambda x: x + zero, rhs))
+
+
+def linear_zero(arrays: list[Array]) -> Array | int:
+    """Returns zero as a sum that is linear in the arrays, and zero for any of them, infinite ones
+    included."""
+    return sum(jnp.where(False, x.sum(), 0.0) for x in arrays)
 
 
 CONSTANTS_IN_BARRIERS = jax.__version_info__ < (0, 11)
@@ -98,8 +104,7 @@ def with_tangents(values: Any, of: Any) -> Any:
 
 @with_tangents.defjvp
 def _with_tangents_jvp(primals, tangents):
-    # The sum is linear in the tangents, and zero for any of them, infinite ones included.
     leaves = jax.tree.leaves(tangents[1])
     moves = [jnp.asarray(t) for t in leaves if np.result_type(t) != jax.dtypes.float0]
-    zero = sum(jnp.where(False, t.sum(), 0.0) for t in moves)
+    zero = linear_zero(moves)
     return primals[0], jax.tree.map(lambda t: t + zero, tangents[0])

@@ -52,8 +52,9 @@ def test_infinite_tangents_change_nothing():
 
 @pytest.mark.parametrize("constant", [0, 1])
 def test_a_solve_with_a_constant_right_hand_side_is_transposed(constant):
-    """The sum of 3 x^2 and of 5 times a constant has the derivative 6 x. JAX cannot transpose the solve
-    without the bundle, and JAX 0.11 cannot transpose a barrier with a constant operand."""
+    """The solve multiplies a right-hand side that depends on x by 3 or 5, and gives the derivative of 3 or
+    5 times the sum of x^2. JAX cannot transpose it without the bundle, and JAX 0.11 cannot transpose a
+    barrier with a constant operand."""
 
     def solve(_, rhs):
         return tuple(factor * x for factor, x in zip((3.0, 5.0), rhs, strict=True))

@@ -133,25 +133,6 @@ def test_trial_steps_precede_the_first_block_only_also_in_a_replay(begun):
     accelerations, a second block with trials by 1e-9. In a batch of a member before its first block and a
     member after it, each member equals its block alone."""
     stepper, model, motion = begun.problem.stepper, begun.problem.model, begun.motion
-    infinite = jnp.asarray(jnp.inf)
-
-    def one_by_one(stepper, trials):
-        state, now = motion.state, motion.state.now
-        for block, count in enumerate(trials):
-            first = STEPS_PER_FACTORISATION * block
-            time = state.time + first * stepper.step_size
-            factors = stepper.factor(model, time, now.q, now.v, now.lam)
-            for _ in range(count):
-                now = stepper.after_trial(now, stepper.step(model, time, now, factors, infinite)[0])
-
-            def step(carry, index, factors=factors):
-                now, info = stepper.step(model, state.time + index * STEP, carry[0], factors, carry[1])
-                return (now, info.rate), None
-
-            number = first + jnp.arange(STEPS_PER_FACTORISATION)
-            (now, _), _ = lax.scan(step, (now, infinite), number)
-        return now
-
     found, again = jit(lambda stepper: blocks_and_replay(stepper, begun, 2))(stepper)
     first, second, found, again = *found, found[-1].now, again.now
     both = jax.tree.map(lambda *x: jnp.stack(x), motion.state, first)
@@ -161,7 +142,9 @@ def test_trial_steps_precede_the_first_block_only_also_in_a_replay(begun):
         np.testing.assert_allclose(member.now.a.tether, alone.now.a.tether, rtol=1e-9, atol=1e-15)
         assert member.taken == alone.taken
     known, without, always = (
-        jit(lambda stepper, trials=trials: one_by_one(stepper, trials))(stepper)
+        jit(lambda stepper, trials=trials: one_by_one(stepper, begun, trials, STEPS_PER_FACTORISATION))(
+            stepper
+        )
         for trials in ((2, 0), (0, 0), (2, 2))
     )
     size = np.abs(known.a.tether).max()
@@ -183,22 +166,28 @@ def test_a_trial_step_that_fails_improves_nothing(begun):
     assert (first.now.a.tether == start.vdot.tether).all()
     np.testing.assert_allclose(again.now.a.tether, third.now.a.tether, rtol=0, atol=1e-13)
 
-    def one_by_one(stepper):
-        now, model, infinite = start, begun.problem.model, jnp.asarray(jnp.inf)
-        time, h = begun.motion.state.time, stepper.step_size
-        factors = stepper.factor(model, time, now.q, now.v, now.lam)
-        for _ in range(2):
-            now = stepper.after_trial(now, stepper.step(model, time, now, factors, infinite)[0])
-        rate = infinite
-        for k in range(4):
-            now, info = stepper.step(model, time + k * h, now, factors, rate)
-            rate = info.rate
-        return now
-
     quarter = GeneralizedAlpha(0.25 * stepper.step_size, stepper.spectral_radius)
-    known = jit(one_by_one)(quarter)
+    known = jit(lambda stepper: one_by_one(stepper, begun, (2,), 4))(quarter)
     size = np.abs(known.vdot.tether).max()
     np.testing.assert_allclose(third.now.vdot.tether, known.vdot.tether, rtol=0, atol=1e-13 * size)
+
+
+def one_by_one(stepper, begun, trials, steps):
+    """Returns the state after blocks of a number of steps. trials: number of trial steps before each."""
+    model, time, now = begun.problem.model, begun.motion.state.time, begun.motion.state.now
+    infinite = jnp.asarray(jnp.inf)
+    for block, count in enumerate(trials):
+        begin = time + block * steps * stepper.step_size
+        factors = stepper.factor(model, begin, now.q, now.v, now.lam)
+        for _ in range(count):
+            now = stepper.after_trial(now, stepper.step(model, begin, now, factors, infinite)[0])
+
+        def step(carry, index, factors=factors):
+            now, info = stepper.step(model, time + index * stepper.step_size, carry[0], factors, carry[1])
+            return (now, info.rate), None
+
+        (now, _), _ = lax.scan(step, (now, infinite), block * steps + jnp.arange(steps))
+    return now
 
 
 def blocks_and_replay(stepper, begun, count):
