@@ -169,7 +169,9 @@ class SummedDeformations(Term):
         along = jax.jvp(invariants_of, (fields,), (w,))[1]
         rate = self.invariant_rates(fields, rates)
         stress, back = jax.vjp(self.at(time).stress_resultant, invariants, rate)
-        by_invariants, by_rate = back(along)
+        # Stacked into memory, like the stress resultants of `point_forces`.
+        parts, structure = jax.tree.flatten(back(along))
+        by_invariants, by_rate = jax.tree.unflatten(structure, stacked([x[None] for x in parts]))
 
         def second_derivative(direction, force):
             """dJ^T[direction] force."""

@@ -120,7 +120,7 @@ def replay_work(
     def step_or_stay(before, record):
         none = jax.tree.map(jnp.zeros_like, record.power)
         after, power = lax.cond(record.taken, step, lambda *x: (x[0], none), before, record)
-        start = record.start._replace(work=before[0], power=before[1])
-        return after, replace(record, start=start, power=power)
+        return after, (before, power)
 
-    return lax.scan(step_or_stay, (start.work, start.power), records)
+    end, ((work, first), power) = lax.scan(step_or_stay, (start.work, start.power), records)
+    return end, replace(records, start=records.start._replace(work=work, power=first), power=power)

@@ -7,7 +7,7 @@ already, so that no nonlinear equation is solved for it.
 
 import functools
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -38,7 +38,12 @@ MAX_ITERATIONS = 10
 """Largest number of iterations, after which a step has failed. With half the step size it is cheaper."""
 
 LINEAR_TOLERANCE = 1e-8
-"""Tolerance of the iterations for the linear equations of a derivative, relative to the first iterate."""
+"""Tolerance of the iterations for the linear equations of a derivative: the estimated remaining error over
+the first change."""
+
+LEAST_RATE = 0.02
+"""Least ratio of successive changes that the estimate of the remaining error assumes. The first ratio is
+smaller than the next ones."""
 
 MAX_LINEAR_ITERATIONS = 30
 """Largest number of these iterations. They converge if those of the step did: the factors are the same."""
@@ -204,41 +209,58 @@ def linear_solution(
         vdot, lam = residual
         return linear.without_roots(correction(linear.system, Residual(vdot, lam), turns, factors))
 
-    def improved(product, precondition, rhs):
-        """Iterates until the change of x, in the norm of `work_norm`, is within LINEAR_TOLERANCE."""
-
-        def improve(carry):
-            x, count, _ = carry
-            left = jax.tree.map(jnp.subtract, product(x), rhs)
-            change = precondition(left)
-            return jax.tree.map(jnp.add, x, change), count + 1, work_norm(change, left)
-
-        def unfinished(carry):
-            _, count, norm = carry
-            return (norm > LINEAR_TOLERANCE * enough) & (count < MAX_LINEAR_ITERATIONS)
-
-        first = jax.tree.map(jnp.negative, precondition(rhs))
-        enough = work_norm(first, rhs)
-        return lax.while_loop(unfinished, improve, (first, jnp.ones((), int), enough))[0]
-
     def solve(_, rhs):
         moved, rhs = rhs
         along = linear.forwards()
         rhs = jax.tree.map(jnp.subtract, rhs, along(moved, zero))
-        return moved, improved(lambda x: along(nothing, x), precondition, rhs)
+        return moved, improved(lambda x: ((), along(nothing, x)), precondition, rhs)[1]
 
     def solve_transposed(_, rhs):
         moved, rhs = rhs
-        back = linear.backwards()
         back_precondition = jax.linear_transpose(precondition, zero)
-        x = improved(lambda x: back(x)[1], lambda x: back_precondition(x)[0], rhs)
-        return jax.tree.map(jnp.subtract, moved, back(x)[0]), x
+        by_motion, x = improved(linear.backwards(), lambda x: back_precondition(x)[0], rhs)
+        return jax.tree.map(jnp.subtract, moved, by_motion), x
 
     equations = linear.folded
     rhs = jax.tree.map(jnp.negative, equations(given))
     both = bundled((moved, rhs))
     _, x = lax.custom_linear_solve(unused_matvec, both, solve, solve_transposed)
     return linear.with_roots(x)
+
+
+def improved(
+    product: Callable[[StageUnknowns], tuple[Any, StageUnknowns]],
+    precondition: Callable[[StageUnknowns], StageUnknowns],
+    rhs: StageUnknowns,
+) -> tuple[Any, StageUnknowns]:
+    """Solves A x = rhs by simplified Newton iterations and returns B x and x.
+
+    product: the linear function x -> (B x, A x); precondition: the approximate solution of A x = -rhs.
+    The iterations end when the remaining error of x, estimated from the last two changes in the norm of
+    `work_norm`, is within LINEAR_TOLERANCE of the first change. The products of the changes are added up,
+    so that the sum needs no product of its own."""
+
+    def improve(carry):
+        sums, left, count, before, first, _ = carry
+        change = precondition(left)
+        norm = work_norm(change, left)
+        also, rows = product(change)
+        sums = jax.tree.map(jnp.add, sums, (also, change))
+        left = jax.tree.map(jnp.add, left, rows)
+        first = jnp.where(count > 0, first, norm)
+        rate = jnp.clip(norm / before, LEAST_RATE, 1.0)
+        return sums, left, count + 1, norm, first, norm * rate / (1.0 - rate)
+
+    def unfinished(carry):
+        *_, count, _, first, error = carry
+        return (count < 1) | ((error > LINEAR_TOLERANCE * first) & (count < MAX_LINEAR_ITERATIONS))
+
+    also, _ = jax.eval_shape(product, rhs)
+    sums = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), (also, rhs))
+    left = jax.tree.map(jnp.negative, rhs)
+    infinite, none = jnp.asarray(jnp.inf), jnp.zeros(())
+    carry = (sums, left, jnp.zeros((), int), infinite, none, none)
+    return lax.while_loop(unfinished, improve, carry)[0]
 
 
 def work_norm(change: StageUnknowns, rows: StageUnknowns) -> Scalar:
