@@ -169,7 +169,8 @@ class SummedDeformations(Term):
         along = jax.jvp(invariants_of, (fields,), (w,))[1]
         rate = self.invariant_rates(fields, rates)
         stress, back = jax.vjp(self.at(time).stress_resultant, invariants, rate)
-        # Stacked into memory, like the stress resultants of `point_forces`.
+        # These numbers are written into memory, as in `point_forces`; otherwise they are computed again for
+        # every component of the vectors.
         parts, structure = jax.tree.flatten(back(along))
         by_invariants, by_rate = jax.tree.unflatten(structure, stacked([x[None] for x in parts]))
 

@@ -86,7 +86,7 @@ def mode_shapes(table: Any) -> Figure:
 def mode_multipliers(table: Any) -> Figure:
     """Returns the figure of the multipliers of the periodic orbit: in the complex plane, and their damping
     ratios against frequency beside those of the modes under the mean load. Both axes of the second picture
-    are logarithmic, so that it leaves out ratios that are exactly zero."""
+    are logarithmic: damping ratios that are exactly zero do not appear there."""
     orbit, kinds = table.floquet, np.array(table.kind)
     figure = Figure(figsize=(9.0, 4.5), layout="constrained")
     left, right = figure.subplots(1, 2)

@@ -38,12 +38,13 @@ MAX_ITERATIONS = 10
 """Largest number of iterations, after which a step has failed. With half the step size it is cheaper."""
 
 LINEAR_TOLERANCE = 1e-8
-"""Tolerance of the iterations for the linear equations of a derivative: the estimated remaining error over
-the first change."""
+"""Tolerance of the iterations for the linear equations of a derivative: the largest estimated remaining
+error, relative to the first change."""
 
 LEAST_RATE = 0.02
-"""Least ratio of successive changes that the estimate of the remaining error assumes. The first ratio is
-smaller than the next ones."""
+"""Smallest ratio of successive changes with which the remaining error is estimated. The second change is
+several hundred times smaller than the first, but later changes decrease more slowly: with the true first
+ratio the estimate would be too small."""
 
 MAX_LINEAR_ITERATIONS = 30
 """Largest number of these iterations. They converge if those of the step did: the factors are the same."""
@@ -213,12 +214,13 @@ def linear_solution(
         moved, rhs = rhs
         along = linear.forwards()
         rhs = jax.tree.map(jnp.subtract, rhs, along(moved, zero))
-        return moved, improved(lambda x: ((), along(nothing, x)), precondition, rhs)[1]
+        return moved, improved(lambda x: ((), along(nothing, x)), precondition, rhs, ((), zero))[1]
 
     def solve_transposed(_, rhs):
         moved, rhs = rhs
         back_precondition = jax.linear_transpose(precondition, zero)
-        by_motion, x = improved(linear.backwards(), lambda x: back_precondition(x)[0], rhs)
+        back = linear.backwards()
+        by_motion, x = improved(back, lambda x: back_precondition(x)[0], rhs, (nothing, zero))
         return jax.tree.map(jnp.subtract, moved, by_motion), x
 
     equations = linear.folded
@@ -232,21 +234,26 @@ def improved(
     product: Callable[[StageUnknowns], tuple[Any, StageUnknowns]],
     precondition: Callable[[StageUnknowns], StageUnknowns],
     rhs: StageUnknowns,
+    nothing: tuple[Any, StageUnknowns],
 ) -> tuple[Any, StageUnknowns]:
     """Solves A x = rhs by simplified Newton iterations and returns B x and x.
 
-    product: the linear function x -> (B x, A x); precondition: the approximate solution of A x = -rhs.
+    product: the linear function x -> (B x, A x), where B x may be empty; precondition: the approximate
+    solution of A x = -rhs; nothing: zeros in the form of (B x, x). B x is the sum of the products of the
+    changes, so that x itself is not multiplied again.
+
     The iterations end when the remaining error of x, estimated from the last two changes in the norm of
-    `work_norm`, is within LINEAR_TOLERANCE of the first change. The products of the changes are added up,
-    so that the sum needs no product of its own."""
+    `work_norm`, is within LINEAR_TOLERANCE of the first change. The estimate assumes that the next changes
+    decrease as the last one did. A part that decreases slowly and is still small can leave an error ten
+    times as large."""
 
     def improve(carry):
         sums, left, count, before, first, _ = carry
         change = precondition(left)
         norm = work_norm(change, left)
-        also, rows = product(change)
-        sums = jax.tree.map(jnp.add, sums, (also, change))
-        left = jax.tree.map(jnp.add, left, rows)
+        by_b, by_a = product(change)
+        sums = jax.tree.map(jnp.add, sums, (by_b, change))
+        left = jax.tree.map(jnp.add, left, by_a)
         first = jnp.where(count > 0, first, norm)
         rate = jnp.clip(norm / before, LEAST_RATE, 1.0)
         return sums, left, count + 1, norm, first, norm * rate / (1.0 - rate)
@@ -255,11 +262,9 @@ def improved(
         *_, count, _, first, error = carry
         return (count < 1) | ((error > LINEAR_TOLERANCE * first) & (count < MAX_LINEAR_ITERATIONS))
 
-    also, _ = jax.eval_shape(product, rhs)
-    sums = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), (also, rhs))
     left = jax.tree.map(jnp.negative, rhs)
     infinite, none = jnp.asarray(jnp.inf), jnp.zeros(())
-    carry = (sums, left, jnp.zeros((), int), infinite, none, none)
+    carry = (nothing, left, jnp.zeros((), int), infinite, none, none)
     return lax.while_loop(unfinished, improve, carry)[0]
 
 

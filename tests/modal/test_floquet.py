@@ -118,9 +118,9 @@ def test_records_hold_the_multipliers(shown):
 
 
 def test_figure_of_the_multipliers(shown):
-    """The left picture has every known multiplier with its conjugate. The right one has every known mode
-    under the mean load and on the orbit, where a mode of zero damping has no place on the logarithmic axis:
-    the damping of a free motion is a rounding error, and may be zero."""
+    """The left picture has every known multiplier with its conjugate. The right picture has a circle for
+    every known mode under the mean load, and a dot or a cross for every known mode on the orbit whose
+    damping is not exactly zero: the damping of a free motion is a rounding error, and may be zero."""
     left, right = mode_multipliers(shown).axes
     known = np.isfinite(shown.floquet.multiplier)
     damped = known & (shown.floquet.exponent.real != 0.0)
