@@ -37,7 +37,7 @@ from esail_jax.system import Residual, System
 MAX_ITERATIONS = 10
 """Largest number of iterations, after which a step has failed. With half the step size it is cheaper."""
 
-LINEAR_TOLERANCE = 1e-8
+LINEAR_TOLERANCE = 2e-10
 """Tolerance of the iterations for the linear equations of a derivative: the largest estimated remaining
 error, relative to the first change."""
 
