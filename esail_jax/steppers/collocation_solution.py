@@ -260,11 +260,11 @@ def improved(
 
     def unfinished(carry):
         *_, count, _, first, error = carry
-        return (count < 1) | ((error > LINEAR_TOLERANCE * first) & (count < MAX_LINEAR_ITERATIONS))
+        return (error > LINEAR_TOLERANCE * first) & (count < MAX_LINEAR_ITERATIONS)
 
     left = jax.tree.map(jnp.negative, rhs)
-    infinite, none = jnp.asarray(jnp.inf), jnp.zeros(())
-    carry = (nothing, left, jnp.zeros((), int), infinite, none, none)
+    infinite = jnp.asarray(jnp.inf)
+    carry = (nothing, left, jnp.zeros((), int), infinite, jnp.zeros(()), infinite)
     return lax.while_loop(unfinished, improve, carry)[0]
 
 
