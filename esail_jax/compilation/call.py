@@ -248,7 +248,7 @@ def _name(context, *leaves, program, reverse):
 batching.primitive_batchers[program_p] = _batch
 ad.primitive_jvps[program_p] = _push_forward
 ad.primitive_transposes[program_p] = _transpose
-pe.dce_rules[program_p] = _prune
+pe.dce_rules[program_p] = lambda used, *rest: _prune(used, rest[-1])  # JAX 0.12 has an argument between
 pe.partial_eval_jaxpr_custom_rules[program_p] = _split
 mlir.register_lowering(program_p, _lower)
 
