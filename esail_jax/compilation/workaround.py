@@ -1,11 +1,11 @@
-"""Workaround for two faults in the matrix library of jaxlib 0.10 and 0.11.
+"""Workaround for two faults in the matrix library of jaxlib 0.10 to 0.12.
 
 `tests/compilation/test_jit.py`, `test_workaround_has_not_expired`, fails when jaxlib is mended.
 
 XLA hands matrix products to this library. If it hands over the operations around a product as well
 (`options.FUSED_PRODUCTS`), then two kinds of product are wrong:
 
-1. The right factor is a broadcast whose columns are all equal (jaxlib 0.10.2 and 0.11.2). The library
+1. The right factor is a broadcast whose columns are all equal (jaxlib 0.10.2 to 0.12.0.1). The library
    reads beyond the end of that factor's data. A run rarely contains such a product; a derivative often
    does, where a tangent is zero.
 2. The sum runs over the last index of the right factor (A B^T), and B has more than 16,384 rows (jaxlib
@@ -51,7 +51,7 @@ def set_flag() -> None:
     """Sets XLA's flag for programs of `jax.jit`, unless the user has set it. XLA ends a process whose flags
     it does not know; the versions of jaxlib that are named here know this one."""
     flags = os.environ.get("XLA_FLAGS", "")
-    if FLAG not in flags and metadata.version("jaxlib").startswith(("0.10.", "0.11.")):
+    if FLAG not in flags and metadata.version("jaxlib").startswith(("0.10.", "0.11.", "0.12.")):
         os.environ["XLA_FLAGS"] = f"{flags} {FLAG}={PRODUCTS_ALONE}".strip()
 
 
