@@ -18,7 +18,13 @@ import jax
 import pytest
 from jax.experimental.compilation_cache.compilation_cache import reset_cache
 
-pytest_plugins = ["support.compiled_nothing", "support.program_caches", "support.validation_record"]
+pytest_plugins = [
+    "support.compiled_nothing",
+    "support.durations",
+    "support.gate",
+    "support.program_caches",
+    "support.validation_record",
+]
 
 MAPS = Path("/proc/self/maps")
 MOST_MAPS = 25_000

@@ -37,7 +37,7 @@ def scenes():
     }
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_an_absent_part_leaves_no_equations():
     """A step has fewer equations without bending, damping, voltage or hub; a voltage of zero changes
     nothing."""

@@ -1,6 +1,6 @@
 """The lists of perturbations (`mutations/*.toml`) fit the package and the table of results.
 
-Running the perturbations takes 45 minutes and is no test: `python tests/tools/mutations.py`.
+Running the perturbations is no test: `python tests/tools/mutations.py` (DURATIONS.md says how long it takes).
 """
 
 import csv
@@ -8,6 +8,9 @@ import tomllib
 from pathlib import Path
 
 import pytest
+
+from support.durations import read
+from support.gate import COLLECTED, NIGHTLY, gate_tests
 
 ROOT = Path(__file__).parents[2]
 LISTS = sorted(Path(__file__).with_name("mutations").glob("*.toml"))
@@ -25,12 +28,28 @@ def test_every_perturbation_finds_its_text():
     assert len(set(names)) == len(names)
 
 
-def test_every_perturbation_has_been_noticed():
-    """The table lists every perturbation with a test that failed."""
+def test_every_perturbation_is_noticed_by_the_gate():
+    """The table lists every perturbation with a test that failed and that the gate runs: a default test, or
+    one that `gate.toml` names. Only so may the other tests be left to the night."""
     with (ROOT / "experiments/mutations/mutations.csv").open(encoding="utf-8") as file:
-        table = {row["term"]: row["tests that fail"] for row in csv.DictReader(file)}
+        table = {row["term"]: row["tests that fail"].split("; ") for row in csv.DictReader(file)}
     assert set(table) == {mutation["name"] for mutation in MUTATIONS}
-    assert all(table.values())
+    gate = read()["default"].keys() | set(gate_tests())
+    assert not {name: tests for name, tests in table.items() if not gate & set(tests)}
+
+
+def test_tests_of_the_gate_exist_and_are_known(request):
+    """`durations.json`, which tells which tests are default ones, agrees with the markers of the tests that
+    this session has collected, and every name of `gate.toml` is that of a test."""
+    known = read()
+    collected, nightly = request.config.stash[COLLECTED], request.config.stash[NIGHTLY]
+    assert not known["default"].keys() & nightly
+    assert not known["nightly"].keys() & collected - nightly
+    every = known["default"].keys() | known["gate"].keys() | known["nightly"].keys()
+    assert set(gate_tests()) == known["gate"].keys()
+    rooms = {name.partition("/")[0] for name in collected}
+    if rooms == {name.partition("/")[0] for name in every}:  # all tests: none is missing, none is left over
+        assert collected == every, "python -m pytest -m '' --collect-only --write-durations"
 
 
 WITHOUT_FORMULAS = {"steppers/log.py", "steppers/results.py", "steppers/stepper.py"}

@@ -113,7 +113,7 @@ def test_workaround_has_not_expired():
     assert any(wrong)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_no_program_of_a_gradient_is_compiled_twice(monkeypatch, without_jax_cache):
     """No product of a sail's gradient makes the workaround compile a program a second time without the
     library's fusions. The programs are those of the run and of its observables, and their transposes."""

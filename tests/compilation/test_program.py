@@ -136,7 +136,7 @@ print(json.dumps([rows, len(traced)]))
 """Prints the checksum of a run's observables and how often its step was traced."""
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_second_process_loads_a_run_bit_for_bit(folder):
     """Without LAPACK's addresses, which JAX sets while lowering, the loaded program would end the
     process."""

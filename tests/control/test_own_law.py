@@ -41,7 +41,7 @@ def simulate(law, overrides=None, **options):
 # ---- values -------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_law_of_the_package_written_again_gives_the_same_motion():
     """The law "harmonic" and the same formula as a user's law differ by rounding. Its position in the
     compiled program is another, so that sums may be rounded in another order: 1e-12 of the range."""
@@ -51,7 +51,7 @@ def test_a_law_of_the_package_written_again_gives_the_same_motion():
         assert np.abs(mine[name] - theirs[name]).max() <= 1e-11 * np.ptp(theirs[name]), name
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("method", METHODS)
 def test_a_sampled_law_is_a_sequence_of_runs_with_constant_voltages(method):
     """Between two samples the voltage is constant. Runs with these constant voltages, each from the end of
@@ -73,7 +73,7 @@ def test_a_sampled_law_is_a_sequence_of_runs_with_constant_voltages(method):
     assert int(whole.checkpoint.control.memory["count"]) == 4
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_samples_are_taken_at_multiples_of_the_period():
     """V = 20 kV + 10 V/s i t at t = 0, 35, 70, 105 s. A row at a sampling instant has the voltage before
     the sample."""
@@ -84,7 +84,7 @@ def test_samples_are_taken_at_multiples_of_the_period():
     assert np.allclose(run["voltage"], 20e3 + 10.0 * np.outer(sampled, [1, 2, 3]), rtol=1e-15)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_limits_hold_for_every_law():
     """Upper limit, slew rate from sample to sample, and zero as lower limit."""
     limited = {"voltage.maximum": 40e3, "voltage.slew_rate": 300.0}
@@ -96,7 +96,7 @@ def test_limits_hold_for_every_law():
     assert down[-1, 2] == 0.0
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_power_limit_holds_for_a_sampled_law():
     """The voltages are scaled down together at every instant, not only at samples."""
     wires = {"tethers.wire_radius": 12.5e-6, "tethers.wires": 4, "voltage.power_limit": 4.0}
@@ -122,7 +122,7 @@ def test_sampling_instants_divide_the_run():
 # ---- measurements -------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_measurements_are_those_of_the_run():
     """Tip positions in B, their rates, the angular velocity and the tension at the root of a moving sail.
 
@@ -167,7 +167,7 @@ def outcome(numbers, seed=3):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_derivatives_by_the_numbers_of_a_law_and_a_batch_of_seeds(validate):
     """Forward mode by the gains and the spread of the noise agrees with the fourth-order difference
     quotient of concrete runs (1e-6, the errors of the steps are 1e-9), and reverse mode with forward mode
@@ -196,7 +196,7 @@ def test_derivatives_by_the_numbers_of_a_law_and_a_batch_of_seeds(validate):
     assert np.allclose(values, [weights @ concrete[seed] for seed in (3, 4)], rtol=1e-11)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_network_is_trained_in_a_design_objective():
     """`Objective` takes a law under the key `voltage_law`, here an `equinox` network, and a function of a
     solution among its weights: the value is that of the function, over its value at constant voltage.
@@ -235,7 +235,7 @@ def test_a_network_is_trained_in_a_design_objective():
     assert cost(down) < value
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_members_of_an_ensemble_and_chunks_have_the_law():
     """Members with other spin rates equal single runs by `esail.run`, to rounding (1e-11 of a voltage)."""
     from esail_jax.ensembles import simulate_members
@@ -262,7 +262,7 @@ def run_file(path, end, law="Swinging", *more):
     return main(["run", "baseline", *settings, *named, *end, "-o", str(path), "--quiet", *more])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_run_resumed_between_two_samples_is_bit_for_bit_the_same(tmp_path):
     """The file holds the voltages and the memory of the law. A run goes on from an end before the first
     sample, from one between two samples, and from one at a sampling instant."""
@@ -277,7 +277,7 @@ def test_a_run_resumed_between_two_samples_is_bit_for_bit_the_same(tmp_path):
     assert one.scene.voltage.law == "python"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_resuming_asks_for_the_law_of_the_file(tmp_path, capsys):
     """Without the law, or with another one, nothing is computed and the file stays as it is."""
     path = tmp_path / "a.h5"
@@ -435,7 +435,7 @@ def test_a_failed_run_points_at_the_voltages_of_the_law():
     assert hint_at_law(load_scene("baseline"), None, "nonfinite") == ""
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_law_that_gives_nan_is_named_in_the_message_of_the_run():
     with pytest.raises(esail.SimulationError, match="`voltage_law` returned at its last sample are not"):
         simulate(Clock(slope=np.nan), SHORT)

@@ -82,7 +82,7 @@ def tiny(tmp_path_factory):
     return path
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_table_and_lines(tiny, tmp_path, capsys, monkeypatch):
     """Every setting has a row and a JSON line, the reference first; collocation is the more accurate
     method.

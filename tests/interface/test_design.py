@@ -80,7 +80,7 @@ def test_a_variable_keeps_its_limits():
     assert far.min() >= 0.0 and far.max() <= 2.0
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_mean_torque_is_cancelled(torque, optimised):
     """A first harmonic of 0.5 % cancels the mean torque and keeps the thrust.
 
@@ -199,7 +199,7 @@ for call in (
     ]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_bare_objective_for_any_optimiser(torque):
     """The objective is a function of a dictionary by scene key. Traced and concrete values agree, its
     value is 1 without modulation, its gradient is the fourth-order difference quotient, and optax
@@ -232,7 +232,7 @@ def test_bare_objective_for_any_optimiser(torque):
     assert of(parameters)[0][0] < 0.3
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("start", [10.0, -10.0, 0.0])
 def test_spin_plane_is_measured_from_its_target(start):
     """At the start of a run the spin plane is that of the hub, which gives the objective in closed form.
@@ -284,7 +284,7 @@ def measured(torque):
     return each, jit(with_jacobian)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_gradient_of_every_objective(measured, torque):
     """Gradients agree with central differences of concrete runs, relative to the largest derivative."""
     each, with_jacobian = measured
@@ -300,7 +300,7 @@ def test_gradient_of_every_objective(measured, torque):
         assert (np.abs(quotient - exact[:, i]) < 1e-4 * scale).all(), (quotient, exact[:, i])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_objective_is_the_mean_over_circumstances(measured, torque):
     """The objective of two circumstances and its gradient are the means of those of the single
     circumstances.
@@ -332,7 +332,7 @@ def test_objective_is_the_mean_over_circumstances(measured, torque):
     assert abs(state.value[0] - 1.0) < 1e-6
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_several_starts_are_designs_of_their_own(torque, optimised):
     """Each of three starts reaches the same design as among copies of itself.
 
@@ -356,7 +356,7 @@ def test_several_starts_are_designs_of_their_own(torque, optimised):
             assert np.abs(one.value - all.value[i]).max() < 1e-9 * together[0].value[i]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_design_from_the_shell_goes_on_as_if_uninterrupted(tmp_path, capsys):
     """One iteration and then another give the same bits as two iterations.
 

@@ -92,7 +92,7 @@ def test_bootstrap_names_a_word_that_it_does_not_know(words, first):
     assert ran.stderr.splitlines()[0] == first and "bootstrap.py test" in ran.stderr
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_doubt_about_a_unit_is_told_once(tmp_path, capsys):
     """Before the run, because it may take long. The run file keeps it, and `esail info` tells it."""
     settings = {"tethers.length": 12.0, "tethers.count": 2, "tethers.elements": 1, "integrator.t_end": 5.0}

@@ -17,7 +17,7 @@ LONG = ["06_an_ensemble"]
 """Notebooks in which running takes longer than compiling. They are compiled with the package's options."""
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_notebook_runs(path, tmp_path, monkeypatch):
     if path.stem in LONG:

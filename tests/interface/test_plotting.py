@@ -193,7 +193,7 @@ def test_a_written_figure_is_that_of_matplotlib(runs, tmp_path):
     assert once.info["dpi"] == twice.info["dpi"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_plot_all_writes_png_files(runs, tmp_path, monkeypatch):
     monkeypatch.setattr(plotting.figure_files, "DOTS_PER_INCH", 20)
     told = []

@@ -47,7 +47,7 @@ def test_commands_read_files_that_commands_before_them_wrote(name):
     assert written
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_example_prints_what_is_shown(capsys):
     """The numbers are printed with six digits, of which the gradient and the difference quotient share all.
     Times differ from machine to machine, and are not compared."""

@@ -36,7 +36,7 @@ def _compiled_quickly():
         yield
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_design_of_a_sail_with_a_ring_from_the_shell(tmp_path, validate):
     """Two iterations lower the objective, which is the sum of the weights without modulation; and the
     designed scene, which keeps its ring, runs.

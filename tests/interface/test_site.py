@@ -26,7 +26,7 @@ PAGES = sorted(
 """Pages with examples in Python."""
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_site_is_built_without_a_warning(tmp_path):
     """A warning is an error: a link to a page that does not exist, or a picture that is missing. Every key
     of a scene and every observable has its row. Notebooks are not run: `test_notebooks.py` does that."""
@@ -60,7 +60,7 @@ def test_the_guide_explains_every_objective():
     assert table == rows
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: path.stem)
 def test_examples_of_a_page_run(path, tmp_path, monkeypatch):
     """The examples of a page are one program, from the first to the last."""

@@ -41,7 +41,7 @@ def difference(table):
     return change.max()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_facing_the_wind_multipliers_are_those_of_the_modes(facing, validate):
     """The linearised equations and the derivative of the time integration over a third of a turn give the
     same exponents; the turn is that of the spin, and nothing precesses or drifts."""
@@ -55,7 +55,7 @@ def test_facing_the_wind_multipliers_are_those_of_the_modes(facing, validate):
     assert max(abs(orbit.tilt_drift), abs(orbit.spin_drift), orbit.left) < 1e-11  # rounding
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_unequal_tethers_use_the_map_of_a_whole_turn(validate):
     """Without equal tethers nothing is renumbered; exponents and eigenvalues still agree."""
     found = difference(at_angle(0.0, SMALL | UNEQUAL))
@@ -63,7 +63,7 @@ def test_unequal_tethers_use_the_map_of_a_whole_turn(validate):
     validate("FLO-2", case, "eigenvalues of the modes", "exponents, relative", found, UNRESOLVED)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_precession_is_that_of_a_tilted_sail(facing, validate):
     """At a small sailing angle the spin axis precesses as the mode in which the whole sail tilts tells: it
     turns in B at the rate of this mode, and so in space at the difference to the spin. 1e-4: the square of
@@ -75,7 +75,7 @@ def test_precession_is_that_of_a_tilted_sail(facing, validate):
     validate("FLO-3", "orbit at 0.1 deg", "precession mode", "precession, relative", abs(found), 1e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_orbit_at_ten_degrees_repeats_itself_and_is_stable():
     """At 10 deg the sail has a periodic orbit: sailing angle and spin keep their values to 1e-8 in a turn,
     where the first turn from the usual start changes the shape by 1e-2. No small motion about it grows."""
@@ -102,7 +102,7 @@ def shown():
     return dataclasses.replace(table, floquet=orbit)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_records_hold_the_multipliers(shown):
     """A record has the multiplier, the exponent and the damping ratio of the orbit, null for a fast mode; a
     table without multipliers has none of the three."""

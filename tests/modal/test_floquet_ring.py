@@ -34,7 +34,7 @@ def with_multipliers(scene):
     return esail.modes("sun-facing", scene, converge=False, floquet=True)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_facing_the_wind_multipliers_are_those_of_the_modes(validate):
     """The linearised equations and the derivative of the time integration give the same exponents. 2e-9:
     the steps of order seven have 0.5 rad of the fastest motion."""
@@ -58,7 +58,7 @@ def after_a_turn(scene, setting, orbit, z):
     return np.asarray(to_state(system, setting.spin, q, v))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_multipliers_are_those_of_runs_over_a_turn(monkeypatch, validate):
     """A small change of the start along a sum of motions returns after a turn as the sum of the motions
     times their multipliers.

@@ -54,7 +54,7 @@ def rate_of(time, signal, guess):
     return complex(*(size * scaled.x))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_run_along_a_mode_rings_and_decays_like_it(validate):
     """All tethers stretch together by 5 cm: their length rings with the frequency and decays with the rate
     of the first axial mode, 0.0683 of critical. 1e-4: the next terms in the amplitude, strain by 5e-6 over

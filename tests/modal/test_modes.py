@@ -32,7 +32,7 @@ CASES = {
 """Sails whose modes are compared with a dense linearisation."""
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("case", CASES)
 def test_dense_linearisation(case, validate):
     """Frequencies and damping of a coned sail in the wind are those of the dense linearisation, mode by
@@ -82,7 +82,7 @@ def test_closed_forms(validate):
     validate("MOD-6", case, "a tilted axis rests in space", "precession", abs(tilt / SPIN - 1.0), 1e-10)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_table_2_of_the_paper(validate):
     """First bending 4.468e-3 and 4.513e-3 Hz and first stretching 2.176e-2 Hz, converged to 1e-4.
 
@@ -98,7 +98,7 @@ def test_table_2_of_the_paper(validate):
     assert abs(table.damping_ratio[found["first axial (stretching)"]] - 0.068) < 5e-4  # pi f gamma
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_lowest_modes_of_a_large_sail():
     """Arnoldi's method finds every copy of every eigenvalue within its radius. 1e-6: its tolerance times
     the ratio of the shift to the slowest swing."""
@@ -115,7 +115,7 @@ def test_lowest_modes_of_a_large_sail():
     assert worst_of_matches(inside, values) < 1e-6
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_no_equilibrium_is_said():
     """Across the wind, the notes name the mean load; its cone is that of a wind of u cos(alpha)."""
     angle = {"initial.sailing_angle_deg": 10.0}
@@ -126,7 +126,7 @@ def test_no_equilibrium_is_said():
     np.testing.assert_allclose(tilted.frequency_hz, facing.frequency_hz, rtol=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_command(tmp_path, capsys):
     """The command writes all modes and the figures, and overwrites nothing."""
     file = tmp_path / "modes.json"
@@ -166,7 +166,7 @@ def test_scene_without_modes_is_refused(scene, settings, message, capsys):
     assert len(error.splitlines()) == 1 and error.startswith(message)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.drops_programs
 def test_modes_are_computed_by_kept_programs(tmp_path, monkeypatch, without_jax_cache):
     """A later process compiles 14 to 21 operations on single arrays, depending on what it did before,

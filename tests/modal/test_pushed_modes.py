@@ -31,7 +31,7 @@ def swings(direction):
     return 2.0 * np.pi * table.frequency_hz[found], np.mean(table.coning_angle), table
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_axial_forces_raise_the_cone_and_its_swing(validate):
     """A mass that is pushed by F along the spin axis of a sail that accelerates at a rises to the cone
     sin(Lambda) = (F - m a) / (m Omega^2 L). With constant angular momentum about the axis it swings about
@@ -52,7 +52,7 @@ def test_axial_forces_raise_the_cone_and_its_swing(validate):
     assert sine > 0.2 and "accelerating uniformly" in table.notes[0]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_radial_forces_follow_the_swinging_tether(validate):
     """A force F along the chord, less its part along the spin axis, turns with a tether that lags and does
     not follow one that rises. On a rim of radius R
@@ -79,7 +79,7 @@ PUSHED = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("case", PUSHED)
 def test_dense_linearisation(case, validate):
     """Frequencies and damping in the wind with forces on the remote units are those of the dense
@@ -92,7 +92,7 @@ def test_dense_linearisation(case, validate):
     validate(f"MOD-{number}", case, "dense linearisation", "eigenvalues above 2 Omega", worst, 1e-7)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_refused_loads_have_a_moment_about_the_spin_axis():
     """Why `esail modes` refuses tangential forces and the relative wind: on the steady cone of the sail
     without them they have a moment about the spin axis,

@@ -15,7 +15,7 @@ from esail_jax.modal.turn_map import from_state, local, renumbered, settled, to_
 from esail_jax.numerics.angles import rotation_by
 from support.sail_modes import RING, SPIN, built
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 SMALL = {"tethers.count": 3, "tethers.elements": 1}
 RINGS = SMALL | RING | {"auxiliary_tethers.length": 17322.0, "auxiliary_tethers.elements": 2}

@@ -139,7 +139,7 @@ def triples(shape):
 
 def systems():
     """Yields systems such that any three properties occur together in every way that is possible: 65 of
-    290 combinations. Most are marked slow, because each takes a second or two to compile.
+    290 combinations. Most are marked nightly, because each takes a second or two to compile.
 
     Of the systems that add equally many triples, the smallest comes first."""
     left = sorted(possible(), key=lambda shape: shape[0] * shape[1])
@@ -148,7 +148,7 @@ def systems():
     while missing:
         for shape in chosen:
             missing -= triples(shape)
-            yield pytest.param(*shape, marks=() if shape in DEFAULT else pytest.mark.slow)
+            yield pytest.param(*shape, marks=() if shape in DEFAULT else pytest.mark.nightly)
         chosen = [max(left, key=lambda shape: len(triples(shape) & missing))]
 
 
@@ -186,7 +186,7 @@ def test_derivatives_by_the_right_hand_side(ring):
     assert relative_error(dense.flatten(transposed)[own], inverse.T @ dense.flatten(weights)) < TOLERANCE
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("p", [3, 4, 9])
 def test_released_chains_of_a_ring(p):
     """A chain whose root is released moves with all rows of its root; the ring goes on joining its tip."""

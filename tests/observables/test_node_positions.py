@@ -8,7 +8,7 @@ from esail_jax import cli
 from esail_jax.commands.run import names_with_nodes
 from esail_jax.viewing.motions import read_motions
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 
 @pytest.fixture(scope="module")

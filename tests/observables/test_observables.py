@@ -78,7 +78,7 @@ def test_a_name_that_a_run_lacks_is_answered_by_what_it_needs_or_by_near_names()
     assert caught.value.args == ("'conning_angle' is no observable (perhaps `coning_angle`)",)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_smallest_distance_is_that_of_a_dense_search():
     """The smallest distance is the minimum over every remote unit and 10,001 points of every segment of
     the others."""
@@ -118,7 +118,7 @@ def test_external_power_is_the_thrust_times_the_velocity():
         np.testing.assert_allclose(state.seen["external_power"], power, rtol=1e-12)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_clamped_roots_turn_the_hub_by_their_couples_too():
     """The torque of Euler's equations of the hub is minus the moment of the forces and couples on the
     roots."""

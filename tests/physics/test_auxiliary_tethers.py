@@ -41,9 +41,9 @@ def range_errors(solution, exact):
     }
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
-    "ring", [ring if ring == "slack" else pytest.param(ring, marks=pytest.mark.slow) for ring in RINGS]
+    "ring", [ring if ring == "slack" else pytest.param(ring, marks=pytest.mark.nightly) for ring in RINGS]
 )
 def test_run_follows_an_independent_integration(ring, validate):
     """Every signal of five unequal tethers with a ring agrees with the independent code to 1e-6 of its
@@ -61,7 +61,7 @@ def test_run_follows_an_independent_integration(ring, validate):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_methods_with_fixed_steps_are_of_second_order():
     """The errors of generalized-alpha and energy-momentum fall by 3.5 to 4.5 for half the step (order two:
     4), with a ring of two trusses per segment."""
@@ -129,7 +129,7 @@ def ring_of_points(scene):
     return rho, force(2 * rho * sine, a.length, stiff[1]), np.sqrt(breathing / m + 3.0 * w**2)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_ring_of_point_masses_in_equilibrium(validate):
     """Equal masses on springs stay at the radius at which tethers and ring balance the centrifugal force.
 
@@ -145,7 +145,7 @@ def test_ring_of_point_masses_in_equilibrium(validate):
     assert tension > 0.1
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("element", ["truss", "cable"])
 def test_breathing_of_a_ring_of_point_masses(element, validate):
     """The masses breathe with the frequency of springs and spin, if the spin is not that of the start.
@@ -184,7 +184,7 @@ def test_breathing_of_a_ring_of_point_masses(element, validate):
 # ---- conservation -------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_free_sail_with_a_ring_keeps_energy_and_momenta(validate):
     """Without wind and damping energy-momentum keeps energy, momentum and angular momentum of an unequal
     sail with a tension-only ring of cables, to rounding of the iterations."""
@@ -232,7 +232,7 @@ def test_free_sail_with_a_ring_keeps_energy_and_momenta(validate):
 # ---- roots ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_ring_on_a_turning_frame_is_that_on_a_heavy_hub(validate):
     """A hub that is far heavier than the tethers holds their roots as the frame does, 1 mm from the axis
     where the frame has them on it: the tensions of the ring agree to the strain of 1 mm, 2e-4."""
@@ -249,7 +249,7 @@ def test_ring_on_a_turning_frame_is_that_on_a_heavy_hub(validate):
     validate("RING-7", case, reference, "tension, relative", error, 3e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_ring_with_clamped_roots_balances_its_energy():
     """Roots that are clamped to the hub do not disturb the ring: energy, work and dissipation balance to
     the tolerance of the run, and the segments stay taut."""

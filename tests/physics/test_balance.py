@@ -34,7 +34,7 @@ def test_a_balance_that_is_off_says_so(rows, said):
     assert said in balance_warning(rows)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_energy_that_is_dissipated_or_supplied_is_not_missing():
     """Rows of a chain with damping: its energy falls, and its balance holds."""
     assert balance_warning(SOUND | {"energy_error": np.array([0.0, 0.3])}) == ""

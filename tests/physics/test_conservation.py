@@ -12,7 +12,7 @@ def energy(run):
     return np.asarray(run["kinetic_energy"] + run["elastic_energy"])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_free_spinning_sail_keeps_energy_and_spin(small, validate):
     """A free sail without wind keeps energy and spin rate over one spin period, to 1e-8.
 
@@ -31,7 +31,7 @@ def test_free_spinning_sail_keeps_energy_and_spin(small, validate):
     validate("CSV-3", case, "constraint equations", "largest violation", violation, 1e-9, "m")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_energy_error_of_a_free_sail_falls_with_the_step(small):
     """The energy error falls at least four times per halving of the step.
 
@@ -62,7 +62,7 @@ def test_roots_stay_on_the_hub(small):
         assert np.abs(x.tether[0, :, 0] - roots.positions(x.hub)).max() < rounding
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_energy_of_the_baseline_without_wind(validate):
     """Over three periods the energy loss is the method's numerical dissipation, of third order in the
     step."""
@@ -76,7 +76,7 @@ def test_energy_of_the_baseline_without_wind(validate):
     validate("CSV-7", case, reference, "order in h, distance from 3", np.abs(orders - 3.0).max(), 0.1)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_angular_momentum_of_a_free_unequal_sail_is_constant(small, validate):
     """The angular momentum about the origin, from nodal positions and momenta, is constant without
     external forces."""
@@ -108,7 +108,7 @@ def test_energy_theorem_closes_for_a_driven_damped_sail(small, validate):
     assert run["dissipated_energy"][-1] > 0.0
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_energy_theorem_closes_for_a_turning_frame():
     """Without a hub the frame does work through the root reactions, which counts as external work."""
     drop = {"tethers.count": 2, "tethers.elements": 2, "integrator.t_end": 200.0}
@@ -119,7 +119,7 @@ def test_energy_theorem_closes_for_a_turning_frame():
     assert run.stats["terms"][0] == "turning frame"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("drop_hub", [False, True])
 def test_uniform_gravity_is_free_fall_and_does_work(small, drop_hub):
     """A free sail in uniform gravity falls by r = g t^2/2; the energy theorem includes the work of gravity.

@@ -36,7 +36,7 @@ def power_of(volts, density):
     return (volts * current).sum(-1)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_current_and_power_of_a_run(validate):
     """The rows of a run are 2 r_w e n sqrt(2 e V / m_e) per length of each wire, and the sum of V I; a run
     without a radius has neither. Values of the constants differ by 1e-8 between tables."""

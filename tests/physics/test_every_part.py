@@ -7,7 +7,7 @@ from support.derivatives import check_both_modes
 from support.every_part import NUMBERS, signals_of_model
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_derivatives_by_every_number(validate):
     """Derivatives of the steady start, accelerations, reactions and observables by every number of the
     parts are difference quotients to 1e-6, and both modes agree.

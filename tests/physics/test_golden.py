@@ -37,7 +37,7 @@ def test_sail_follows_the_time_exact_solution(case, validate):
     enter(validate, case, f"{case.replace('_', ', ')} sail, h = 0.1 s", found, 5e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_undamped_turning_frame_follows_the_time_exact_solution(validate):
     """With h = 2 ms, which resolves the undamped axial vibration at 59 rad/s, every signal agrees with the
     reference.
@@ -50,7 +50,7 @@ def test_undamped_turning_frame_follows_the_time_exact_solution(validate):
     enter(validate, "turning_frame", "undamped tethers on a turning frame, h = 2 ms", found, 1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_error_falls_with_the_square_of_the_step():
     """The tip's error falls by 3.5 to 4.5 between h = 0.1 and 0.05 s (second order: 4)."""
     reference = np.load(GOLDEN / "unequal.npz")
@@ -60,7 +60,7 @@ def test_error_falls_with_the_square_of_the_step():
     assert 3.5 < coarse["tip_position_I"] / fine["tip_position_I"] < 4.5
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_instants_between_steps_are_as_good_as_those_on_them():
     """Positions, rates and energies at instants within steps are as accurate as at the ends of steps.
 
@@ -72,7 +72,7 @@ def test_instants_between_steps_are_as_good_as_those_on_them():
     assert_within(errors(run, reference), 5e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_baseline_follows_the_time_exact_solution_over_three_periods(validate):
     """With h = 0.1 s every signal agrees to 1e-3 of its range; the fastest transverse mode has omega h =
     0.03."""
@@ -85,7 +85,7 @@ def test_baseline_follows_the_time_exact_solution_over_three_periods(validate):
     assert found["thrust_O"] < 1e-6
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_comparison_can_fail():
     """The comparison notices half a per cent more tip mass."""
     reference = np.load(GOLDEN / "unequal.npz")

@@ -63,7 +63,7 @@ def check_against_reference(solution, case, what, validate):
     validate(case, what, REFERENCE, f"worst of {len(found)} signals / range", found[worst], 1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_run_follows_an_independent_integration(five, validate):
     """Every signal of five unequal tethers agrees with the independent code, which integrates heliocentric
     positions without a closed-form orbit or a tide, to 1e-6 of its range.
@@ -72,14 +72,14 @@ def test_run_follows_an_independent_integration(five, validate):
     check_against_reference(five, "ORB-2", "five unequal tethers near the Sun, relative wind", validate)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_run_with_a_ring_follows_an_independent_integration(validate):
     """The same for cables joined by a ring of cables: the tide acts on slopes and own vectors."""
     run = esail.simulate(ring_scene(CABLES | TIGHT))
     check_against_reference(run, "ORB-3", "five cables near the Sun, ring of cables", validate)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_observables_of_the_orbit(five):
     """Position and velocity are those of the Kepler orbit through the start plus those of the hub, the
     elements are those of the state, and O is the orbital frame at the hub of the moment.
@@ -102,7 +102,7 @@ def test_observables_of_the_orbit(five):
     assert np.ptp(np.arctan2(r[:, 1], r[:, 0])) > 0.02  # the Sun line has turned
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_energy_balance_includes_the_tide(five):
     """The work of the tide and of the wind is the change of energy, to the tolerance of the run."""
     assert np.abs(five["energy_balance_error"]).max() < 1e-10 * np.abs(five["external_work"]).max()
@@ -148,7 +148,7 @@ def totals(system, point):
     return kinetic + potential + elastic_energy(system, point.time, point.q), momentum
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_energy_and_angular_momentum_about_the_sun_over_a_year(validate):
     """Without wind, the total energy and angular momentum about the Sun are kept to 1e-9 over a year.
 

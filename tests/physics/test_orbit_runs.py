@@ -45,7 +45,7 @@ def members():
 # ---- methods of integration -------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("method", FIXED)
 def test_fixed_steps_have_order_two_on_an_orbit(method, members):
     """The differences of tips and hub from the run of collocation fall by 3.5 to 4.5 if the step is halved
@@ -61,7 +61,7 @@ def test_fixed_steps_have_order_two_on_an_orbit(method, members):
     assert ((ratios > 3.5) & (ratios < 4.5)).all(), ratios
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_consistent_accelerations():
     """Accelerations and multipliers that belong to a state on an orbit solve the equations of motion of
     that instant at every node that a hub does not hold. The tension is 0.6 N; 1e-12 N is its rounding."""
@@ -76,7 +76,7 @@ def test_consistent_accelerations():
     assert np.abs(left(system, q, v)).max() < 1e-12
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("method", ["collocation", *FIXED])
 def test_resumed_run_is_bit_identical(method, tmp_path):
     """A run on an orbit that is continued twice from its file is that of one run, bit for bit."""
@@ -99,7 +99,7 @@ def check_members(found, members):
     assert np.ptp(found["tip_position_I"], axis=0).max() > 10.0  # m: the orbits matter
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_batch_of_orbits_equals_single_runs(members):
     """`jax.vmap` of `simulate` over position and velocity of the orbit gives the runs of each orbit."""
 
@@ -110,7 +110,7 @@ def test_batch_of_orbits_equals_single_runs(members):
     check_members(jit(jax.vmap(signals))(jax.tree.map(jnp.asarray, ORBITS)), members)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_ensemble_of_orbits(members):
     """Members of an ensemble with orbits of their own, whose eccentricities differ, are the single runs."""
     ensemble = simulate_members(SCENE, ORBITS, NAMES)
@@ -129,7 +129,7 @@ SERIES = WARM | {"thermal.time": [13.0, 52.0]}
 SERIES |= {"thermal.temperature": [[310.0, 300.0, 290.0], [200.0, 210.0, 250.0]]}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_design_on_an_orbit(monkeypatch):
     """An iteration of a design of a heated sail on an orbit lowers its objective. The gradient by the
     amplitudes of the voltage, the velocity of the orbit, and the temperatures and their instants agrees

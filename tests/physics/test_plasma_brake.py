@@ -64,7 +64,7 @@ def test_direction():
     assert np.allclose(force[:, 2], [0.48 * sigma, -0.36 * sigma, 0.0], rtol=0, atol=1e-14 * sigma)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_decay_of_an_orbit(validate):
     """After whole orbits a satellite that starts at rest in Hill's axes is lower by 2 F t / (m n): exact
     for a constant force. The tether tilts by 0.01 rad, whose square counts: 1e-3 is accepted."""
@@ -100,7 +100,7 @@ def test_derivatives_by_every_number():
     assert max(check_both_modes(drag, numbers).values()) < 1e-6
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_many_runs():
     """Members of a batch with other voltages and densities are runs of their own, to 1e-6 m."""
     volts, density = jnp.array([-1e3, -500.0]), jnp.array([3e10, 5e10])

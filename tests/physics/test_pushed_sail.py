@@ -23,7 +23,7 @@ CASES = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("case", CASES)
 def test_run_follows_an_independent_integration(case, validate):
     """Every signal of five unequal tethers (engineering strain, with a ring) agrees with the independent
@@ -54,7 +54,7 @@ PARTS = {
 """Relative wind, thrust at the tips, and a power limit together."""
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_many_runs_at_once(small):
     """Under `vmap` every member of a batch is the run of its own numbers, to rounding of the steps."""
     forces, limits = jnp.array([5e-4, 2e-3]), jnp.array([1.0, 30.0])
@@ -72,7 +72,7 @@ def test_many_runs_at_once(small):
     assert np.abs(tips[0] - tips[1]).max() > 1e-3 and power[0] == pytest.approx(1.0)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_run_that_goes_on(small, tmp_path):
     """A run that ends within the pulse and is continued is bit-identical to one run."""
     as_toml = {"solar_wind.relative": "true", "output.interval": 2.0}

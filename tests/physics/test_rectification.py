@@ -75,7 +75,7 @@ SIGNALS = ("coning_angle", "tether_length", "rotation_IB", "reaction_O", "thrust
            "heliocentric_position", "heliocentric_velocity", "orbital_elements")  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_output_is_that_of_the_frame_of_the_scene():
     """A run whose coordinates have another origin than the frame I has the output of one whose coordinates
     are those of I: the same motion is integrated about two origins, 4e4 m and 50 m/s apart. Positions,
@@ -99,7 +99,7 @@ def test_output_is_that_of_the_frame_of_the_scene():
     assert np.ptp(in_frame["kinetic_energy"]) > 1e4  # J: the shift changes with the tide
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_origin_moves_to_a_distant_hub(often, drifting):
     """A run whose hub drifts away from the origin is rectified, and is the run of a hub that stays near its
     origin. The origin moves once, at the first instant at which the hub is farther away than FAR, and stays
@@ -113,7 +113,7 @@ def test_origin_moves_to_a_distant_hub(often, drifting):
     assert error < 1e-5  # m: a heliocentric position of 1.5e9 m is rounded to 2e-7 m
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_energy_balance_does_not_change(often, drifting):
     """The energy balance of a run that is rectified has the error of its tolerance, although its kinetic
     energy falls from 1e11 J to that of the rotation: 1e-14 of it."""
@@ -123,7 +123,7 @@ def test_energy_balance_does_not_change(often, drifting):
     assert errors.max() < 1e-14 * float(kinetic(system, point.v))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_traced_run_is_rectified(often, drifting):
     """A run under `jit` is that of the host, rectified at the same instant, and so is its final state."""
     names = ("tether_length", "hub_position_I", "thrust_O")
@@ -139,7 +139,7 @@ def test_a_traced_run_is_rectified(often, drifting):
         assert np.allclose(found[name], expected[name], rtol=1e-12, atol=1e-6), name
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_derivative_goes_through_a_rectification(often, drifting):
     """The derivative in reverse mode, by the voltage and the velocity of the start together, of the arms of
     the tips and of the hub's path after a rectification is the difference quotient of runs on the host.
@@ -159,7 +159,7 @@ def test_a_derivative_goes_through_a_rectification(often, drifting):
     assert abs(jit(jax.grad(end))(0.0) / quotient - 1.0) < 1e-6
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_days_are_those_of_a_run_without_rectification(monkeypatch):
     """Two and a half days of a light sail, rectified on the second day, are those of the same run about one
     origin, which is 2e5 m away at the end: to 1e-6 of a range; of coning, which is small, to 1e-3. Rounding
@@ -174,7 +174,7 @@ def test_days_are_those_of_a_run_without_rectification(monkeypatch):
     check_same(found, expected, SIGNALS[:1], 1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_resumed_run_is_bit_identical(tmp_path):
     """A run that is continued from its file after a rectification, at the instant of one, and before one,
     is that of one run, bit for bit: the file holds the orbit of the moment. Its final state is read with

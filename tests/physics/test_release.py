@@ -27,7 +27,7 @@ METHODS = {
     "generalized-alpha": {"integrator.method": "generalized-alpha", "integrator.spectral_radius": 0.9},
     "energy-momentum": {"integrator.method": "energy-momentum"},
 }
-SLOW = pytest.mark.slow
+SLOW = pytest.mark.nightly
 
 
 def free_sail(method: str) -> Scene:
@@ -38,7 +38,7 @@ def free_sail(method: str) -> Scene:
     return parse("\n".join(kept), "free sail")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("method", ["collocation", "generalized-alpha"])
 def test_released_tether_keeps_its_momentum(method):
     """A released tether keeps the momentum that it has at the release, and the rest of the sail the
@@ -65,7 +65,7 @@ def test_released_tether_keeps_its_momentum(method):
     assert np.abs(np.asarray(system.momentum(final))).max() < 1e-9 * size
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_energy_goes_through_a_release():
     """A release does no work: a sail without wind and damping keeps its energy to 1e-9.
 
@@ -85,7 +85,7 @@ def test_energy_goes_through_a_release():
     assert np.abs(solution["hub_position_I"][-1]).max() > 1e-2
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_methods_agree_on_what_follows():
     """Collocation and the fixed-step methods at 0.1 s agree on the tips to a millimetre of 10 km.
 
@@ -96,7 +96,7 @@ def test_methods_agree_on_what_follows():
     assert np.abs(ends[2] - ends[0]).max() < 1e-3
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_tether_of_a_turning_frame_flies_on():
     """A tether that a turning frame releases flies on; the energy balance includes the work of the frame.
 
@@ -110,7 +110,7 @@ def test_tether_of_a_turning_frame_flies_on():
     assert np.linalg.norm(solution["reaction_B"][-1, 1]) < 1e-12
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("method", ["collocation", "generalized-alpha"])
 def test_run_goes_on_after_a_release(method, tmp_path):
     """A run file that is continued from before or from after the event is bit-identical to that of one
@@ -122,7 +122,7 @@ def test_run_goes_on_after_a_release(method, tmp_path):
     check_going_on(settings, 150.0, 200.0, tmp_path)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_run_that_starts_after_a_release_does_not_join_the_tether_again():
     """A run from the state after the event agrees with the whole run, on the host and traced.
 

@@ -33,7 +33,7 @@ def ring_signals(numbers):
     return {name: run[name][-1] for name in names}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_batch_of_lengths_equals_a_loop():
     """Members of a batch with other segment lengths do not influence each other, also through the steady
     start: tips to 1e-8 m, other signals to 1e-9, the rounding of the dissipated energy, which is a small
@@ -52,9 +52,9 @@ def test_batch_of_lengths_equals_a_loop():
 # ---- events, resuming, bad input --------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
-    "method", ["collocation", pytest.param("generalized-alpha", marks=pytest.mark.slow)]
+    "method", ["collocation", pytest.param("generalized-alpha", marks=pytest.mark.nightly)]
 )
 def test_resumed_run_is_bit_identical_and_the_ring_holds_a_released_tether(method, tmp_path):
     """A run with a ring of cables and a release that is continued from its file is that of one run, bit for
@@ -104,7 +104,7 @@ def test_bad_ring_is_refused_in_one_line(case):
     assert "\n" not in str(refused.value)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_ring_without_a_steady_start_is_refused():
     """Segments whose force grows more slowly with length than the centrifugal force leave no steady
     start."""

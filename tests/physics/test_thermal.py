@@ -121,7 +121,7 @@ def test_steady_start_of_a_heated_spinning_cable(validate):
 # ---- a run against independent results --------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_run_follows_an_independent_integration(validate):
     """Every signal of five unequal tethers with a ring and temperatures of their own agrees with the
     independent code to 1e-6 of its range. Measured: 4e-8, dissipated power."""
@@ -149,7 +149,7 @@ def test_run_follows_an_independent_integration(validate):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_energy_of_heating():
     """The energy-momentum method balances the energy of a sail whose temperatures change, to rounding: the
     work of heating is -N eps_T' per length. The work is zero at the start, its rate is the power, and a run
@@ -178,7 +178,7 @@ def test_energy_of_heating():
     assert np.abs(later["energy_balance_error"]).max() < 1e-10 * run["kinetic_energy"][0]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_cooled_tether_under_tension_is_not_slack():
     """150 K below the reference a tether is shorter than undeformed, although the spin stretches it by
     9e-4: its strain is negative, its elastic strain is not, and the run warns of nothing. Pushed together
@@ -196,7 +196,7 @@ STEPS = {"integrator.t_end": 16.0, "thermal.time": [2.0, 3.05, 7.35, 31.0, 52.0]
 """Two of these knots are in the middle of a step of 0.1 s, and all at the end of one of 0.05 s."""
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_methods_with_fixed_steps_keep_their_order_at_kinks():
     """The errors of generalized-alpha and energy-momentum fall by 3.5 to 4.5 for half the step (order two:
     4), although the temperature has kinks within the longer steps; and energy-momentum, whose shorter
@@ -272,7 +272,7 @@ def test_derivatives_by_steady_temperatures():
     assert max(check_both_modes(signals, numbers).values()) < 1e-6
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_batch_equals_a_loop():
     """Members of a batch with other temperatures and instants are the runs of the host, also through the
     steady start. Steps of the host end at the instants, which are tracers in a batch."""
@@ -285,7 +285,7 @@ def test_batch_equals_a_loop():
             assert np.allclose(batch[name][member], exact, rtol=1e-9, atol=1e-12), (member, name)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("method", ["collocation", "energy-momentum"])
 def test_resumed_run_is_bit_identical(method, tmp_path):
     """A run that is continued from its file is that of one run, bit for bit, also between two knots."""

@@ -57,7 +57,7 @@ WIND = {"solar_wind.time": [0.0, 10.0, 25.0], "solar_wind.speed": [4e5, 5e5, 4.5
         "solar_wind.number_density": [7.3e6, 4e6, 9e6]}  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("law", quickly(reversed(LAWS)))
 def test_the_thrust_stays(small, law, validate):
     """With the law constant-thrust a changing wind leaves the size of the thrust as asked. What remains is

@@ -71,7 +71,7 @@ PULSE = {"tip_thrust.force": 2e-3, "tip_thrust.on": 100.0, "tip_thrust.off": 500
 PULSE |= {"tip_thrust.rise_time": 40.0}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_spin_up_of_a_sail():
     """A sail of three tethers spins up by p F (R + L) (off - on) / J, and its energy balance holds.
 
@@ -130,7 +130,7 @@ def test_slack_tethers_are_named():
     assert slack_warning({"max_axial_strain": strain}).startswith("Tethers 1, 2 go slack:")
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_push_towards_the_hub_makes_tethers_slack(small):
     """A radial force of 0.3 N towards the hub is more than the spin holds: the message of the run says
     so."""

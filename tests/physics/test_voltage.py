@@ -236,7 +236,7 @@ def test_planar_cone_keeps_its_slew_rate():
     assert np.allclose(free, 0.2, rtol=1e-15)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_switching_on_and_off():
     """Before the pulse a sail moves as without voltage; a pulse shorter than a step has its full effect.
 
@@ -266,7 +266,7 @@ def test_switching_on_and_off():
     assert not pulse.stats["message"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("axis", ["hub", "angular-momentum"])
 def test_feedback_turns_the_axis_to_its_target(axis):
     """Feedback turns the spin axis towards its target, whichever axis it measures; with the opposite gain
@@ -340,7 +340,7 @@ def test_feedback_keeps_its_slew_rate():
     assert fastest(slew_rate=10.0) == pytest.approx(free, rel=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(("sailing", "coning"), [(20.0, 5.0), (35.0, 2.0)])
 def test_planar_cone_keeps_its_coning_angle(sailing, coning):
     """The planar-cone law keeps a nearly rigid tether on its cone to 1e-3 deg over five turns.
@@ -365,7 +365,7 @@ def test_planar_cone_keeps_its_coning_angle(sailing, coning):
     assert np.abs(np.rad2deg(away) - coning).max() > 1.0
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_constant_voltage_is_reported_as_given():
     """A constant voltage is a row as well, tether by tether; a sail without wind has no voltage."""
     given = {"voltage.value": [20e3, 0.0, 15e3]}
@@ -413,7 +413,7 @@ class Cosine(VoltageLaw):
         return self.value * (1.0 + 0.5 * measurements.tether_phase[0])
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_order_of_loads_does_not_matter():
     """A second load may stand before or after the thrust, and a law may come from outside the package.
     Forces and their derivatives are the same, and so is the transpose that steps use; to rounding, as sums
@@ -458,7 +458,7 @@ def factor_of_thrust(time):
     return speed / 4e5 * np.sqrt(density / 7.3e6)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_constant_series_is_the_steady_wind():
     """The force of a constant series is that of the steady wind at any state and instant. In another series
     it is proportional to the speed and to the root of the density. Both hold to rounding."""
@@ -482,7 +482,7 @@ def test_a_constant_series_is_the_steady_wind():
     assert np.allclose(varied, expected, rtol=1e-12, atol=0)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_wind_in_time():
     """In a run, thrust is proportional to the speed and to the root of the density of the wind, and the
     voltages are those of the table."""
@@ -548,7 +548,7 @@ def test_bad_input(overrides, message, nothing_compiles):
         esail.load_scene("baseline", overrides)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_switch_after_the_end_is_known_to_a_run_that_goes_on(tmp_path):
     """A run that ends within a pulse of 4 s and is continued is bit-identical to one run.
 

@@ -233,7 +233,7 @@ def test_tables_of_the_wrong_kind_are_refused(chain):
         dataclasses.replace(chain, initial=initial)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_failed_run_keeps_its_cause_and_a_traced_one_its_nan(chain, tmp_path, capsys):
     """A run with an energy drift keeps its message, result code and status in the file, and `info` shows
     them."""
@@ -270,7 +270,7 @@ def test_energies_and_tension_of_a_state_by_hand(chain):
     assert start["energy_error"] == 0.0
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_run_cut_short_goes_on_bit_for_bit(file, whole, tmp_path, monkeypatch):
     """The run ends at a saved instant, at another instant, or after a compiled call."""
     for t_end in (0.42, 0.43):
@@ -296,7 +296,7 @@ def test_a_run_cut_short_goes_on_bit_for_bit(file, whole, tmp_path, monkeypatch)
     check_same(path, whole)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_implicit_method_resumes_too(file, tmp_path):
     implicit = ("--set", "integrator.method=generalized-alpha", "--set", "integrator.step=1e-3")
     path, again = tmp_path / "implicit.h5", tmp_path / "again.h5"

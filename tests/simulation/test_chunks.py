@@ -5,7 +5,7 @@ import pytest
 import esail_jax as esail
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_chunk_keeps_no_more_memory_than_its_rows(small):
     """With few saved instants, a call of the compiled program passes few of the instants that its window
     has room for. A view would keep the memory of the whole window: 250 times as much for hourly output."""

@@ -84,7 +84,7 @@ def check_modes(both, at):
     return values
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_steered_run_and_an_early_control(both, request):
     """Derivatives of the end are fourth-order difference quotients of the run itself, to 2e-5.
 
@@ -110,7 +110,7 @@ def test_a_steered_run_and_an_early_control(both, request):
         np.testing.assert_allclose(size * found, quotient(size * change), rtol=2e-5, atol=noise)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_no_voltage_no_spin_and_straight_tethers(both):
     """Derivatives are finite for straight tethers, without voltage and without spin.
 
@@ -126,7 +126,7 @@ def test_no_voltage_no_spin_and_straight_tethers(both):
     ])  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_slack_tethers(both):
     """Derivatives are finite for tethers that start 1 % shorter than undeformed, and so in compression.
 

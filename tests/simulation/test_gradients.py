@@ -48,7 +48,7 @@ def differentiated(run):
     return jit(lambda x: jax.jvp(run, (x,), (direction,)))(numbers())
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_jvp_through_a_run_is_the_difference_quotient(run, differentiated):
     """The derivative equals the difference quotient to 1e-5, which is the quotient's own accuracy.
 
@@ -67,7 +67,7 @@ def to_floats(tree):
     return {key: float(value) for key, value in tree.items()}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_traced_run_equals_the_host_run(run, differentiated):
     """A traced run equals a run on the host to rounding (positions of 1e4 m: 2e-12).
 
@@ -80,7 +80,7 @@ def test_traced_run_equals_the_host_run(run, differentiated):
         assert np.abs(np.asarray(host[name]) - traced[name]).max() < 1e-11 * scale + 1e-14, name
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_vmap_over_voltages_equals_a_loop(small):
     """Members of a batch do not influence each other."""
     volts = jnp.array([10e3, 20e3])
@@ -93,7 +93,7 @@ def test_vmap_over_voltages_equals_a_loop(small):
         np.testing.assert_allclose(member, tip(float(volt)), rtol=0, atol=1e-8)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_reverse_mode_agrees_with_forward_mode(run, differentiated):
     """The derivatives of the final coning of tether 1 and of the dissipated energy along the direction of
     KEYS are the same by vjp and jvp (1e-9 of the sum of the parts' magnitudes: rounding).
@@ -116,7 +116,7 @@ def test_reverse_mode_agrees_with_forward_mode(run, differentiated):
         assert abs(forward) > 1e-3 * np.abs(parts).sum()  # the parts do not cancel
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_derivative_of_a_failed_run_is_nan(small):
     """With a fifth of the step, the bound of steps ends the run after a quarter. The observables are NaN
     from there on; so is the reverse gradient of their mean, which would otherwise be that of the rows

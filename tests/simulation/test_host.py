@@ -23,7 +23,7 @@ def test_a_compiled_scene_compiles_nothing_more(scene, small):
     assert sum(len(chunk.time) for chunk in chunks) > 2
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_next_call_begins_before_the_observables_of_the_last_are_evaluated(small, monkeypatch):
     """The observables of a call wait until the next call has begun, which would take for ever if that
     waited for the observables. The rows have the same bits as those of a run in one call."""

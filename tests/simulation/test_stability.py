@@ -86,7 +86,7 @@ def test_a_perturbed_run_that_fails_counts_until_its_failure(count):
         assert abs(found.growth_rate / 0.3 - 1.0) < 0.02
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_growth_in_a_double_pendulum_is_that_of_two_runs():
     """The tangent is the difference of two runs whose starts differ by 1e-7 m/s, while that is small.
 
@@ -113,7 +113,7 @@ def test_growth_in_a_double_pendulum_is_that_of_two_runs():
     assert regular.stats["stability"].growth < 5.0 and not regular.stats["message"]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_command_writes_the_growth_and_warns(tmp_path, capsys):
     """After 60 s of chaos the growth exceeds 10^6: the file says so, and so does `esail info`. A complete
     run is not changed."""
@@ -142,7 +142,7 @@ def test_a_traced_run_has_no_stability():
         )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_sail_blown_over_by_the_wind_is_unstable(monkeypatch):
     """Without remote units and with a tenth of the spin, the wind folds the tethers. The perturbation
     exceeds 10^6 between 3,400 and 4,500 s, whatever the rounding errors are. The regular sail's

@@ -94,7 +94,7 @@ def test_polynomials_of_a_step():
 # ---- accuracy -----------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("case", ["unequal", "stiff_clamped", "stiff_pinned", "turning_frame"])
 def test_sail_follows_the_time_exact_solution(case, validate):
     """With a tolerance of 1e-10 every signal agrees with the independent code to 1e-5 of its range.
@@ -110,7 +110,7 @@ def test_sail_follows_the_time_exact_solution(case, validate):
     validate(f"COL-{case}-2", what, REFERENCE, "worst signal / range", max(found.values()), 1e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_baseline_over_three_periods(validate):
     """With the default tolerance every signal agrees with the time-exact reference to 1e-3 of its range."""
     times = {"integrator.t_end": 4712.0, "output.interval": 4.0}
@@ -128,7 +128,7 @@ def fixed_steps():
     return {h: esail.simulate("baseline", soft | {"integrator.step": h}) for h in (20.0, 10.0, 5.0, 0.5)}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_order(fixed_steps):
     """The order is 2 s - 1 = 7, to 0.6 because the steps are not yet small (measured: 6.6 and 7.0).
 
@@ -139,7 +139,7 @@ def test_order(fixed_steps):
     assert (np.abs(np.diff(np.log2(found)) + 7.0) < 0.6).all(), found
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_constraints_hold_between_steps():
     """Saved instants between steps are put on the constraints, to the rounding of coordinates of a metre.
 
@@ -150,14 +150,14 @@ def test_constraints_hold_between_steps():
     assert solution.numerics["constraint_violation"].max() < 1e-14
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_constraints_hold(fixed_steps):
     """The hub keeps its shape at every saved instant, to the rounding of coordinates of some metres."""
     for solution in fixed_steps.values():
         assert solution.numerics["constraint_violation"].max() < 1e-13
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_energy_balance(fixed_steps):
     """|dE - W + D| decreases with the step as the error does, by a factor of at least thirty per
     halving."""
@@ -167,7 +167,7 @@ def test_energy_balance(fixed_steps):
         assert error < bound * solution["kinetic_energy"].max()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_error_follows_the_tolerance():
     """A tolerance that is a hundred times smaller reduces the error at least ten times."""
     exact = esail.simulate("baseline", SMALL | {"integrator.tolerance": 1e-13})
@@ -178,7 +178,7 @@ def test_error_follows_the_tolerance():
     assert found[1] < found[0] / 10 and found[2] < found[1] / 10, found
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_reactions_of_a_stiff_sail_at_the_default_tolerance():
     """The default tolerance of a stiff sail keeps the reactions to 2e-4 of their range.
 
@@ -214,7 +214,7 @@ def test_saved_instants_force_no_step(interval):
     assert other.numerics["steps"].sum() <= usual.steps
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_every_instant_at_the_end_of_a_given_step_lies_in_that_step():
     """The time of a state is the number of steps times h, and the start of the last step plus h may differ
     from it in the last digit. Every saved instant belongs to the end of its step for all that: rows of
@@ -265,7 +265,7 @@ def outcome(x):
     return jnp.stack(picked)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_derivative_of_a_run():
     """The derivative of a run agrees with the difference quotient to 1e-5, and the traced with the
     concrete run to 1e-9.
@@ -280,7 +280,7 @@ def test_derivative_of_a_run():
 # ---- failure ------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_step_that_is_too_long_says_so():
     """The stage equations of a step of half a turn cannot be solved; no shorter step is tried."""
     with pytest.raises(SimulationError, match=r"could not be solved. At t = 0 s with a step of 800 s. Ask"):

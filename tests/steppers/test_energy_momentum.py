@@ -124,7 +124,7 @@ KINDS = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("kind", KINDS)
 def test_free_sail_keeps_energy_and_momenta(kind, validate):
     """A free sail keeps energy and both momenta to 1e-12 and the constraints to 1e-10 m.
@@ -145,7 +145,7 @@ def test_free_sail_keeps_energy_and_momenta(kind, validate):
     assert np.ptp(system.tethers.element_length * q.tether[:, 0, 0, -1]) > 1.0  # the tethers moved
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_energy_over_many_turns(validate):
     """A free sail keeps its energy over 300 turns of 300 steps, and over the first 30, without drift.
 
@@ -185,7 +185,7 @@ CASES = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("case", CASES)
 def test_energy_balance_closes(case, validate):
     """dE = W - D holds at the end of every step, to 1e-12 of the kinetic energy (rounding).
@@ -200,7 +200,7 @@ def test_energy_balance_closes(case, validate):
     assert run.numerics["constraint_violation"].max() < 1e-10
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_second_order(validate):
     """The error falls by 2^(2.0 +- 0.1) at every halving of the step, as in `test_generalized_alpha.py`.
 
@@ -223,7 +223,7 @@ def test_second_order(validate):
 SHORT = SMALL | {"integrator.step": 2.0, "integrator.t_end": 80.0, "output.interval": 40.0}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_longer_run_goes_on_bit_for_bit(tmp_path):
     """A run file that is continued to a later end is bit-identical to that of one run to that end."""
     check_going_on(SHORT | {"output.interval": 4.0}, 1700, 2600, tmp_path)

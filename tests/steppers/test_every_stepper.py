@@ -33,7 +33,7 @@ from esail_jax.steppers.stepper import AbstractStepper
 from support.own_stepper import RungeKutta4
 from support.quick import jit
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 SAIL = """
 [tethers]

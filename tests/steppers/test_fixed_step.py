@@ -126,7 +126,7 @@ def test_the_end_of_a_step_is_taken_as_it_is(begun):
 # ---- trial steps --------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_trial_steps_precede_the_first_block_only_also_in_a_replay(begun):
     """The end of the first two blocks equals that of two trial steps and 40 steps, taken one by one, and
     that of the replayed blocks, up to rounding. A start without trials differs by 2e-8 of the
@@ -156,7 +156,7 @@ def test_trial_steps_precede_the_first_block_only_also_in_a_replay(begun):
     assert min(gap(without), gap(always)) > 1e-10
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_trial_step_that_fails_improves_nothing(begun):
     """After a block without a step the start has its accelerations as auxiliary ones. Then half a step
     fails, too, and two trial steps of a quarter of a whole step give the jerk."""
@@ -220,7 +220,7 @@ def test_history_of_shorter_steps(begun):
     np.testing.assert_allclose(found.a.hub, expected, rtol=1e-14)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_step_that_fails_is_halved_and_doubled_again(begun):
     """A block ends before a step that fails. The next one begins there with fresh factors; if its first
     step fails, the step is halved, and after a whole step doubled. Ends of steps are exact multiples."""
@@ -242,7 +242,7 @@ def test_a_step_that_fails_is_halved_and_doubled_again(begun):
     assert name_of(state.result) == "successful"
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("kind", [Stubborn, StubbornStart])
 def test_halved_steps_are_as_accurate_and_have_the_same_derivative(begun, kind):
     """The motion with halved steps differs from that with whole ones by less than the error of these. Its

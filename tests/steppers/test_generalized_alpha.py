@@ -14,7 +14,7 @@ REFERENCE = STEPS[0] / 128
 """Step of the reference [s]."""
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_positions_reactions_and_multipliers_converge_with_second_order(validate):
     """The error falls by 2^(2.0 +- 0.1) at every halving of the step.
 

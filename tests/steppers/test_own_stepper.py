@@ -88,7 +88,7 @@ def test_the_example_in_the_text_is_this_class():
     assert {line.strip() for line in inspect.getsource(Euler).splitlines()} <= lines
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_error_is_of_first_order():
     exact = esail.simulate("single-tether", SHORT).final_state.q.tether
     runs = [esail.simulate("single-tether", SHORT, stepper=euler(h)) for h in (0.04, 0.02)]

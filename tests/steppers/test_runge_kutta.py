@@ -132,7 +132,7 @@ def test_the_first_step_does_not_pass_the_next_event():
     assert free > 1e-3 and bound == 1e-6
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("step", [None, 0.05], ids=["controlled", "fixed"])
 def test_derivative_of_a_run(step):
     """dy/dk and dy/dy_0 of y' = cos t - k y agree with the closed form in forward and reverse mode.

@@ -47,7 +47,7 @@ def stepped(step: float) -> dict:
 FACTORS = [("tip_position_I", "tip_error", 3.0), ("reaction_B", "root_force_error", 8.0)]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(("signal", "estimate", "most"), FACTORS)
 def test_the_estimate_is_the_error_within_a_factor(runs, signal, estimate, most):
     """The estimate is at least the error, and at most `most` times the error.
@@ -62,7 +62,7 @@ def test_the_estimate_is_the_error_within_a_factor(runs, signal, estimate, most)
         assert error < run.numerics[estimate][-1] < most * error
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_too_long_a_step_is_said(runs):
     """The long step, with root force errors of 5e-2 of the range, causes a warning; the short one, with
     1e-3, does not."""
@@ -71,14 +71,14 @@ def test_too_long_a_step_is_said(runs):
     assert short == ""
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_estimates_begin_with_nothing(runs):
     """The estimate at a saved instant covers all earlier steps; at the first instant it is zero."""
     for run in runs:
         assert run.numerics["tip_error"][0] == 0.0 and run.numerics["tip_error"][-1] > 0.0
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_members_are_told_like_runs(runs):
     """Ensemble members get the same warning as a run. A traced run cannot print, so it returns the
     estimate."""
@@ -195,7 +195,7 @@ def test_a_released_tether_pulls_at_nothing(system):
     np.testing.assert_allclose(found, [[0.0, 0.0], [held, 0.0], [0.0, 0.0]], atol=1e-12 * held)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_chain_with_too_long_a_step_is_told():
     """A chain whose step is too long causes a warning.
 

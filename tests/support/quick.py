@@ -1,4 +1,4 @@
-"""Two ways to save time: `jit` compiles quickly, `quickly` marks all cases but some as slow."""
+"""Two ways to save time: `jit` compiles quickly, `quickly` marks all cases but some as nightly."""
 
 import functools
 
@@ -19,7 +19,7 @@ jit = functools.partial(jax.jit, compiler_options=QUICKLY)
 
 
 def quickly(cases, kept=()):
-    """Returns cases for `parametrize`; all are marked slow but those in `kept`, or but the first."""
+    """Returns cases for `parametrize`; all are marked nightly but those in `kept`, or but the first."""
     cases = list(cases)
     kept = kept or cases[:1]
-    return [pytest.param(case, marks=[pytest.mark.slow] * (case not in kept)) for case in cases]
+    return [pytest.param(case, marks=[pytest.mark.nightly] * (case not in kept)) for case in cases]

@@ -1,10 +1,11 @@
 """Perturbs the physics one coefficient at a time and records the tests that notice.
 
-    python tests/tools/mutations.py [NAME ...]      all mutations, or those whose name contains NAME
+    python tests/tools/mutations.py [NAME ...]             all mutations, or those whose name contains NAME
+    python tests/tools/mutations.py --gate [NAME ...]      with the tests of the gate only (`tests/gate.toml`)
 
 A mutation replaces one piece of text in a copy of the package. The tests that noticed it the last time
 run against the copy first. If none of them fails, all tests named with the mutation run until three have
-failed. At the end every test that noticed a mutation must pass on an unchanged copy. The result is written
+failed. With `--gate`, tests that only the night runs are left out. At the end every test that noticed a mutation must pass on an unchanged copy. The result is written
 to `experiments/mutations/mutations.csv`. The exit status is 1 if no test notices a mutation, or if a test
 fails without a mutation.
 
@@ -28,9 +29,13 @@ LISTS = ROOT / "tests" / "architecture" / "mutations"
 TABLE = ROOT / "experiments" / "mutations" / "mutations.csv"
 
 # Without -P the working directory, with the unchanged package, would come before PYTHONPATH.
-PYTEST = [sys.executable, "-P", "-m", "pytest", "-q", "--tb=no", "-p", "no:cacheprovider", "-m", ""]
-NOT_FOUND = 4
-"""Exit status of pytest if a test that is asked for does not exist, for example because it was renamed."""
+PYTEST = [sys.executable, "-P", "-m", "pytest", "-q", "--tb=no", "-p", "no:cacheprovider"]
+EVERY, GATE = "", "gate or not nightly"
+"""Markers of all tests, and of those of the gate."""
+
+NOTHING_CHOSEN, NOT_FOUND = 5, 4
+"""Exit status of pytest if every test that is asked for is left out by its marker, and if one does not exist,
+for example because it was renamed."""
 
 
 def mutations() -> list[dict]:
@@ -51,25 +56,27 @@ def mutated_copy(mutation: dict, folder: Path) -> None:
     path.write_text(text.replace(mutation["old"], mutation["new"]), encoding="utf-8")
 
 
-def run(name: str, package: Path, programs: Path, options: list[str]) -> list[str] | None:
+def run(name: str, package: Path, programs: Path, markers: str, options: list[str]) -> list[str] | None:
     """Runs tests on the package in a folder and returns the names of those that fail; returns None if a
     test does not exist."""
     folders = {"JAX_COMPILATION_CACHE_DIR": str(programs), "ESAIL_CACHE": str(package / "programs")}
     environment = os.environ | folders | {"PYTHONPATH": str(package)}
-    result = subprocess.run(PYTEST + options, cwd=ROOT, env=environment, capture_output=True, text=True)
+    result = subprocess.run([*PYTEST, "-m", markers, *options], cwd=ROOT, env=environment, capture_output=True, text=True)
     if result.returncode == NOT_FOUND:
         return None
+    if result.returncode == NOTHING_CHOSEN:
+        return []
     if result.returncode not in (0, 1, 2) or "error" in result.stdout.splitlines()[-1]:
         raise SystemExit(f"{name}: the tests did not run\n{result.stdout[-2000:]}{result.stderr}")
     return re.findall(r"^FAILED (?:tests/)?(.*?)(?: - .*)?$", result.stdout, flags=re.MULTILINE)
 
 
-def failing_tests(mutation: dict, before: list[str], programs: Path) -> list[str]:
+def failing_tests(mutation: dict, before: list[str], programs: Path, markers: str) -> list[str]:
     """Returns the names of the tests that fail on the mutated copy, at most three: of those that failed
     `before`, or else of all that are named with the mutation."""
     with tempfile.TemporaryDirectory() as folder:
         mutated_copy(mutation, Path(folder))
-        fixed = mutation["name"], Path(folder), programs
+        fixed = mutation["name"], Path(folder), programs, markers
         caught = run(*fixed, [f"tests/{test}" for test in before]) if before else None
         caught = caught or run(*fixed, ["--maxfail=3", *mutation["tests"]])
     if caught is None:
@@ -85,7 +92,7 @@ def control(tests: list[str], programs: Path) -> list[str]:
     with tempfile.TemporaryDirectory() as folder:
         shutil.copytree(ROOT / "esail_jax", Path(folder) / "esail_jax")
         several = ["-n", "auto", "--dist", "worksteal"]
-        return run("control", Path(folder), programs, several + [f"tests/{test}" for test in tests])
+        return run("control", Path(folder), programs, EVERY, several + [f"tests/{test}" for test in tests])
 
 
 def recorded() -> dict[str, list[str]]:
@@ -97,14 +104,18 @@ def recorded() -> dict[str, list[str]]:
     return {row["term"]: row["tests that fail"].split("; ") for row in rows if row["tests that fail"]}
 
 
-def main(names: list[str]) -> int:
+def main(arguments: list[str]) -> int:
     """Runs the mutations, one per core, and enters them in the table; returns 1 if one is not noticed."""
+    names = [name for name in arguments if name != "--gate"]
+    markers = EVERY if names == arguments else GATE
     chosen = [m for m in mutations() if not names or any(name in m["name"] for name in names)]
     known = recorded()
     with tempfile.TemporaryDirectory() as programs:
         with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
             caught = list(
-                pool.map(lambda m: failing_tests(m, known.get(m["name"], []), Path(programs)), chosen)
+                pool.map(
+                    lambda m: failing_tests(m, known.get(m["name"], []), Path(programs), markers), chosen
+                )
             )
         wrong = control(sorted({test for tests in caught for test in tests}), Path(programs))
     if wrong:

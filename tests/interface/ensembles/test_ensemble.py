@@ -32,7 +32,7 @@ SIGNALS = (
 )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_members_are_single_runs(scene, inputs, ensemble):
     """Members agree with single runs to the rounding of 50 steps, 1e-12 of a signal's magnitude.
 
@@ -48,7 +48,7 @@ def test_members_are_single_runs(scene, inputs, ensemble):
     assert np.ptp(ensemble["coning_angle"][:, -1, 0]) > 1e-6  # members differ
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_every_core_takes_a_member(scene, inputs, ensemble, monkeypatch):
     """With two cores two members run at a time, with the same results.
 
@@ -81,7 +81,7 @@ def test_processes_share_the_cores(processes, set_already, threads, monkeypatch)
     assert os.environ["NPROC"] == threads
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_simulate_members_draws_inputs(scene, inputs, ensemble):
     """With distributions and a number of members in place of inputs, members have the same numbers and
     rows."""
@@ -124,7 +124,7 @@ def test_members_that_are_none(scene, arguments, message):
         simulate_members(scene, **arguments)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_lockstep_and_subsets(scene, inputs, ensemble):
     """Members in lockstep, as on a GPU, agree to rounding, also if the batch does not divide their
     number."""
@@ -150,7 +150,7 @@ def test_a_batch_in_lockstep_has_no_more_members_than_the_ensemble():
     assert batch_in_lockstep(8, 2, lambda _: pytest.fail("a program was made to be measured")) == 2
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_failed_members_are_kept_apart(scene):
     """Failed members have NaN and a message, and are left out of the statistics; the others are not
     changed.
@@ -168,7 +168,7 @@ def test_failed_members_are_kept_apart(scene):
     assert np.array_equal(seen.mean, found["coning_angle"][0]) and not seen.deviation.any()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_bound_of_steps(scene, inputs, ensemble):
     """A member that needs far more steps than the others fails at the bound, and says so; the others are
     the same to the bit. A run ends at the end of a block of steps, so that the bound is not exact."""
@@ -199,7 +199,7 @@ def test_sensitivities():
     assert np.isnan(few.share["b"]) and np.isnan(few.explained)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_spread(ensemble):
     """Quantiles lie between the extremes; the middle one is the median of the members."""
     seen = spread(ensemble, "coning_angle")

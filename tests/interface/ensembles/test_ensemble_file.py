@@ -15,7 +15,7 @@ from esail_jax.plotting.ensemble import plot_ensemble
 from support.small_ensemble import VARY, arguments, same
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_file(finished, scene, inputs, ensemble):
     """The file is a run file with `member` as first axis and with /inputs; its numbers are those of
     Python."""
@@ -34,7 +34,7 @@ def test_file(finished, scene, inputs, ensemble):
     assert list(finished.parent.iterdir()) == [finished]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_info_and_figures(finished, tmp_path, capsys):
     """`esail info` describes an ensemble, and `plot` draws it; commands for one run refuse it.
 
@@ -59,7 +59,7 @@ def test_info_and_figures(finished, tmp_path, capsys):
     assert main(["run", "baseline", "-o", str(finished), "--resume"]) == 2
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_going_on(finished, tmp_path, capsys):
     """Resuming with more members keeps the old members and adds those of the larger ensemble.
 

@@ -174,7 +174,7 @@ def test_a_piece_on_a_full_disk(scene, tmp_path, monkeypatch):
     assert same(load_ensemble(tmp_path / "ensemble.h5"), found)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_full_disk_keeps_the_pieces(finished, tmp_path, monkeypatch, capsys):
     """One line says that the disk is full, whether a worker process or the merging finds it so. The pieces
     stay, and `--resume` completes the ensemble."""

@@ -36,7 +36,7 @@ def wait_for_pieces(folder, count, *processes):
         time.sleep(0.02)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_worker_computes_pieces(scene, tmp_path):
     """A worker process computes the pieces of a published task and ends."""
     task = task_of(scene, 2, VARY, 3, "random", ["coning_angle"])
@@ -45,7 +45,7 @@ def test_a_worker_computes_pieces(scene, tmp_path):
     assert len(pieces_in(tmp_path)) == 2
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_killed_and_resumed(finished, tmp_path):
     """An ensemble that is killed with all its processes after two pieces and resumed is bit-identical to
     one that was not interrupted."""
@@ -60,7 +60,7 @@ def test_killed_and_resumed(finished, tmp_path):
     assert same(load_ensemble(folder / "ensemble.h5"), load_ensemble(finished))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_interrupted(tmp_path):
     """After SIGTERM the current piece is finished, and the file lacks the other members."""
     folder = tmp_path / "run"
@@ -82,7 +82,7 @@ LONG = ["--set", "integrator.t_end=4e6", "--set", "output.interval=1e6", "--set"
 """A run of minutes."""
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
 def test_interrupted_within_a_member(name, tmp_path):
     """A signal to the whole group of processes ends the command although every process is in the middle of
@@ -112,7 +112,7 @@ def cluster(folder, *more):
     return [shell([*common, "--process", str(i)], stderr=subprocess.PIPE) for i in range(2)]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_two_distributed_processes(finished, tmp_path):
     """Two processes give the members of one process, also if one of them is killed.
 
@@ -154,7 +154,7 @@ np.save(sys.argv[2], found["coning_angle"])
 """
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_devices_share_a_batch(scene, tmp_path):
     """Two devices compute three members, padded to four, in lockstep; they agree with single runs to
     rounding."""
@@ -184,7 +184,7 @@ if jax.process_index() == 0:
 """
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_gradient_of_a_mean_over_processes(tmp_path):
     """The mean of (p_1 a + p_2 a)^2 over members and its gradient are the same from one and from two
     processes.

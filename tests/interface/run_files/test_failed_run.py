@@ -43,7 +43,7 @@ def break_from(monkeypatch, stepper, start):
     monkeypatch.setattr(stepper, "block", block)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("kind", quickly(KINDS))
 def test_a_failed_run_keeps_what_was_good_and_says_why(kind, scenes, wholes, tmp_path, monkeypatch, capsys):
     scene, whole, (_, stepper, scale) = scenes[kind], wholes(kind), KINDS[kind]
@@ -74,7 +74,7 @@ def test_a_failed_run_keeps_what_was_good_and_says_why(kind, scenes, wholes, tmp
     check_same(path, whole)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_step_that_fails_is_halved_six_times(scene, whole, tmp_path, monkeypatch, capsys):
     """A step that cannot be solved is tried with shorter steps, down to a 64th, in the same program."""
     original = GeneralizedAlpha.step
@@ -99,7 +99,7 @@ def test_a_step_that_fails_is_halved_six_times(scene, whole, tmp_path, monkeypat
     check_same(path, whole)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_spin_that_nothing_holds_is_refused_before_anything_is_written(scene, tmp_path, capsys):
     """Elements with engineering strain have no equilibrium above some spin rate, which is an error of the
     input."""
@@ -110,7 +110,7 @@ def test_a_spin_that_nothing_holds_is_refused_before_anything_is_written(scene, 
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_spin_whose_only_equilibrium_is_folded_is_refused(scene):
     """Above the spin rate that a tether can hold, only folded elements are in equilibrium; they are
     refused."""

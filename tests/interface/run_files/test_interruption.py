@@ -144,7 +144,7 @@ def kill_and_resume(kills, t_end, seed, scene, tmp_path):
     return killed
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_kill_9_leaves_a_file_that_opens_and_resumes_bit_for_bit(scene, tmp_path):
     assert kill_and_resume(3, 1500.0, 1, scene, tmp_path) >= 2
 
@@ -187,7 +187,7 @@ def content(folder):
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.skipif(
     not hasattr(os, "waitid"),
     reason="only POSIX systems have SIGSTOP and waitid, which hold a process at the moment to be copied",

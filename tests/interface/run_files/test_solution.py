@@ -96,7 +96,7 @@ def test_observables_at_a_time_are_those_of_a_run_that_saves_it(kind, solutions)
             solution.at(outside)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_observables_at_a_time_of_a_run_from_a_state(solution):
     """The run is taken again from where it began, and with the method that it had."""
     start = esail.simulate(solution.scene, {"integrator.t_end": 7.0, "voltage.value": 1e3}).final_state

@@ -45,7 +45,7 @@ def closed_form(s, pull):
 
 @pytest.mark.parametrize(
     ("kind", "elements", "bound"),
-    [("cable", 16, 1e-6), pytest.param("truss", 64, 2.5e-4, marks=pytest.mark.slow)],
+    [("cable", 16, 1e-6), pytest.param("truss", 64, 2.5e-4, marks=pytest.mark.nightly)],
 )
 def test_elastic_catenary(kind, elements, bound, validate):
     """The shape and its derivative by H agree with the closed form. The truss has an error of order

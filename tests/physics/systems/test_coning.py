@@ -73,7 +73,7 @@ def test_small_coning_of_a_held_tether(validate):
     validate("CON-2", case, reference, "d height / d voltage", abs(change / exact - 1.0), 1e-5)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_coning_of_the_free_baseline(validate):
     """In the sun-facing baseline the hub accelerates, which lowers the tips by 0.73 %.
 

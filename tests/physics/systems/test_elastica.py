@@ -25,7 +25,7 @@ from support.elastica import TIP_ANGLE, elliptic
 from support.one_tether import one_tether, straight
 from support.quick import jit
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.nightly
 
 
 def shooting(load, axial):

@@ -18,7 +18,7 @@ DRIFT = np.array([0.05, -0.1, 0.2])
 """Velocity of the centre of mass [m/s]."""
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("stepper", STEPPERS)
 def test_free_flight(stepper, validate):
     """The paths of both ends, momentum and angular momentum are right over a turn of 400 steps."""

@@ -45,7 +45,7 @@ def roots(function, guesses):
     return [brentq(function, a, b) for a, b in itertools.pairwise(guesses)]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("root", ["clamped", "pinned"])
 def test_beam_without_tension(root, validate):
     """Frequencies are those of Euler-Bernoulli beams, omega = (beta L)^2 sqrt(EI / (rho A L^4)).
@@ -72,7 +72,7 @@ def test_beam_without_tension(root, validate):
     )  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_taut_string(validate):
     """Frequencies of a taut string are omega_n = n pi sqrt(T / rho A) / (L sqrt(lambda)), lambda the
     stretch.
@@ -179,7 +179,7 @@ def rotating_string(spin, radius, length, axial, density, tip, points=32):
     return np.sort(np.concatenate([within[within > 0.0], outside]))
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_tether_of_the_baseline(validate):
     """The ten lowest modes of the baseline's tether agree with those of the rotating string.
 
@@ -217,7 +217,7 @@ def test_damped_rod(validate):
     assert np.abs(found.damping_ratio[:2]).max() < 1e-8
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_free_hub_and_cable(validate):
     """A free, spinning hub with one cable has the rigid modes of any free body in the turning frame.
 

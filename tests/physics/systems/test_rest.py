@@ -47,7 +47,7 @@ def coning():
     return made, straight(made, line=line), 4e-3, 1.0
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("case", [elastica, catenary, coning])
 @pytest.mark.parametrize("stepper", STEPPERS)
 def test_equilibrium_is_a_fixed_point(stepper, case, validate):
@@ -69,7 +69,7 @@ def test_equilibrium_is_a_fixed_point(stepper, case, validate):
     )  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("stepper", STEPPERS)
 def test_first_bending_mode_comes_back(stepper, validate):
     """A clamped beam released in its first mode returns after the period that `modes` gives.

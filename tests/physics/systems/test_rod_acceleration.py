@@ -184,7 +184,7 @@ def judge(data, ends, free, parts, time):
 
 
 @pytest.mark.parametrize("parts, free", [("everything", False), ("everything", True), ("clamped", False)])
-@pytest.mark.parametrize("n", [1, pytest.param(2, marks=pytest.mark.slow), 7])
+@pytest.mark.parametrize("n", [1, pytest.param(2, marks=pytest.mark.nightly), 7])
 def test_acceleration_is_that_of_lagranges_equations(n, parts, free):
     """The accelerations agree to rounding; the dense mass matrix has a condition number of some hundred."""
     data, ends = numbers(n)
@@ -210,7 +210,7 @@ def test_acceleration_is_that_of_truss_elements_in_absolute_coordinates(free):
     np.testing.assert_allclose(found, exact, rtol=0, atol=1e-12 * np.abs(exact).max())
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("free", [False, True], ids=["fixed", "free"])
 def test_power_is_the_rate_of_the_energy(free):
     """d(T + U)/dt is the power of loads and fields minus the dissipated power, along the true motion.

@@ -24,7 +24,7 @@ IMPLICIT = {"slack": 5e-3, "snap taut": 0.3, "stiffness ratio": 3e-2, "mass rati
 that become taut, which holds most of the energy there, and resolves the other motion to second order."""
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("case", HARD)
 def test_hard_cases_end_well(case):
     """Explicit methods keep the energy; the implicit method loses a known part and gains almost nothing."""
@@ -38,7 +38,7 @@ def test_hard_cases_end_well(case):
     assert error.max() < 5e-3 and error.min() > -IMPLICIT[case], (error.min(), error.max())
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("step, words", [(1e-4, "infinite or undefined"), (1e-5, "energy balance")])
 def test_an_explicit_step_that_is_too_long_says_so(step, words):
     """A step with omega h = 18 overflows; with 1.8 the chain vibrates, which its energy balance shows."""
@@ -52,7 +52,7 @@ def test_an_explicit_step_that_is_too_long_says_so(step, words):
     assert np.isnan(lost["tension"][-1]).all() and np.isfinite(lost["tension"][0]).all()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_implicit_method_resolves_the_stretch_of_steel():
     """The error is of second order down to 1e-6 m; rods stretch by 2e-7 m."""
     errors = []
@@ -84,7 +84,7 @@ def test_the_chosen_method_depends_on_the_stiffness_and_on_the_step():
     assert chosen(integrator__tolerance=1e-5).tolerance == 1e-5
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_implicit_method_chosen_for_a_stiff_chain_runs():
     """The implicit method integrates a stiff chain for which an explicit method needs 1.1e7 steps.
 
@@ -99,7 +99,7 @@ def test_the_implicit_method_chosen_for_a_stiff_chain_runs():
     assert np.abs(run["energy_error"]).max() < 1e-3
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("anchor", ["fixed", "free"])
 def test_a_chain_at_rest_stays_there(anchor):
     """A chain at rest stays at rest. Its energy is rounding, so that no relative error is formed."""

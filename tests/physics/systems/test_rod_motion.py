@@ -24,7 +24,7 @@ def weight(direction):
     return {"gravity.acceleration": [9.81 * x for x in (*direction, 0.0)[:3]]}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_experiment_1_against_quadruple_precision(validate):
     """The tip agrees to 8 digits of 20 m for every direction of gravity but -X, where slack rods move
     chaotically.
@@ -42,7 +42,7 @@ def test_experiment_1_against_quadruple_precision(validate):
     )  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_energy_of_experiment_1_at_the_papers_step(validate):
     """The energy error is at most the 6e-6 that [MW] find with ode45's pair at 1e-4 s.
 
@@ -63,7 +63,7 @@ def test_energy_of_experiment_1_at_the_papers_step(validate):
     )  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_experiment_2_against_quadruple_precision(validate):
     run = esail.simulate("steel-chain")
     validate(
@@ -75,7 +75,7 @@ def test_experiment_2_against_quadruple_precision(validate):
 SHORT = {"chain.rods": 3, "integrator.t_end": 1.0, "output.interval": 0.5}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "method, order", [("tsit5", 5), ("dopri5", 5), ("dopri8", 8), ("generalized-alpha", 2)]
 )
@@ -124,7 +124,7 @@ def traced(values):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_gradients():
     """The derivative of the tip's final position is the same in reverse and forward mode, to rounding.
 
@@ -148,7 +148,7 @@ def test_gradients():
         np.testing.assert_allclose(reverse[i], (4.0 * near - wide) / 3.0, rtol=1e-6, atol=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_a_traced_run_is_the_concrete_one_and_vmap_a_loop():
     values = jnp.array([[1.0, 1.0, 1.0, 1.0, 0.0, 1.0, 1.0], [1.3, 0.8, 1.0, 2.0, 0.1, 0.5, 2.0]])
     many = jit(jax.vmap(lambda v: traced(v)["joint_position"]))(values)
@@ -160,7 +160,7 @@ def test_a_traced_run_is_the_concrete_one_and_vmap_a_loop():
     assert set(alone.observables) >= {"tension", "energy_error", "kinetic_energy"}
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_loads_and_damping_of_the_sail_act_on_a_chain():
     """Coulomb thrust and axial damping act on a chain, and its energy balance closes.
 
@@ -188,7 +188,7 @@ def test_loads_and_damping_of_the_sail_act_on_a_chain():
     assert work < 1e-3 * np.abs(explicit["external_work"]).max()
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_energy_of_a_bending_chain():
     """The energy of a clamped chain that swings from the horizontal includes the springs between the
     rods."""

@@ -22,7 +22,7 @@ def clohessy_wiltshire(start, rate, t):
     ])  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_centre_of_mass_moves_as_a_free_particle(validate):
     """The centre of mass follows Clohessy & Wiltshire's solution over an orbit, to 1e-9 of the chain's
     size.
@@ -50,7 +50,7 @@ def test_centre_of_mass_moves_as_a_free_particle(validate):
     )  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_libration_frequencies(validate):
     """The line between the bodies librates at sqrt(3) n in the orbital plane and at 2 n across it.
 
@@ -81,7 +81,7 @@ def test_libration_frequencies(validate):
         )  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_the_implicit_method_on_orbit():
     """The implicit method converges to the explicit method's path of a free chain in orbit, with second
     order."""

@@ -83,7 +83,7 @@ def test_cantilever(validate):
     )  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_large_deflection_of_a_cantilever(validate):
     """With F L^2 / EI = 1 the elastica's tip is at 0.30172 L across (Bisshopp & Drucker 1945; here by
     shooting).
@@ -118,7 +118,7 @@ def elastica_tip_angle(load):
     return lambda s: shoot(kappa).sol(s)[0]
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_vibrating_beam(validate):
     """The two lowest transverse frequencies of a clamped-free beam satisfy cos cosh = -1.
 
@@ -144,7 +144,7 @@ def test_vibrating_beam(validate):
     )  # fmt: skip
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_fastest_rate_is_a_bound():
     """`fastest_rate` is above all frequencies of random stretched and bent chains, by less than ten
     times."""
@@ -208,7 +208,7 @@ def test_tension_only_law():
 # ---- orbit ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_tension_of_a_light_vertical_tether(validate):
     """The tension of a light vertical tether is 3 n^2 mu l with mu = m1 m2/(m1 + m2), at rest in the
     turning axes.

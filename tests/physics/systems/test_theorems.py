@@ -76,7 +76,7 @@ def test_angular_momentum_about_the_centre(falling, validate):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 @pytest.mark.parametrize("stepper", STEPPERS)
 def test_energy_band_without_constraints(stepper, validate):
     """The energy of a swinging cable stays in a band of second order, without drift (rho_inf = 1).
