@@ -3,7 +3,7 @@
     python3 bootstrap.py run              install into .venv, run the baseline sail, draw its figures
     python3 bootstrap.py test [OPTION ..] install into .venv with the test tools, run the tests
 
-Options after `test` go to pytest: `python3 bootstrap.py test -m ""` runs the slow tests too.
+Options after `test` go to pytest: `python3 bootstrap.py test -m ""` runs the nightly tests too.
 """
 
 import os

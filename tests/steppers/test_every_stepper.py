@@ -6,6 +6,7 @@ compiles three programs: the run on the host, a batch of traced runs, and a run 
 
 import dataclasses
 import functools
+import re
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -21,7 +22,9 @@ from esail_jax.rod_chain import error_scale
 from esail_jax.scenes.build import build_chain
 from esail_jax.scenes.scene import Scene, parse
 from esail_jax.scenes.structure import split
+from esail_jax.simulation.advance import Window, advance, move
 from esail_jax.simulation.host import HostRun, compile_scene
+from esail_jax.simulation.problem import start
 from esail_jax.simulation.restoring import paths
 from esail_jax.simulation.results import join
 from esail_jax.steppers.collocation import Collocation
@@ -29,7 +32,8 @@ from esail_jax.steppers.energy_momentum import EnergyMomentum
 from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
 from esail_jax.steppers.results import name_of
 from esail_jax.steppers.runge_kutta import RungeKutta
-from esail_jax.steppers.stepper import AbstractStepper
+from esail_jax.steppers.stepper import AbstractStepper, Motion, Point
+from esail_jax.system import Power
 from support.own_stepper import RungeKutta4
 from support.quick import jit
 
@@ -103,6 +107,9 @@ t_end = 1.6
 [output]
 interval = 0.1
 """
+
+VELOCITY = r"(^|/)v(/|$)"
+"""Matches the paths of velocities in a start."""
 
 LATE = {"event.time": [100.0]}
 """Override that moves the release behind the end of the run. It leaves the programs as they are."""
@@ -328,6 +335,90 @@ def check_bits(found: Mapping[str, np.ndarray], expected: Mapping[str, np.ndarra
     assert found.keys() == expected.keys()
     for name, values in expected.items():
         assert np.array_equal(found[name], values, equal_nan=True), name
+
+
+# ---- one window ---------------------------------------------------------------------------------
+
+
+def scaled(tree: Any, pattern: str, factor: Any) -> Any:
+    """The tree with the numbers whose path matches a pattern multiplied by a factor."""
+
+    def one(path, x):
+        name = "/".join(str(getattr(key, "name", getattr(key, "idx", key))) for key in path)
+        return factor * x if re.search(pattern, name) else x
+
+    return jax.tree_util.tree_map_with_path(one, tree)
+
+
+@every_case
+def test_contract_of_a_window(name):
+    """What a method owes its drivers, on the first window of a run, without scan and observables.
+
+    The replay of the recorded blocks gives the motion that the blocks gave, to rounding. Forward mode, by
+    stiffness and initial velocity, agrees with the difference quotient of windows (1e-6), reverse with
+    forward mode (1e-10, rounding). With error control other numbers have other steps and so another error
+    of the dense output: there wider differences of the positions are compared, to 1e-4. In a batch with a
+    member that overflows, that member ends without success and with NaN, and the others are the windows
+    alone."""
+    case = CASES[name]
+    has_error_control = name in ("collocation", "dopri8")
+    stepper = case.stepper(jnp.asarray(1e-12 if has_error_control else case.fineness[2], float))
+    begun = jit(start, static_argnums=0)(*split(case.scene), stepper)
+    count = min(2, stepper.instants_per_window)
+    window = Window(case.end * jnp.array([0.2137, 0.23])[:count], jnp.asarray(count))
+    limit = jnp.asarray(jnp.inf)
+
+    zero, until, now = jnp.zeros(()), jnp.asarray(jnp.inf), begun.motion.state.now
+    begin = now.y if case.chain else Point(zero, now.q, now.v, Power(zero, zero), jnp.asarray(True))
+
+    def inputs(x):
+        problem = scaled(begun.problem, "stiffness$", x[0])
+        state, last = stepper.init(problem.model, scaled(begin, VELOCITY, x[1]), until)
+        return problem, Motion(state, last, jnp.zeros(2))
+
+    def signal(x):
+        motion, points, passed = move(*inputs(x), window, limit)
+        q, v = (jnp.concatenate([jnp.ravel(y) for y in jax.tree.leaves(z)]) for z in (points.q, points.v))
+        return jnp.concatenate([q / jnp.abs(q).max(), v / jnp.abs(v).max()]), (motion.state.result, passed)
+
+    along = jnp.array([1.0, -0.3])
+
+    @jit
+    def alone(x, weights):
+        value, forward, ended = jax.jvp(signal, (x,), (along,), has_aux=True)
+        reverse = jax.vjp(lambda x: signal(x)[0], x)[1](weights)[0]
+        problem, motion = inputs(x)
+        room = stepper.blocks_per_window
+        found = advance(problem, motion, window, limit, jnp.asarray(room), stepper.tape, room)
+        again, points = stepper.replay(
+            problem.model, motion, found.motion, found.kept, found.batches, window.times
+        )
+        return value, forward, ended, reverse, (found.points.q, found.points.v), (points.q, points.v)
+
+    one = jnp.ones(2)
+    weights = jnp.asarray(np.random.default_rng(1).normal(size=jax.eval_shape(signal, one)[0].shape))
+    value, forward, (result, passed), reverse, taken, replayed = alone(one, weights)
+    assert name_of(result) == "successful" and passed == count
+    for a, b in zip(jax.tree.leaves(taken), jax.tree.leaves(replayed), strict=True):
+        np.testing.assert_allclose(b, a, rtol=0, atol=1e-11 * np.abs(a).max(initial=0.0))
+    assert abs(reverse @ along / (weights @ forward) - 1.0) < 1e-10
+
+    @jit
+    def batch(factors):
+        return jax.vmap(signal)(factors)
+
+    e, steps = 1e-2 if has_error_control else 1e-3, jnp.array([-2.0, -1.0, 1.0, 2.0])
+    near = one + e * steps[:, None] * along
+    values, (results, _) = batch(jnp.concatenate([jnp.array([[1.0, 1.0], [1e300, 1e300]]), near]))
+    np.testing.assert_allclose(values[0], value, rtol=0, atol=1e-11)
+    ended = [name_of(jax.tree.map(lambda x, k=k: x[k], results)) for k in range(len(values))]
+    assert ended[1] != "successful" and {*ended[:1], *ended[2:]} == {"successful"}
+    assert np.isnan(values[1]).any()
+
+    quotient = (values[2] - 8.0 * values[3] + 8.0 * values[4] - values[5]) / (12.0 * e)
+    compared = slice(len(quotient) // 2 if has_error_control else None)
+    gap, bound = np.abs(forward - quotient)[compared].max(), 1e-4 if has_error_control else 1e-6
+    assert gap < bound * np.abs(quotient[compared]).max()
 
 
 # ---- traced runs --------------------------------------------------------------------------------
