@@ -27,4 +27,6 @@ def test_no_other_document_says_how_long_the_tests_take():
     for page in pages:
         if page.name not in ("CHANGELOG.md", "DURATIONS.md"):
             for line in page.read_text(encoding="utf-8").splitlines():
-                assert not (COMMANDS.search(line) and TIMES.search(line)), f"{page.relative_to(ROOT)}: {line}"
+                assert not (COMMANDS.search(line) and TIMES.search(line)), (
+                    f"{page.relative_to(ROOT)}: {line}"
+                )

@@ -9,7 +9,7 @@ from jax.interpreters import partial_eval
 
 from esail_jax.compilation import call, derived, store, transposed
 from esail_jax.compilation.jit import jit
-from esail_jax.compilation.program import Program, TreeProgram, tree_program, type_of
+from esail_jax.compilation.program import Program, TreeProgram, save, tree_program, type_of
 from support.compiled_nothing import COMPILATION
 from support.new_process import output_of
 from support.quick import quickly
@@ -192,6 +192,7 @@ def test_results_that_are_not_used_are_not_computed():
     (operation,) = shorter.eqns
     assert needed == [False, True]
     assert "scan" not in str(operation.params["program"].traced.jaxpr)
+    assert not partial_eval.dce_jaxpr(traced.jaxpr, [False])[0].eqns
 
 
 def prepared_by(gradient, monkeypatch):
@@ -272,3 +273,17 @@ def test_recomputed_tangents_save_no_residuals_and_differentiate_one_result():
     assert found.reached == (False, False, False, False, True)
     assert found.arguments == (False, True, False, False, False)
     assert "scan" not in str(found.program.traced.jaxpr)
+
+
+def test_a_kept_derivative_of_other_operations_is_refused(folder):
+    """Residuals have no names: the linear map of this process takes those of a kept `forward` only if that
+    has the same operations."""
+    moving = (True, False, False)
+    base = new_program(None).program
+    base.key = "a" * 64
+    made = derived.forward(base, moving)
+    save(made.key, "facts", made.facts._replace(about="other operations"))
+    derived.forward.cache_clear()
+    derived.tangent.cache_clear()
+    with pytest.raises(RuntimeError, match="the program cache holds another derivative"):
+        derived.tangent(base, moving).traced  # noqa: B018

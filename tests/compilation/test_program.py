@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from esail_jax.compilation import keys, options, program, store
+from esail_jax.compilation.cache_hits import HITS
 from esail_jax.compilation.jit import jit
 from esail_jax.compilation.keys import Unkeyed, key_of, text_of
 from esail_jax.compilation.program import Program
@@ -188,3 +189,41 @@ def test_lowering_in_two_threads_leaves_the_settings_of_jax():
         pool.submit(inspect.unwrap(options.lower), other).result()
         one.result()
     assert before and jax.config.jax_include_full_tracebacks_in_locations
+
+
+def test_environment_holds_the_source_and_the_flags_of_xla(tmp_path, monkeypatch):
+    """Another source of the package, or other flags, make another environment, and so other keys."""
+    source = tmp_path / "esail_jax" / "compilation" / "keys.py"
+    source.parent.mkdir(parents=True)
+    source.write_text("one")
+    monkeypatch.setattr(keys, "__file__", str(source))
+    environment = keys.environment.__wrapped__
+    before = environment()
+    assert environment() == before
+    source.write_text("two")
+    changed = environment()
+    monkeypatch.setenv("XLA_FLAGS", "--xla_another=true")
+    assert len({before, changed, environment()}) == 3
+
+
+def test_a_key_depends_on_the_compiler_options(folder):
+    """Programs with other options, or with fusion forbidden, are others."""
+    x = np.ones((3, 2))
+    quick = options.COMPILER_OPTIONS | {"xla_backend_optimization_level": 0}
+    found = (program.program_of(dot, (), (x, x)), program.program_of(dot, (), (x, x), quick))
+    alone = program.program_of(dot, (), (x, x), fused=False)
+    assert len({made.program.key for made in (*found, alone)}) == 3
+
+
+def test_a_program_from_the_cache_of_jax_is_not_kept(folder, monkeypatch):
+    """XLA serialises such an executable without some of its functions. Without that hit it is kept."""
+    lowered = options.lower(jax.jit(jnp.sin).trace(np.ones(3)))
+
+    def from_jax():
+        HITS.listen("/jax/compilation_cache/cache_hits")
+        return lowered.compile()
+
+    program.compile_and_save("a" * 64, from_jax)
+    assert not program.is_kept("a" * 64)
+    program.compile_and_save("a" * 64, lowered.compile)
+    assert program.is_kept("a" * 64)

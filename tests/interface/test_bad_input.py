@@ -78,6 +78,7 @@ SETTINGS = [
     ("tethers.area=[1e-9, 0.0]", "positive"),
     ("hub.radius=0", "positive", "0"),
     ("remote_units.mass=-1", "not be negative"),
+    ("remote_units.mass=[1.5, -1.0]", "not be negative", "[1.5, -1.0]"),
     ("voltage.value=-inf", "finite"),
     ("solar_wind.speed=0.0", "positive"),
     ("solar_wind.number_density=-1.0", "not be negative"),

@@ -65,7 +65,9 @@ def pytest_terminal_summary(terminalreporter, config):
         names = sorted(name for name, own in groups.items() if own == group)
         new[group] = {name: measured.get(name) for name in names}
     FILE.write_text(json.dumps(new, indent=1, sort_keys=True) + "\n", encoding="utf-8")
-    terminalreporter.write_line(f"durations: {sum(len(new[group]) for group in GROUPS)} tests in {FILE.name}")
+    terminalreporter.write_line(
+        f"durations: {sum(len(new[group]) for group in GROUPS)} tests in {FILE.name}"
+    )
 
 
 def read() -> dict:

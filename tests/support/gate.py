@@ -1,8 +1,8 @@
 """The tests of the gate: default tests, and the nightly ones that `tests/gate.toml` names.
 
-    python -m pytest                                default tests
-    python -m pytest -m "gate or not nightly"       the gate
-    python -m pytest -m ""                          all tests
+python -m pytest                                default tests
+python -m pytest -m "gate or not nightly"       the gate
+python -m pytest -m ""                          all tests
 """
 
 import tomllib

@@ -72,7 +72,10 @@ def main(arguments: list[str]) -> int:
     found = read()
     if arguments:
         if len(arguments) != 2 or arguments[0] not in SESSIONS:
-            print(f"NAME must be one of {', '.join(SESSIONS)}, with SECONDS, but is {arguments}", file=sys.stderr)
+            print(
+                f"NAME must be one of {', '.join(SESSIONS)}, with SECONDS, but is {arguments}",
+                file=sys.stderr,
+            )
             return 2
         found["sessions"][arguments[0]] = float(arguments[1])
         FILE.write_text(json.dumps(found, indent=1, sort_keys=True) + "\n", encoding="utf-8")

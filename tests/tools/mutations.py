@@ -61,7 +61,9 @@ def run(name: str, package: Path, programs: Path, markers: str, options: list[st
     cannot run, for example because one does not exist."""
     folders = {"JAX_COMPILATION_CACHE_DIR": str(programs), "ESAIL_CACHE": str(package / "programs")}
     environment = os.environ | folders | {"PYTHONPATH": str(package)}
-    result = subprocess.run([*PYTEST, "-m", markers, *options], cwd=ROOT, env=environment, capture_output=True, text=True)
+    result = subprocess.run(
+        [*PYTEST, "-m", markers, *options], cwd=ROOT, env=environment, capture_output=True, text=True
+    )
     if result.returncode == NOT_FOUND:
         return None
     if result.returncode == NOTHING_CHOSEN:

@@ -3,6 +3,8 @@
 import pytest
 
 from esail_jax import cli
+from esail_jax.files.opening import RunFileError
+from esail_jax.files.reading import read_runs
 from support.new_process import heavy_imports_of
 
 
@@ -71,6 +73,9 @@ def test_members_of_an_ensemble(ensemble, tmp_path, capsys):
     )
     line = refused(["animate", ensemble, "-o", movie], capsys)
     assert line == "`--member` must be given with an ensemble (0 to 2), but is not"
+    for member in (-1, 3):
+        with pytest.raises(RunFileError, match=f"must be between 0 and 2, but is {member}"):
+            read_runs(ensemble, (member,))
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,13 @@ from esail_jax.commands.cluster import end_together
 from esail_jax.commands.ensemble import publish_pieces, task_of
 from esail_jax.commands.ensemble_report import distributions
 from esail_jax.ensembles import load_ensemble
-from esail_jax.ensembles.ensemble_file import parts_of, pieces_in, write_piece
+from esail_jax.ensembles.ensemble_file import (
+    computed_members,
+    parts_of,
+    pieces_in,
+    try_claim,
+    write_piece,
+)
 from esail_jax.ensembles.merging import merge_pieces, size_of
 from esail_jax.errors import NoSpaceError
 from esail_jax.files.locks import FolderLock, in_use
@@ -236,3 +242,25 @@ def test_too_few_members_for_shares(scene):
     one = {"initial.spin_rate": np.arange(19.0)}
     lines = distributions(made_up(scene, np.arange(19), one))
     assert lines[0].endswith("driven by") and lines[1].endswith("initial.spin_rate 100 %")
+
+
+# ---- pieces ---------------------------------------------------------------------------------------
+
+
+def test_a_piece_is_taken_once(scene, tmp_path):
+    """Two processes that ask for the same piece do not both get it."""
+    publish_pieces(task_of(scene, 2, VARY, 3, "random", ["coning_angle"]), tmp_path, np.arange(2), 1)
+    assert [try_claim(tmp_path, "piece") for _ in range(3)] == [True, False, False]
+
+
+def test_only_what_a_file_holds_is_computed(scene, tmp_path):
+    """Three of five members are in a piece, and later in ensemble.h5; the other two are missing there."""
+    task = task_of(scene, 5, VARY, 3, "random", ["coning_angle"])
+    publish_pieces(task, tmp_path, np.arange(5), 1)
+    write_piece(tmp_path, "00000000-00000003-000000", task, made_up(scene, [0, 1, 3], {}), (1.0, 1.0))
+    assert computed_members(tmp_path, task)[0].tolist() == [0, 1, 3]
+    status, message = merge_pieces(tmp_path, task)
+    assert (status, message) == ("interrupted", "2 of 5 members are missing (2, 4)")
+    members, held = computed_members(tmp_path, task)
+    assert members.tolist() == [0, 1, 3] and held == 5
+    assert load_ensemble(tmp_path / "ensemble.h5")["coning_angle"][3, 0, 0] == 3.0

@@ -4,7 +4,7 @@ import pytest
 
 import esail_jax as esail
 from esail_jax.cli import main
-from esail_jax.files.locks import FileLock
+from esail_jax.files.locks import FileLock, is_file_at
 
 SHORT = ["--set", "tethers.count=3", "--set", "tethers.elements=2", "--t-end", "20", "--quiet"]
 
@@ -30,3 +30,15 @@ def test_a_run_locks_its_own_file_only(tmp_path):
         raise ZeroDivisionError
     FileLock(tmp_path / "a.h5").release()
     assert not list(tmp_path.iterdir())
+
+
+def test_a_lock_on_a_file_that_was_removed_is_none(tmp_path):
+    """Another process may remove the file of a lock between its opening and the lock; the lock would then
+    be on a file that nobody else finds."""
+    path = tmp_path / "lock"
+    with open(path, "w") as file:
+        assert is_file_at(file, path)
+        path.unlink()
+        assert not is_file_at(file, path)
+        path.touch()
+        assert not is_file_at(file, path)

@@ -59,9 +59,13 @@ def test_save_overwrites_only_when_told(solution, tmp_path):
 
 
 def test_a_saved_solution_can_be_resumed(scene, whole, tmp_path):
-    esail.save(esail.simulate(str(scene), {"integrator.t_end": 30.0}), tmp_path / "a.h5")
+    """The run time in the file is that of both parts."""
+    first = esail.simulate(str(scene), {"integrator.t_end": 30.0})
+    first.stats["wall_time"] = 1e6
+    esail.save(first, tmp_path / "a.h5")
     assert esail_run(scene, tmp_path / "a.h5", "--resume") == 0
     check_same(tmp_path / "a.h5", whole)
+    assert esail.load(tmp_path / "a.h5").stats["wall_time"] > 1e6
 
 
 def test_load_refuses_a_file_that_is_no_run(tmp_path):
@@ -75,3 +79,12 @@ def test_load_refuses_a_file_that_is_no_run(tmp_path):
 # The last test of the file, because it drops the programs that the others share.
 def test_load_compiles_nothing(whole, nothing_compiles):
     assert esail.load(whole)["kinetic_energy"].shape == (230,)
+
+
+def test_a_failed_solution_is_saved_as_failed(scene, tmp_path):
+    """Its file says why, and has the rows before the failure."""
+    found = esail.simulate(str(scene), max_steps=1, throw=False)
+    assert found.result != esail.RESULTS.successful
+    esail.save(found, tmp_path / "a.h5")
+    assert status_of(tmp_path / "a.h5") == "failed"
+    assert esail.load(tmp_path / "a.h5").stats["message"] == found.stats["message"] != ""
