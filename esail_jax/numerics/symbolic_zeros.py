@@ -62,8 +62,8 @@ def bundled(rhs: Any) -> Any:
     """Returns the right-hand sides of a `lax.custom_linear_solve` as one bundle: if one of them has a
     tangent, all have. JAX cannot transpose the solve if some of several right-hand sides have none.
 
-    JAX 0.11 and later cannot transpose a barrier one of whose operands is constant. There every right-hand side gets
-    a zero added that depends on all of them, which the compiler removes."""
+    JAX 0.11 and later cannot transpose a barrier one of whose operands is constant. There every right-hand
+    side gets a zero added that depends on all of them, which the compiler removes."""
     if CONSTANTS_IN_BARRIERS:
         return lax.optimization_barrier(rhs)
     zero = linear_zero(jax.tree.leaves(rhs))

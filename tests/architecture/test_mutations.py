@@ -1,6 +1,6 @@
 """The lists of perturbations (`mutations/*.toml`) fit the package and the table of results.
 
-Running the perturbations is no test: `python tests/tools/mutations.py` (DURATIONS.md says how long it takes).
+Running the perturbations is no test: `python tests/tools/mutations.py` (how long it takes: DURATIONS.md).
 """
 
 import csv

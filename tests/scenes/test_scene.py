@@ -366,3 +366,13 @@ def test_simulate_refuses_32_bit(sail):
 def test_scene_is_checked_however_it_is_made(sail):
     with pytest.raises(esail.SceneError, match=r"`tethers\.count` must be a positive integer"):
         Scene(**{**vars(sail), "tethers": dataclasses.replace(sail.tethers, count=0)})
+
+
+def test_the_times_of_a_run_are_no_structure():
+    """A run to another end, with other saved instants, steps and events, has the programs of the first."""
+    scene = load_scene("baseline", {"integrator.method": "generalized-alpha", "integrator.step": 0.1})
+    event = {"event.time": [50.0], "event.release": [1]}
+    one = split(scene.replace(event))[0]
+    times = {"integrator.t_end": 7.0, "integrator.step": 0.2, "output.interval": 1.0}
+    assert split(scene.replace(times | {"event.time": [3.0], "event.release": [2]}))[0] == one
+    assert split(scene)[0] != one

@@ -390,7 +390,7 @@ def test_contract_of_a_window(name):
         problem, motion = inputs(x)
         room = stepper.blocks_per_window
         found = advance(problem, motion, window, limit, jnp.asarray(room), stepper.tape, room)
-        again, points = stepper.replay(
+        _, points = stepper.replay(
             problem.model, motion, found.motion, found.kept, found.batches, window.times
         )
         return value, forward, ended, reverse, (found.points.q, found.points.v), (points.q, points.v)

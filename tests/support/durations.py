@@ -1,10 +1,10 @@
 """The durations of all tests, in `durations.json` beside VALIDATION.md.
 
-    python3 bootstrap.py test -m "" --write-durations                    measure
-    python3 bootstrap.py test -m "" --write-durations --collect-only     enter new tests, leave out those that are gone
+    python -m pytest -m "" --write-durations                    measure
+    python -m pytest -m "" --write-durations --collect-only     enter new tests, drop those that are gone
 
-The file has three groups: default tests, further tests of the gate (`gate.toml`), and those of the night. It
-also tells where it was measured and how long whole sessions take (`tests/tools/durations.py`).
+The file has three groups: default tests, further tests of the gate (`gate.toml`), and those of the night.
+It also tells where it was measured and how long whole sessions take (`tests/tools/durations.py`).
 """
 
 import json

@@ -27,7 +27,7 @@ def gate_tests() -> list[str]:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config, items):
-    """Marks the gate's tests, and remembers which tests are nightly only, before pytest selects by marker."""
+    """Marks the gate's tests, and remembers which tests are nightly only, before pytest selects some."""
     named = set(gate_tests())
     found = {item.nodeid.removeprefix("tests/"): item for item in items}
     for name in named & found.keys():

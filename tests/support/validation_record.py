@@ -4,8 +4,8 @@
     python3 bootstrap.py test -m "" --validation check      compare VALIDATION.md with this run
 
 A row is an assertion, result <= acceptance, with its reference. The check compares everything but the
-digits of the results, which differ from machine to machine: rows, references, acceptances, tests. In a session
-of some of the tests it compares the rows of those that ran.
+digits of the results, which differ from machine to machine: rows, references, acceptances, tests. In a
+session of some of the tests it compares the rows of those that ran.
 """
 
 import math

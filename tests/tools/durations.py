@@ -34,7 +34,8 @@ def table(found: dict) -> str:
     lines = [
         "# How long the tests take",
         "",
-        "Written by `python tests/tools/durations.py` from `durations.json`, which holds the duration of every test.",
+        "Written by `python tests/tools/durations.py` from `durations.json`, which holds"
+        " the duration of every test.",
         "",
         "| what | command | wall time on two cores |",
         "|---|---|---|",
@@ -43,8 +44,8 @@ def table(found: dict) -> str:
         lines.append(f"| {what} | {command} | {in_words(found['sessions'].get(name))} |")
     lines += [
         "",
-        f"Durations of single tests: {found.get('measured', 'not measured yet')}. *gate*: nightly tests that the gate runs,"
-        " too (`tests/gate.toml`); *nightly*: all others that are not default tests.",
+        f"Durations of single tests: {found.get('measured', 'not measured yet')}. *gate*: nightly tests"
+        " that the gate runs, too (`tests/gate.toml`); *nightly*: all others that are not default tests.",
         "",
         "| folder of `tests/` | default | s | gate | s | nightly | s |",
         "|---|---|---|---|---|---|---|",

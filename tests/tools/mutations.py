@@ -1,13 +1,13 @@
-"""Perturbs the physics one coefficient at a time and records the tests that notice.
+"""Perturbs the package one coefficient at a time and records the tests that notice.
 
-    python tests/tools/mutations.py [NAME ...]             all mutations, or those whose name contains NAME
-    python tests/tools/mutations.py --gate [NAME ...]      with the tests of the gate only (`tests/gate.toml`)
+    python tests/tools/mutations.py [NAME ...]           all mutations, or those whose name contains NAME
+    python tests/tools/mutations.py --gate [NAME ...]    with the tests of the gate only (`tests/gate.toml`)
 
 A mutation replaces one piece of text in a copy of the package. The tests that noticed it the last time
 run against the copy first. If none of them fails, all tests named with the mutation run until three have
-failed. With `--gate`, tests that only the night runs are left out. At the end every test that noticed a mutation must pass on an unchanged copy. The result is written
-to `experiments/mutations/mutations.csv`. The exit status is 1 if no test notices a mutation, or if a test
-fails without a mutation.
+failed. With `--gate`, tests that only the night runs are left out. At the end every test that noticed a
+mutation must pass on an unchanged copy. The result is written to `experiments/mutations/mutations.csv`.
+The exit status is 1 if no test notices a mutation, or if a test fails without a mutation.
 
 All runs share one folder of programs compiled by JAX, whose key is the program itself: a mutation compiles
 only what it changes.
@@ -34,8 +34,8 @@ EVERY, GATE = "", "gate or not nightly"
 """Markers of all tests, and of those of the gate."""
 
 NOTHING_CHOSEN, NOT_FOUND = 5, 4
-"""Exit status of pytest if every test that is asked for is left out by its marker, and if one does not exist,
-for example because it was renamed."""
+"""Exit status of pytest if every test that is asked for is left out by its marker, and if one does not
+exist, for example because it was renamed."""
 
 
 def mutations() -> list[dict]:
