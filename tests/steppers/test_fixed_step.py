@@ -139,7 +139,9 @@ def test_trial_steps_precede_the_first_block_only_also_in_a_replay(begun):
     batch = jit(jax.vmap(lambda state: stepper.block(model, state)[0]))(both)
     for k, alone in enumerate((first, second)):
         member = jax.tree.map(lambda x, k=k: x[k], batch)
-        np.testing.assert_allclose(member.now.a.tether, alone.now.a.tether, rtol=1e-9, atol=1e-15)
+        found_alone = np.asarray(alone.now.a.tether)
+        size = np.abs(found_alone).max()  # rounding is that of the largest acceleration
+        np.testing.assert_allclose(member.now.a.tether, found_alone, rtol=0, atol=1e-12 * size)
         assert member.taken == alone.taken
     known, without, always = (
         jit(lambda stepper, trials=trials: one_by_one(stepper, begun, trials, STEPS_PER_FACTORISATION))(
