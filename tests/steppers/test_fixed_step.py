@@ -154,7 +154,8 @@ def test_trial_steps_precede_the_first_block_only_also_in_a_replay(begun):
     def gap(other):
         return np.abs(known.a.tether - other.a.tether).max() / size
 
-    assert max(gap(found), gap(again)) < 1e-13
+    # Rounding of 80 steps: up to 6e-13, by how a processor's program contracts products and sums.
+    assert max(gap(found), gap(again)) < 1e-11
     assert min(gap(without), gap(always)) > 1e-10
 
 
