@@ -43,8 +43,8 @@ def folder(tmp_path, monkeypatch, without_jax_cache):
     "one, other",
     [
         (1, 1.0), (1, True), (0.1, 0.1 + 1e-16), ("1", 1), ((1, 2), [1, 2]), ((1, (2, 3)), (1, 2, 3)),
-        (np.zeros(2), np.zeros((2, 1))), (np.zeros(2), np.zeros(2, int)), (0.0, -0.0), (dot, norm),
-        ({"a": 1}, {"a": 2}), (Kind.NUMBER, Kind.INTEGER), (None, "None"),
+        (np.zeros(2), np.zeros((2, 1))), (np.zeros(2), np.zeros(2, int)), (np.zeros(2), np.ones(2)),
+        (0.0, -0.0), (dot, norm), ({"a": 1}, {"a": 2}), (Kind.NUMBER, Kind.INTEGER), (None, "None"),
         (functools.partial(dot, 1), functools.partial(dot, 2)),
     ],
 )  # fmt: skip

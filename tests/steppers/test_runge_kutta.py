@@ -1,6 +1,8 @@
 """Explicit Runge-Kutta methods on equations with known solutions: single steps, dense output, step control,
 and derivatives of runs."""
 
+from typing import ClassVar
+
 import diffrax
 import equinox as eqx
 import jax
@@ -175,3 +177,42 @@ def test_steps_beyond_the_bound_end_the_run():
     assert passed == 2 and motion.state.taken == 10
     assert RESULTS[motion.state.result] == RESULTS[RESULTS.too_many_steps]
     assert np.isfinite(points.q).tolist() == [True, True, False]
+
+
+def test_a_bound_of_steps_counts_those_before_and_holds_within_a_batch():
+    """A run with five earlier steps and a bound of eight takes three, fewer than a batch has."""
+    f, method = Decay(jnp.asarray(0.7)), method_of("tsit5", 0.1)
+    motion = motion_of(method, f, jnp.asarray(1.5))._replace(earlier=jnp.array([5.0, 0.0]))
+    window = Window(jnp.array([10.0]), jnp.asarray(1))
+    ended, _, passed = jit(move)(problem_of(f, method), motion, window, jnp.asarray(8.0))
+    assert int(ended.state.taken) == 3 and int(ended.counts[0]) == 8 and int(passed) == 0
+    assert name_of(ended.state.result) == "too_many_steps"
+
+
+def test_a_differentiated_window_without_room_for_its_steps_says_so():
+    """A derivative records the steps of a window. If they need more batches of blocks than it has room for,
+    the run has failed; the same run without a derivative has no such limit."""
+
+    class Short(RungeKutta):
+        """A method with room for eight batches of eight steps."""
+
+        blocks_per_window: ClassVar[int] = 8
+
+    method = Short(jnp.asarray(0.1), None, None, "tsit5")
+
+    def ended(k, until):
+        f = Decay(k)
+        window = Window(until[None], jnp.asarray(1))
+        motion = motion_of(method, f, jnp.asarray(1.5))
+        motion, points, passed = move(problem_of(f, method), motion, window, jnp.asarray(jnp.inf))
+        return points.q[0], (motion.state.result, passed)
+
+    k = jnp.asarray(0.7)
+    differentiated = jit(jax.value_and_grad(ended, has_aux=True))
+    for until, result, passed in ((6.35, "successful", 1), (6.55, "too_many_steps", 0)):
+        (value, (found, count)), _ = differentiated(k, jnp.asarray(until))
+        assert name_of(found) == result and int(count) == passed
+        assert np.isfinite(value) == bool(passed)
+        plain, (found, count) = jit(ended)(k, jnp.asarray(until))
+        assert name_of(found) == "successful" and int(count) == 1
+        np.testing.assert_allclose(plain, Decay(k).exact(1.5, until), rtol=1e-6)
