@@ -5,6 +5,7 @@ import threading
 import numpy as np
 import pytest
 
+import esail_jax as esail
 from esail_jax import load_scene
 from esail_jax.simulation.host import HostRun, compile_scene
 from esail_jax.simulation.results import join
@@ -21,6 +22,38 @@ def test_a_compiled_scene_compiles_nothing_more(scene, small):
     with no_compilation():
         chunks = list(HostRun(compiled).chunks())
     assert sum(len(chunk.time) for chunk in chunks) > 2
+
+
+def test_steps_before_a_switch_count():
+    """A method begins afresh at a switch time, but steps are counted over the whole run: as many as in runs
+    without a switch of the lengths of its three parts."""
+    scene = {"integrator.method": "generalized-alpha", "integrator.step": 1.0, "output.interval": 10.0}
+    truss = {"tethers.element": "truss", "tethers.elements": 1, "tethers.bending": False}
+    none = dict.fromkeys(("tethers.second_moment", "tethers.bending_damping_time"))
+    law = {"voltage.law": "on-off", "voltage.rise_time": 1.0}
+
+    def steps(end, on, off):
+        own = {"integrator.t_end": end, "voltage.on": on, "voltage.off": off}
+        return esail.simulate("baseline", {**scene, **truss, **none, **law, **own}).steps
+
+    part = {end: steps(end, 1e3, 2e3) for end in (10.0, 20.0)}
+    assert part[20.0] >= 20
+    assert steps(40.0, 20.0, 30.0) == part[20.0] + 2 * part[10.0] > steps(40.0, 1e3, 2e3)
+
+
+def test_a_chain_has_the_same_rows_in_many_calls():
+    """The energy error of a row refers to the energies of all rows before it, also those of earlier calls."""
+    small = {"chain.rods": 5, "integrator.t_end": 3.0, "output.interval": 0.1}
+    compiled = compile_scene(load_scene("hanging-chain", small))
+    whole = join([chunk.observables for chunk in HostRun(compiled).chunks()])
+    in_parts = HostRun(compiled._replace(programs=compiled.programs._replace(batches=1)))
+    parts = [chunk.observables for chunk in in_parts.chunks()]
+    assert len(parts) > 3
+    for name, rows in join(parts).items():
+        np.testing.assert_array_equal(rows, whole[name], err_msg=name)
+    # A run that goes on from the last checkpoint has nothing to do, and knows the steps before.
+    again = HostRun(compiled, in_parts.checkpoint)
+    assert not list(again.chunks()) and again.steps == in_parts.steps > 3
 
 
 @pytest.mark.nightly
