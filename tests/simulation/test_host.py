@@ -10,6 +10,7 @@ from esail_jax import load_scene
 from esail_jax.simulation.host import HostRun, compile_scene
 from esail_jax.simulation.results import join
 from support.compiled_nothing import no_compilation
+from support.quick import jit
 
 
 @pytest.mark.drops_programs
@@ -24,25 +25,46 @@ def test_a_compiled_scene_compiles_nothing_more(scene, small):
     assert sum(len(chunk.time) for chunk in chunks) > 2
 
 
+FIXED = {
+    "integrator.method": "generalized-alpha", "integrator.step": 1.0, "output.interval": 10.0,
+    "tethers.element": "truss", "tethers.elements": 1, "tethers.bending": False,
+    "tethers.second_moment": None, "tethers.bending_damping_time": None,
+    "voltage.law": "on-off", "voltage.rise_time": 1.0,
+}  # fmt: skip
+
+
 def test_steps_before_a_switch_count():
     """A method begins afresh at a switch time, but steps are counted over the whole run: as many as in runs
     without a switch of the lengths of its three parts."""
-    scene = {"integrator.method": "generalized-alpha", "integrator.step": 1.0, "output.interval": 10.0}
-    truss = {"tethers.element": "truss", "tethers.elements": 1, "tethers.bending": False}
-    none = dict.fromkeys(("tethers.second_moment", "tethers.bending_damping_time"))
-    law = {"voltage.law": "on-off", "voltage.rise_time": 1.0}
 
     def steps(end, on, off):
         own = {"integrator.t_end": end, "voltage.on": on, "voltage.off": off}
-        return esail.simulate("baseline", {**scene, **truss, **none, **law, **own}).steps
+        return esail.simulate("baseline", FIXED | own).steps
 
     part = {end: steps(end, 1e3, 2e3) for end in (10.0, 20.0)}
     assert part[20.0] >= 20
     assert steps(40.0, 20.0, 30.0) == part[20.0] + 2 * part[10.0] > steps(40.0, 1e3, 2e3)
 
 
+def test_a_traced_run_takes_the_steps_of_the_host_across_switches():
+    """Switch times that are no multiples of the step: one step ends there, and the next begins there.
+    Host and trace agree to rounding, 1e-10 of the largest entry."""
+    pulse = FIXED | {"integrator.t_end": 40.0, "voltage.on": 20.3, "voltage.off": 30.45}
+    host = esail.simulate("baseline", pulse)
+
+    def traced(spin):
+        run = esail.simulate("baseline", pulse | {"initial.spin_rate": spin})
+        return dict(run), run.steps
+
+    rows, steps = jit(traced)(host.scene.initial.spin_rate)
+    assert int(steps) == host.steps
+    for name in ("tip_position_I", "elastic_energy", "angular_velocity_B", "voltage"):
+        size = np.abs(host[name]).max()
+        np.testing.assert_allclose(rows[name], host[name], rtol=0, atol=1e-10 * size, err_msg=name)
+
+
 def test_a_chain_has_the_same_rows_in_many_calls():
-    """The energy error of a row refers to the energies of all rows before it, also those of earlier calls."""
+    """The energy error of a row refers to the energies of all rows before it, also of earlier calls."""
     small = {"chain.rods": 5, "integrator.t_end": 3.0, "output.interval": 0.1}
     compiled = compile_scene(load_scene("hanging-chain", small))
     whole = join([chunk.observables for chunk in HostRun(compiled).chunks()])
