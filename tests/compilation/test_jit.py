@@ -181,7 +181,7 @@ def test_jit_compiles_anew_for_other_shapes_types_and_trees():
     assert len(compiled._programs) == 6
 
 
-def test_programs_of_jit_have_the_options_of_the_package():
+def test_programs_of_jit_have_the_options_of_the_package(without_jax_cache):
     """A product with a factor computed on the fly goes to the library together with what computes it: at
     once with the right option, not at all if that would be wrong."""
     compiled = jit(lambda a, b: a @ b)
