@@ -181,9 +181,11 @@ def test_jit_compiles_anew_for_other_shapes_types_and_trees():
     assert len(compiled._programs) == 6
 
 
-def test_programs_of_jit_have_the_options_of_the_package(without_jax_cache):
+def test_programs_of_jit_have_the_options_of_the_package(without_jax_cache, tmp_path, monkeypatch):
     """A product with a factor computed on the fly goes to the library together with what computes it: at
-    once with the right option, not at all if that would be wrong."""
+    once with the right option, not at all if that would be wrong. Both programs are compiled here: the text
+    of a kept one has the lines of the source from which it was traced."""
+    monkeypatch.setenv(store.VARIABLE, str(tmp_path / "programs"))
     compiled = jit(lambda a, b: a @ b)
     np.testing.assert_allclose(compiled(LEFT, LEFT), LEFT @ LEFT, rtol=1e-13)
     (program,) = compiled._programs.values()
