@@ -1,9 +1,9 @@
 """Measurements of a sail's state: the input of its control laws.
 
-The phase phi of a tether is its angle about the spin axis. It is counted in the sense of the spin, from the
-azimuth at which the wind's component in the spin plane points outward along the tether. That azimuth is
-undefined if the wind blows along the spin axis: cos phi and sin phi fade to zero there, and laws of the
-phase to their mean.
+The phase phi of a tether is its angle about the spin axis. It grows in the sense of the spin: about X_B for
+a positive spin rate, the other way round for a negative one. It is counted from the azimuth at which the
+wind's component in the spin plane points outward along the tether. That azimuth is undefined if the wind
+blows along the spin axis: cos phi and sin phi fade to zero there, and laws of the phase to their mean.
 """
 
 from typing import NamedTuple
@@ -23,7 +23,7 @@ class Measurements(NamedTuple):
     tip. position: heliocentric position of the hub [m], for a sail on an orbit only. wind: direction of the
     solar wind at the origin of I, on an orbit at the hub; the load that knows the wind adds it.
     momentum_axis: direction of the angular momentum about the centre of mass, released tethers included,
-    for sails with a hub only.
+    for sails with a hub only. spin_rate: of the hub, or of the turning frame, about X_B [rad/s].
 
     The others are for laws that users write (`sensors.with_motion`), and None for those of the package.
     rotation: attitude C_B^I of the hub, or of the turning frame. angular_velocity: of B, in B [rad/s].
@@ -39,6 +39,7 @@ class Measurements(NamedTuple):
     wind: Vector | None = None
     position: Vector | None = None
     momentum_axis: Vector | None = None
+    spin_rate: Scalar | None = None
     rotation: Rotation | None = None
     angular_velocity: Vector | None = None
     tip_position: Float[Array, "3 tether"] | None = None
@@ -50,6 +51,11 @@ class Measurements(NamedTuple):
     def sun(self) -> Vector:
         """Direction towards the Sun, from which the wind blows."""
         return -self.wind
+
+    @property
+    def sense(self) -> Scalar:
+        """The sense of the spin: -1 if the sail turns about X_B in the left-handed sense, otherwise 1."""
+        return jnp.where(self.spin_rate < 0.0, -1.0, 1.0)
 
     def outward_from(self, axis: Vector) -> Float[Array, "3 tether"]:
         """Unit vectors along the parts of the chords that are normal to an axis."""
@@ -70,4 +76,5 @@ class Measurements(NamedTuple):
         """cos phi and sin phi of unit vectors in the spin plane."""
         across = self.wind - self.spin_axis * (self.spin_axis @ self.wind)
         toward = across / jnp.sqrt(across @ across + FADE**2)
-        return jnp.stack([toward @ directions, jnp.cross(self.spin_axis, toward) @ directions])
+        ahead = self.sense * jnp.cross(self.spin_axis, toward)
+        return jnp.stack([toward @ directions, ahead @ directions])

@@ -22,7 +22,7 @@ from esail_jax.measurements import Measurements
 from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import dot, stacked
 from esail_jax.point_fields import PointFields, add_fields
-from esail_jax.sensors import with_motion
+from esail_jax.sensors import angular_velocity, with_motion
 from esail_jax.terms import ControlledLoad, Term, inner_terms_of, needs_command
 
 
@@ -63,6 +63,14 @@ class System(Assembly):
         if self.roots is None or self.roots.releases.release_time is None:
             return self
         return eqx.tree_at(lambda s: s.roots.releases, self, self.roots.releases.with_events_until(time))
+
+    def knots(self, time: Scalar, q: Coordinates, v: Coordinates) -> Float[Array, " knot"] | None:
+        """Instants [s] at which a load changes its form in time, in any order, as foreseen from a state;
+        None if there are none."""
+        measured = self.measurements(time, q, v) if self.controlled else None
+        found = [x for load in self.loads for x in load.knots(measured)]
+        found += [] if self.tip_thrust is None else self.tip_thrust.knots
+        return jnp.concatenate([jnp.ravel(x) for x in found]) if found else None
 
     # ---- forces ----------------------------------------------------------------------------
 
@@ -172,7 +180,9 @@ class System(Assembly):
         chords = nodes[:, -1] - nodes[:, 0]
         chords = chords / jnp.linalg.norm(chords, axis=0)
         outward = axes @ self.roots.radial_directions
-        measured = Measurements(time, axes[:, 0], outward, chords)
+        measured = Measurements(
+            time, axes[:, 0], outward, chords, spin_rate=angular_velocity(self, q, v)[0]
+        )
         if self.hub is None:
             return measured
         momentum = self.angular_momentum(self.centred(q), v)

@@ -196,6 +196,11 @@ def inner_terms_of(energies: tuple[Term, ...], dissipations: tuple[Term, ...]) -
 class Load(Term):
     """External force per undeformed length."""
 
+    def knots(self, measurements: Measurements | None) -> tuple[Array, ...]:
+        """Instants [s] at which the load changes its form in time, as foreseen from a state. Steps end
+        there. measurements: None if no load needs a command."""
+        return ()
+
     @property
     def acts_on(self) -> tuple[str, ...]:
         return ("r",)

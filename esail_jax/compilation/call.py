@@ -33,6 +33,7 @@ from esail_jax.compilation.derived import (
     tangent,
     with_tangent,
 )
+from esail_jax.compilation.nan_checks import unchecked
 from esail_jax.compilation.options import OURS
 from esail_jax.compilation.program import Leaves, Program, TreeProgram, load, save
 from esail_jax.compilation.transposed import (
@@ -81,7 +82,7 @@ def bind(program: Program, *leaves: Any, reverse: Reverse = UNKNOWN) -> Leaves:
 @program_p.def_impl
 def _run(*leaves, program, reverse):
     # The executable is that of one device: `jax.jit` follows the devices of the arguments.
-    return program(*leaves) if uses_executables() else ordinary(program)(*leaves)
+    return program(*leaves) if uses_executables() else unchecked(ordinary(program), *leaves)
 
 
 def uses_executables() -> bool:

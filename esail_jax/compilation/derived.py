@@ -30,10 +30,27 @@ derivation = functools.lru_cache(maxsize=256)
 def batched(program: Program, size: int, axes: tuple[int | None, ...]) -> Program:
     """Returns the program for `size` members. axes: the axis of the members in every argument, None if the
     argument is common to them. In the results it is the first axis. Results that do not depend on the
-    members have no such axis: `Facts.about` is the mask of the others."""
+    members may have no such axis: `Facts.about` is the mask of the others.
+
+    On a CPU the members are computed one after the other: each of them takes the steps and has the bits
+    that it has alone, and no member waits for another. Other devices compute all of them in lockstep, and
+    so does a CPU if the members differ in nothing but tangents or cotangents: what these have in common,
+    such as the steps of a run, is then computed once."""
+    fixed = len(axes) if program.fixed is None else program.fixed()
+    one_by_one = jax.default_backend() == "cpu" and any(axis is not None for axis in axes[:fixed])
     depends: set[int] = set()
 
-    def function(*leaves):
+    def in_order(*leaves):
+        split = tuple(axis is not None for axis in axes)
+        pairs = zip(chosen(leaves, split), chosen(axes, split), strict=True)
+        common = chosen(leaves, not_(split))
+        depends.update(range(len(program.facts.results)))
+        return jax.lax.map(
+            lambda member: tuple(as_function(program)(*merged(split, member, common))),
+            tuple(jnp.moveaxis(x, axis, 0) for x, axis in pairs),
+        )
+
+    def in_lockstep(*leaves):
         def member(*leaves):
             results = as_function(program)(*leaves)
             for place, x in enumerate(results):
@@ -48,11 +65,13 @@ def batched(program: Program, size: int, axes: tuple[int | None, ...]) -> Progra
             x if axis is None else x.update(shape=(*x.shape[:axis], size, *x.shape[axis:]))
             for x, axis in zip(types_of(program), axes, strict=True)
         )
-        closed = jax.jit(function).trace(*types).jaxpr
+        closed = jax.jit(in_order if one_by_one else in_lockstep).trace(*types).jaxpr
         traced, _ = without_unused(closed, [True] * len(closed.out_avals), instantiate=True)  # the probes
         return traced, tuple(place in depends for place in range(len(closed.out_avals)))
 
-    return Program(make, derived_key(program, "batched", size, axes), program.compile)
+    made = Program(make, derived_key(program, "batched", size, axes), program.compile)
+    made.fixed = program.fixed
+    return made
 
 
 def probe(place: int, x: Any, depends: set[int]) -> None:
@@ -95,6 +114,7 @@ def pushed_forward(program: Program, moving: Mask) -> ForwardMode:
 
     made = ForwardMode(make, derived_key(program, "pushed forward", moving), program.compile)
     made.primal, made.arguments = program, len(moving)
+    made.fixed = lambda: made.arguments
     return made
 
 
@@ -129,7 +149,9 @@ def tangent(program: Program, moving: Mask) -> Program:
         residuals = split.results[len(program.facts.results) :]
         return jax.jit(function).trace(*residuals, *chosen(types_of(program), moving)), None
 
-    return Program(make, derived_key(program, "tangent", moving), program.compile)
+    made = Program(make, derived_key(program, "tangent", moving), program.compile)
+    made.fixed = lambda: len(forward(program, moving).facts.results) - len(program.facts.results)
+    return made
 
 
 @functools.lru_cache(maxsize=16)
@@ -175,7 +197,9 @@ def backward(program: Program, linear: Mask) -> Program:
         constants = chosen(types_of(program), not_(linear))
         return jax.jit(function).trace(*constants, *program.facts.results), None
 
-    return Program(make, derived_key(program, "backward", linear), program.compile)
+    made = Program(make, derived_key(program, "backward", linear), program.compile)
+    made.fixed = lambda: linear.count(False)
+    return made
 
 
 class Pruned(Program):
@@ -196,6 +220,8 @@ def pruned(program: Program, used: Mask) -> Pruned:
 
     made = Pruned(make, derived_key(program, "pruned", used), program.compile)
     made.whole, made.used = program, used
+    if program.fixed is not None:
+        made.fixed = lambda: sum(made.facts.about[: program.fixed()])
     return made
 
 

@@ -21,6 +21,7 @@ from esail_jax.compilation.cache_hits import HITS
 from esail_jax.compilation.collector import collector_paused
 from esail_jax.compilation.keys import key_of, settings
 from esail_jax.compilation.memory import returning_freed_memory
+from esail_jax.compilation.nan_checks import unchecked
 from esail_jax.compilation.options import COMPILER_OPTIONS, Options, compile_lowered, lower
 
 Leaves = Sequence[Any]
@@ -41,7 +42,10 @@ class Program:
     """A function of arrays, which is traced, loaded or compiled when it is needed first.
 
     make: returns the traced function and what is to be remembered of it (`Facts.about`); key: the name in
-    the cache, None if the program is not kept; compile: compiles what `jax.stages.Traced.lower` returns."""
+    the cache, None if the program is not kept; compile: compiles what `jax.stages.Traced.lower` returns;
+    fixed: the number of its arguments before those in which it is linear, None if it is linear in none."""
+
+    fixed: Callable[[], int] | None = None
 
     def __init__(
         self,
@@ -118,7 +122,7 @@ class Program:
 
     def __call__(self, *leaves: Any) -> Leaves:
         """Runs the program."""
-        return self.executable(*leaves)
+        return unchecked(self.executable, *leaves)
 
 
 # ---- programs of functions of trees --------------------------------------------------------------

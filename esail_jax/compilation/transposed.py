@@ -57,6 +57,7 @@ def tangent_again(program: Program, moving: Mask) -> TangentAgain:
 
     made = TangentAgain(make, derived_key(program, "tangent again", moving), program.compile)
     made.primal, made.moving = program, moving
+    made.fixed = lambda: len(moving)
     return made
 
 
@@ -72,7 +73,9 @@ def pulled_back(program: Program, moving: Mask) -> Program:
     def make():
         return jax.jit(function).trace(*types_of(program), *program.facts.results), None
 
-    return Program(make, derived_key(program, "pulled back", moving), program.compile)
+    made = Program(make, derived_key(program, "pulled back", moving), program.compile)
+    made.fixed = lambda: len(moving)
+    return made
 
 
 class Transposed(NamedTuple):

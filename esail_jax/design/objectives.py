@@ -61,19 +61,28 @@ def spin_plane(run: Solution, sailing_deg: float, precession_deg: float = 0.0, l
     The target has a sailing angle alpha and a precession angle delta [deg]: in the orbital frame O it is
     (sin alpha cos delta, sin alpha sin delta, cos alpha). last: 0 takes the end of the run; otherwise the
     mean over the last `last` seconds. A small mean over half a turn, the period of the nutation, means
-    that the plane has come to rest. It needs at least three tethers."""
+    that the plane has come to rest. It needs at least three tethers. O follows from the attitude at the
+    start of a scene, where X_B is in the plane of X_O and Z_O; of a run from elsewhere the value is NaN."""
     alpha, delta = jnp.deg2rad(sailing_deg), jnp.deg2rad(precession_deg)
     aim = jnp.stack([jnp.sin(alpha) * jnp.cos(delta), jnp.sin(alpha) * jnp.sin(delta), jnp.cos(alpha)])
-    # The orbital frame follows from the attitude at the start (`starting_attitude`); alpha has its sign.
-    start = run["sailing_angle"][0] * jnp.cos(run["precession_angle"][0])
+    # The angles of the start (`starting_attitude`). Facing the Sun or away from it, the precession angle is
+    # undefined, and its sign makes no difference.
+    angle, precession = run["sailing_angle"][0], run["precession_angle"][0]
+    start = jnp.where(jnp.cos(precession) < 0.0, -angle, angle)
+    outside = jnp.abs(jnp.sin(angle) * jnp.sin(precession)) > OUT_OF_PLANE
     orbital = run["rotation_IB"][0] @ rotation_about_y(start - 0.5 * jnp.pi).T
     squared = ((plane_normals(run) - orbital @ aim) ** 2).sum(1)
+    squared = jnp.where(outside, jnp.nan, squared)
     if last == 0.0:
         return squared[-1]
     # A microsecond allows for rounding of the saved instants.
     since = run.time > run.time[-1] - last - 1e-6
     steps = jnp.where(since[:-1], jnp.diff(run.time), 0.0)
     return (steps * 0.5 * (squared[1:] + squared[:-1])).sum() / steps.sum()
+
+
+OUT_OF_PLANE = 1e-6
+"""Component of X_B along Y_O from which a run does not begin at the start of a scene; rounding is 1e-16."""
 
 
 def hub_swing(run: Solution) -> Scalar:
@@ -108,10 +117,11 @@ def power(run: Solution) -> Scalar:
 
     A scene without `tethers.wire_radius` has no electric power: there it is the mean of V^(3/2) over time
     and tethers [V^(3/2)], which is proportional to the power in a steady wind, because the current grows
-    with the root of V. The ratio to constant voltage is then the same."""
+    with the root of V. The ratio to constant voltage is then the same. A tether at a negative voltage
+    collects no electrons and counts as zero."""
     if "electric_power" in run.observables:
         return mean(run, run["electric_power"])
-    return mean(run, run["voltage"] ** 1.5).mean()
+    return mean(run, jnp.maximum(run["voltage"], 0.0) ** 1.5).mean()
 
 
 def thrust(run: Solution) -> Scalar:
@@ -247,5 +257,5 @@ def plane_normals(run: Solution) -> Float[Array, "time 3"]:
     offsets = tips - tips.mean(1, keepdims=True)
     area = jnp.cross(offsets, jnp.roll(offsets, -1, 1)).sum(1)
     normal = area / jnp.linalg.norm(area, axis=1, keepdims=True)
-    side = jnp.sign((normal * spin_axes(run)).sum(1, keepdims=True))
-    return side * normal
+    along = (normal * spin_axes(run)).sum(1, keepdims=True)
+    return jnp.where(along < 0.0, -normal, normal)

@@ -1,21 +1,22 @@
 """Ensembles in this process: one scene simulated for many sets of numbers."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from esail_jax.ensembles.ensemble import Ensemble, concatenate
 from esail_jax.ensembles.member_runner import MemberRunner
-from esail_jax.ensembles.sampling import Inputs, Vary, draw
-from esail_jax.scenes.rules import SceneError, describe
+from esail_jax.ensembles.sampling import Vary, checked_inputs, draw
+from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene, load_scene
-from esail_jax.simulation.simulate import check_max_steps
+from esail_jax.simulation.arguments import check_max_steps
 
 
 def simulate_members(
     scene: Scene | str | os.PathLike,
-    inputs: Inputs | None = None,
+    inputs: Mapping[str, Any] | None = None,
     observables: Sequence[str] | None = None,
     batch: int | None = None,
     lockstep: bool | None = None,
@@ -28,8 +29,8 @@ def simulate_members(
 ) -> Ensemble:
     """Simulates a scene once for every member, in this process.
 
-    The members' numbers are given as `inputs` (arrays by scene key, member first), or are drawn as by
-    `draw`: `simulate_members(scene, vary={"tethers.length": Normal(10e3, 10, per_tether=True)},
+    The members' numbers are given as `inputs` (arrays or lists by scene key, member first), or are drawn
+    as by `draw`: `simulate_members(scene, vary={"tethers.length": Normal(10e3, 10, per_tether=True)},
     members=256, seed=1)`. observables: names to keep, all if None; batch: members in one call, lockstep:
     whether they run in lockstep (None: what suits the device); max_steps: bound of the steps of a
     member: one that needs more has failed, but the last block of steps (24 at most) is completed.
@@ -44,24 +45,9 @@ def simulate_members(
             raise SceneError("members", "be given with `vary`", "is missing")
         inputs = draw(scene, vary or {}, members, seed, sampling)
     else:
-        members = count_members(inputs)
+        inputs = checked_inputs(scene, inputs)
+        members = len(next(iter(inputs.values())))
     check_max_steps(max_steps)
     run = MemberRunner(scene, inputs, observables, batch, lockstep, max_steps=max_steps)
     numbers = np.arange(members)
     return concatenate([run(numbers[first : first + run.batch]) for first in range(0, members, run.batch)])
-
-
-def count_members(inputs: Inputs) -> int:
-    """Number of members that inputs are for. Raises SceneError if there are none or the counts differ."""
-    if not inputs:
-        raise SceneError("inputs", "have a value for every member", "is empty")
-    for key, values in inputs.items():
-        if not np.size(values) or not np.ndim(values):
-            raise SceneError(f"inputs[{key}]", "have a value for every member", describe(values))
-    counts = {key: len(values) for key, values in inputs.items()}
-    first = next(iter(counts))
-    for key, count in counts.items():
-        if count != counts[first]:
-            must = f"have {counts[first]} members, as `inputs[{first}]` does"
-            raise SceneError(f"inputs[{key}]", must, f"has {count}")
-    return counts[first]

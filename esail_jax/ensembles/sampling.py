@@ -27,7 +27,7 @@ from esail_jax.ensembles.distributions import (
 )
 from esail_jax.scenes.declarations import rule_of
 from esail_jax.scenes.merging import unknown
-from esail_jax.scenes.rules import Rule, SceneError
+from esail_jax.scenes.rules import Rule, SceneError, describe, numbers_of
 from esail_jax.scenes.scene import Scene, load_scene
 from esail_jax.scenes.tables import names_of, tables_of
 from esail_jax.scenes.value_types import Kind, Shape
@@ -214,6 +214,29 @@ def check(scene: Scene, inputs: Inputs) -> None:
             scene.replace(select_members(inputs, member))
         except SceneError as error:
             raise SceneError(error.key, error.must, f"{error.got} (member {member})") from None
+
+
+def checked_inputs(scene: Scene, inputs: Mapping[str, Any]) -> Inputs:
+    """Returns given inputs as arrays of float64, by position and not by label.
+
+    Raises SceneError if a key cannot be varied, if the keys have different numbers of members, and for the
+    first member with a value that the scene refuses."""
+    if not inputs:
+        raise SceneError("inputs", "have a value for every member", "is empty")
+    found = {}
+    for key, values in inputs.items():
+        varied_rule(scene, key)
+        numbers = numbers_of(f"inputs[{key}]", values)
+        if numbers is None or not numbers.ndim or not numbers.size:
+            raise SceneError(f"inputs[{key}]", "have a value for every member", describe(values))
+        found[key] = numbers
+    first, *others = found
+    for key in others:
+        if len(found[key]) != len(found[first]):
+            must = f"have {len(found[first])} members, as `inputs[{first}]` does"
+            raise SceneError(f"inputs[{key}]", must, f"has {len(found[key])}")
+    check(scene, found)
+    return found
 
 
 def select_members(inputs: Inputs, members: int | np.integer | np.ndarray) -> dict[str, Any]:

@@ -22,6 +22,7 @@ from jax import lax
 
 from esail_jax.array_types import Array, Float, Instants, Scalar, Vector, VectorPerPoint
 from esail_jax.constants import SOLAR_MU
+from esail_jax.numerics.own_derivative import custom_jvp
 from esail_jax.numerics.vectors import dot
 
 SERIES_TERMS = 10
@@ -160,7 +161,7 @@ def first_guess(t: Numbers, s: Numbers, b: Numbers) -> Numbers:
     return jnp.where(b > 0.0, ellipse, hyperbola) / h
 
 
-@jax.custom_jvp
+@custom_jvp
 def anomaly(t: Numbers, s: Numbers, b: Numbers) -> Numbers:
     """The universal anomaly x, the root of Kepler's equation."""
 

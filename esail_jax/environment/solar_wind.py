@@ -24,6 +24,16 @@ class SteadyWind(eqx.Module):
     origin: Vector
     sheath: DebyeSheath | None = None
 
+    @property
+    def knots(self) -> tuple[Array, ...]:
+        """Instants [s] at which the wind changes its form in time: none."""
+        return ()
+
+    @property
+    def thresholds(self) -> tuple[Scalar, ...]:
+        """Voltages [V] at which the thrust begins."""
+        return thresholds_of(self)
+
     def at(self, time: Instants, r: VectorPerPoint | None = None) -> "SteadyWind":
         """The wind at an instant, at points r: a steady wind is the same at all."""
         return self
@@ -75,6 +85,16 @@ class WindSeries(eqx.Module):
     origin: Vector
     sheath: DebyeSheath | None = None
 
+    @property
+    def knots(self) -> tuple[Array, ...]:
+        """Instants [s] at which the wind changes its form in time."""
+        return (self.time,)
+
+    @property
+    def thresholds(self) -> tuple[Scalar, ...]:
+        """Voltages [V] at which the thrust begins."""
+        return thresholds_of(self)
+
     def at(self, time: Instants, r: VectorPerPoint | None = None) -> SteadyWind:
         """The wind at one or several instants, the same at all points r."""
         speed, density = (jnp.interp(time, self.time, x) for x in (self.speed, self.number_density))
@@ -99,6 +119,16 @@ class WindOnOrbit(eqx.Module):
     wind: SteadyWind | WindSeries
     orbit: KeplerOrbit | PlaceOnOrbit
     reference_distance: Scalar
+
+    @property
+    def knots(self) -> tuple[Array, ...]:
+        """Instants [s] at which the wind changes its form in time."""
+        return self.wind.knots
+
+    @property
+    def thresholds(self) -> tuple[Scalar, ...]:
+        """Voltages [V] at which the thrust begins."""
+        return self.wind.thresholds
 
     def at(self, time: Instants, r: VectorPerPoint) -> "LocalWind":
         """The wind at one or several instants, at points r [m] of the moving frame."""
@@ -151,3 +181,8 @@ class LocalWind(SteadyWind):
 
 Wind = SteadyWind | WindSeries | WindOnOrbit
 """The kinds of wind that a scene may have."""
+
+
+def thresholds_of(wind: SteadyWind | WindSeries) -> tuple[Scalar, ...]:
+    """Voltages [V] at which the thrust of a wind begins: V_1 of the linear law, zero of the other one."""
+    return () if wind.cutoff_voltage is None else (wind.cutoff_voltage,)

@@ -29,6 +29,7 @@ from esail_jax.equilibria.moving_frame import (
     translation,
     uniform_inertia,
 )
+from esail_jax.numerics.known_solution import known_solution
 from esail_jax.system import System
 
 MAX_ITERATIONS = 40
@@ -60,47 +61,65 @@ class Equilibrium(NamedTuple):
     converged: Bool[Array, ""]
 
 
+class Balance(NamedTuple):
+    """The equations of a relative equilibrium, in the unknowns z = (y, lam): independent coordinates, then
+    multipliers in one vector.
+
+    spin: angular velocity Omega [rad/s] of the frame."""
+
+    system: System
+    spin: Vector
+
+    def split(self, z: Float[Array, " n"]) -> tuple[Float[Array, " y"], Multipliers]:
+        """Returns the independent coordinates and the multipliers."""
+        first, unravel = ravel_pytree(self.system.no_multipliers())
+        n = z.size - first.size
+        return z[:n], unravel(z[n:])
+
+    def at_rest(self, z: Float[Array, " n"]) -> tuple[Float[Array, " n"], Vector]:
+        """Returns the unbalanced forces with the constraints, and the acceleration along the axis."""
+        y, lam = self.split(z)
+        zero = jnp.zeros_like(y)
+        frame, acceleration = MovingFrame(self.spin, jnp.zeros(3)), jnp.zeros(3)
+        balance, constraints = forces(self.system, frame, y, zero, zero, lam)
+        if self.system.hub is not None:
+            axis = self.spin / jnp.linalg.norm(self.spin)
+            along = translation(self.system, axis)
+            mass = along @ uniform_inertia(self.system, axis)
+            acceleration = -axis * (balance @ along) / mass
+            balance = balance + uniform_inertia(self.system, acceleration)
+        return jnp.concatenate([balance, ravel_pytree(constraints)[0]]), acceleration
+
+    def left(self, z: Float[Array, " n"]) -> Float[Array, " n"]:
+        """Returns the unbalanced forces with the constraints."""
+        return self.at_rest(z)[0]
+
+    def solve(self, z: Float[Array, " n"], rhs: Float[Array, " n"]) -> Float[Array, " n"]:
+        """Returns the change of z that changes `left` by the right-hand side."""
+        matrix = jax.jacfwd(self.left)(z)
+        if self.system.hub is not None:
+            matrix = matrix + gauge(self.system, self.spin, self.split(z)[0], matrix)
+        return equilibrated_solve(matrix, rhs)
+
+
 def equilibrium(system: System, start: Coordinates, spin: Vector) -> Equilibrium:
     """Solves for the relative equilibrium by Newton's method from the coordinates `start`.
 
     spin: angular velocity Omega [rad/s] of the frame, whose axis goes through the origin, in inertial
     components. Zero stands for statics, which needs a system without a hub.
 
-    The result is differentiable with respect to the numbers of the system (implicit function theorem).
-    The function raises nothing: `converged` of the result is false if no equilibrium was found, for
-    example because the matrix is singular (a straight cable without tension).
+    The result has derivatives of any order with respect to the numbers of the system (implicit function
+    theorem); the iterations carry none. The function raises nothing: `converged` of the result is false if
+    no equilibrium was found, for example because the matrix is singular (a straight cable without tension).
     """
-    first, unravel = ravel_pytree(system.no_multipliers())
-    zero = independent(system, start) * 0.0
+    balance = Balance(system, spin)
+    fixed, start = lax.stop_gradient((balance, start))
 
-    def at_rest(y, lam):
-        """Returns the unbalanced forces with the constraints, and the acceleration along the axis."""
-        frame, acceleration = MovingFrame(spin, jnp.zeros(3)), jnp.zeros(3)
-        balance, constraints = forces(system, frame, y, zero, zero, unravel(lam))
-        if system.hub is not None:
-            axis = spin / jnp.linalg.norm(spin)
-            along = translation(system, axis)
-            mass = along @ uniform_inertia(system, axis)
-            acceleration = -axis * (balance @ along) / mass
-            balance = balance + uniform_inertia(system, acceleration)
-        return jnp.concatenate([balance, ravel_pytree(constraints)[0]]), acceleration
-
-    n = zero.size
-
-    def newton(z):
-        """Returns the Newton step from z = (y, lam)."""
-
-        def left(z):
-            return at_rest(z[:n], z[n:])[0]
-
-        fixed = lax.stop_gradient(z)
-        matrix = lax.stop_gradient(jax.jacfwd(left)(fixed))
-        if system.hub is not None:
-            matrix = matrix + gauge(system, lax.stop_gradient(spin), fixed[:n], matrix)
-        return -equilibrated_solve(matrix, left(z))
+    def size(z):
+        return jnp.abs(fixed.split(z)[0]).max()
 
     def small(step, z):
-        return step <= STEP_TOLERANCE * jnp.abs(z[:n]).max()
+        return step <= STEP_TOLERANCE * size(z)
 
     def unfinished(carry):
         z, step, count = carry
@@ -108,23 +127,24 @@ def equilibrium(system: System, start: Coordinates, spin: Vector) -> Equilibrium
 
     def iterate(carry):
         z, _, count = carry
-        step = newton(z)
-        slope_change = jnp.abs(
-            system.tethers.interpolate(expanded(system, step[:n], derivative=1).tether).r_x
-        )
+        step = fixed.solve(z, -fixed.left(z))
+        moved = expanded(fixed.system, fixed.split(step)[0], derivative=1)
+        slope_change = jnp.abs(fixed.system.tethers.interpolate(moved.tether).r_x)
         short = step * jnp.minimum(1.0, MAX_SLOPE_CHANGE / slope_change.max())
-        return z + short, jnp.abs(step[:n]).max(), count + 1
+        return z + short, size(step), count + 1
 
-    z = jnp.concatenate([independent(system, start), first])
+    z = jnp.concatenate([independent(system, start), ravel_pytree(system.no_multipliers())[0]])
     begin = (lax.stop_gradient(z), jnp.asarray(jnp.inf), 0)
-    found, step, _ = lax.stop_gradient(lax.while_loop(unfinished, iterate, begin))
-    settled = found + newton(found)
-    left, acceleration = at_rest(settled[:n], settled[n:])
+    found, step, _ = lax.while_loop(unfinished, iterate, begin)
+    last = found + fixed.solve(found, -fixed.left(found))
+    settled = known_solution(Balance.left, Balance.solve, balance, last)
+    left, acceleration = balance.at_rest(settled)
+    y, lam = balance.split(settled)
     return Equilibrium(
-        q=expanded(system, settled[:n]),
-        lam=unravel(settled[n:]),
+        q=expanded(system, y),
+        lam=lam,
         frame=MovingFrame(spin, acceleration),
-        unbalanced=lax.stop_gradient(jnp.abs(left[:n]).max()),
+        unbalanced=lax.stop_gradient(jnp.abs(left[: y.size]).max()),
         converged=small(step, found),
     )
 

@@ -30,7 +30,8 @@ from esail_jax.elements.ring import Ring
 from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.joints.roots import FrameRoots
 from esail_jax.numerics import structured
-from esail_jax.numerics.bordered import Bordered
+from esail_jax.numerics.bordered import Bordered, Vector
+from esail_jax.numerics.known_solution import known_solution
 from esail_jax.numerics.segments import END
 from esail_jax.system import System
 from esail_jax.terms import find_term
@@ -82,6 +83,62 @@ def planes_of(outward: Float[Array, "3 tether"], coning: Scalar) -> Planes:
     return Planes(along, sideways, jnp.cross(along, sideways, axis=0))
 
 
+class Ringed(NamedTuple):
+    """Tethers with a ring in axes that turn with the hub, and what their steady shape depends on.
+
+    planes: those in which the tethers stay; roots: positions of the roots [m]; spin: Omega [rad/s]."""
+
+    frame: System
+    planes: Planes
+    roots: Float[Array, "3 tether"]
+    spin: Scalar
+
+    def coordinates(self, shape: "Shape") -> Coordinates:
+        """Returns the coordinates of a shape."""
+        q = self.moved(shape)
+        return q._replace(tether=q.tether.at[0].add(self.roots[:, None]))
+
+    def moved(self, change: "Shape") -> Coordinates:
+        """Returns the change of the coordinates with a change of the shape."""
+        tether = jnp.einsum("jxt,kjnt->kxnt", jnp.stack(self.planes), change.arms)
+        return Coordinates(tether, None, change.ring)
+
+    def shape(self, q: Coordinates, lam: Multipliers) -> "Shape":
+        """Returns the shape that has these coordinates and multipliers."""
+        return self.change(q._replace(tether=q.tether.at[0].add(-self.roots[:, None])), lam)
+
+    def change(self, dq: Coordinates, lam: Multipliers) -> "Shape":
+        """Returns the change of a shape with its coordinates and multipliers."""
+        return Shape(jnp.einsum("jxt,kxnt->kjnt", jnp.stack(self.planes), dq.tether), dq.ring, lam)
+
+    def unbalanced(self, shape: "Shape") -> Vector:
+        """Returns the forces within the planes, and the violations of the constraints."""
+        forces, gaps = balance(self.frame, self.coordinates(shape), shape.lam)
+        rows = iteration_matrix.to_vector(self.frame, forces, gaps)._replace(local=gaps.clamp)
+        return rows._replace(blocks=within(rows.blocks, self.planes))
+
+    def solved(self, shape: "Shape", rows: Vector, share: Scalar | float = LAST_SHARE) -> "Shape":
+        """Returns the change of the shape that changes `unbalanced` by these rows, with a share of the mass
+        matrix."""
+        softest = lax.stop_gradient(share * rate_squared(self.frame, self.spin))
+        matrix = stiffness(self.frame, self.coordinates(shape), shape.lam, softest)
+        matrix = constrained(matrix, self.planes, softest)
+        rows = rows._replace(blocks=within(rows.blocks, self.planes))
+        found = structured.solve(matrix, structured.factor(matrix), rows)
+        return self.change(*iteration_matrix.from_vector(self.frame, found))
+
+
+class Shape(NamedTuple):
+    """A steady shape, in the planes of the tethers.
+
+    arms: nodal vectors from the root, with the components of `Planes`; ring: own vectors of the ring;
+    lam: multipliers."""
+
+    arms: Float[Array, "coef plane node tether"]
+    ring: Float[Array, "3 vector tether"] | None
+    lam: Multipliers
+
+
 def steady_ring(
     system: System,
     nodal: Nodal,
@@ -96,60 +153,44 @@ def steady_ring(
     spin: Omega [rad/s]; coning [rad].
 
     Returns nodal vectors of the tethers and own vectors of the ring in B, and the largest remaining force
-    [N] of every tether and the segment that follows it. The result is differentiable (implicit function
-    theorem).
+    [N] of every tether and the segment that follows it. The result has derivatives of any order (implicit
+    function theorem); the iterations carry none.
     """
-    planes = planes_of(outward, coning)
     frame = at_rest(system, outward, radius, spin)
-    fixed = lax.stop_gradient((frame, planes))
+    ringed = Ringed(frame, planes_of(outward, coning), radius * outward, spin)
+    fixed = lax.stop_gradient(ringed)
     start = Coordinates(nodal, None, hanging(system.ring, nodal[0, :, -1]))
-    first = (lax.stop_gradient(start), lax.stop_gradient(frame.no_multipliers()))
-
-    def newton(q, lam, now, share):
-        """Step of Newton's method, with the matrix of constant numbers."""
-        frozen, plane = fixed
-        softest = lax.stop_gradient(share * rate_squared(frozen, spin))
-        matrix = constrained(stiffness(frozen, *lax.stop_gradient((q, lam)), softest), plane, softest)
-        forces, gaps = balance(now, q, lam)
-        rhs = iteration_matrix.to_vector(frozen, forces, gaps)
-        rhs = rhs._replace(blocks=within(rhs.blocks, plane))
-        rhs = jax.tree.map(jnp.negative, rhs._replace(local=None))
-        if gaps.clamp is not None:
-            rhs = rhs._replace(local=-gaps.clamp)
-        solution = structured.solve(matrix, structured.factor(matrix), rhs)
-        return iteration_matrix.from_vector(frozen, solution)
+    first = lax.stop_gradient(ringed.shape(start, frame.no_multipliers()))
 
     def iterate(carry):
-        q, lam, _, share, count = carry
-        step, change = newton(q, lam, fixed[0], share)
-        steepest = jnp.abs(frame.tethers.interpolate(step.tether).r_x).max()
-        ring = frame.ring.segments.interpolate(frame.ring.nodal(step)).r_x
+        shape, _, share, count = carry
+        change = fixed.solved(shape, jax.tree.map(jnp.negative, fixed.unbalanced(shape)), share)
+        step = fixed.moved(change)
+        steepest = jnp.abs(fixed.frame.tethers.interpolate(step.tether).r_x).max()
+        ring = fixed.frame.ring.segments.interpolate(fixed.frame.ring.nodal(step)).r_x
         steepest = jnp.maximum(steepest, jnp.abs(ring).max())
         part = jnp.minimum(1.0, MAX_SLOPE_CHANGE / steepest)
-        size = jnp.abs(step.tether[0]).max() / jnp.abs(q.tether[0]).max()
-        lam = jax.tree.map(jnp.add, lam, change)
-        return q.axpy(part, step), lam, size, jnp.maximum(DECAY * share, LAST_SHARE), count + 1
+        size = jnp.abs(step.tether[0]).max() / jnp.abs(fixed.coordinates(shape).tether[0]).max()
+        parts = Shape(part, None if shape.ring is None else part, jax.tree.map(jnp.ones_like, shape.lam))
+        shape = jax.tree.map(lambda x, y, part: x + part * y, shape, change, parts)
+        return shape, size, jnp.maximum(DECAY * share, LAST_SHARE), count + 1
 
     def unfinished(carry):
-        _, _, size, share, count = carry
+        _, size, share, count = carry
         return ((size > STEP_TOLERANCE) | (share > LAST_SHARE)) & (count < MAX_ITERATIONS)
 
-    begin = (*first, jnp.asarray(jnp.inf), jnp.asarray(FIRST_SHARE), jnp.zeros((), int))
-    q, lam, *_ = lax.stop_gradient(lax.while_loop(unfinished, iterate, begin))
-    # The planes and the roots move with coning angle and radius; the positions within the planes are known.
-    basis, moved = jnp.stack(fixed[1]), jnp.stack(planes)
-    arms = q.tether.at[0].add(-lax.stop_gradient(radius * outward)[:, None])
-    within_plane = jnp.einsum("jxt,kxnt->kjnt", basis, arms)
-    tether = jnp.einsum("jxt,kjnt->kxnt", moved, within_plane).at[0].add(radius * outward[:, None])
-    q = q._replace(tether=tether)
-    step, _ = newton(q, lam, frame, jnp.asarray(LAST_SHARE))
-    q = q.axpy(1.0, step)
-    forces, _ = balance(*lax.stop_gradient((frame, q, lam)))
-    blocks = within(iteration_matrix.to_blocks(fixed[0], forces.tether), fixed[1])
+    begin = (first, jnp.asarray(jnp.inf), jnp.asarray(FIRST_SHARE), jnp.zeros((), int))
+    found, *_ = lax.while_loop(unfinished, iterate, begin)
+    change = fixed.solved(found, jax.tree.map(jnp.negative, fixed.unbalanced(found)))
+    found = jax.tree.map(jnp.add, found, change)
+    q = fixed.coordinates(found)
+    forces, _ = balance(fixed.frame, q, found.lam)
+    blocks = within(iteration_matrix.to_blocks(fixed.frame, forces.tether), fixed.planes)
     left = jnp.abs(blocks.at[0, :END].set(0.0)).max((0, 1))
     if forces.ring is not None:
         left = jnp.maximum(left, jnp.abs(forces.ring).max((0, 1)))
-    wrong = jnp.isnan(left) | bows_inwards(*lax.stop_gradient((frame.ring, q)))
+    wrong = jnp.isnan(left) | bows_inwards(fixed.frame.ring, q)
+    q = ringed.coordinates(known_solution(Ringed.unbalanced, Ringed.solved, ringed, found))
     return q.tether, q.ring, jnp.where(wrong, jnp.inf, left)
 
 

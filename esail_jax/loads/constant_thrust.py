@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from esail_jax.array_types import PerTether, Scalar
 from esail_jax.environment.solar_wind import Wind
 from esail_jax.loads.voltage import VoltageLaw
+from esail_jax.loads.voltage_limits import Limits
 from esail_jax.measurements import Measurements
 
 
@@ -27,7 +28,7 @@ class ConstantThrust(VoltageLaw):
     thrust: Scalar
     length: PerTether
     wind: Wind
-    maximum: Scalar | None
+    limits: Limits
 
     name: ClassVar[str] = "constant thrust"
 

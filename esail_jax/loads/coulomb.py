@@ -55,6 +55,12 @@ class CoulombThrust(ControlledLoad):
     def constant(self) -> bool:
         return self.voltage_law.constant
 
+    def knots(self, measurements: Measurements | None) -> tuple[Array, ...]:
+        if self.constant:
+            return self.wind.knots
+        measured = self.with_wind(measurements)
+        return (*self.wind.knots, *self.voltage_law.knots(measured, self.wind.thresholds))
+
     @property
     def is_sampled(self) -> bool:
         return self.sampled is not None

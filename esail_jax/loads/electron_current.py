@@ -6,10 +6,11 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from esail_jax.array_types import PerTether, Scalar, Vector
+from esail_jax.array_types import Array, PerTether, Scalar, Vector
 from esail_jax.constants import ELECTRON_MASS, ELEMENTARY_CHARGE
 from esail_jax.environment.solar_wind import SteadyWind, Wind
 from esail_jax.loads.voltage import Constant, VoltageLaw
+from esail_jax.loads.voltage_limits import Limits
 from esail_jax.measurements import Measurements
 
 
@@ -60,12 +61,15 @@ class PowerLimited(VoltageLaw):
     collector: Collector
     limit: Scalar
 
-    maximum: ClassVar[None] = None
+    limits: ClassVar[Limits] = Limits(None)
     name: ClassVar[str] = "voltage of limited power"
 
     @property
     def measures_motion(self) -> bool:
         return self.law.measures_motion
+
+    def knots(self, measurements: Measurements, levels: tuple[Scalar, ...]) -> tuple[Array, ...]:
+        return self.law.knots(measurements, levels)
 
     def holding(self, volts: PerTether) -> "PowerLimited":
         return dataclasses.replace(self, law=self.law.holding(volts))

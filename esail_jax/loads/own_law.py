@@ -21,7 +21,7 @@ from esail_jax.errors import InputError
 from esail_jax.loads.electron_current import PowerLimited
 from esail_jax.loads.law_structure import LawStructure
 from esail_jax.loads.voltage import VoltageLaw
-from esail_jax.loads.voltage_limits import limit
+from esail_jax.loads.voltage_limits import Limits
 from esail_jax.measurements import Measurements
 
 
@@ -87,10 +87,9 @@ class ContinuousLaw(UsersLaw):
 
     structure: LawStructure = eqx.field(static=True)
     numbers: tuple[Array, ...]
-    maximum: Scalar | None
+    limits: Limits
 
     name: ClassVar[str] = "voltage law in Python"
-    smooth: ClassVar[bool] = True
 
     @property
     def measures_motion(self) -> bool:
@@ -110,7 +109,7 @@ class SampledLaw(UsersLaw):
 
     structure: LawStructure = eqx.field(static=True)
     numbers: tuple[Array, ...]
-    maximum: Scalar | None
+    limits: Limits
     change: Scalar | None
     held: PerTether
 
@@ -145,7 +144,7 @@ class SampledLaw(UsersLaw):
         volts, after = calls_of_law.updated(self.law, measurements, memory)
         after = arrays(after)
         check_same(memory, after)
-        volts = limit(per_tether(volts, len(self.held)), self.maximum, smooth=True)
+        volts = self.limits(per_tether(volts, len(self.held)))
         if self.change is not None and not is_first:
             volts = self.held + jnp.clip(volts - self.held, -self.change, self.change)
         return volts, after

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 
 from esail_jax.array_types import Array, Float, PerTether, Scalar
 from esail_jax.measurements import Measurements
-from esail_jax.numerics.smooth_step import pulse
+from esail_jax.numerics.smooth_step import knots_of_pulse, pulse
 
 DirectionName = Literal["tangential", "axial", "radial"]
 
@@ -39,6 +39,13 @@ class TipThrust(eqx.Module):
     direction: DirectionName = eqx.field(static=True)
 
     name: ClassVar[str] = "tip thrust"
+
+    @property
+    def knots(self) -> tuple[Array, ...]:
+        """Instants [s] at which the force changes its form in time, and where steps therefore end."""
+        if self.switching is None:
+            return ()
+        return knots_of_pulse(self.switching.on, self.switching.off, self.switching.rise_time, ())
 
     def at(self, measurements: Measurements) -> Float[Array, "3 tether"]:
         """The forces [N] in inertial axes, for the spin axis and chords that are measured at a state."""

@@ -1,7 +1,7 @@
 """Voltage laws: the voltage of every tether as a function of time and of what a sail can measure.
 
-Limits 0 <= V <= V_max hold by construction: every law but the constant one ends in `limit`, and the value
-of that one has passed through it if the scene has a `maximum`.
+Limits 0 <= V <= V_max hold by construction: every law but the constant one ends in its `Limits`, and the
+value of that one has passed through them if the scene has a `maximum`.
 """
 
 from abc import abstractmethod
@@ -15,9 +15,9 @@ from jax import lax
 
 from esail_jax.array_types import Array, Float, PerTether, Scalar, Vector
 from esail_jax.environment.orbit import orbital_frame
-from esail_jax.loads.voltage_limits import limit, slew_rate_factor
+from esail_jax.loads.voltage_limits import Limits, crossings, slew_rate_factor
 from esail_jax.measurements import Measurements
-from esail_jax.numerics.smooth_step import MAX_STEP_SLOPE, pulse
+from esail_jax.numerics.smooth_step import MAX_STEP_SLOPE, knots_of_pulse, pulse
 
 NEWTON_STEPS = 6
 """Newton steps of `modulation`."""
@@ -29,14 +29,9 @@ AxisName = Literal["hub", "angular-momentum"]
 class VoltageLaw(eqx.Module):
     """The voltage V_i of every tether as a function of measurements.
 
-    A subclass gives `commanded`, `name` and `maximum`. maximum: V_max [V]; None for no upper limit. smooth:
-    whether V bends smoothly towards its limits. Laws whose parameters are optimised need that, as a voltage
-    may reach a limit on the way.
-    """
+    A subclass gives `commanded`, `name` and `limits`."""
 
-    smooth: ClassVar[bool] = False
-
-    maximum: eqx.AbstractVar[Scalar | None]
+    limits: eqx.AbstractVar[Limits]
     name: eqx.AbstractClassVar[str]
 
     @property
@@ -49,6 +44,13 @@ class VoltageLaw(eqx.Module):
         """Tells whether the law needs all measurements, also those of rates, positions and tensions."""
         return False
 
+    def knots(self, measurements: Measurements, levels: tuple[Scalar, ...]) -> tuple[Array, ...]:
+        """Instants [s] at which the voltage changes its form in time, as foreseen from a state. Steps end
+        there: a pulse between two of them would otherwise be passed over, and derivatives with respect to
+        its instants would have the error of a kink within a step. levels: voltages [V] at which the thrust
+        changes its form."""
+        return ()
+
     def holding(self, volts: PerTether) -> "VoltageLaw":
         """The law that holds other voltages [V], if it is a sampled one (`own_law.SampledLaw`)."""
         return self
@@ -59,7 +61,7 @@ class VoltageLaw(eqx.Module):
 
     def voltage(self, measurements: Measurements) -> PerTether:
         """Voltages V [V] within the limits."""
-        return limit(self.commanded(measurements), self.maximum, self.smooth)
+        return self.limits(self.commanded(measurements))
 
 
 class Constant(VoltageLaw):
@@ -67,7 +69,7 @@ class Constant(VoltageLaw):
 
     value: PerTether
 
-    maximum: ClassVar[None] = None
+    limits: ClassVar[Limits] = Limits(None)
     name: ClassVar[str] = "constant voltage"
 
     @property
@@ -85,33 +87,31 @@ class Harmonic(VoltageLaw):
     """Harmonics of the root's phase: V = V_0 (1 + sum_k a_k cos k phi + b_k sin k phi).
 
     value: V_0 [V]. cosine, sine: a, b [-], (harmonic, tether). The amplitudes are reduced if V could change
-    faster than slew_rate [V/s] at the given spin_rate [rad/s].
+    faster than slew_rate [V/s] at the spin rate of the moment.
     """
 
     value: PerTether
     cosine: Float[Array, "harmonic tether"]
     sine: Float[Array, "harmonic tether"]
-    maximum: Scalar | None
+    limits: Limits
     slew_rate: Scalar | None
-    spin_rate: Scalar
 
     name: ClassVar[str] = "harmonic voltage"
-    smooth: ClassVar[bool] = True
 
     def commanded(self, measurements: Measurements) -> PerTether:
         c, s = measurements.root_phase
         once = lax.complex(c, s)
         waves = once ** jnp.arange(1, len(self.cosine) + 1)[:, None]
         change = (self.cosine * waves.real + self.sine * waves.imag).sum(0)
-        return self.value * (1.0 + self.amplitude_factor() * change)
+        return self.value * (1.0 + self.amplitude_factor(measurements.spin_rate) * change)
 
-    def amplitude_factor(self) -> PerTether | float:
-        """Fraction of the amplitudes that the slew rate allows."""
+    def amplitude_factor(self, spin_rate: Scalar) -> PerTether | float:
+        """Fraction of the amplitudes that the slew rate allows at a spin rate [rad/s]."""
         if self.slew_rate is None:
             return 1.0
         orders = np.arange(1.0, len(self.cosine) + 1.0)
         amplitude = jnp.sqrt(self.cosine**2 + self.sine**2 + 1e-30)
-        fastest = jnp.abs(self.value * self.spin_rate) * (orders[:, None] * amplitude).sum(0)
+        fastest = jnp.abs(self.value * spin_rate) * (orders[:, None] * amplitude).sum(0)
         return slew_rate_factor(fastest, self.slew_rate)
 
 
@@ -123,9 +123,13 @@ class TimeTable(VoltageLaw):
 
     time: Float[Array, " instant"]
     table: Float[Array, "instant tether"]
-    maximum: Scalar | None
+    limits: Limits
 
     name: ClassVar[str] = "voltage table"
+
+    def knots(self, measurements: Measurements, levels: tuple[Scalar, ...]) -> tuple[Array, ...]:
+        reached = [crossings(self.time, self.table, level) for level in (*levels, *self.limits.kinks)]
+        return (self.time, *reached)
 
     def commanded(self, measurements: Measurements) -> PerTether:
         return jax.vmap(lambda x: jnp.interp(measurements.time, self.time, x), 1)(self.table)
@@ -143,56 +147,63 @@ class OnOff(VoltageLaw):
     on: PerTether
     off: PerTether | None
     rise_time: Scalar
-    maximum: Scalar | None
+    limits: Limits
     slew_rate: Scalar | None
 
     name: ClassVar[str] = "switched voltage"
 
+    @property
+    def rise(self) -> Scalar | PerTether:
+        """Time [s] that rise and fall take."""
+        if self.slew_rate is None:
+            return self.rise_time
+        return jnp.maximum(self.rise_time, MAX_STEP_SLOPE * jnp.abs(self.value) / self.slew_rate)
+
+    def knots(self, measurements: Measurements, levels: tuple[Scalar, ...]) -> tuple[Array, ...]:
+        parts = [level / self.value for level in (*levels, *self.limits.kinks)]
+        return knots_of_pulse(self.on, self.off, self.rise, parts)
+
     def commanded(self, measurements: Measurements) -> PerTether:
-        rise = self.rise_time
-        if self.slew_rate is not None:
-            rise = jnp.maximum(rise, MAX_STEP_SLOPE * jnp.abs(self.value) / self.slew_rate)
-        return self.value * pulse(measurements.time, self.on, self.off, rise)
+        return self.value * pulse(measurements.time, self.on, self.off, self.rise)
 
 
 class Feedback(VoltageLaw):
-    """Attitude feedback V = V_0 (1 + g (n . u) d . (e_i x n)).
+    """Attitude feedback V = V_0 (1 + s g (n . u) d . (e_i x n)).
 
     Tethers whose thrust turns the spin axis n towards `target`, a unit vector in the inertial frame, get a
     higher voltage. d: the part of the target in the spin plane; e_i: radial direction of tether i; u: unit
-    vector along the wind. gain: g [-], reduced if V could change faster than slew_rate [V/s] as the roots
-    turn at the given spin_rate [rad/s].
+    vector along the wind; s: sense of the spin about n, 1 or -1, as the same torque turns the axis of a
+    sail that spins the other way round in the opposite direction. gain: g [-], reduced if V could change
+    faster than slew_rate [V/s] as the roots turn at the spin rate of the moment.
 
     measured_axis: "hub", n = X_B and e_i of the roots; "angular-momentum", n along the sail's angular
-    momentum L about its centre of mass (opposite to X_B for a negative spin, as is the target then), and
-    e_i of the chords. Internal forces do not change L, so that its feedback excites no vibration. Feedback
-    of X_B makes the nutation grow at the rate at which it turns the axis: for a body with the moments of
-    inertia C and A, L = C w n + A n x n', and with the torque c d the exponents of small deviations are
-    -c/(C w) and i w C/A + c/(C w).
+    momentum L about its centre of mass (opposite to X_B for a negative spin, as is the target then, so that
+    s = 1), and e_i of the chords. Internal forces do not change L, so that its feedback excites no
+    vibration. Feedback of X_B makes the nutation grow at the rate at which it turns the axis: for a body
+    with the moments of inertia C and A, L = C w n + A n x n', and with the torque c d the exponents of
+    small deviations are -c/(C w) and i w C/A + c/(C w).
     """
 
     value: PerTether
     gain: Scalar
     target: Vector
-    maximum: Scalar | None
+    limits: Limits
     slew_rate: Scalar | None
-    spin_rate: Scalar
     measured_axis: AxisName = eqx.field(static=True, default="hub")
 
     name: ClassVar[str] = "attitude feedback"
-    smooth: ClassVar[bool] = True
 
     def commanded(self, measurements: Measurements) -> PerTether:
         axis, outward = measurements.spin_axis, measurements.radial_directions
-        target = self.aim(measurements)
+        target, sense = self.aim(measurements), measurements.sense
         if self.measured_axis == "angular-momentum":
-            axis, target = measurements.momentum_axis, jnp.sign(self.spin_rate) * target
+            axis, target, sense = measurements.momentum_axis, sense * target, 1.0
             outward = measurements.outward_from(axis)
         miss = target - axis * (axis @ target)
         lever = miss @ jnp.cross(outward, axis[:, None], axis=0)
-        gain = self.gain * (axis @ measurements.wind)
+        gain = sense * self.gain * (axis @ measurements.wind)
         if self.slew_rate is not None:
-            fastest = jnp.abs(self.value * self.spin_rate * gain) * jnp.sqrt(miss @ miss + 1e-30)
+            fastest = jnp.abs(self.value * measurements.spin_rate * gain) * jnp.sqrt(miss @ miss + 1e-30)
             gain = gain * slew_rate_factor(fastest, self.slew_rate)
         return self.value * (1.0 + gain * lever)
 
@@ -216,7 +227,7 @@ class PlanarCone(VoltageLaw):
     sigma_bar = 2 I omega_0^2 sin Lambda / (L^2 cos alpha),
 
     in the phase phi of the tether, which then turns with phi' = omega_0 / (1 - x cos phi). `modulation`
-    reduces x if V could change faster than a slew rate.
+    reduces x if V could change faster than slew_rate [V/s] at the spin rate of the moment.
 
     load_bar: sigma_bar [N/m]. cutoff_voltage: V_1 [V] and load_per_volt [N/(m V)] convert loads to
     voltages.
@@ -226,13 +237,16 @@ class PlanarCone(VoltageLaw):
     x: PerTether
     cutoff_voltage: Scalar
     load_per_volt: Scalar
-    maximum: Scalar | None
+    limits: Limits
+    slew_rate: Scalar | None
 
     name: ClassVar[str] = "planar cone"
 
     def commanded(self, measurements: Measurements) -> PerTether:
-        cosine, _ = measurements.tether_phase
-        load = self.load_bar / (1.0 - self.x * cosine) ** 3
+        (cosine, _), x = measurements.tether_phase, self.x
+        if self.slew_rate is not None:
+            x = modulation(x, self.load_bar, self.load_per_volt, measurements.spin_rate, self.slew_rate)
+        load = self.load_bar / (1.0 - x * cosine) ** 3
         return self.cutoff_voltage + load / self.load_per_volt
 
 

@@ -1,9 +1,9 @@
 """Angles, lengths and axes with finite derivatives, also where those of the textbook formulas are not."""
 
-import jax
 import jax.numpy as jnp
 
 from esail_jax.array_types import Array, Float, Rotation, Vector
+from esail_jax.numerics.own_derivative import custom_jvp
 from esail_jax.numerics.small_matrices import matmul
 
 GIMBAL_LOCK = 1e-7
@@ -11,7 +11,7 @@ GIMBAL_LOCK = 1e-7
 are determined."""
 
 
-@jax.custom_jvp
+@custom_jvp
 def smallest_eigenvector(matrix: Float[Array, "3 3"]) -> Vector:
     """Returns the unit eigenvector of the smallest eigenvalue of a symmetric matrix.
 

@@ -17,6 +17,7 @@ from esail_jax.numerics.angles import smallest_eigenvector
 from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import dot
 from esail_jax.point_fields import PointFields
+from esail_jax.sensors import angular_velocity
 from esail_jax.steppers.consistent import consistent_motion
 from esail_jax.system import Power, System
 from esail_jax.terms import find_term
@@ -73,6 +74,11 @@ class Instant(eqx.Module):
     load: VectorPerPoint | None
     origin_velocity: Vector | None = None
     shift: Shift | None = None
+
+    @property
+    def sense(self) -> Scalar:
+        """The sense of the spin: -1 if the sail turns about X_B in the left-handed sense, otherwise 1."""
+        return jnp.where(angular_velocity(self.system, self.q, self.v)[0] < 0.0, -1.0, 1.0)
 
     @property
     def p(self) -> int:

@@ -36,8 +36,7 @@ def coning(local: Float[Array, "3 tether"]) -> Float[Array, " tether"]:
 
 
 def lagging(local: Float[Array, "3 tether"]) -> Float[Array, " tether"]:
-    """Returns the angle in the spin plane from the root's radial direction, positive in the sense of the
-    spin."""
+    """Returns the angle in the spin plane from the root's radial direction, positive about X_B."""
     return safe_angle(local[2], local[1])
 
 
@@ -160,11 +159,11 @@ OBSERVABLES = (
     Observable("coning_angle", "rad", "gamma", TETHER, "[PGV] 56-59, derived",
                lambda i: coning(i.local_frame(i.tips - i.roots))),
     Observable("lagging_angle", "rad", "beta", TETHER, "[PGV] 56-59",
-               lambda i: lagging(i.local_frame(i.tips - i.roots))),
+               lambda i: i.sense * lagging(i.local_frame(i.tips - i.roots))),
     Observable("root_coning_angle", "rad", "gamma'", TETHER, "[PGV] 60-61",
                lambda i: coning(i.local_frame(i.root_slopes))),
     Observable("root_lagging_angle", "rad", "beta'", TETHER, "[PGV] 60-61",
-               lambda i: lagging(i.local_frame(i.root_slopes))),
+               lambda i: i.sense * lagging(i.local_frame(i.root_slopes))),
     Observable("tether_length", "m", "L", TETHER, "integral of |r_x|", arc_length),
     Observable("max_axial_strain", "-", "eps_max", TETHER, "[PGV] 24", largest_strain),
     Observable("angular_velocity_B", "rad/s", "omega^B", XYZ, "[PGV] 62-64, derived",

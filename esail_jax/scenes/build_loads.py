@@ -15,9 +15,10 @@ from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.loads.electron_current import Collector, power_limited
 from esail_jax.loads.law_structure import NUMBER
 from esail_jax.loads.own_law import ContinuousLaw, SampledLaw
+from esail_jax.loads.phase_window import PhaseWindow
 from esail_jax.loads.plasma_brake import PlasmaBrake, ions
 from esail_jax.loads.tip_thrust import Switching, TipThrust
-from esail_jax.loads.voltage_limits import limit, within_slew_rate
+from esail_jax.loads.voltage_limits import Limits, within_slew_rate
 from esail_jax.scenes.own_law import KEY, PERIOD
 from esail_jax.scenes.structure import Numbers, Structure
 
@@ -85,48 +86,56 @@ def wind_at(n: Numbers, origin: Float[Array, "3"]) -> SteadyWind | WindSeries:
 
 def voltage_law(structure: Structure, n: Numbers, wind: Wind) -> voltage.VoltageLaw:
     """The voltage law of [voltage]."""
-    law, maximum = structure["voltage.law"], n.get("voltage.maximum")
+    law, limits = structure["voltage.law"], limits_of(n)
     value, slew = n.get("voltage.value"), n.get("voltage.slew_rate")
     if law == "harmonic":
         given = [n[key] for key in ("voltage.cosine", "voltage.sine") if key in n]
         waves = (per_tether(n.get(f"voltage.{x}", 0.0 * given[0]), value) for x in ("cosine", "sine"))
-        return voltage.Harmonic(value, *waves, maximum, slew, n["initial.spin_rate"])
+        return voltage.Harmonic(value, *waves, limits, slew)
     if law == "piecewise-linear":
         time, table = n["voltage.time"], value * per_tether(n["voltage.table"], value)
         if slew is not None:
             table = within_slew_rate(time, table, slew)
-        return voltage.TimeTable(time, table, maximum)
+        return voltage.TimeTable(time, table, limits)
     if law == "on-off":
         switched = (n.get(f"voltage.{x}") for x in ("on", "off", "rise_time"))
-        return voltage.OnOff(value, *switched, maximum, slew)
+        return voltage.OnOff(value, *switched, limits, slew)
+    if law == "phase-window":
+        phases = (jnp.deg2rad(n[f"voltage.{x}_phase_deg"]) for x in ("on", "off", "rise"))
+        return PhaseWindow(value, *phases, limits)
     if law == "feedback":
         pitch = n | {"initial.sailing_angle_deg": n["voltage.target_sailing_angle_deg"]}
-        gain, rest = n["voltage.gain"], (maximum, slew, n["initial.spin_rate"])
+        gain, rest = n["voltage.gain"], (limits, slew)
         axis = structure["voltage.measured_axis"] or "hub"
         if structure.has("orbit"):
             return voltage.OrbitalFeedback(value, gain, orbital_attitude(pitch)[:, 0], *rest, axis)
         return voltage.Feedback(value, gain, starting_attitude(pitch)[0][:, 0], *rest, axis)
     if law == "constant-thrust":
-        return ConstantThrust(n["voltage.thrust"], n["tethers.length"], wind, maximum)
+        return ConstantThrust(n["voltage.thrust"], n["tethers.length"], wind, limits)
     if law == "python":
         return users_law(structure, n)
     if law == "planar-cone":
-        return planar_cone(n, wind, maximum, slew)
-    return voltage.Constant(value if maximum is None else limit(value, maximum, smooth=False))
+        return planar_cone(n, wind, limits, slew)
+    return voltage.Constant(value if limits.maximum is None else limits(value))
+
+
+def limits_of(n: Numbers) -> Limits:
+    """The limits of the voltages."""
+    return Limits(n.get("voltage.maximum"), n.get("voltage.limit_blend"))
 
 
 def users_law(structure: Structure, n: Numbers) -> voltage.VoltageLaw:
     """The voltage law that a user wrote, within the limits of [voltage]."""
     found, period = structure[KEY], structure[PERIOD]
     law = found, tuple(n[f"{KEY}.{i}"] for i in range(found.others.count(NUMBER)))
-    maximum, slew = n.get("voltage.maximum"), n.get("voltage.slew_rate")
+    limits, slew = limits_of(n), n.get("voltage.slew_rate")
     if period is None:
-        return ContinuousLaw(*law, maximum)
+        return ContinuousLaw(*law, limits)
     change = None if slew is None else slew * period
-    return SampledLaw(*law, maximum, change, jnp.zeros(structure["tethers.count"]))
+    return SampledLaw(*law, limits, change, jnp.zeros(structure["tethers.count"]))
 
 
-def planar_cone(n: Numbers, wind: Wind, maximum: Array | None, slew: Array | None) -> voltage.PlanarCone:
+def planar_cone(n: Numbers, wind: Wind, limits: Limits, slew: Array | None) -> voltage.PlanarCone:
     """The planar-cone law for rigid tethers of the scene's lengths and masses at its sailing angle."""
     coning, sailing = (
         jnp.deg2rad(n[key]) for key in ("voltage.coning_angle_deg", "initial.sailing_angle_deg")
@@ -137,9 +146,7 @@ def planar_cone(n: Numbers, wind: Wind, maximum: Array | None, slew: Array | Non
     per_volt = wind.speed * wind.thrust_per_speed(wind.cutoff_voltage + 1.0)
     bar = voltage.cone_load(inertia, n["voltage.spin_rate"], coning, sailing, length)
     x = jnp.broadcast_to(jnp.tan(sailing) * jnp.tan(coning), length.shape)
-    if slew is not None:
-        x = voltage.modulation(x, bar, per_volt, n["voltage.spin_rate"], slew)
-    return voltage.PlanarCone(bar, x, wind.cutoff_voltage, per_volt, maximum)
+    return voltage.PlanarCone(bar, x, wind.cutoff_voltage, per_volt, limits, slew)
 
 
 def per_tether(rows: Array, like: PerTether) -> Float[Array, "row tether"]:

@@ -1,6 +1,7 @@
 """Conditions that several keys of a scene must satisfy together."""
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
@@ -137,6 +138,10 @@ def check_voltage(scene: Parts) -> None:
             raise SceneError(f"voltage.{name}", f"be left out with the law {table.law}", "is given")
     if table.power_limit is not None and scene.tethers.wire_radius is None:
         raise SceneError("tethers.wire_radius", "be given with `voltage.power_limit`", "is missing")
+    if table.limit_blend is not None and table.maximum is None:
+        raise SceneError("voltage.maximum", "be given with `voltage.limit_blend`", "is missing")
+    if table.law == "phase-window":
+        check_window(table)
     if table.law == "harmonic":
         rows = {name: np.shape(getattr(table, name)) for name in ("cosine", "sine")}
         if not rows["cosine"] and not rows["sine"]:
@@ -160,6 +165,15 @@ def check_voltage(scene: Parts) -> None:
         law = scene.solar_wind.thrust_law
         if law != "linear":
             raise SceneError("solar_wind.thrust_law", "be linear with the law planar-cone", f'is "{law}"')
+
+
+def check_window(table: Any) -> None:
+    """Checks that the window of the law phase-window is neither empty nor a whole turn. Raises
+    SceneError."""
+    on, off = rules.known(table.on_phase_deg), rules.known(table.off_phase_deg)
+    if on is not None and off is not None and (np.mod(off - on, 360.0) == 0.0).any():
+        must = "differ from `voltage.on_phase_deg` by more or less than whole turns"
+        raise SceneError("voltage.off_phase_deg", must, rules.describe(table.off_phase_deg))
 
 
 def check_events(scene: Parts) -> None:

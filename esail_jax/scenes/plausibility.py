@@ -23,12 +23,22 @@ class Usual(NamedTuple):
 
 
 USUAL = {
-    "solar_wind.speed": Usual(1e4, 1e7, "4e5 m/s"),
-    "solar_wind.number_density": Usual(1e3, 1e10, "7e6 1/m^3"),
+    "solar_wind.speed": Usual(1e4, 3e6, "4e5 m/s"),
+    "solar_wind.number_density": Usual(1e3, 1e9, "7e6 1/m^3"),
     "tethers.length": Usual(50.0, 1e6, "1e4 m"),
     "tethers.wire_radius": Usual(1e-7, 1e-3, "1e-5 m"),
 }
-"""By scene key. The density of 1e3 1/m^3 is that of the wind at 80 au."""
+"""By scene key. The density of 1e3 1/m^3 is that of the wind at 80 au. The largest speed and density are
+beyond every solar storm."""
+
+FILLS = {"solar_wind.speed": 9.999e6, "solar_wind.number_density": 9.999e8}
+"""Values that data of OMNI have where nothing was measured: 9999 km/s, 999.9 per cm^3."""
+
+FARTHEST = 100.0
+"""Distance from the Sun [au] beyond which the unit of a position is doubted."""
+
+STRAINED = 0.01
+"""Strain of a tether by the spin alone above which the numbers are doubted: metals yield at less."""
 
 
 def doubts(scene: Scene) -> tuple[str, ...]:
@@ -36,7 +46,9 @@ def doubts(scene: Scene) -> tuple[str, ...]:
     if scene.chain is not None or scene.solar_wind is None:
         return ()
     found = [doubt_of(scene, key) for key in USUAL]
-    return tuple(filter(None, (*found, doubt_of_thrust(scene))))
+    found += [f(scene) for f in (doubt_of_thrust, doubt_of_distance, doubt_of_step)]
+    # A strain follows from other numbers, which may be doubted already.
+    return tuple(filter(None, found)) or tuple(filter(None, [doubt_of_strain(scene)]))
 
 
 BENDING = "second_moment", "bending_damping_time", "straight_turn"
@@ -60,6 +72,8 @@ def doubt_of(scene: Scene, key: str) -> str:
     values, unit = numbers(scene, key), USUAL[key].usual.split()[1]
     if values is None or not values.any():
         return ""
+    if key in FILLS and np.isclose(values, FILLS[key], rtol=1e-9, atol=0.0).any():
+        return f"`{key}` has {FILLS[key]:g} {unit}, which data of OMNI have where nothing was measured."
     values = values[values != 0.0]
     off = values.min() if values.min() < USUAL[key].least else values.max()
     if USUAL[key].least <= off <= USUAL[key].most:
@@ -80,8 +94,59 @@ def doubt_of_thrust(scene: Scene) -> str:
     return ""
 
 
+def doubt_of_distance(scene: Scene) -> str:
+    """A sentence if the sail is farther from the Sun than FARTHEST."""
+    keys = ("initial.heliocentric_position_au", "orbit.position_au")
+    for key in keys:
+        position = numbers(scene, key) if getattr(scene, key.partition(".")[0]) is not None else None
+        far = 0.0 if position is None else float(np.linalg.norm(position))
+        if far > FARTHEST:
+            return f"`{key}` is {far:g} au from the Sun: is it in this unit?"
+    return ""
+
+
+def doubt_of_strain(scene: Scene) -> str:
+    """A sentence if the spin strains a tether by more than STRAINED: the centrifugal force of the tether
+    and the remote unit over EA, omega^2 (m L + rho A L^2/2)/(E A)."""
+    keys = (
+        "initial.spin_rate",
+        "tethers.length",
+        "tethers.area",
+        "tethers.density",
+        "tethers.youngs_modulus",
+    )
+    found = [numbers(scene, key) for key in keys]
+    tip = 0.0 if scene.remote_units is None else numbers(scene, "remote_units.mass")
+    if any(x is None for x in (*found, tip)):
+        return ""
+    spin, length, area, density, modulus = found
+    strain = np.max(spin**2 * length * (tip + 0.5 * density * area * length) / (modulus * area))
+    if strain <= STRAINED:
+        return ""
+    strained = f"which strains a tether by {strain:.2g}"
+    return f"`initial.spin_rate` is {spin:g} rad/s, {strained}: is it in this unit?"
+
+
+def doubt_of_step(scene: Scene) -> str:
+    """A sentence if steps of a given size pass over what a table or a switch does within them."""
+    step = None if scene.integrator.step is None else rules.known(scene.integrator.step)
+    if step is None:
+        return ""
+    spans = {key: numbers(scene, key) for key in ("solar_wind.time", "voltage.time", "voltage.rise_time")}
+    if scene.tip_thrust is not None:
+        spans["tip_thrust.rise_time"] = numbers(scene, "tip_thrust.rise_time")
+    for key, x in spans.items():
+        series = key.endswith(".time")
+        shortest = np.inf if x is None else np.min(np.diff(x) if series else x, initial=np.inf)
+        if shortest < step:
+            other = f"`{key}` {'has an interval of' if series else 'is'} {shortest:g} s"
+            advice = "try a shorter step, or the method collocation"
+            return f"`integrator.step` is {step:g} s, and {other}, which steps pass over ({advice})."
+    return ""
+
+
 def numbers(scene: Scene, key: str) -> np.ndarray | None:
     """The numbers of a key; None if the scene lacks it, or if they are traced."""
     table, _, name = key.partition(".")
-    value = getattr(getattr(scene, table), name)
+    value = getattr(getattr(scene, table), name, None)
     return None if value is None else rules.known(value)

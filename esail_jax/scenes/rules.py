@@ -4,6 +4,7 @@ Every message reads: `key` must ..., but is ... .
 """
 
 import dataclasses
+import sys
 import typing
 from collections.abc import Callable
 from typing import Any
@@ -95,10 +96,11 @@ def check_value(key: str, value: Any, rule: Rule, members: Members | None) -> An
 
     Raises SceneError. Only the shape of a traced number is checked: it has no value yet.
     """
+    value = plain(value)
     if is_traced(value):
         if rule.structure:
             raise SceneError(key, "be a plain Python value: it is structure", "is a traced value")
-        return check_shape(key, value, rule, members)
+        return check_shape(key, as_float64(value), rule, members)
     if rule.shape is Shape.LIST and rule.kind is Kind.INTEGER:
         if not isinstance(value, (list, tuple)):
             raise SceneError(key, "be a list of integers", describe(value))
@@ -123,13 +125,8 @@ def check_number(key: str, value: Any, rule: Rule, members: Members | None) -> A
     """Checks one or several real numbers: their shape, that they are finite, and the rule's condition.
 
     Raises SceneError."""
-    try:
-        array = np.asarray(value)
-        numeric = array.dtype.kind in "iuf"
-        array = array.astype(float) if numeric else array
-    except (TypeError, ValueError):
-        numeric = False
-    if not numeric or array.size == 0 or has_boolean(value):
+    array = numbers_of(key, value)
+    if array is None or array.size == 0:
         raise SceneError(key, "be a number" + other_forms(rule, members), describe(value))
     check_shape(key, array, rule, members)
     if not np.isfinite(array).all():
@@ -137,8 +134,58 @@ def check_number(key: str, value: Any, rule: Rule, members: Members | None) -> A
     if not rule.accepts(array):
         raise SceneError(key, rule.must, describe(value))
     if is_jax_array(value) and not rule.structure:
-        return value
+        return as_float64(value)
     return float(array) if array.ndim == 0 else to_tuple(array)
+
+
+def plain(value: Any) -> Any:
+    """Returns a value in plain form, where another type has the same meaning: numbers and truth values of
+    NumPy, arrays without axes, and lists with traced numbers, which become one traced array."""
+    if is_traced(value):
+        return value
+    if isinstance(value, np.generic) or (hasattr(value, "dtype") and np.shape(value) == ()):
+        kind = np.dtype(value.dtype).kind
+        return value.item() if kind in "biu" else value
+    return joined(value) if has_traced(value) else value
+
+
+def has_traced(value: Any) -> bool:
+    """Tells whether a traced number stands in a list, or in lists of a list."""
+    if isinstance(value, (list, tuple)):
+        return any(map(has_traced, value))
+    return is_traced(value)
+
+
+def joined(value: Any) -> Any:
+    """Returns numbers, or lists of equally many of them, as one traced array. What is no number, or does
+    not fit together, stays a list, which the checks refuse."""
+    numpy = sys.modules["jax"].numpy
+    try:
+        if isinstance(value, (list, tuple)):
+            return numpy.stack([joined(x) for x in value])
+        return value if numbers_of("", value) is None else numpy.asarray(value, float)
+    except (TypeError, ValueError):
+        return value
+
+
+def as_float64(value: Any) -> Any:
+    """Returns an array of JAX, traced or not, as one of float64, unless JAX is set to 32 bit, which a run
+    refuses."""
+    known = value.dtype == np.float64 or not sys.modules["jax"].config.jax_enable_x64
+    return value if known else value.astype(np.float64)
+
+
+def numbers_of(key: str, value: Any) -> np.ndarray | None:
+    """Returns real numbers as an array of float64, by position and not by label. Returns None if they are
+    something else. Raises SceneError for masked numbers: a mask is no number, and the one below it is not
+    meant."""
+    if np.ma.is_masked(value):
+        raise SceneError(key, "hold no masked numbers", f"has {np.ma.count_masked(value)}")
+    try:
+        array = np.asarray(value)
+    except (TypeError, ValueError):
+        return None
+    return None if array.dtype.kind not in "iuf" or has_boolean(value) else array.astype(float)
 
 
 def to_tuple(array: np.ndarray) -> tuple:

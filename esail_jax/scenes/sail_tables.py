@@ -154,6 +154,13 @@ class Voltage:
     maximum: Number | None = declare(
         positive, unit="V", doc="Upper limit of the voltage; without it there is none.", default=None
     )
+    limit_blend: Number | None = declare(
+        between("(0, 0.5]"),
+        unit="-",
+        doc="Half width, as a fraction of `maximum`, of the ranges in which the voltage bends smoothly "
+        "towards 0 and `maximum`, for derivatives; without it both limits are exact.",
+        default=None,
+    )
     slew_rate: Number | None = declare(
         positive,
         unit="V/s",
@@ -193,6 +200,24 @@ class Voltage:
     )
     rise_time: Number | None = declare(
         positive, unit="s", doc="Law on-off: duration of the rise and of the fall.", default=None
+    )
+    on_phase_deg: PerMember | None = per_member(
+        any_number,
+        unit="deg",
+        doc="Law phase-window: phase at which the voltage begins to rise.",
+        default=None,
+    )
+    off_phase_deg: PerMember | None = per_member(
+        any_number,
+        unit="deg",
+        doc="Law phase-window: phase at which the voltage begins to fall.",
+        default=None,
+    )
+    rise_phase_deg: PerMember | None = per_member(
+        between("(0, 360]"),
+        unit="deg",
+        doc="Law phase-window: angle of the rise and of the fall.",
+        default=None,
     )
     gain: Number | None = declare(
         any_number, unit="-", doc="Law feedback: gain of the attitude error.", default=None

@@ -14,8 +14,6 @@ from esail_jax.coordinates import Coordinates
 from esail_jax.environment.kepler_orbit import KeplerOrbit
 from esail_jax.numerics.lockstep import select
 from esail_jax.observables import kinetic_energy
-from esail_jax.scenes.rules import SceneError
-from esail_jax.scenes.scene import Scene
 from esail_jax.steppers.stepper import Point
 from esail_jax.system import Power, System
 
@@ -48,16 +46,6 @@ class PointOnOrbit(NamedTuple):
 
 AnyPoint = Point | PointOnOrbit
 """The final state of a run, from which another run may start."""
-
-
-def check_start(scene: Scene, start: AnyPoint | None) -> None:
-    """Raises SceneError if the start of a run is no point, or one on an orbit where there is no orbit."""
-    if not isinstance(start, Point | PointOnOrbit | None):
-        raise SceneError(
-            "start", "be a point, such as `solution.final_state`", f"is of type {type(start).__name__}"
-        )
-    if isinstance(start, PointOnOrbit) and (scene.chain is not None or scene.orbit is None):
-        raise SceneError("start", "have no orbit in a scene without [orbit] and a sail", "has one")
 
 
 def rectified(system: System, point: Point, orbit: KeplerOrbit) -> tuple[Point, KeplerOrbit]:

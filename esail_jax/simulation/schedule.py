@@ -2,16 +2,14 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from esail_jax.array_types import Array, Bool, Float, Int
 from esail_jax.scenes.own_law import PERIOD, period_of
 from esail_jax.scenes.rules import SceneError, known
-from esail_jax.scenes.sail_tables import Voltage
 from esail_jax.scenes.scene import Scene
-from esail_jax.scenes.tip_tables import TipThrust
 
 SNAP = 1e-9
 """Fraction of an interval by which a time may miss a multiple of it: multiples of decimal fractions are
@@ -45,18 +43,12 @@ def switch_times(scene: Scene, end: float | None = None) -> tuple[float, ...]:
     They are the times of all events, the times `on` and `off` of the voltage and of the thrust at the tips,
     the instants of the temperatures, where these have kinks, every multiple of RECTIFIED_EVERY of a sail on
     an orbit about the Sun, and the sampling instants of a user's voltage law, if they are positive. A time
-    that is a tracer has no value and is left out: for `on` and `off` the error control of the method has to
-    find it, for temperatures see `divided_at`. The voltage of a chain is constant and has no such time."""
+    that is a tracer has no value yet: see `divided_at`. The voltage of a chain is constant and has no such
+    time."""
     times = set() if scene.event is None else set(scene.event.time)
-    tables = [
-        table for table in (scene.voltage, scene.tip_thrust) if isinstance(table, Voltage | TipThrust)
-    ]
-    instants = [x for table in tables for x in (table.on, table.off)]
-    if scene.thermal is not None:
-        instants.append(scene.thermal.time)
-    for switched in instants:
-        if switched is not None and known(switched) is not None:
-            times |= set(known(switched).ravel().tolist())
+    for instants in instants_of(scene).values():
+        if known(instants) is not None:
+            times |= set(known(instants).ravel().tolist())
     end = scene.integrator.t_end if end is None else end
     if scene.chain is None and scene.orbit is not None:
         times |= set(np.arange(RECTIFIED_EVERY, end, RECTIFIED_EVERY).tolist())
@@ -81,9 +73,20 @@ def sampling_instants(scene: Scene, end: float | None = None) -> tuple[float, ..
 
 
 def divided_at(scene: Scene) -> tuple[str, ...]:
-    """Returns the keys of instants that divide a run although they are tracers."""
-    time = None if scene.thermal is None else scene.thermal.time
-    return ("thermal.time",) if time is not None and known(time) is None else ()
+    """Returns the keys of switch times that divide a run although they are tracers, without a value until
+    the program runs (`divided_windows.py`)."""
+    return tuple(key for key, x in instants_of(scene).items() if known(x) is None)
+
+
+def instants_of(scene: Scene) -> dict[str, Any]:
+    """Returns the switch times that are numbers of a scene, by key."""
+    tables = {"voltage": ("on", "off"), "tip_thrust": ("on", "off"), "thermal": ("time",)}
+    given = {
+        f"{table}.{name}": getattr(getattr(scene, table), name, None)
+        for table, names in tables.items()
+        for name in names
+    }
+    return {key: x for key, x in given.items() if x is not None}
 
 
 @dataclasses.dataclass(frozen=True)

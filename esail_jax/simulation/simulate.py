@@ -9,28 +9,23 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax.errors import SimulationError, nearest
-from esail_jax.observables import described, known_names
+from esail_jax.errors import SimulationError
 from esail_jax.observables.run_warning import run_warning
 from esail_jax.scenes.keywords import refuse_keywords
 from esail_jax.scenes.merging import check_overrides
 from esail_jax.scenes.own_law import KEY, period_of
-from esail_jax.scenes.rules import SceneError
+from esail_jax.scenes.rules import SceneError, numbers_of
 from esail_jax.scenes.scene import Scene, load_scene
+from esail_jax.simulation.arguments import check_arguments
 from esail_jax.simulation.host import HostRun, compile_scene
-from esail_jax.simulation.rectification import AnyPoint, check_start
+from esail_jax.simulation.rectification import AnyPoint
 from esail_jax.simulation.results import Checkpoint, Chunk, all_rows
 from esail_jax.simulation.schedule import save_times
 from esail_jax.simulation.solution import Solution
 from esail_jax.simulation.stability import INSTANTS, Stability, stability_of
 from esail_jax.simulation.under_trace import simulate_traced, under_trace
-from esail_jax.steppers.results import RESULTS
+from esail_jax.steppers.results import RESULTS, name_of
 from esail_jax.steppers.stepper import AbstractStepper
-
-NEEDED_TABLES = {
-    "hub": "hub", "ring": "auxiliary_tethers", "wind": "solar_wind", "heat": "thermal", "orbit": "orbit",
-}  # fmt: skip
-"""The table that a scene must have for observables that need a part of the system."""
 
 
 def simulate(
@@ -82,18 +77,14 @@ def simulate(
     Raises SceneError for bad input, SimulationError for a failed run, RuntimeError in 32-bit mode."""
     refuse_keywords("simulate", unknown)
     scene = load_scene(scene, with_law(overrides, voltage_law))
-    check_start(scene, start)
-    check_times(times, 0.0 if start is None else start.time)
-    check_names(scene, save)
-    check_max_steps(max_steps)
+    check_arguments(scene, save, times, start, max_steps)
     if stability and period_of(scene.voltage_law) is not None:
         raise SceneError("stability", "be False with a sampled `voltage_law`", "is True")
     if under_trace(scene, start, stepper):
         if stability:
             raise SceneError("stability", "be False under a trace", "is True")
-        return simulate_traced(
-            scene, save=save, times=times, start=start, max_steps=max_steps, stepper=stepper
-        )
+        given = {"save": save, "times": times, "start": start, "stepper": stepper}
+        return raised(simulate_traced(scene, max_steps=max_steps, **given), throw)
     run = begin(scene, save, times, start, max_steps, stepper)
     solution = collected(run, save, throw, progress)
     if stability and solution.result == RESULTS.successful:
@@ -149,10 +140,7 @@ def run(
     Raises SceneError when it is called, and SimulationError after the last good chunk of a failed run."""
     refuse_keywords("run", unknown)
     scene = load_scene(scene, with_law(overrides, voltage_law))
-    check_start(scene, start)
-    check_times(times, 0.0 if start is None else start.time)
-    check_names(scene, save)
-    check_max_steps(max_steps)
+    check_arguments(scene, save, times, start, max_steps)
     if under_trace(scene, start, stepper):
         raise SceneError(
             "scene", "have plain numbers in `run`", "has a number under a trace (use `simulate`)"
@@ -167,6 +155,17 @@ def with_law(overrides: Mapping[str, Any] | None, law: Any) -> Mapping[str, Any]
     if overrides is not None:
         check_overrides("overrides", overrides, "`voltage_law=law`")
     return {**(overrides or {}), KEY: law}
+
+
+def raised(solution: Solution, throw: bool) -> Solution:
+    """Returns a traced solution. Raises SimulationError if it is known already that the run has failed, as
+    it is in `jax.jvp` and `jax.grad` outside `jax.jit`, and `throw` asks for errors."""
+    known = not any(isinstance(x, jax.core.Tracer) for x in jax.tree.leaves(solution.result))
+    if throw and known and name_of(solution.result) != "successful":
+        hint = " Its derivative needs room for more: ask for it by `max_steps`."
+        room = name_of(solution.result) == "too_many_steps"
+        raise SimulationError(RESULTS[solution.result] + hint * room, solution.result)
+    return solution
 
 
 # ---- on the host --------------------------------------------------------------------------------
@@ -250,50 +249,24 @@ def collected(run: Begun, save, throw: bool, progress=None) -> Solution:
     )
 
 
-def observables_at(solution: Solution, time: float) -> dict[str, np.ndarray]:
-    """Returns the observables of a solution at any time [s]. It is `Solution.at`, with its errors."""
+def observables_at(solution: Solution, time: float | Sequence[float]) -> dict[str, np.ndarray]:
+    """Returns the observables of a solution at any time or times [s]. It is `Solution.at`, with its
+    errors."""
+    times = numbers_of("time", time)
+    if times is None or times.ndim > 1 or not times.size:
+        raise ValueError(f"`time` must be a number or a list of numbers, but is {time!r}")
     first, last = float(solution.time[0]), float(solution.time[-1])
-    if not first <= time <= last:
-        raise ValueError(f"`time` must lie within the run, {first:g} to {last:g} s, but is {time:g}")
+    inside = (first <= times) & (times <= last)
+    if not inside.all():
+        found = np.atleast_1d(times)[~np.atleast_1d(inside)][0]
+        raise ValueError(f"`time` must lie within the run, {first:g} to {last:g} s, but is {found:g}")
     if solution.checkpoint is None and "schema_version" in solution.stats:
         raise ValueError("`solution` must hold its `start` and its stepper, but was read from a file")
     given = {"save": solution.save, "start": solution.start, "stepper": solution.stepper}
+    wanted, place = np.unique(times, return_inverse=True)
     # The energy error of a chain refers to the instants before.
     before = solution.time if solution.scene.chain is not None else solution.time[:0]
-    found = simulate(solution.scene, times=[*before[before < time], time], **given)
-    return {name: np.asarray(found[name][-1]) for name in solution}
-
-
-# ---- checks of the arguments ----------------------------------------------------------------------
-
-
-def check_times(times: Any, begin: Any) -> None:
-    """Raises SceneError unless the times are concrete numbers that increase and do not precede the
-    start."""
-    if times is None:
-        return
-    if any(isinstance(x, jax.core.Tracer) for x in (times, begin, *np.ravel(np.asarray(times, object)))):
-        raise SceneError("times", "be plain numbers", "is traced")
-    values = np.asarray(times, float)
-    good = values.ndim == 1 and len(values) and np.isfinite(values).all() and (np.diff(values) > 0).all()
-    if not good or values[0] < float(begin):
-        raise SceneError("times", f"increase from {float(begin):g} on", f"is {times!r}")
-
-
-def check_names(scene: Scene, save: Sequence[str] | None) -> None:
-    """Raises SceneError if a name is not that of an observable, or of one whose part the scene lacks."""
-    for name in save or ():
-        known = known_names(scene.chain is not None)
-        if name not in known:
-            raise SceneError("save", f"hold names of observables{nearest(name, known)}", f"has {name!r}")
-        need = described(name).needs
-        if scene.chain is None and need in NEEDED_TABLES and getattr(scene, NEEDED_TABLES[need]) is None:
-            raise SceneError("save", f"hold no {name!r} without [{NEEDED_TABLES[need]}]", "does")
-        if need == "wires" and scene.tethers.wire_radius is None:
-            raise SceneError("save", f"hold no {name!r} without `tethers.wire_radius`", "does")
-
-
-def check_max_steps(max_steps: int | None) -> None:
-    """Raises SceneError unless the bound is None or a positive integer."""
-    if max_steps is not None and not (isinstance(max_steps, int | np.integer) and max_steps > 0):
-        raise SceneError("max_steps", "be a positive whole number", f"is {max_steps!r}")
+    instants = np.union1d(before[before < wanted[-1]], wanted)
+    found = simulate(solution.scene, times=instants.tolist(), **given)
+    rows = np.searchsorted(instants, wanted)[place.reshape(times.shape)]
+    return {name: np.asarray(found[name])[rows] for name in solution}

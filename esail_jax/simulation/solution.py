@@ -1,6 +1,6 @@
 """The result of a run: a mapping from names of observables to arrays."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -51,9 +51,7 @@ class Solution(eqx.Module, Mapping):
     save: tuple[str, ...] | None = eqx.field(static=True, default=None)
     start: AnyPoint | None = None
     stepper: AbstractStepper | None = None
-    again: Callable[["Solution", float], dict[str, np.ndarray]] | None = eqx.field(
-        static=True, default=None
-    )
+    again: Callable[["Solution", Any], dict[str, np.ndarray]] | None = eqx.field(static=True, default=None)
 
     def __getitem__(self, name: str) -> Array | np.ndarray:
         if name not in self.observables:
@@ -96,11 +94,12 @@ class Solution(eqx.Module, Mapping):
         """Returns the unit of every observable by name."""
         return {name: described(name).unit for name in self}
 
-    def at(self, time: float) -> dict[str, np.ndarray]:
-        """Returns the observables at any time [s] of the run, by dense output, without the axis `time`.
+    def at(self, time: float | Sequence[float]) -> dict[str, np.ndarray]:
+        """Returns the observables at any time [s] of the run, by dense output: without the axis `time` for
+        a number, and with it for a list, in the order of the list.
 
-        The run is repeated up to that time with the programs that are compiled already, and takes the same
-        steps. Raises ValueError for a time outside the run, a run made under a trace, and a run from
+        The run is repeated up to the last time with the programs that are compiled already, and takes the
+        same steps. Raises ValueError for a time outside the run, a run made under a trace, and a run from
         a file that does not hold all of its arguments."""
         if self.again is None:
             raise ValueError("`solution` must come from a run on concrete numbers, but was traced")

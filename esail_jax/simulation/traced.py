@@ -112,7 +112,7 @@ def run(
     windows, number, place = schedule.windows()
     switched = bool(windows.begins.any()) or bool(schedule.divided)
     if schedule.divided:
-        knots = jnp.concatenate([numbers[key] for key in schedule.divided])
+        knots = jnp.concatenate([jnp.ravel(numbers[key]) for key in schedule.divided])
         windows, number, place = divided_windows(schedule, knots)
     windows = jax.tree.map(jnp.asarray, windows)
 

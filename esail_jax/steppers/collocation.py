@@ -40,6 +40,7 @@ from esail_jax.steppers.collocation_stages import (
     stage_states,
     work_of_step,
 )
+from esail_jax.steppers.collocation_step_size import change_of_step, first_step, next_step
 from esail_jax.steppers.collocation_steps import (
     CollocationState,
     CollocationSteps,
@@ -49,6 +50,7 @@ from esail_jax.steppers.collocation_steps import (
     zero_length_steps,
 )
 from esail_jax.steppers.consistent import consistent_motion
+from esail_jax.steppers.knots import behind, fitting_step, knots_ahead
 from esail_jax.steppers.log import Log, Statistic
 from esail_jax.steppers.results import RESULTS
 from esail_jax.steppers.stepper import AbstractStepper, Motion, Point
@@ -73,10 +75,6 @@ periods."""
 ROUNDING = 5e-15
 """With a given step size, stages are solved to this fraction of the tether length, so that only the error
 of the step itself remains."""
-
-SAFETY, SHRINK, GROW, DEADBAND = 0.85, 0.2, 3.0, 1.15
-"""Step-size control: safety factor, smallest and largest change of the step size, and the gain below which
-the step size is not changed."""
 
 END_BLOCK_GAIN = 1.5
 """A block ends early if the step size could grow by this factor in two successive steps."""
@@ -115,8 +113,17 @@ class Collocation(AbstractStepper):
 
     def block(self, model: System, state: CollocationState) -> tuple[CollocationState, CollocationSteps]:
         """Takes up to STEPS_PER_FACTORISATION steps with one factorisation, fewer if a step fails, could be
-        much longer, or converges slowly with these factors."""
-        system = model
+        much longer, or converges slowly with these factors.
+
+        Steps end at knots (`knots.py`): up to there they have one size, and the size that they could have
+        is kept for the steps beyond."""
+        system, wanted, stop = model, state.h, None
+        knots = knots_ahead(system, state.now)
+        if knots is not None:
+            state = replace(state, now=behind(system, state.now))
+        if knots is not None and self.step_size is None:
+            h, stop = fitting_step(knots, state.now.time, state.h)
+            state = replace(state, h=h)
         lam = jax.tree.map(lambda x: x[-1], state.history.values.lam)
         factors, h = factor(system, state.now, state.h, lam), state.h
 
@@ -128,13 +135,18 @@ class Collocation(AbstractStepper):
             going = good & (spent - steps * fewest < FACTORISATION_COST)
             if self.step_size is None:
                 going &= change_of_step(jnp.maximum(error, error_before)) < END_BLOCK_GAIN
+            if stop is not None:
+                going &= state.now.time + 0.5 * h < stop
             return (state, fewest, steps, spent, error), going, record
 
         none = jnp.zeros((), int)
         carry = (state, jnp.asarray(MAX_ITERATIONS), none, none, jnp.asarray(jnp.inf))
         (state, *_), records = bounded_loop(step, carry, STEPS_PER_FACTORISATION, no_step(state))
         if self.step_size is None:
-            state = replace(state, h=next_step(state, records, h))
+            following = next_step(state, records, h)
+            if stop is not None:
+                following = jnp.where(state.h == h, jnp.maximum(following, wanted), following)
+            state = replace(state, h=following)
         else:
             # A step that failed with factors of an earlier one is tried again with fresh factors.
             state = replace(state, h=jnp.where(records.taken[0], h, state.h))
@@ -225,31 +237,6 @@ class Collocation(AbstractStepper):
     ) -> tuple[Motion, Point]:
         """Reads the steps from their records; the implicit function theorem gives their derivative."""
         return replay_window(self, model, motion, ended, tapes, blocks, times)
-
-
-# ---- length of the steps ------------------------------------------------------------------------
-
-
-def change_of_step(error: Scalar) -> Scalar:
-    """Returns the factor to a step size whose error is the tolerance, with a safety factor. error: the
-    estimated error over the tolerance, of order STAGES + 2 in the step size."""
-    return jnp.clip(SAFETY * jnp.maximum(error, 1e-30) ** (-1 / (STAGES + 2)), SHRINK, GROW)
-
-
-def next_step(state: CollocationState, records: CollocationSteps, h: Scalar) -> Scalar:
-    """Returns the step size [s] of the next block, from the largest error of a block with the step size h.
-    A rejected step has chosen a smaller one already."""
-    factor = change_of_step(jnp.where(records.taken, records.info.error, 0.0).max())
-    factor = jnp.where((factor > 1.0 / DEADBAND) & (factor < DEADBAND), 1.0, factor)
-    return jnp.where(state.h == h, h * factor, state.h)
-
-
-def first_step(system: System, vdot: Coordinates, tolerance: Scalar) -> Scalar:
-    """Returns a guess of the first step size [s]: tolerance^(1/(STAGES + 2)) times the time in which the
-    largest acceleration moves a node by the length of a tether."""
-    fastest = jnp.abs(vdot.tether[0]).max()
-    scale = jnp.sqrt(lengths(system)[0] / jnp.maximum(fastest, 1e-30))
-    return tolerance ** (1.0 / (STAGES + 2)) * scale
 
 
 # ---- first guess --------------------------------------------------------------------------------

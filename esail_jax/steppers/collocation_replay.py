@@ -15,12 +15,13 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from esail_jax.array_types import Array, Float, Int
-from esail_jax.numerics.lockstep import any_member
+from esail_jax.array_types import Array, Bool, Float, Int
+from esail_jax.numerics.lockstep import any_member, select
 from esail_jax.numerics.symbolic_zeros import with_tangent_of
 from esail_jax.steppers.collocation_solution import known_stages
 from esail_jax.steppers.collocation_stages import StepEnd, end_of_step, factor, stage_powers, work_of_step
 from esail_jax.steppers.collocation_steps import CollocationSteps
+from esail_jax.steppers.knots import behind
 from esail_jax.steppers.stepper import AbstractStepper, Motion, Point, points_within
 from esail_jax.system import Power, System
 
@@ -45,7 +46,9 @@ def replay_window(
 
     now, records = lax.scan(jax.checkpoint(unless_empty(block)), start, tapes)
     flat = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), records)
-    (work, power), flat = replay_work(system, start, flat)
+    afresh = system.knots(start.time, start.q, start.v) is not None
+    begins = jnp.zeros(records.taken.shape, bool).at[:, 0].set(afresh).ravel()
+    (work, power), flat = replay_work(system, start, flat, begins)
     records = jax.tree.map(lambda x, like: x.reshape(like.shape), flat, records)
     points = points_within(stepper, system, motion.last, records, records.taken, times)
     # The time has no derivative: step sizes are given.
@@ -77,6 +80,8 @@ def replay_steps(
     of the system and of the start of the first step. Step sizes carry no derivative. Work and powers, on
     which nothing else depends, are left to `replay_work`."""
     h = records.h[0]
+    if system.knots(now.time, now.q, now.v) is not None:
+        now = behind(system, now._replace(time=records.start.time[0]))
     lam = jax.tree.map(lambda x: x[0, 0], records.stages.lam)
     factors = lax.stop_gradient(factor(*lax.stop_gradient((system, now, h, lam))))
 
@@ -100,9 +105,10 @@ def replay_steps(
 
 
 def replay_work(
-    system: System, start: StepEnd, records: CollocationSteps
+    system: System, start: StepEnd, records: CollocationSteps, begins: Bool[Array, " step"]
 ) -> tuple[tuple[Power, Power], CollocationSteps]:
     """Adds powers and work to consecutive records of `replay_steps`, beginning with those of `start`.
+    begins: true for steps whose power at the start is that of the record, behind a knot.
 
     Returns the work and the power at the end, and the records."""
 
@@ -117,10 +123,12 @@ def replay_work(
         return (work, jax.tree.map(lambda x: x[-1], power)), power
 
     @jax.checkpoint
-    def step_or_stay(before, record):
+    def step_or_stay(before, row):
+        record, begins = row
         none = jax.tree.map(jnp.zeros_like, record.power)
+        before = before[0], select(begins, record.start.power, before[1])
         after, power = lax.cond(record.taken, step, lambda *x: (x[0], none), before, record)
         return after, (before, power)
 
-    end, ((work, first), power) = lax.scan(step_or_stay, (start.work, start.power), records)
+    end, ((work, first), power) = lax.scan(step_or_stay, (start.work, start.power), (records, begins))
     return end, replace(records, start=records.start._replace(work=work, power=first), power=power)

@@ -18,8 +18,8 @@ def measured(time=0.0):
     out = jnp.stack([0 * angles, jnp.cos(angles), jnp.sin(angles)])
     return Measurements(
         jnp.asarray(time), jnp.array([1.0, 0.0, 0.0]), out, out, jnp.array([0.8, 0.6, 0.0]),
-        rotation=jnp.eye(3), angular_velocity=jnp.array([4e-3, 0.0, 0.0]), tip_position=1e4 * out,
-        tip_velocity=0.0 * out, root_tension=jnp.full(3, 0.3), voltage=jnp.zeros(3),
+        spin_rate=jnp.asarray(4e-3), rotation=jnp.eye(3), angular_velocity=jnp.array([4e-3, 0.0, 0.0]),
+        tip_position=1e4 * out, tip_velocity=0.0 * out, root_tension=jnp.full(3, 0.3), voltage=jnp.zeros(3),
     )  # fmt: skip
 
 

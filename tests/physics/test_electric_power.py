@@ -11,6 +11,7 @@ from esail_jax.environment.solar_wind import SteadyWind, WindSeries
 from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.loads.electron_current import Collector, PowerLimited, power_limited
 from esail_jax.loads.voltage import Constant, Harmonic
+from esail_jax.loads.voltage_limits import Limits
 from esail_jax.measurements import Measurements
 from esail_jax.scenes.build import build
 from esail_jax.scenes.structure import split
@@ -60,14 +61,14 @@ def measured(time):
     turned = jnp.array([0.1, 2.1, 4.2]) + 4e-3 * time
     out = jnp.stack([0.0 * turned, jnp.cos(turned), jnp.sin(turned)])
     axis, wind = jnp.array([1.0, 0.0, 0.0]), jnp.array([0.8, 0.6, 0.0])
-    return Measurements(jnp.asarray(time), axis, out, out, wind)
+    return Measurements(jnp.asarray(time), axis, out, out, wind, spin_rate=jnp.asarray(4e-3))
 
 
 def test_limit_holds_for_a_law():
     """Voltages of a harmonic law are scaled down together where they need more than the limit, to exactly
     the limit, and left alone elsewhere."""
     wave = jnp.full((1, 3), 0.5).at[0, 1].set(0.1)
-    law = Harmonic(jnp.full(3, 20e3), wave, 0.0 * wave, None, None, jnp.asarray(4e-3))
+    law = Harmonic(jnp.full(3, 20e3), wave, 0.0 * wave, Limits(None), None)
     free = np.stack([law.voltage(measured(t)) for t in np.arange(0.0, 1600.0, 100.0)])
     needed = power_of(free, 7.3e6)
     bound = float(np.median(needed))

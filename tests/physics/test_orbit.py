@@ -14,6 +14,7 @@ from esail_jax.environment.kepler_orbit import KeplerOrbit
 from esail_jax.environment.solar_wind import SteadyWind, WindOnOrbit
 from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.loads.voltage import Constant, OrbitalFeedback
+from esail_jax.loads.voltage_limits import Limits
 from esail_jax.measurements import Measurements
 from esail_jax.observables import elastic_energy
 from esail_jax.point_fields import PointFields
@@ -234,7 +235,7 @@ def test_feedback_follows_the_sun_line():
     the wind stays, and it lies in the plane of the wind and of X_O = Z_H x Z_O."""
     one, angle = jnp.ones(()), np.deg2rad(35.0)
     target = jnp.array([np.sin(angle), 0.0, np.cos(angle)])
-    law = OrbitalFeedback(jnp.ones(1), one, target, None, None, one)
+    law = OrbitalFeedback(jnp.ones(1), one, target, Limits(None), None)
     for phi in (0.0, 1.0, 2.5):
         out, forward = (np.array([np.cos(phi + x), np.sin(phi + x), 0.0]) for x in (0.0, 0.5 * np.pi))
         measured = Measurements(one, jnp.zeros(3), jnp.zeros((3, 1)), jnp.zeros((3, 1)), jnp.asarray(out))

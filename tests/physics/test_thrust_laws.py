@@ -86,15 +86,17 @@ def test_the_thrust_stays(small, law, validate):
 def test_upper_limit_of_the_voltage():
     """The law keeps `voltage.maximum`."""
     from esail_jax.loads.constant_thrust import ConstantThrust
+    from esail_jax.loads.voltage_limits import Limits
     from esail_jax.measurements import Measurements
 
     wind = SteadyWind(*AVERAGE)
     d = jnp.eye(3)[:, 1:]
     measured = Measurements(jnp.zeros(()), jnp.eye(3)[0], d, d, jnp.eye(3)[0])
-    law = ConstantThrust(jnp.asarray(0.02), jnp.array([1e4, 2e4]), wind, None)
+    law = ConstantThrust(jnp.asarray(0.02), jnp.array([1e4, 2e4]), wind, Limits(None))
     volts = law.voltage(measured)
     assert np.allclose(4e5 * wind.thrust_per_speed(volts) * 3e4, 0.02, rtol=1e-12)
-    limited = ConstantThrust(law.thrust, law.length, wind, jnp.asarray(5e3)).voltage(measured)
+    limited = ConstantThrust(law.thrust, law.length, wind, Limits(jnp.asarray(5e3)))
+    limited = limited.voltage(measured)
     assert limited.tolist() == [5e3, 5e3] and volts.min() > 5e3
 
 
@@ -103,13 +105,14 @@ def test_derivatives_by_the_thrust(name):
     """Derivatives of the law's voltages by the thrust and the length of the tethers are difference
     quotients of fourth order to 1e-6, and both modes agree."""
     from esail_jax.loads.constant_thrust import ConstantThrust
+    from esail_jax.loads.voltage_limits import Limits
     from esail_jax.measurements import Measurements
 
     d = jnp.eye(3)[:, 1:]
     measured = Measurements(jnp.zeros(()), jnp.eye(3)[0], d, d, jnp.eye(3)[0])
 
     def volts(x):
-        law = ConstantThrust(x["thrust"], x["length"], SteadyWind(*AVERAGE, LAWS[name]), None)
+        law = ConstantThrust(x["thrust"], x["length"], SteadyWind(*AVERAGE, LAWS[name]), Limits(None))
         return {"volts": law.voltage(measured)}
 
     numbers = {"thrust": (0.012, 1e-4), "length": (np.array([1e4, 2e4]), np.array([100.0, -50.0]))}

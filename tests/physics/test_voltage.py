@@ -22,7 +22,7 @@ from esail_jax.loads.voltage import (
     VoltageLaw,
     modulation,
 )
-from esail_jax.loads.voltage_limits import limit, smooth_positive_part, within_slew_rate
+from esail_jax.loads.voltage_limits import Limits, smooth_positive_part, within_slew_rate
 from esail_jax.measurements import Measurements
 from esail_jax.numerics.smooth_step import smooth_step
 from esail_jax.scenes.build import build_jitted
@@ -83,7 +83,8 @@ def commanded(overrides, times):
     def at(time):
         turned = AZIMUTH + numbers["initial.spin_rate"] * time
         radial = attitude @ jnp.stack([jnp.zeros(3), jnp.cos(turned), jnp.sin(turned)])
-        return load.commanded(Measurements(time, attitude[:, 0], radial, radial))
+        spin = numbers["initial.spin_rate"]
+        return load.commanded(Measurements(time, attitude[:, 0], radial, radial, spin_rate=spin))
 
     return jax.jit(jax.vmap(at))(jnp.asarray(times))
 
@@ -113,7 +114,8 @@ def test_harmonics_of_the_phase():
         state = q._replace(tether=tether, hub=hub)
         time = jnp.zeros(())
         (load,) = system.loads
-        return load.commanded(system.measurements(time, state, state)), system.rotation(time, state)
+        rest = jax.tree.map(jnp.zeros_like, state)
+        return load.commanded(system.measurements(time, state, rest)), system.rotation(time, state)
 
     volts, axes = found(turns, random.normal(size=(40, *q.tether.shape)))
     origin = np.array(scene.initial.heliocentric_position_au)
@@ -138,10 +140,13 @@ def test_limits_hold():
 
 
 def test_well_within_a_limit_changes_nothing():
-    """The smooth limit is the identity well within the limits, never exceeded, and monotonic, to
-    rounding."""
+    """A limit is exact: what is asked for within it is not changed, and what is asked for beyond it is cut
+    off. A blended one, which a scene may ask for, is the identity well within the limits, never exceeded,
+    and monotonic, to rounding."""
+    exact = Limits(jnp.asarray(100.0))(jnp.asarray([-1.0, 0.0, 1e-9, 99.9, 100.0, 101.0]))
+    assert exact.tolist() == [0.0, 0.0, 1e-9, 99.9, 100.0, 100.0]
     x = jnp.linspace(-10.0, 110.0, 1001)
-    cut = limit(x, jnp.asarray(100.0), smooth=True)
+    cut = Limits(jnp.asarray(100.0), jnp.asarray(0.02))(x)
     assert float(cut.min()) >= 0.0 and float(cut.max()) <= 100.0
     inside = (x > 2.1) & (x < 97.9)
     assert np.allclose(cut[inside], x[inside], rtol=1e-12)
@@ -169,7 +174,7 @@ def test_a_pulse_rises_and_falls():
     time, nowhere, no_axis = jnp.linspace(90.0, 250.0, 321), jnp.zeros((3, 1)), jnp.zeros(3)
     measured = jax.vmap(lambda t: Measurements(t, no_axis, nowhere, nowhere, no_axis))(time)
     for slew_rate, rise in ((None, 5.0), (jnp.asarray(1e3), 37.5)):
-        law = OnOff(volts, on, off, rise_time, None, slew_rate)
+        law = OnOff(volts, on, off, rise_time, Limits(None), slew_rate)
         found = jax.vmap(law.commanded)(measured)[:, 0]
         up, down = (np.clip((time - x) / rise, 0.0, 1.0) for x in (100.0, 200.0))
         expected = [10.0 * s**3 - 15.0 * s**4 + 6.0 * s**5 for s in (up, 1.0 - down)]

@@ -36,6 +36,23 @@ DOUBTED = {
         {"voltage.value": 20.0},
         "`voltage.value` is 20 V, which is not above `solar_wind.cutoff_voltage`, 1000 V: no tether has",
     ),
+    "a fill value of OMNI for the speed": (
+        {"solar_wind.speed": 9.999e6},
+        "`solar_wind.speed` has 9.999e+06 m/s, which data of OMNI have where",
+    ),
+    "a fill value of OMNI for the density": (
+        {"solar_wind.number_density": 9.999e8},
+        "`solar_wind.number_density` has 9.999e+08 1/m^3, which data of OMNI have where",
+    ),
+    "kilometres from the Sun": (
+        {"initial.heliocentric_position_au": [1.5e8, 0.0, 0.0]},
+        "`initial.heliocentric_position_au` is 1.5e+08 au from the Sun",
+    ),
+    "turns per minute": ({"initial.spin_rate": 0.038}, "`initial.spin_rate` is 0.038 rad/s, which strains"),
+    "a step longer than the intervals": (
+        TABLE | {"integrator.method": "generalized-alpha", "integrator.step": 200.0},
+        "`integrator.step` is 200 s, and `voltage.time` has an interval of",
+    ),
     "kV at most": (TABLE | {"voltage.maximum": 30.0}, "`voltage.maximum` is 30 V, which is not above"),
 }
 
@@ -46,6 +63,9 @@ PLAUSIBLE = {
     "a low voltage of a table": TABLE | {"voltage.value": 20.0},
     "wires": WIRES,
     "a test in orbit about the Earth": {"tethers.length": 100.0, "solar_wind.number_density": 1e9},
+    "a solar storm": {"solar_wind.speed": 2.5e6, "solar_wind.number_density": 1e8},
+    "a step shorter than the intervals": TABLE
+    | {"integrator.method": "generalized-alpha", "integrator.step": 0.5},
 }
 
 

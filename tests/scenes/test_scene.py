@@ -46,7 +46,11 @@ CONE |= {"voltage.spin_rate": 4e-3, "hub.height": None, "hub.radius": None, "hub
 PUSHED = {"voltage.law": "constant-thrust", "voltage.value": None, "voltage.thrust": 0.01}
 SHEATH = {"solar_wind.thrust_law": "debye-sheath", "solar_wind.cutoff_voltage": None}
 SHEATH |= {"solar_wind.electron_temperature_ev": 12.0, "solar_wind.tether_radius": 1e-3}
+WINDOW = {"voltage.law": "phase-window", "voltage.on_phase_deg": 0.0, "voltage.off_phase_deg": 180.0}
+WINDOW |= {"voltage.rise_phase_deg": 2.0}
 LAW_OF = {
+    "on_phase_deg": WINDOW, "off_phase_deg": WINDOW, "rise_phase_deg": WINDOW,
+    "limit_blend": WAVES | {"voltage.maximum": 3e4},
     "cosine": WAVES, "sine": WAVES, "slew_rate": WAVES, "maximum": WAVES, "law": WAVES, "time": TABLE,
     "table": TABLE, "on": SWITCH, "off": SWITCH, "rise_time": SWITCH, "gain": FEEDBACK,
     "target_sailing_angle_deg": FEEDBACK, "measured_axis": FEEDBACK, "coning_angle_deg": CONE,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import esail_jax as esail
-from esail_jax.simulation.rectification import check_start
+from esail_jax.simulation.arguments import check_start
 from esail_jax.simulation.results import join
 from esail_jax.steppers.fixed_step import STEPS_PER_FACTORISATION
 from esail_jax.steppers.generalized_alpha import GeneralizedAlpha

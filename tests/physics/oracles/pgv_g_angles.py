@@ -100,11 +100,16 @@ def coning_angle():
     return worst_of_both(errors)
 
 
+def sense(state):
+    """The sense of the spin, in which lagging angles are counted here; the paper's sails spin about X_B."""
+    return np.where(state.seen["angular_velocity_B"][0] < 0.0, -1.0, 1.0)
+
+
 @holds("PGV", "59 lagging", "lagging angle", note="Below 90 deg; beyond, atan2 is needed.")
 def lagging_angle():
     def error(state):
         _, two, three = local(state, state.anchor_to_tip).T
-        return relative_error(np.arctan(three / two), state.seen["lagging_angle"])
+        return relative_error(sense(state) * np.arctan(three / two), state.seen["lagging_angle"])
 
     return worst(error)
 
@@ -121,7 +126,7 @@ def root_angles():
         one, two, three = local(state, root_slopes(state)).T
         coning = np.arctan(one / (two**2 + three**2) ** 0.5)
         truth = np.array([state.seen["root_coning_angle"], state.seen["root_lagging_angle"]])
-        return relative_error([coning, np.arctan(three / two)], truth)
+        return relative_error([coning, sense(state) * np.arctan(three / two)], truth)
 
     return worst(error)
 
