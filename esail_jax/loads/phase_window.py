@@ -17,10 +17,10 @@ FADED, WHOLE = 0.5, 0.9
 """Lengths of (cos phi, sin phi), which fades to zero as the wind turns into the spin axis, between which
 the window fades to its mean. From 2e-4 rad between wind and axis on, the window is whole."""
 
-PASSED, ABOUT = 1e-6, 1e-4
+PASSED, ABOUT, APPROACH = 1e-6, 1e-4, 0.02
 """Parts of the rise. An instant that lies ahead by less than the first has passed. A kink lies within the
-second of the phase at which it is foreseen with the spin rate of the moment, from a step that has ended
-shortly before."""
+second of the phase at which it is foreseen with the spin rate of the moment, from a step that ends the
+third before it: foreseen from the beginning of a fall, it would be missed by more than the second."""
 
 
 class PhaseWindow(VoltageLaw):
@@ -63,9 +63,10 @@ class PhaseWindow(VoltageLaw):
         cosine, sine = measurements.root_phase
         phase = safe_angle(sine, cosine)
         parts = [inverse_smooth_step(level / self.value) for level in (*levels, *self.limits.kinks)]
-        about = [y for x in parts for y in (x - ABOUT, x + ABOUT)]
-        edges = [self.on, self.on + self.rise, *(self.on + x * self.rise for x in about)]
-        edges += [self.off, self.off + self.rise, *(self.off + (1.0 - x) * self.rise for x in about)]
+        centres = [self.on + x * self.rise for x in parts]
+        centres += [self.off + (1.0 - x) * self.rise for x in parts]
+        edges = [self.on, self.on + self.rise, self.off, self.off + self.rise]
+        edges += [x + part * self.rise for x in centres for part in (-APPROACH, -ABOUT, ABOUT)]
         ahead = [jnp.mod(edge - phase, TURN) for edge in edges]
         ahead = [jnp.where(x > PASSED * self.rise, x, x + TURN) for x in ahead]
         return tuple(measurements.time + x / jnp.abs(measurements.spin_rate) for x in ahead)

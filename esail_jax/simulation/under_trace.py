@@ -107,13 +107,20 @@ def turns(scene: Scene, duration: float) -> float:
     return 0.0 if spin is None else float(np.max(np.abs(spin))) * duration / (2.0 * np.pi)
 
 
+EDGES = 10
+"""Instants in a turn at which steps end for one tether with the law phase-window (`loads/phase_window`)."""
+
+
 def kinks(scene: Scene, begin: float, end: float) -> int:
-    """Returns the number of instants in a run [s] at which the wind or a table of voltages has a kink. If
-    the instants are tracers, all are counted."""
+    """Returns the number of instants in a run [s] at which the wind, a table of voltages or a window of the
+    phase has a kink. If the instants are tracers, all are counted."""
     tables = () if scene.chain is not None else (scene.solar_wind, scene.voltage)
     series = [table.time for table in tables if table is not None and table.time is not None]
     times = [known(x) for x in series]
-    return sum(
+    found = sum(
         np.size(x) if time is None else int(((time > begin) & (time < end)).sum())
         for x, time in zip(series, times, strict=True)
     )
+    if scene.chain is None and scene.voltage is not None and scene.voltage.law == "phase-window":
+        found += int(np.ceil(EDGES * scene.tethers.count * turns(scene, end - begin)))
+    return found

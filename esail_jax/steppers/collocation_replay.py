@@ -47,8 +47,8 @@ def replay_window(
     now, records = lax.scan(jax.checkpoint(unless_empty(block)), start, tapes)
     flat = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), records)
     afresh = system.knots(start.time, start.q, start.v) is not None
-    begins = jnp.zeros(records.taken.shape, bool).at[:, 0].set(afresh).ravel()
-    (work, power), flat = replay_work(system, start, flat, begins)
+    begins = jnp.zeros(records.taken.shape, bool).at[:, 0].set(afresh) & records.taken
+    (work, power), flat = replay_work(system, start, flat, begins.ravel())
     records = jax.tree.map(lambda x, like: x.reshape(like.shape), flat, records)
     points = points_within(stepper, system, motion.last, records, records.taken, times)
     # The time has no derivative: step sizes are given.
@@ -108,7 +108,7 @@ def replay_work(
     system: System, start: StepEnd, records: CollocationSteps, begins: Bool[Array, " step"]
 ) -> tuple[tuple[Power, Power], CollocationSteps]:
     """Adds powers and work to consecutive records of `replay_steps`, beginning with those of `start`.
-    begins: true for steps whose power at the start is that of the record, behind a knot.
+    begins: true for steps taken whose power at the start is that of the record, behind a knot.
 
     Returns the work and the power at the end, and the records."""
 
