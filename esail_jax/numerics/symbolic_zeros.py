@@ -16,6 +16,7 @@ from jax import lax
 from jax.custom_derivatives import SymbolicZero
 
 from esail_jax.array_types import Array
+from esail_jax.numerics.own_derivative import custom_jvp
 
 
 def jvp_of_perturbed(function: Callable, primals: tuple, tangents: tuple) -> tuple[Any, Any]:
@@ -76,11 +77,21 @@ def linear_zero(arrays: list[Array]) -> Array | int:
     return sum(jnp.where(False, x.sum(), 0.0) for x in arrays)
 
 
+def tied(values: Any, other: Any) -> Any:
+    """Returns the values as results that depend on other results of the same `lax.custom_linear_solve`: with
+    a zero added that is linear in these, and that the compiler removes.
+
+    The cotangent of a result that nothing needs is a constant. Its tangent is a symbolic zero, of which JAX
+    makes no array where it differentiates the solve once more."""
+    zero = linear_zero(jax.tree.leaves(other))
+    return jax.tree.map(lambda x: x + zero, values)
+
+
 CONSTANTS_IN_BARRIERS = jax.__version_info__ < (0, 11)
 """True if JAX transposes a barrier with constant operands (jax/_src/lax/lax.py, optimization_barrier)."""
 
 
-@jax.custom_jvp
+@custom_jvp
 def with_tangent_of(value: Any, of: Any) -> Any:
     """Returns `value` with the tangent of `of`: the two are numerically equal, but only `of` is
     differentiated."""
@@ -89,10 +100,10 @@ def with_tangent_of(value: Any, of: Any) -> Any:
 
 @with_tangent_of.defjvp
 def _with_tangent_of_jvp(primals, tangents):
-    return primals[0], tangents[1]
+    return with_tangent_of(*primals), tangents[1]
 
 
-@jax.custom_jvp
+@custom_jvp
 def with_tangents(values: Any, of: Any) -> Any:
     """Returns the values. If anything in `of` is differentiated, every value has a tangent that is an
     array, also where it would be a symbolic zero.
@@ -107,4 +118,4 @@ def _with_tangents_jvp(primals, tangents):
     leaves = jax.tree.leaves(tangents[1])
     moves = [jnp.asarray(t) for t in leaves if np.result_type(t) != jax.dtypes.float0]
     zero = linear_zero(moves)
-    return primals[0], jax.tree.map(lambda t: t + zero, tangents[0])
+    return with_tangents(*primals), jax.tree.map(lambda t: t + zero, tangents[0])

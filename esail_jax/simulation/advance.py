@@ -14,7 +14,8 @@ from jax.ad_checkpoint import checkpoint_name
 
 from esail_jax.array_types import Array, Bool, Float, Int, Scalar
 from esail_jax.compilation.jit import traced_once
-from esail_jax.numerics.lockstep import any_member, buffer_set, while_active
+from esail_jax.numerics.lockstep import any_member, buffer_set, select, while_active
+from esail_jax.numerics.own_derivative import custom_jvp
 from esail_jax.numerics.symbolic_zeros import jvp_of_perturbed
 from esail_jax.simulation.problem import Problem
 from esail_jax.steppers.results import RESULTS
@@ -195,14 +196,46 @@ def _move_jvp(primals, tangents):
     short = (found.passed < window.count) & (found.motion.state.result == RESULTS.successful)
     result = RESULTS.where(short, RESULTS.too_many_steps, found.motion.state.result)
     known = lax.stop_gradient((found.kept, with_result(found.motion, result), found.batches))
-    tapes, ended, batches = jax.tree.map(lambda x: checkpoint_name(x, TAPES), known)
+    known = jax.tree.map(lambda x: checkpoint_name(x, TAPES), known)
+    taken = Taken(*known, *lax.stop_gradient((found.points, found.passed)))
+    results, moved = jvp_of_perturbed(lambda *x: as_taken(*x, taken), primals, tangents)
+    return (*results, found.passed), (*moved, none_like(found.passed))
+
+
+class Taken(NamedTuple):
+    """What is known of a window once its steps were taken: their records, the motion after them, the number
+    of batches, the points, and how many instants were passed."""
+
+    tapes: Any
+    ended: Motion
+    batches: Int[Array, ""]
+    points: Point
+    passed: Int[Array, ""]
+
+
+@custom_jvp
+def as_taken(
+    problem: Problem, motion: Motion, window: Window, max_steps: Scalar, taken: Taken
+) -> tuple[Motion, Point]:
+    """Returns the motion after a window and the points at its instants as they are known, with the
+    derivatives, of any order, of the steps that were taken."""
+    return taken.ended, taken.points
+
+
+@functools.partial(as_taken.defjvp, symbolic_zeros=True)
+def _as_taken_jvp(primals, tangents):
+    taken = primals[4]
 
     def replayed(problem, motion, window, max_steps):
-        times = jnp.where(jnp.arange(len(window.times)) < window.count, window.times, window.times[0])
-        return problem.stepper.replay(problem.model, motion, ended, tapes, batches, times)
+        # Instants beyond the steps would be extrapolated.
+        seen = jnp.arange(len(window.times)) < taken.passed
+        times = jnp.where(seen, window.times, window.times[0])
+        steps = taken.ended, taken.tapes, taken.batches
+        motion, points = problem.stepper.replay(problem.model, motion, *steps, times)
+        return motion, jax.vmap(select)(seen, points, nan_like(points))
 
-    _, (motion_dot, points_dot) = jvp_of_perturbed(replayed, primals, tangents)
-    return (ended, found.points, found.passed), (motion_dot, points_dot, none_like(found.passed))
+    _, moved = jvp_of_perturbed(replayed, primals[:4], tangents[:4])
+    return as_taken(*primals), moved
 
 
 def none_like(count: Array) -> Any:

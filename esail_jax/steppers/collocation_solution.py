@@ -15,7 +15,8 @@ from jax import lax
 
 from esail_jax.array_types import Array, Float, Int, Scalar
 from esail_jax.coordinates import Coordinates
-from esail_jax.numerics.symbolic_zeros import bundled, jvp_of_perturbed, unused_matvec
+from esail_jax.numerics.own_derivative import custom_jvp
+from esail_jax.numerics.symbolic_zeros import bundled, jvp_of_perturbed, tied
 from esail_jax.numerics.vectors import greatest
 from esail_jax.steppers.collocation_stages import (
     TABLE,
@@ -94,7 +95,7 @@ def reshaped(x: Array, like: Array) -> Array:
     return x.reshape(like.shape)
 
 
-@jax.custom_jvp
+@custom_jvp
 def known_stages(
     system: System,
     start: StepEnd,
@@ -110,7 +111,8 @@ def known_stages(
 @functools.partial(known_stages.defjvp, symbolic_zeros=True)
 def _known_stages_jvp(primals, tangents):
     """d(unknowns) = -J^-1 d(residual): implicit function theorem, J being that of all stages together."""
-    system, start, h, unknowns, factors = primals
+    unknowns = known_stages(*primals)
+    system, start, h, _, factors = primals
     times, q, v = stage_states(start, h, unknowns.vdot)
 
     def carried(start, h):
@@ -202,8 +204,11 @@ def linear_solution(
     The start's change is made part of the linear system, (1, 0; A_1, A_2) (moved, x) = (moved, -given), so
     that JAX transposes both blocks by the hand-written rule of `transposable` instead of transposing the
     forward product."""
-    linear, turns, factors = lax.stop_gradient((linear, turns, factors))
+    turns, factors = lax.stop_gradient((turns, factors))
     nothing, zero = linear.nothing
+
+    def product(both):
+        return bundled((both[0], linear.forwards()(*both)))
 
     def precondition(residual):
         residual = linear.without_roots(residual)
@@ -226,8 +231,8 @@ def linear_solution(
     equations = linear.folded
     rhs = jax.tree.map(jnp.negative, equations(given))
     both = bundled((moved, rhs))
-    _, x = lax.custom_linear_solve(unused_matvec, both, solve, solve_transposed)
-    return linear.with_roots(x)
+    moved, x = lax.custom_linear_solve(product, both, solve, solve_transposed)
+    return linear.with_roots(tied(x, moved))
 
 
 def improved(

@@ -14,13 +14,14 @@ from jax import lax
 
 from esail_jax.array_types import Float, Int, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
+from esail_jax.numerics.own_derivative import custom_jvp
 from esail_jax.numerics.symbolic_zeros import (
     bundled,
     is_symbolic,
     jvp_of_perturbed,
     materialised,
     perturbed,
-    unused_matvec,
+    tied,
 )
 from esail_jax.steppers.fixed_step import FixedStep
 from esail_jax.steppers.fixed_step_state import FrozenFactors, IterationInfo, Unknowns
@@ -30,7 +31,7 @@ MARGIN = 10.0
 """Safety factor: iterations may converge this much more slowly than before with the same factors."""
 
 
-@jax.custom_jvp
+@custom_jvp
 def solve_step(
     stepper: FixedStep,
     system: System,
@@ -154,8 +155,10 @@ def linear_solution(linear: Linearised, moved: Start, given: Residual) -> Unknow
     The start's change is made part of the linear system, (1, 0; A_1, A_2) (moved, x) = (moved, -given), so
     that JAX transposes both blocks by the hand-written rule of `transposable` instead of transposing the
     forward product."""
-    linear = lax.stop_gradient(linear)
     nothing, zero = linear.nothing
+
+    def matrix_product(both):
+        return bundled((both[0], linear.forwards()(*both)))
 
     def improved(product, inverse, rows):
         x = inverse(rows)
@@ -180,14 +183,14 @@ def linear_solution(linear: Linearised, moved: Start, given: Residual) -> Unknow
 
     rows = jax.tree.map(jnp.negative, Unknowns(*given))
     both = bundled((moved, rows))
-    return lax.custom_linear_solve(unused_matvec, both, solve, solve_transposed)[1]
+    moved, x = lax.custom_linear_solve(matrix_product, both, solve, solve_transposed)
+    return tied(x, moved)
 
 
 def jvp_if_wanted(function: Callable, primals: tuple, tangents: tuple) -> Any:
     """Returns the tangent of a function. At run time its transpose is skipped if the cotangent is zero:
     most objectives do not depend on energies."""
     function, at, moves = perturbed(function, primals, tangents)
-    at = lax.stop_gradient(at)
     along = functools.partial(jax.jvp, function, at)
 
     def solve(_, both):
@@ -201,8 +204,14 @@ def jvp_if_wanted(function: Callable, primals: tuple, tangents: tuple) -> Any:
         return jax.tree.map(jnp.add, moves, back), y
 
     nothing = nothing_of(jax.eval_shape(function, *at))
+
+    def product(both):
+        moves, y = both
+        return bundled((moves, jax.tree.map(jnp.subtract, y, along(moves)[1])))
+
     both = bundled((moves, nothing))
-    return lax.custom_linear_solve(unused_matvec, both, solve, solve_transposed)[1]
+    moves, y = lax.custom_linear_solve(product, both, solve, solve_transposed)
+    return tied(y, moves)
 
 
 def nothing_of(like: Any) -> Any:

@@ -14,6 +14,7 @@ from jax import lax
 
 from esail_jax.numerics.known_solution import known_solution
 from esail_jax.numerics.own_derivative import WholeCall, custom_jvp
+from esail_jax.numerics.symbolic_zeros import with_tangent_of
 
 
 def by(decorator):
@@ -105,3 +106,12 @@ def test_arguments_without_a_tangent_stay_without_one():
 
     jax.jvp(lambda x: total(x, jnp.ones(())), (jnp.ones(()),), (jnp.ones(()),))
     assert seen[-1][1] == "SymbolicZero" and seen[-1][0] != "SymbolicZero"
+
+
+def test_a_value_with_the_tangent_of_another_has_its_second_derivative():
+    def f(a):
+        return with_tangent_of(lax.stop_gradient(a**3), a**3)
+
+    a = jnp.asarray(1.7)
+    for second in ORDERS.values():
+        np.testing.assert_allclose(second(f)(a), 6.0 * a, rtol=1e-14)
