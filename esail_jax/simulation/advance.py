@@ -14,7 +14,7 @@ from jax.ad_checkpoint import checkpoint_name
 
 from esail_jax.array_types import Array, Bool, Float, Int, Scalar
 from esail_jax.compilation.jit import traced_once
-from esail_jax.numerics.lockstep import any_member, buffer_set, select, while_active
+from esail_jax.numerics.lockstep import any_member, buffer_set, while_active
 from esail_jax.numerics.own_derivative import custom_jvp
 from esail_jax.numerics.symbolic_zeros import jvp_of_perturbed
 from esail_jax.simulation.problem import Problem
@@ -29,8 +29,9 @@ from esail_jax.steppers.stepper import (
 )
 
 TAPES = "steps as taken"
-"""Checkpoint name of the tapes. They must be saved: step sizes that are computed again in the backward pass
-may differ by rounding, and the gradient would be that of other steps."""
+"""Checkpoint name of all that is known of the steps of a window (`Taken`). It must be saved: step sizes that
+are computed again in the backward pass may differ by rounding, and the gradient would be that of other
+steps. If a single number of it were not saved, the steps would be taken again for that number."""
 
 
 class Window(NamedTuple):
@@ -195,22 +196,21 @@ def _move_jvp(primals, tangents):
     found = advance(*given, jnp.asarray(room), stepper.tape, room)
     short = (found.passed < window.count) & (found.motion.state.result == RESULTS.successful)
     result = RESULTS.where(short, RESULTS.too_many_steps, found.motion.state.result)
-    known = lax.stop_gradient((found.kept, with_result(found.motion, result), found.batches))
-    known = jax.tree.map(lambda x: checkpoint_name(x, TAPES), known)
-    taken = Taken(*known, *lax.stop_gradient((found.points, found.passed)))
-    results, moved = jvp_of_perturbed(lambda *x: as_taken(*x, taken), primals, tangents)
+    ended = with_result(found.motion, result)
+    taken = lax.stop_gradient(Taken(found.kept, ended, found.batches, found.points))
+    taken = jax.tree.map(lambda x: checkpoint_name(x, TAPES), taken)
+    results, moved = as_taken_and_moved(taken, primals, tangents)
     return (*results, found.passed), (*moved, none_like(found.passed))
 
 
 class Taken(NamedTuple):
     """What is known of a window once its steps were taken: their records, the motion after them, the number
-    of batches, the points, and how many instants were passed."""
+    of batches, and the points at its instants."""
 
     tapes: Any
     ended: Motion
     batches: Int[Array, ""]
     points: Point
-    passed: Int[Array, ""]
 
 
 @custom_jvp
@@ -224,18 +224,18 @@ def as_taken(
 
 @functools.partial(as_taken.defjvp, symbolic_zeros=True)
 def _as_taken_jvp(primals, tangents):
-    taken = primals[4]
+    return as_taken_and_moved(primals[4], primals[:4], tangents[:4])
+
+
+def as_taken_and_moved(taken: Taken, primals: tuple, tangents: tuple) -> tuple[tuple, tuple]:
+    """Returns the result of `as_taken` and its tangent, which is that of the steps taken again."""
 
     def replayed(problem, motion, window, max_steps):
-        # Instants beyond the steps would be extrapolated.
-        seen = jnp.arange(len(window.times)) < taken.passed
-        times = jnp.where(seen, window.times, window.times[0])
+        times = jnp.where(jnp.arange(len(window.times)) < window.count, window.times, window.times[0])
         steps = taken.ended, taken.tapes, taken.batches
-        motion, points = problem.stepper.replay(problem.model, motion, *steps, times)
-        return motion, jax.vmap(select)(seen, points, nan_like(points))
+        return problem.stepper.replay(problem.model, motion, *steps, times)
 
-    _, moved = jvp_of_perturbed(replayed, primals[:4], tangents[:4])
-    return as_taken(*primals), moved
+    return as_taken(*primals, taken), jvp_of_perturbed(replayed, primals, tangents)[1]
 
 
 def none_like(count: Array) -> Any:
