@@ -90,6 +90,16 @@ def describe(value: Any) -> str:
     return f"is {text if len(text) <= 60 else text[:57] + '...'}"
 
 
+def describe_fault(value: Any, array: np.ndarray, accepts: Callable[[np.ndarray], bool]) -> str:
+    """Words a value that breaks a rule, as `describe` does, or the first entry of a long list up to which
+    it does: `is -3.0 at index 499`."""
+    text = describe(value)
+    if not text.endswith("...") or array.ndim == 0:
+        return text
+    index = next((i for i in range(len(array)) if not accepts(array[: i + 1])), None)
+    return text if index is None else f"{describe(array[index])} at index {index}"
+
+
 def check_value(key: str, value: Any, rule: Rule, members: Members | None) -> Any:
     """Checks a value and returns it in the form that the scene stores: a float, a tuple of floats, or a JAX
     array.
@@ -130,9 +140,9 @@ def check_number(key: str, value: Any, rule: Rule, members: Members | None) -> A
         raise SceneError(key, "be a number" + other_forms(rule, members), describe(value))
     check_shape(key, array, rule, members)
     if not np.isfinite(array).all():
-        raise SceneError(key, "be finite", describe(value))
+        raise SceneError(key, "be finite", describe_fault(value, array, lambda x: np.isfinite(x).all()))
     if not rule.accepts(array):
-        raise SceneError(key, rule.must, describe(value))
+        raise SceneError(key, rule.must, describe_fault(value, array, rule.accepts))
     if is_jax_array(value) and not rule.structure:
         return as_float64(value)
     return float(array) if array.ndim == 0 else to_tuple(array)

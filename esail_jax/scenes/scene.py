@@ -278,7 +278,7 @@ def read_scene(source: str | os.PathLike, overrides: Mapping[str, Any] | None) -
     text = builtin_text(str(source))
     if text is None:
         try:
-            with open(source, encoding="utf-8") as file:
+            with open(source, encoding="utf-8-sig") as file:  # some editors write a byte-order mark
                 text = file.read()
         except (OSError, ValueError) as error:
             raise SceneError(

@@ -5,9 +5,12 @@ order, and a line for every instant. The scene then holds the numbers themselves
 complete without it."""
 
 import csv
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from esail_jax.scenes import rules
 from esail_jax.scenes.rules import SceneError
@@ -47,19 +50,49 @@ def with_wind_file(
 
 
 def read_columns(name: Any, folder: Path) -> dict[str, list[float]]:
-    """Reads the columns of a file. Raises SceneError."""
+    """Reads the columns of a file. Empty lines are left out. Raises SceneError, which names the line of a
+    row that does not have a number for each column, or whose number breaks the rule of its key."""
     if not isinstance(name, str):
         raise SceneError(KEY, MUST, rules.describe(name))
     try:
-        with open(folder / name, newline="", encoding="utf-8") as file:
-            rows = list(csv.DictReader(file))
+        with open(folder / name, newline="", encoding="utf-8-sig") as file:
+            reader = csv.reader(file)
+            rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(row)]
     except (OSError, ValueError, csv.Error) as error:
         reason = getattr(error, "strerror", None) or "is not text"
         raise SceneError(KEY, MUST, f"{name!r} cannot be read: {reason}") from None
-    head = set(rows[0]) if rows else set()
-    if head != set(COLUMNS):
-        raise SceneError(KEY, MUST, f"{name!r} has {', '.join(map(str, head)) or 'no lines'}")
+    head = rows[0][1] if rows else []
+    if sorted(head) != sorted(COLUMNS):
+        raise SceneError(KEY, MUST, f"{name!r} has {', '.join(head) or 'no lines'}")
+    if len(rows) == 1:
+        raise SceneError(KEY, MUST, f"{name!r} has no line of numbers")
+    found: dict[str, list[float]] = {key: [] for key in COLUMNS}
+    for line, row in rows[1:]:
+        if len(row) != len(head):
+            must = f"have {len(head)} numbers in every line"
+            raise SceneError(KEY, must, f"line {line} of {name!r} has {len(row)}")
+        for key, cell in zip(head, row, strict=True):
+            found[key].append(number_of(cell))
+            must = broken(key, found[key])
+            if must:
+                raise SceneError(f"solar_wind.{key}", must, f"line {line} of {name!r} has {cell!r}")
+    return found
+
+
+def number_of(cell: str) -> float:
+    """Returns the number in a cell, NaN if there is none."""
     try:
-        return {key: [float(row[key]) for row in rows] for key in COLUMNS}
-    except (TypeError, ValueError):
-        raise SceneError(KEY, MUST + " of numbers", f"{name!r} has others") from None
+        return float(cell)
+    except ValueError:
+        return math.nan
+
+
+def broken(key: str, numbers: list[float]) -> str | None:
+    """Returns what the last number of a column must be and is not, None if it is right."""
+    last = numbers[-1]
+    if not math.isfinite(last):
+        return "be finite"
+    if key == "time":
+        return "increase" if len(numbers) > 1 and last <= numbers[-2] else None
+    rule = rules.positive if key == "speed" else rules.non_negative
+    return None if rule.accepts(np.asarray(last)) else rule.must
