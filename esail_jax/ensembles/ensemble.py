@@ -7,6 +7,7 @@ import numpy as np
 
 from esail_jax.array_types import Bool, Float
 from esail_jax.ensembles.sampling import Inputs
+from esail_jax.observables import hint_at
 from esail_jax.scenes.scene import Scene
 
 Rows = dict[str, Float[np.ndarray, "member time ..."]]
@@ -31,6 +32,9 @@ class Ensemble:
     steps: Float[np.ndarray, " member"]
 
     def __getitem__(self, name: str) -> Float[np.ndarray, "member time *some"]:
+        if name not in self.observables:
+            hint = hint_at(name, self.observables, self.scene.chain is not None)
+            raise KeyError(f"{name!r} is no observable of this ensemble{hint}")
         return self.observables[name]
 
     def __contains__(self, name: object) -> bool:

@@ -58,6 +58,8 @@ def hint_at(name: str, present: Iterable[str], of_chain: bool) -> str:
     if name in known_names(of_chain):
         need = described(name).needs
         return f" (only with {NEEDS[need]})" if need else " (saved on request, with `save`)"
+    if name == "spin_rate" and not of_chain:  # the key of a scene, [initial] spin_rate
+        return " (it is `angular_velocity_B[:, 0]`)"
     return nearest(name, present)
 
 

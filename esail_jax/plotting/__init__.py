@@ -12,8 +12,10 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from esail_jax.ensembles.ensemble import Ensemble
 from esail_jax.plotting.chain import chain_energies, chain_libration, chain_shapes, chain_tension, chain_tip
 from esail_jax.plotting.comparison import compare, write_comparison
+from esail_jax.plotting.ensemble import draw_quantiles, figures_of_ensemble
 from esail_jax.plotting.figure_files import Told, write_figures
 from esail_jax.plotting.picture import sail_picture
 from esail_jax.plotting.sail import attitude, energies, sail_forces
@@ -83,7 +85,7 @@ def overview(run: Any, modes: Any = None) -> Iterator[tuple[str, Figure]]:
 def plot(
     solution: Any, name: str | None = None, *, ax: Axes | None = None, modes: Any = None
 ) -> Axes | dict[str, Figure]:
-    """Draws a solution, or a run loaded from a file.
+    """Draws a solution, a run loaded from a file, or an ensemble.
 
     `plot(solution, "coning_angle")` draws this observable against time into the matplotlib axes `ax`, or
     into a new pyplot figure if `ax` is None, and returns the axes. Name, symbol and unit are those of the
@@ -93,16 +95,25 @@ def plot(
     name. Figures and panels for which the run has no data are left out. modes: modes of the sail, as
     `esail_jax.modes(solution.scene)` returns them, which are lines with their names in the spectra.
 
+    `plot(ensemble, "coning_angle")` draws the quantiles over the members that reached their end as a fan,
+    and `plot(ensemble)` makes the figures of the command `esail ensemble`.
+
     Raises ValueError if the run has no observable of this name, if `ax` is given without a name, or if the
     solution was computed under a trace, inside `jax.jit` for example, and therefore has no scene.
     """
-    if solution.scene is None:
+    if isinstance(solution, Ensemble):
+        if name is not None:
+            return draw_quantiles(solution, name, ax)
+        makers = figures_of_ensemble(solution)
+    elif solution.scene is None:
         raise ValueError("`solution` must have a scene, but was computed under a trace")
-    if name is not None:
+    elif name is not None:
         return draw_observable(solution, name, ax)
+    else:
+        makers = overview(solution, modes)
     if ax is not None:
         raise ValueError("`name` must be given with `ax`, but is None")
-    return dict(overview(solution, modes))
+    return dict(makers)
 
 
 def plot_all(run: Any, directory: str | Path, modes: Any = None, tell: Told = None) -> list[Path]:

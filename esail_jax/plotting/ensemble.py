@@ -1,15 +1,20 @@
 """Figures of an ensemble: quantiles of observables against time, distributions of outcomes, and shares of
 their variance by input."""
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from matplotlib import pyplot
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from esail_jax.ensembles import Ensemble, outcomes_of, sensitivities
 from esail_jax.ensembles.statistics import DEGREES
 from esail_jax.plotting.figure_files import Told, write_figures
+from esail_jax.plotting.panels import legend_above
+from esail_jax.plotting.single import COMPONENT_COLOURS, entry_of, label_of, labels_of
 from esail_jax.plotting.style import BLUE, styled
 
 FANS = (
@@ -35,9 +40,16 @@ def plot_ensemble(ensemble: Ensemble, directory: str | Path, tell: Told = None) 
     tells each of them as soon as the file is written.
 
     The directory is created if it does not exist. Raises OSError if that or the writing fails."""
+    return write_figures(figures_of_ensemble(ensemble), directory, tell)
+
+
+def figures_of_ensemble(ensemble: Ensemble) -> Iterator[tuple[str, Figure]]:
+    """Makes the figures that the ensemble has data for, one after the other, each with its name."""
     makers = {"fans": fans, "distributions": distributions, "drivers": drivers_figure}
-    figures = ((name, make(ensemble)) for name, make in makers.items())
-    return write_figures(((name, figure) for name, figure in figures if figure.axes), directory, tell)
+    for name, make in makers.items():
+        figure = make(ensemble)
+        if figure.axes:
+            yield name, figure
 
 
 def grid_of(count: int, width: float = 4.0, height: float = 2.6) -> tuple[Figure, list[Axes]]:
@@ -66,20 +78,49 @@ def fans(ensemble: Ensemble) -> Figure:
         if np.isfinite(rows).all():
             shown.append((label, rows))
     figure, axes = grid_of(len(shown))
-    minutes = ensemble.time / 60.0
     for ax, (label, rows) in zip(axes, shown, strict=True):
-        for low, high, dark in BANDS:
-            lower, upper = np.quantile(rows, (low, high), axis=1)
-            part = "all" if high == 1.0 else f"{100 * (high - low):.0f} %"
-            ax.fill_between(minutes, lower, upper, color=BLUE, alpha=dark, lw=0.0, label=part)
-        ax.plot(minutes, np.median(rows, axis=1), color=BLUE, lw=1.0, label="median")
-        ax.set_xlabel("t [min]")
+        draw_fan(ax, ensemble.time, rows, BLUE)
         ax.set_ylabel(label)
-        ax.grid(alpha=0.3)
     if axes:
         axes[0].legend(fontsize=7)
         figure.suptitle(f"{int(ensemble.complete.sum())} of {len(ensemble)} members")
     return figure
+
+
+def draw_fan(ax: Axes, time: np.ndarray, rows: np.ndarray, colour: Any, name: str = "") -> None:
+    """Draws the quantiles of rows (time, sample) against time [s]."""
+    minutes = time / 60.0
+    for low, high, dark in BANDS:
+        lower, upper = np.quantile(rows, (low, high), axis=1)
+        part = "all" if high == 1.0 else f"{100 * (high - low):.0f} %"
+        ax.fill_between(minutes, lower, upper, color=colour, alpha=dark, lw=0.0, label=f"{name}{part}")
+    ax.plot(minutes, np.median(rows, axis=1), color=colour, lw=1.0, label=f"{name}median")
+    ax.set_xlabel("t [min]")
+    ax.grid(alpha=0.3)
+
+
+def draw_quantiles(ensemble: Ensemble, name: str, ax: Axes | None = None) -> Axes:
+    """Draws the quantiles of an observable over the members that reached their end, against time, into `ax`,
+    or into a new pyplot figure if None. Tethers, rods and joints of all members form one sample; x, y, z and
+    angles have a fan each.
+
+    Raises ValueError for an unknown name, and if no member has reached its end."""
+    entry = entry_of(ensemble, name)
+    if not ensemble.complete.any():
+        raise ValueError("`ensemble` must have a member that reached its end, but has none")
+    if ax is None:
+        _, ax = pyplot.subplots(layout="constrained")
+    rows = np.moveaxis(ensemble[name][ensemble.complete], 1, 0)
+    parts = {"": rows.reshape(len(ensemble.time), -1)}
+    if entry.axes and entry.axes[-1] in ("xyz", "angle"):
+        labels = labels_of(entry, entry.axes[-1], rows.shape[-1])
+        parts = {f"{label}, ": rows[..., k].reshape(len(rows), -1) for k, label in enumerate(labels)}
+    for (label, part), colour in zip(parts.items(), COMPONENT_COLOURS, strict=False):
+        draw_fan(ax, ensemble.time, part, colour, label)
+    ax.set_ylabel(label_of(entry))
+    ax.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
+    legend_above(ax, 4 if len(parts) == 1 else len(parts))
+    return ax
 
 
 def distributions(ensemble: Ensemble) -> Figure:

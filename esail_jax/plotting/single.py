@@ -69,8 +69,7 @@ def draw_observable(run: Any, name: str, ax: Axes | None = None) -> Axes:
     marks = release_marks(run)
     draw_marks(ax, marks, unit)
     ax.set_xlabel(xlabel)
-    words = re.sub(r"_([A-Z])$", r"_in_\1", name).replace("_", " ")  # thrust_O: components in the frame O
-    ax.set_ylabel(f"{words}, {mathtext(entry.symbol)} [{entry.unit}]")
+    ax.set_ylabel(label_of(entry))
     ax.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
     ax.grid(alpha=0.3)
     handles = legend_of(entry, first, colours)
@@ -78,6 +77,12 @@ def draw_observable(run: Any, name: str, ax: Axes | None = None) -> Axes:
     if handles:
         legend_above(ax, min(4, len(handles)), handles=handles)
     return ax
+
+
+def label_of(entry: Observable) -> str:
+    """Returns the name of an observable in words, its symbol and its unit, for an axis."""
+    words = re.sub(r"_([A-Z])$", r"_in_\1", entry.name).replace("_", " ")  # thrust_O: components in O
+    return f"{words}, {mathtext(entry.symbol)} [{entry.unit}]"
 
 
 def colours_of(axes: tuple[str, ...], count: int) -> Sequence[Any]:
