@@ -6,7 +6,6 @@ derived programs (`derived.py`). All of them are found in the program cache with
 second process computes the gradient of a run without tracing the run.
 """
 
-import functools
 import operator
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -36,6 +35,7 @@ from esail_jax.compilation.derived import (
 from esail_jax.compilation.nan_checks import unchecked
 from esail_jax.compilation.options import OURS
 from esail_jax.compilation.program import Leaves, Program, TreeProgram, load, save
+from esail_jax.compilation.remembered import remembered
 from esail_jax.compilation.transposed import (
     TangentAgain,
     of_whole,
@@ -90,7 +90,7 @@ def uses_executables() -> bool:
     return jax.device_count() == 1 and jax.default_backend() == "cpu"
 
 
-@functools.lru_cache(maxsize=256)
+@remembered(maxsize=256)
 def ordinary(program: Program) -> Callable[..., Leaves]:
     """Returns the program as a function of `jax.jit`."""
     return jax.jit(as_function(program))
@@ -162,7 +162,7 @@ TRANSPOSE = "transpose"
 """Kind of the file of the program cache that tells which transpose of a program was needed last."""
 
 
-@functools.lru_cache(maxsize=256)
+@remembered(maxsize=256)
 def remember_transpose(program: Program, linear: Mask, given: Mask) -> None:
     """Writes down, once in a process, that this transpose was needed: for `prepare` in a later process."""
     while isinstance(program, Pruned):
@@ -171,7 +171,7 @@ def remember_transpose(program: Program, linear: Mask, given: Mask) -> None:
         save(program.key, TRANSPOSE, (linear, given))
 
 
-@functools.lru_cache(maxsize=256)
+@remembered(maxsize=256)
 def prepare(program: Program, moving: Mask, expected: Mask | None) -> None:
     """Starts, once in a process, to load or compile the two programs of reverse mode side by side. The
     transpose is the one that was needed last, or else the one for the expected cotangents."""

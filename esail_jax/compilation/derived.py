@@ -6,7 +6,6 @@ computes the results and the *residuals*, the values that the linear map of the 
 `backward` is the transpose of that map.
 """
 
-import functools
 import hashlib
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -18,11 +17,12 @@ from jax.interpreters import partial_eval as pe
 
 from esail_jax.compilation.keys import key_of
 from esail_jax.compilation.program import Leaves, Program
+from esail_jax.compilation.remembered import remembered
 
 Mask = tuple[bool, ...]
 """One truth value for every argument, or for every result, of a program."""
 
-derivation = functools.lru_cache(maxsize=256)
+derivation = remembered(maxsize=256)
 """Decorator: a program that is derived twice is made, loaded and compiled once."""
 
 
@@ -154,7 +154,7 @@ def tangent(program: Program, moving: Mask) -> Program:
     return made
 
 
-@functools.lru_cache(maxsize=16)
+@remembered(maxsize=16)
 def linearised(program: Program, moving: Mask) -> tuple[jax.stages.Traced, Any]:
     """Returns the traced function of `forward`, and the tree of the linear map, whose leaves are the
     residuals."""

@@ -23,6 +23,7 @@ from esail_jax.compilation.keys import key_of, settings
 from esail_jax.compilation.memory import returning_freed_memory
 from esail_jax.compilation.nan_checks import unchecked
 from esail_jax.compilation.options import COMPILER_OPTIONS, Options, compile_lowered, lower
+from esail_jax.compilation.remembered import EXECUTABLES, remembered
 
 Leaves = Sequence[Any]
 """Arrays, or numbers, in the order of a flattened tree."""
@@ -87,9 +88,16 @@ class Program:
         """The executable, loaded or compiled. Other programs are compiled at the same time: a
         `functools.cached_property` of Python 3.11 would have one lock for all of them."""
         with self._lock:
-            if self._executable is None:
-                self._executable = self._loaded() or self._compiled()
-            return self._executable
+            found = self._executable
+            if found is None:
+                found = self._executable = self._loaded() or self._compiled()
+        EXECUTABLES.use(self)
+        return found
+
+    def forget(self) -> None:
+        """Lets the executable and the traced function go. They come back when they are needed."""
+        self._executable = None
+        self.__dict__.pop("_made", None)
 
     def _loaded(self) -> Callable | None:
         return load_executable(self.key) if self._lowered is None else None
@@ -188,7 +196,7 @@ def program_of(
     return _program_of(function, static, structure, tuple(map(type_of, leaves)), given, fused, settings())
 
 
-@functools.lru_cache(maxsize=256)
+@remembered(maxsize=256)
 def _program_of(function, static, structure, kinds, options, fused, settings) -> TreeProgram:
     arguments = jax.tree.unflatten(structure, kinds)
     leaves = range(len(kinds))

@@ -4,6 +4,7 @@ Members share one compiled program, so they share the method of integration and 
 choice; only physical numbers differ between them.
 """
 
+import dataclasses
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
@@ -14,6 +15,7 @@ from jax.sharding import Mesh, PartitionSpec
 
 from esail_jax.compilation.keys import key_of
 from esail_jax.compilation.program import TreeProgram, tree_program
+from esail_jax.compilation.remembered import remembered
 from esail_jax.ensembles.sampling import Inputs
 from esail_jax.observables import listed, shape_of
 from esail_jax.observables.run_warning import STEP_ERRORS
@@ -44,8 +46,39 @@ def members_program(scene: Scene, names: tuple[str, ...], inputs: Inputs, count:
     observables. Programs are kept, so that worker processes load what one of them has compiled.
 
     inputs: of all members, for their shapes; count: members in lockstep, or None for one member."""
-    leading = () if count is None else (count,)
-    shapes = {key: jax.ShapeDtypeStruct((*leading, *x.shape[1:]), float) for key, x in inputs.items()}
+    return program_of_members(
+        SameScene(scene), names, tuple((k, x.shape[1:]) for k, x in inputs.items()), count
+    )
+
+
+class SameScene:
+    """A scene that is equal to another one if the two have the same programs and numbers, also with a law
+    of a user's own, for which a program has no key."""
+
+    def __init__(self, scene: Scene):
+        structure, numbers = split(scene)
+        values = tuple((key, x.shape, np.asarray(x).tobytes()) for key, x in sorted(numbers.items()))
+        times = dataclasses.astuple(scene.integrator), dataclasses.astuple(scene.output), scene.event
+        self.scene, self._identity = scene, (structure, values, times)
+
+    def __hash__(self) -> int:
+        return hash(self._identity)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, SameScene) and self._identity == other._identity
+
+
+@remembered(maxsize=16)
+def program_of_members(
+    same: SameScene,
+    names: tuple[str, ...],
+    inputs: tuple[tuple[str, tuple[int, ...]], ...],
+    count: int | None,
+) -> TreeProgram:
+    """Returns the program of `members_program`, which is compiled once in a process. inputs: keys, and the
+    shape of a member's numbers."""
+    scene, leading = same.scene, () if count is None else (count,)
+    shapes = {key: jax.ShapeDtypeStruct((*leading, *shape), float) for key, shape in inputs}
     member, limit = jax.ShapeDtypeStruct(leading, int), jax.ShapeDtypeStruct(leading, float)
     function = member_function(scene, names)
     key = key_of(members_program, scene, names, shapes, count)

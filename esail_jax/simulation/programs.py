@@ -3,7 +3,6 @@
 Tracing holds Python's global lock, compiling does not. The programs are therefore traced one after the
 other and compiled in parallel, which takes three quarters of the time on two cores."""
 
-import functools
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
@@ -15,6 +14,7 @@ from esail_jax.array_types import Array, Scalar
 from esail_jax.compilation.announcements import announce
 from esail_jax.compilation.options import CHAIN_OPTIONS, COMPILER_OPTIONS, LOOK_OPTIONS, START_OPTIONS
 from esail_jax.compilation.program import program_of, type_of
+from esail_jax.compilation.remembered import remembered
 from esail_jax.scenes.stepper_choice import stepper_class
 from esail_jax.scenes.structure import Numbers, Structure
 from esail_jax.simulation.advance import Advanced, Window, advance
@@ -68,7 +68,7 @@ def compile_programs(
     return _compiled(structure, tree, tuple(map(type_of, leaves)), names)
 
 
-@functools.lru_cache(maxsize=64)
+@remembered(maxsize=64)
 def _compiled(structure: Structure, tree: Any, types: tuple, names: tuple[str, ...] | None) -> Programs:
     given = jax.tree.unflatten(tree, types)
     number, integer = jax.ShapeDtypeStruct((), float), jax.ShapeDtypeStruct((), int)

@@ -4,6 +4,7 @@ import inspect
 import os
 import threading
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -21,6 +22,7 @@ from esail_jax.ensembles import (
     spread,
 )
 from esail_jax.ensembles.batch_size import GPU_SHARE, HOST_BYTES, PROBE_BATCH, batch_in_lockstep
+from esail_jax.ensembles.member_program import members_program
 
 SIGNALS = (
     "tip_position_I",
@@ -209,3 +211,28 @@ def test_spread(ensemble):
     for outcome in OUTCOMES:
         if outcome.observable in ensemble.observables:
             assert np.isfinite(outcome.of(ensemble)).all()
+
+
+class Share(eqx.Module):
+    """A law of a user's own: a share of the nominal voltages."""
+
+    share: float = 0.5
+
+    def commanded(self, measurements):
+        return self.share * measurements.nominal
+
+
+def test_a_law_of_ones_own_has_one_program_in_a_process(scene, inputs):
+    """No key names such a program. It is that of the same structure and numbers; the law's are among
+    them."""
+
+    def program(law, **changed):
+        of_law = scene.replace({"voltage_law": law} | changed)
+        return members_program(of_law, ("coning_angle",), inputs, None)
+
+    first = program(Share())
+    assert first.program.key is None
+    assert program(Share()) is first
+    assert program(Share(0.6)) is not first
+    assert program(Share(), **{"solar_wind.speed": 4.1e5}) is not first
+    assert program(Share(), **{"integrator.t_end": 30.0}) is not first

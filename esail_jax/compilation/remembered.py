@@ -1,0 +1,80 @@
+"""What a process remembers of programs: functions whose results are kept, and executables in memory.
+
+A program in memory takes 10 to 200 MB. The most recently used executables stay; others go, and are loaded
+from the program cache when they are needed again (a program that is not kept there is compiled again).
+"""
+
+import functools
+import gc
+import threading
+from collections import OrderedDict
+from collections.abc import Callable
+from typing import Any
+
+import jax
+
+from esail_jax.compilation.memory import returning_freed_memory
+
+MOST_EXECUTABLES = 64
+"""Largest number of executables in memory. A scene needs four for its run and five for its gradient."""
+
+FUNCTIONS: list[Any] = []
+"""Functions whose results are kept."""
+
+
+def remembered(maxsize: int) -> Callable[[Callable], Any]:
+    """Decorator: as `functools.lru_cache`, and emptied by `clear_caches`."""
+
+    def decorate(function: Callable) -> Any:
+        found = functools.lru_cache(maxsize)(function)
+        FUNCTIONS.append(found)
+        return found
+
+    return decorate
+
+
+class RecentlyUsed:
+    """Objects in the order of their last use, of which at most `most` stay. An object that leaves is told
+    so by its method `forget`."""
+
+    def __init__(self, most: int):
+        self.most = most
+        self._objects: OrderedDict[Any, None] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def __len__(self) -> int:
+        return len(self._objects)
+
+    def use(self, one: Any) -> None:
+        """Notes that an object is used now."""
+        with self._lock:
+            self._objects[one] = None
+            self._objects.move_to_end(one)
+            left = [self._objects.popitem(last=False)[0]] if len(self._objects) > self.most else []
+        for other in left:
+            other.forget()
+
+    def clear(self) -> None:
+        """Lets all objects go."""
+        with self._lock:
+            left = list(self._objects)
+            self._objects.clear()
+        for other in left:
+            other.forget()
+
+
+EXECUTABLES = RecentlyUsed(MOST_EXECUTABLES)
+"""The programs whose executables are in memory."""
+
+
+@returning_freed_memory()
+def clear_caches() -> None:
+    """Frees the memory of all programs of this process, those of JAX included (`jax.clear_caches`). What
+    is needed again is loaded from the program cache, or compiled.
+
+        esail.clear_caches()     # between two studies in one notebook"""
+    EXECUTABLES.clear()
+    for function in FUNCTIONS:
+        function.cache_clear()
+    jax.clear_caches()
+    gc.collect()

@@ -1,0 +1,77 @@
+"""What a process remembers of programs is bounded, can be freed, and comes back when it is needed."""
+
+import jax
+import jax.numpy as jnp
+import pytest
+
+import esail_jax as esail
+from esail_jax.compilation import remembered, store
+from esail_jax.compilation.program import program_of
+from esail_jax.compilation.remembered import EXECUTABLES, RecentlyUsed
+
+
+class Noted:
+    """An object that notes when it is let go."""
+
+    def __init__(self, name, gone):
+        self.name, self.gone = name, gone
+
+    def forget(self):
+        self.gone.append(self.name)
+
+
+def test_the_least_recently_used_goes():
+    gone = []
+    a, b, c = (Noted(name, gone) for name in "abc")
+    recent = RecentlyUsed(2)
+    for one in (a, b, a, c):
+        recent.use(one)
+    assert gone == ["b"] and len(recent) == 2
+    recent.use(b)
+    assert gone == ["b", "a"]
+    recent.clear()
+    assert sorted(gone[2:]) == ["b", "c"] and len(recent) == 0
+
+
+def square(factor, x):
+    return factor * x**2
+
+
+@pytest.fixture
+def program(tmp_path, monkeypatch, without_jax_cache):
+    """A program, with an empty cache on the disk."""
+    monkeypatch.setenv(store.VARIABLE, str(tmp_path))
+    return program_of(square, (3.0,), (jnp.zeros(2),))
+
+
+def test_a_program_that_has_gone_comes_back(program, monkeypatch):
+    """One executable stays in memory. The first of two programs is loaded for its second run."""
+    few = RecentlyUsed(1)
+    monkeypatch.setattr("esail_jax.compilation.program.EXECUTABLES", few)
+    other = program_of(square, (4.0,), (jnp.zeros(2),))
+    for _ in range(2):
+        assert (program(jnp.asarray([1.0, 2.0])) == jnp.asarray([3.0, 12.0])).all()
+        assert (other(jnp.asarray([1.0, 2.0])) == jnp.asarray([4.0, 16.0])).all()
+        assert len(few) == 1 and program.program._executable is None
+
+
+@pytest.mark.drops_programs
+def test_all_programs_are_freed_and_come_back(program):
+    """`esail.clear_caches()` also empties the caches of JAX: a function of `jax.jit` is traced anew."""
+    traced = []
+
+    @jax.jit
+    def double(x):
+        traced.append(x)
+        return 2.0 * x
+
+    x = jnp.asarray([1.0, 2.0])
+    first = program(x), double(x)
+    esail.clear_caches()
+    assert len(EXECUTABLES) == 0 and program.program._executable is None
+    assert all(function.cache_info().currsize == 0 for function in remembered.FUNCTIONS)
+    again = program_of(square, (3.0,), (x,))
+    assert again is not program
+    for found in (again(x), program(x)):
+        assert (found == first[0]).all()
+    assert (double(x) == first[1]).all() and len(traced) == 2
