@@ -6,35 +6,60 @@ derivative. They need none: the motion is continuous there, and what changes wit
 of them is what the segments see (`environment/temperature.py`).
 """
 
+from typing import NamedTuple
+
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from esail_jax.array_types import Array, Float, Int
-from esail_jax.simulation.schedule import Schedule, Windows
+from esail_jax.array_types import Array, Float, Scalar
+from esail_jax.simulation.schedule import Plan, Schedule, Windows, repeated, rounded_up
 
 
-def divided_windows(
-    schedule: Schedule, instants: Float[Array, " knot"]
-) -> tuple[Windows, Int[Array, " time"], np.ndarray]:
-    """Returns the windows of a schedule that is also divided at other instants [s], and for every saved
-    time the index of its window and its place in that window. Instants outside of the run divide nothing:
-    they become windows at its end, in which nothing happens."""
-    fixed, _, _ = schedule.windows()
-    known = np.unique(np.concatenate([row[:n] for row, n in zip(fixed.times, fixed.count, strict=True)]))
-    begin, end = schedule.begin, known[-1]
+class DividedPlan(NamedTuple):
+    """The times of a run that is divided at instants without a value yet, as arguments of its program.
+
+    begin: the start [s]; times: the saved instants; known: all instants at which a window ends, but for
+    those without a value; switches, samples: those of the schedule. The last ones are repeated, or are
+    infinite or negative, so that their numbers are rounded up."""
+
+    begin: float | Scalar
+    times: Float[Array | np.ndarray, " time"]
+    known: Float[Array | np.ndarray, " window"]
+    switches: Float[Array | np.ndarray, " switch"]
+    samples: Float[Array | np.ndarray, " sample"]
+
+
+def divided_plan(schedule: Schedule) -> DividedPlan:
+    """Returns the plan of a schedule with `divided`."""
+    windows = schedule.plan().windows
+    known = np.unique(np.concatenate([row[:n] for row, n in zip(*windows[:2], strict=True)]))
+
+    def padded(times, value):
+        return repeated(np.array([*times, value]), rounded_up(len(times) + 1))
+
+    return DividedPlan(
+        np.asarray(schedule.begin, float), padded(schedule.times, schedule.times[-1]),
+        padded(known, known[-1]), padded(schedule.switches, np.inf), padded(schedule.samples, -1.0),
+    )  # fmt: skip
+
+
+def divided_windows(plan: DividedPlan, instants: Float[Array, " knot"]) -> Plan:
+    """Returns the windows of a plan that is also divided at these instants [s]. Instants outside of the run
+    divide nothing: they become windows at its end, in which nothing happens."""
+    begin, end = plan.begin, plan.known[-1]
     knots = lax.stop_gradient(instants)
     inner = (knots > begin) & (knots < end)
-    switches = jnp.concatenate([jnp.asarray(schedule.switches, float), jnp.where(inner, knots, jnp.inf)])
-    times = jnp.sort(jnp.concatenate([known, jnp.where(inner, knots, end)]))
+    switches = jnp.concatenate([plan.switches, jnp.where(inner, knots, jnp.inf)])
+    times = jnp.sort(jnp.concatenate([plan.known, jnp.where(inner, knots, end)]))
 
     before, after = switches < times[:, None], switches >= times[:, None]
     start = jnp.where(before & (switches > begin), switches, begin).max(1)
     until = jnp.where(after, switches, jnp.inf).min(1)
-    previous = jnp.concatenate([jnp.full(1, begin), times[:-1]])
+    previous = jnp.concatenate([jnp.reshape(begin, 1), times[:-1]])
     begins = (previous == start) & (start > begin)
-    number = jnp.searchsorted(times, np.array(schedule.times))
+    number = jnp.searchsorted(times, plan.times)
     ones = np.ones(len(times), int)
-    samples = begins & jnp.isin(start, jnp.asarray(schedule.samples, float))
+    samples = begins & jnp.isin(start, plan.samples)
     windows = Windows(times[:, None], ones, start, begins, until, samples)
-    return windows, number, np.zeros(len(schedule.times), int)
+    return Plan(windows, number, np.zeros(len(plan.times), int))

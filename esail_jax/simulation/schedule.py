@@ -130,9 +130,18 @@ class Windows(NamedTuple):
     samples: Bool[Array | np.ndarray, " window"]
 
 
+class Plan(NamedTuple):
+    """The windows of a traced run as arguments of its program, and for every saved time the index of its
+    window and its place in that window (both with the axis `time`)."""
+
+    windows: Windows
+    number: Int[Array | np.ndarray, " time"]
+    place: Int[Array | np.ndarray, " time"]
+
+
 @dataclasses.dataclass(frozen=True)
 class Schedule:
-    """The plan of a traced run; hashable, because it is a static argument of the compiled program.
+    """The times of a traced run.
 
     times: the saved instants [s]; switches: the switch times [s]; begin: the start [s]; size: the largest
     number of instants in a window; least: the least number of windows; divided: keys of traced numbers of
@@ -148,9 +157,15 @@ class Schedule:
     divided: tuple[str, ...] = ()
     samples: tuple[float, ...] = ()
 
-    def windows(self) -> tuple[Windows, np.ndarray, np.ndarray]:
-        """Returns the windows, and for every saved time the index of its window and its place in that
-        window (both with the axis `time`)."""
+    @property
+    def is_switched(self) -> bool:
+        """Tells whether the run has a switch time, or may have one."""
+        return bool(self.divided) or any(self.begin < time < self.times[-1] for time in self.switches)
+
+    def plan(self) -> Plan:
+        """Returns the windows of the run. Further windows follow, at the end of the run, in which nothing
+        happens, and the last saved time is repeated: the numbers of both are rounded up (`rounded_up`), so
+        that one program serves runs of several lengths."""
         rows: list[tuple] = []
         where: dict = {}
         end, times = self.times[-1], np.array(self.times)
@@ -172,9 +187,24 @@ class Schedule:
                 if len(window) == self.size or time in ends:
                     rows.append((window, segment.start, begins, segment.until))
                     window, begins = [], False
+        last = rows[-1]
+        rows += [([end], last[1], False, last[3])] * (rounded_up(len(rows)) - len(rows))
         padded = np.array([[*w, *[w[-1]] * (self.size - len(w))] for w, *_ in rows])
         count = np.array([len(w) for w, *_ in rows])
         start, begins, until = (np.array([row[i] for row in rows]) for i in (1, 2, 3))
         samples = begins & np.isin(start, self.samples)
         index = np.array([where[time] for time in self.times])
-        return Windows(padded, count, start, begins, until, samples), index[:, 0], index[:, 1]
+        number, place = (repeated(x, rounded_up(len(index))) for x in index.T)
+        return Plan(Windows(padded, count, start, begins, until, samples), number, place)
+
+
+def rounded_up(count: int) -> int:
+    """Returns a number that is not smaller, with four binary digits: at most a sixteenth larger, or a
+    multiple of eight."""
+    step = max(8, 2 ** (count.bit_length() - 5))
+    return -(-count // step) * step
+
+
+def repeated(values: np.ndarray, count: int) -> np.ndarray:
+    """Returns `count` values, of which the last ones repeat the last one given."""
+    return np.append(values, np.repeat(values[-1:], count - len(values), 0), 0)

@@ -19,11 +19,11 @@ from esail_jax.numerics.symbolic_zeros import with_tangents
 from esail_jax.rod_chain import RodState
 from esail_jax.scenes.structure import Numbers, Structure
 from esail_jax.simulation.advance import Window, keep_tapes, move, point_of, room_for
-from esail_jax.simulation.divided_windows import divided_windows
+from esail_jax.simulation.divided_windows import DividedPlan, divided_plan, divided_windows
 from esail_jax.simulation.look import look, on_constraints, with_running_observables
 from esail_jax.simulation.problem import Carried, Problem, restart, start
 from esail_jax.simulation.rectification import AnyPoint, PointOnOrbit
-from esail_jax.simulation.schedule import Schedule
+from esail_jax.simulation.schedule import Plan, Schedule
 from esail_jax.steppers.results import RESULTS
 from esail_jax.steppers.stepper import INSTANTS_TOGETHER, AbstractStepper, Point
 from esail_jax.system import Power
@@ -59,13 +59,17 @@ def traced_run(
     The run and the observables at its saved instants are called as two programs, whose derivatives and
     batches are kept in the program cache. A run with a part that cannot be kept, or on several devices, is
     traced as an ordinary function."""
-    arguments = numbers, max_steps, stepper, point
-    program = program_of(run, (structure, schedule), arguments)
+    how = structure, schedule.divided, schedule.is_switched
+    plan = divided_plan(schedule) if schedule.divided else schedule.plan()
+    arguments = plan, numbers, max_steps, stepper, point
+    program = program_of(run, how, arguments)
     if program.program.key is None or jax.config.jax_disable_jit or not get_abstract_mesh().empty:
-        return ordinary_run(structure, schedule, names, *arguments)
-    moved = call(program, *arguments, expected=usual_cotangents)
-    looking = (numbers, stepper, point), moved
-    return call(program_of(observe, (names,), looking, LOOK_OPTIONS), *looking, recompute=True)
+        found = ordinary_run(*how, names, *arguments)
+    else:
+        moved = call(program, *arguments, expected=usual_cotangents)
+        looking = (numbers, stepper, point), moved
+        found = call(program_of(observe, (names,), looking, LOOK_OPTIONS), *looking, recompute=True)
+    return found._replace(rows={name: x[: len(schedule.times)] for name, x in found.rows.items()})
 
 
 class Moved(NamedTuple):
@@ -100,27 +104,27 @@ def usual_cotangents(moved: Moved) -> Moved:
 
 def run(
     structure: Structure,
-    schedule: Schedule,
+    divided: tuple[str, ...],
+    is_switched: bool,
+    plan: Plan | DividedPlan,
     numbers: Numbers,
     max_steps: Scalar,
     stepper: AbstractStepper | None,
     point: AnyPoint | None,
 ) -> Moved:
-    """Integrates the whole run."""
+    """Integrates the whole run. divided: keys of traced numbers at whose instants it is divided;
+    is_switched: whether the stepper may be initialised again within the run."""
     begun = start(structure, numbers, stepper, point)
     problem = begun.problem
-    windows, number, place = schedule.windows()
-    switched = bool(windows.begins.any()) or bool(schedule.divided)
-    if schedule.divided:
-        knots = jnp.concatenate([jnp.ravel(numbers[key]) for key in schedule.divided])
-        windows, number, place = divided_windows(schedule, knots)
-    windows = jax.tree.map(jnp.asarray, windows)
+    if divided:
+        plan = divided_windows(plan, jnp.concatenate([jnp.ravel(numbers[key]) for key in divided]))
+    windows, number, place = jax.tree.map(jnp.asarray, plan)
 
     @keep_tapes
     def body(carry, window):
         motion, before, carried = carry
-        now = problem.in_segment(window.start, window.until) if switched else problem
-        if switched:
+        now = problem.in_segment(window.start, window.until) if is_switched else problem
+        if is_switched:
             due = None if carried.control is None else window.samples
 
             def begin():
@@ -142,7 +146,7 @@ def run(
 
     points = jax.tree.map(lambda x: x[number, place], points)
     carried = jax.tree.map(lambda x: x[number], carried)
-    segments = (windows.start[number], windows.until[number]) if switched else None
+    segments = (windows.start[number], windows.until[number]) if is_switched else None
     result, errors = motion.state.result, problem.stepper.error_estimates(motion.state)
     good = place < passed[number]
     return Moved(problem, points, carried, segments, good, last.orbit, result, motion.counts, errors)
@@ -183,19 +187,21 @@ def observe(
 
 def whole_run(
     structure: Structure,
-    schedule: Schedule,
+    divided: tuple[str, ...],
+    is_switched: bool,
     names: tuple[str, ...] | None,
+    plan: Plan | DividedPlan,
     numbers: Numbers,
     max_steps: Scalar,
     stepper: AbstractStepper | None,
     point: AnyPoint | None,
 ) -> Traced:
     """Returns the result of `traced_run`, without programs."""
-    moved = run(structure, schedule, numbers, max_steps, stepper, point)
+    moved = run(structure, divided, is_switched, plan, numbers, max_steps, stepper, point)
     return observe(names, (numbers, stepper, point), moved)
 
 
-ordinary_run = jax.jit(whole_run, static_argnums=(0, 1, 2))
+ordinary_run = jax.jit(whole_run, static_argnums=(0, 1, 2, 3))
 
 
 def differentiable(carry: Any, of: Any) -> Any:

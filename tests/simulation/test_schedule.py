@@ -10,7 +10,16 @@ import numpy as np
 import pytest
 
 from esail_jax.scenes.scene import load_scene
-from esail_jax.simulation.schedule import SNAP, Schedule, is_multiple, save_times, segments, switch_times
+from esail_jax.simulation.schedule import (
+    SNAP,
+    Schedule,
+    Windows,
+    is_multiple,
+    rounded_up,
+    save_times,
+    segments,
+    switch_times,
+)
 from esail_jax.simulation.statistics import COUNTS, Pending
 from esail_jax.steppers.log import Log, Statistic
 
@@ -46,7 +55,17 @@ def random_schedules():
 
 
 SCHEDULES = list(random_schedules())
-PLANS = [(schedule, *schedule.windows()) for schedule in SCHEDULES]
+
+
+def used(schedule):
+    """Returns the windows of a schedule without those that follow its end, and the places of its times."""
+    windows, number, place = schedule.plan()
+    ends = windows.times[np.arange(len(windows.count)), windows.count - 1]
+    count = np.argmax(ends == schedule.times[-1]) + 1
+    return Windows(*(x[:count] for x in windows)), *(x[: len(schedule.times)] for x in (number, place))
+
+
+PLANS = [(schedule, *used(schedule)) for schedule in SCHEDULES]
 
 
 def instants_of(windows):
@@ -181,9 +200,37 @@ def test_there_are_enough_windows_for_a_derivative():
             assert np.diff(ends).max() <= length / schedule.least * (1.0 + 1e-12)
 
 
+def test_numbers_are_rounded_up_to_four_binary_digits():
+    """Rounded numbers stay as they are; others become at most a sixteenth, or seven, larger."""
+    counts = np.arange(1, 5000)
+    rounded = np.array([rounded_up(int(x)) for x in counts])
+    assert (rounded >= counts).all() and (rounded - counts <= np.maximum(7, counts / 16)).all()
+    assert all(rounded_up(int(x)) == x for x in set(rounded))
+    assert len(set(rounded[500:])) < 60
+
+
+def test_nothing_happens_in_the_windows_behind_the_end():
+    """They hold the end of the run once more. Runs of nearly equal length have plans of equal shape."""
+    for schedule in SCHEDULES:
+        (windows, number, place), (inner, *_) = schedule.plan(), used(schedule)
+        count = len(inner.count)
+        assert len(windows.count) == rounded_up(count) and len(number) == rounded_up(len(schedule.times))
+        assert (windows.times[count:] == schedule.times[-1]).all() and (windows.count[count:] == 1).all()
+        assert not windows.begins[count:].any() and not windows.samples[count:].any()
+        for x in (windows.start, windows.until):
+            assert (x[count:] == x[count - 1]).all()
+        for x in (number, place):
+            assert (x[len(schedule.times) :] == x[len(schedule.times) - 1]).all()
+    shapes = {
+        tuple(np.shape(x) for x in (*plan.windows, plan.number))
+        for plan in (Schedule(tuple((np.arange(n) * 10.0).tolist()), (), 0.0, 64, 16).plan() for n in (20, 21, 24))
+    }
+    assert len(shapes) == 1
+
+
 def test_a_run_of_one_instant_has_one_window():
     """A run that ends where it begins, for which only its start is saved."""
-    windows, number, place = Schedule((3.0,), (), 3.0, 4, 16).windows()
+    windows, number, place = used(Schedule((3.0,), (), 3.0, 4, 16))
     assert instants_of(windows)[0].tolist() == [3.0] and len(windows.times) == 1
     assert (number.tolist(), place.tolist()) == ([0], [0])
 
