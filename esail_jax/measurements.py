@@ -4,6 +4,7 @@ The phase phi of a tether is its angle about the spin axis. It grows in the sens
 a positive spin rate, the other way round for a negative one. It is counted from the azimuth at which the
 wind's component in the spin plane points outward along the tether. That azimuth is undefined if the wind
 blows along the spin axis: cos phi and sin phi fade to zero there, and laws of the phase to their mean.
+Without spin the phase has no sense: sin phi fades to zero (`Measurements.sense`).
 """
 
 from typing import NamedTuple
@@ -11,6 +12,10 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from esail_jax.array_types import Array, Float, PerTether, Rotation, Scalar, Vector
+from esail_jax.numerics.smooth_step import smooth_step
+
+SLOW = 1e-5
+"""Spin rate [rad/s] below which the sense of the spin fades: a turn in a week."""
 
 FADE = 1e-4
 """Sine of the angle between wind and spin axis at which cos phi and sin phi fade by 1/sqrt(2)."""
@@ -54,8 +59,10 @@ class Measurements(NamedTuple):
 
     @property
     def sense(self) -> Scalar:
-        """The sense of the spin: -1 if the sail turns about X_B in the left-handed sense, otherwise 1."""
-        return jnp.where(self.spin_rate < 0.0, -1.0, 1.0)
+        """The sense of the spin: 1 if the sail turns about X_B in the right-handed sense, -1 in the other
+        one. It fades to 0 where the sail hardly turns, from the spin rate SLOW on: a law would otherwise jump
+        whenever the hub of a sail without spin swings through its rest."""
+        return 2.0 * smooth_step(0.5 + self.spin_rate / (2.0 * SLOW)) - 1.0
 
     def outward_from(self, axis: Vector) -> Float[Array, "3 tether"]:
         """Unit vectors along the parts of the chords that are normal to an axis."""

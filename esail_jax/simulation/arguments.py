@@ -3,12 +3,11 @@
 from collections.abc import Sequence
 from typing import Any
 
-import jax
 import numpy as np
 
 from esail_jax.errors import nearest
 from esail_jax.observables import described, known_names
-from esail_jax.scenes.rules import SceneError, known, numbers_of
+from esail_jax.scenes.rules import SceneError, has_traced, known, numbers_of
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.value_types import is_traced
 from esail_jax.simulation.rectification import AnyPoint, PointOnOrbit
@@ -67,27 +66,31 @@ def shapes_of(scene: Scene) -> dict[str, tuple[int, ...] | None]:
     }
 
 
+def known_time(start: AnyPoint) -> float | None:
+    """Returns the time of a start [s], None if it is traced: it has no value until the program runs."""
+    return None if is_traced(start.time) else float(start.time)
+
+
 def check_times(scene: Scene, times: Any, start: AnyPoint | None) -> None:
     """Raises SceneError unless the saved instants are concrete numbers that increase, do not precede the
     start, and lie where the wind of the scene is known."""
-    begin = 0.0 if start is None else start.time
-    if is_traced(begin):
-        got = "is traced (`start._replace(time=200.0)` sets it)"
-        raise SceneError("start.time", "be a plain number", got)
+    begin = 0.0 if start is None else known_time(start)
     if times is None:
-        if float(begin) > scene.integrator.t_end:
+        if begin is not None and begin > scene.integrator.t_end:
             must = f"not be later than `integrator.t_end` ({scene.integrator.t_end:g})"
-            raise SceneError("start.time", must, f"is {float(begin):g}")
+            raise SceneError("start.time", must, f"is {begin:g}")
         return
-    if any(isinstance(x, jax.core.Tracer) for x in (times, *np.ravel(np.asarray(times, object)))):
-        raise SceneError("times", "be plain numbers", "is traced")
+    if is_traced(times) or has_traced(times):
+        got = "is traced (`start._replace(time=0.0)` lets a run begin at a plain time)"
+        raise SceneError("times", "be plain numbers", got)
     values = numbers_of("times", times)
     good = (
         values is not None and values.ndim == 1 and len(values)
         and np.isfinite(values).all() and (np.diff(values) > 0).all()
     )  # fmt: skip
-    if not good or values[0] < float(begin):
-        raise SceneError("times", f"increase from {float(begin):g} on", f"is {times!r}")
+    least = 0.0 if begin is None else begin
+    if not good or values[0] < least:
+        raise SceneError("times", f"increase from {least:g} on", f"is {times!r}")
     table = scene.solar_wind if scene.chain is None else None
     wind = None if table is None or table.time is None else known(table.time)
     if wind is not None and values[-1] > wind[-1]:

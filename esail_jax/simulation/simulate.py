@@ -269,4 +269,4 @@ def observables_at(solution: Solution, time: float | Sequence[float]) -> dict[st
     instants = np.union1d(before[before < wanted[-1]], wanted)
     found = simulate(solution.scene, times=instants.tolist(), **given)
     rows = np.searchsorted(instants, wanted)[place.reshape(times.shape)]
-    return {name: np.asarray(found[name])[rows] for name in solution}
+    return {name: np.asarray(found[name][rows]) for name in solution}

@@ -7,13 +7,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax.array_types import Scalar
+from esail_jax.array_types import Array, Bool, Scalar
 from esail_jax.observables.run_warning import STEP_ERRORS
 from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.rules import known
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.stepper_choice import stepper_class
 from esail_jax.scenes.structure import split
+from esail_jax.simulation.arguments import known_time
 from esail_jax.simulation.problem import require_64_bit
 from esail_jax.simulation.rectification import AnyPoint
 from esail_jax.simulation.schedule import (
@@ -24,7 +25,8 @@ from esail_jax.simulation.schedule import (
     switch_times,
 )
 from esail_jax.simulation.solution import Solution
-from esail_jax.simulation.traced import traced_run
+from esail_jax.simulation.traced import Traced, nan_unless, traced_run, zero_of
+from esail_jax.steppers.results import RESULTS
 from esail_jax.steppers.stepper import AbstractStepper
 
 LEAST_WINDOWS, WINDOWS_PER_TURN = 16, 4
@@ -58,11 +60,12 @@ def simulate_traced(
     kind = type(stepper) if stepper is not None else stepper_class(resolved.integrator.method)
     if times is None:
         saved = save_times(scene.integrator.t_end, scene.output.interval)
-        if start is not None and not isinstance(start.time, jax.core.Tracer):
-            saved = saved[saved >= float(start.time)]
+        if start is not None and known_time(start) is not None:
+            saved = saved[saved >= known_time(start)]
     else:
         saved = np.asarray(times, float)
-    begin = 0.0 if start is None else float(saved[0])
+    begin = 0.0 if start is None else known_time(start)
+    begin = float(saved[0]) if begin is None else begin
     step = resolved.integrator.step
     wanted = max_steps
     if step is not None and stepper is None:
@@ -83,6 +86,8 @@ def simulate_traced(
     if limit is None:
         limit = jnp.asarray(jnp.inf if max_steps is None else float(max_steps))
     found = traced_run(structure, schedule, names, numbers, limit, stepper, start)
+    if start is not None and known_time(start) is None:
+        found = failed_unless(start.time == begin, found, zero_of((numbers, start)))
     stats = {"steps": found.counts[0], "rejected_steps": found.counts[1]}
     if found.errors:
         stats["step_errors"] = jnp.stack([found.errors[name] for name in STEP_ERRORS])
@@ -98,6 +103,15 @@ blocks in a run of twelve turns."""
 MARGIN, UNEVEN = 1.25, 4.0
 """Safety factors for the number of windows, because some blocks end early: with steps of a given size, and
 with error control, where blocks of 7 steps alternate with blocks of 24 in a long run of the baseline."""
+
+
+def failed_unless(here: Bool[Array, ""], found: Traced, zero: Scalar) -> Traced:
+    """Returns a run, or a failed one unless its traced start is where the run begins: its steps would begin
+    elsewhere than its windows. zero: `zero_of` its arguments."""
+    rows, point = jax.tree.map(lambda x: nan_unless(here, x, zero), (found.rows, found.point))
+    return found._replace(
+        rows=rows, point=point, result=RESULTS.where(here, found.result, RESULTS.other_start)
+    )
 
 
 def turns(scene: Scene, duration: float) -> float:

@@ -14,9 +14,13 @@ class RESULTS(eqx.Enumeration):
     energy_drift = "The energy balance is off by more than a tenth of the energy."
     min_step_reached = "The step size fell to nothing."
     too_many_steps = "The run needs more steps than `max_steps` allows."
+    other_start = "The time of `start`, which was traced, is not the first instant of the run."
 
 
-NAMES = ("successful", "newton_diverged", "nonfinite", "energy_drift", "min_step_reached", "too_many_steps")
+NAMES = (
+    "successful", "newton_diverged", "nonfinite", "energy_drift", "min_step_reached", "too_many_steps",
+    "other_start",
+)  # fmt: skip
 """The names of the members of `RESULTS`, as run files store them."""
 
 

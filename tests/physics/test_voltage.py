@@ -410,7 +410,7 @@ class Cosine(VoltageLaw):
     """A law from outside the package: V = V_0 (1 + cos(phi) / 2), phi from the chords."""
 
     value: PerTether
-    maximum: Scalar | None = None
+    limits: Limits = Limits(None)
 
     name: ClassVar[str] = "cosine"
 

@@ -10,6 +10,9 @@ from esail_jax.coordinates import Coordinates
 from esail_jax.ensembles.sampling import checked_inputs
 from esail_jax.errors import InputError
 from esail_jax.simulation.arguments import check_arguments
+from esail_jax.simulation.traced import Traced
+from esail_jax.simulation.under_trace import failed_unless
+from esail_jax.steppers.results import RESULTS, name_of
 from esail_jax.steppers.stepper import Point
 from esail_jax.system import Power
 
@@ -67,16 +70,29 @@ def test_a_start_of_another_sail_is_refused(start, message):
         check_arguments(scene, None, None, point(scene, **start), None)
 
 
-def test_a_traced_start_time_is_named():
+def test_traced_instants_are_refused_with_a_way_out():
     scene = sail()
 
     def run(time):
-        return esail.simulate(scene, times=[0.0, 1.0], start=point(scene)._replace(time=time))
+        return esail.simulate(scene, times=[time, time + 1.0], start=point(scene)._replace(time=time))
 
-    with pytest.raises(
-        InputError, match=r"`start.time` must be a plain number, but is traced \(`start._replace"
-    ):
+    with pytest.raises(InputError, match=r"`times` must be plain numbers, but is traced \(`start._replace"):
         jax.jit(run)(0.0)
+
+
+def test_a_traced_start_must_be_the_first_instant_of_the_run():
+    """The windows of a traced run begin at its first saved instant. A traced time of the start has no value
+    before the program runs; a run from elsewhere then fails, and so does its derivative."""
+    rows, last = {"coning_angle": jnp.ones((2, 3))}, point(sail())
+    run = Traced(rows, last, RESULTS.successful, jnp.ones(2), {})
+    same, other = (failed_unless(jnp.asarray(x), run, jnp.zeros(())) for x in (True, False))
+    assert name_of(same.result) == "successful" and (same.rows["coning_angle"] == 1.0).all()
+    assert name_of(other.result) == "other_start" and np.isnan(other.rows["coning_angle"]).all()
+    elsewhere = jnp.asarray(False)
+    slope = jax.grad(lambda x: failed_unless(elsewhere, run._replace(rows={"x": x}), 0.0 * x).rows["x"])(
+        1.0
+    )
+    assert np.isnan(slope)
 
 
 def test_a_wind_is_not_extrapolated():

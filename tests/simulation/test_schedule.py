@@ -223,7 +223,9 @@ def test_nothing_happens_in_the_windows_behind_the_end():
             assert (x[len(schedule.times) :] == x[len(schedule.times) - 1]).all()
     shapes = {
         tuple(np.shape(x) for x in (*plan.windows, plan.number))
-        for plan in (Schedule(tuple((np.arange(n) * 10.0).tolist()), (), 0.0, 64, 16).plan() for n in (20, 21, 24))
+        for plan in (
+            Schedule(tuple((np.arange(n) * 10.0).tolist()), (), 0.0, 64, 16).plan() for n in (20, 21, 24)
+        )
     }
     assert len(shapes) == 1
 
