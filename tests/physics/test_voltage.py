@@ -115,7 +115,8 @@ def test_harmonics_of_the_phase():
         time = jnp.zeros(())
         (load,) = system.loads
         rest = jax.tree.map(jnp.zeros_like, state)
-        return load.commanded(system.measurements(time, state, rest)), system.rotation(time, state)
+        measured = system.measurements(time, state, rest)._replace(spin_rate=jnp.asarray(4e-3))
+        return load.commanded(measured), system.rotation(time, state)
 
     volts, axes = found(turns, random.normal(size=(40, *q.tether.shape)))
     origin = np.array(scene.initial.heliocentric_position_au)

@@ -9,7 +9,7 @@ import esail_jax as esail
 from esail_jax.coordinates import Coordinates
 from esail_jax.ensembles.sampling import checked_inputs
 from esail_jax.errors import InputError
-from esail_jax.simulation.arguments import check_arguments
+from esail_jax.simulation.arguments import check_arguments, check_times
 from esail_jax.simulation.traced import Traced
 from esail_jax.simulation.under_trace import failed_unless
 from esail_jax.steppers.results import RESULTS, name_of
@@ -74,7 +74,7 @@ def test_traced_instants_are_refused_with_a_way_out():
     scene = sail()
 
     def run(time):
-        return esail.simulate(scene, times=[time, time + 1.0], start=point(scene)._replace(time=time))
+        check_times(scene, [time, time + 1.0], point(scene)._replace(time=time))
 
     with pytest.raises(InputError, match=r"`times` must be plain numbers, but is traced \(`start._replace"):
         jax.jit(run)(0.0)
