@@ -9,6 +9,8 @@ feedback steers to the same side. A sign that belongs to one sense of the spin o
 from typing import Any
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -121,3 +123,16 @@ def test_the_image_moves_as_the_image_of_the_motion(case):
             expected = np.einsum("ij,tjk,kl->til", mirror, run[name], np.diag(POLAR))
         size = np.nanmax(np.abs(expected), initial=1e-300)
         np.testing.assert_allclose(image[name], expected, rtol=0, atol=1e-5 * size, err_msg=name)
+
+
+def test_the_sense_of_the_spin_is_exact_but_for_a_sail_at_rest():
+    """It is 1 or -1 from 1e-5 rad/s on, odd, and without a jump: a hub that swings through its rest would
+    otherwise switch the voltages of its law, at every swing."""
+    none = jnp.zeros(3)
+    at = Measurements(jnp.zeros(()), none, none, none)
+    rates = jnp.linspace(-2e-5, 2e-5, 4001)
+    sense = jax.vmap(lambda rate: at._replace(spin_rate=rate).sense)(rates)
+    turning = jnp.abs(rates) >= 1e-5
+    assert (sense[turning] == jnp.sign(rates[turning])).all()
+    np.testing.assert_allclose(sense, -sense[::-1], rtol=0, atol=1e-15)
+    assert 0.0 < jnp.diff(sense).max() < 2e-3
