@@ -60,8 +60,8 @@ class Measurements(NamedTuple):
     @property
     def sense(self) -> Scalar:
         """The sense of the spin: 1 if the sail turns about X_B in the right-handed sense, -1 in the other
-        one. It fades to 0 where the sail hardly turns, from the spin rate SLOW on: a law would otherwise jump
-        whenever the hub of a sail without spin swings through its rest."""
+        one. It fades to 0 below the spin rate SLOW: a law would otherwise jump whenever the hub of a sail
+        without spin swings through its rest."""
         return 2.0 * smooth_step(0.5 + self.spin_rate / (2.0 * SLOW)) - 1.0
 
     def outward_from(self, axis: Vector) -> Float[Array, "3 tether"]:

@@ -32,8 +32,14 @@ CHAIN = {"chain.rods": 3, "integrator.t_end": 20.0, "output.interval": 10.0}
 
 METHODS = {
     "collocation": ("baseline", SAIL | {"integrator.tolerance": 1e-12}),
-    "generalized-alpha": ("baseline", SAIL | {"integrator.method": "generalized-alpha", "integrator.step": 1.0}),
-    "energy-momentum": ("baseline", SAIL | {"integrator.method": "energy-momentum", "integrator.step": 1.0}),
+    "generalized-alpha": (
+        "baseline",
+        SAIL | {"integrator.method": "generalized-alpha", "integrator.step": 1.0},
+    ),
+    "energy-momentum": (
+        "baseline",
+        SAIL | {"integrator.method": "energy-momentum", "integrator.step": 1.0},
+    ),
 }
 """Scene and overrides of every method. Runs with fixed steps are smooth; those of collocation need a small
 tolerance, because the steps of neighbouring runs differ."""
@@ -157,7 +163,15 @@ def main() -> None:
             )  # fmt: skip
             print(*rows[-1], flush=True)
             with open(path, "w", newline="", encoding="utf-8") as file:
-                heads = ("method", "composition", "order", "found", "quotient", "difference", "first_call_s")
+                heads = (
+                    "method",
+                    "composition",
+                    "order",
+                    "found",
+                    "quotient",
+                    "difference",
+                    "first_call_s",
+                )
                 csv.writer(file).writerows([heads, *rows])
 
 

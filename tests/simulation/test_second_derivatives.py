@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import esail_jax as esail
-from esail_jax.errors import SimulationError
-from support.quick import jit, quickly
+from support.quick import jit
 
 SAIL = {
     "tethers.count": 3, "tethers.elements": 1, "tethers.element": "truss", "tethers.bending": False,
