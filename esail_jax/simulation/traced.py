@@ -1,5 +1,6 @@
 """A run as one program, for `jit`, `grad`, `jvp` and `vmap`: a scan over windows of instants."""
 
+import functools
 from typing import Any, NamedTuple
 
 import jax
@@ -69,7 +70,14 @@ def traced_run(
         moved = call(program, *arguments, expected=usual_cotangents)
         looking = (numbers, stepper, point), moved
         found = call(program_of(observe, (names,), looking, LOOK_OPTIONS), *looking, recompute=True)
-    return found._replace(rows={name: x[: len(schedule.times)] for name, x in found.rows.items()})
+    return found._replace(rows=first_rows(len(schedule.times), found.rows))
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def first_rows(count: int, rows: dict[str, Array]) -> dict[str, Array]:
+    """Returns the rows without those by which their number was rounded up. Outside of a trace this is one
+    small program, not one for every observable."""
+    return {name: x[:count] for name, x in rows.items()}
 
 
 class Moved(NamedTuple):
