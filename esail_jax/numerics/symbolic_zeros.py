@@ -51,14 +51,6 @@ def materialised(tangent: Any) -> Array:
     return jnp.zeros(tangent.shape, tangent.dtype) if is_symbolic(tangent) else tangent
 
 
-def unused_matvec(x: Any) -> Any:
-    """Stands for the product with the matrix in `lax.custom_linear_solve`, if both solves are given.
-
-    JAX then needs the product only for derivatives with respect to the matrix, and here the matrix carries
-    none. The true product would be traced for nothing."""
-    return x
-
-
 def bundled(rhs: Any) -> Any:
     """Returns the right-hand sides of a `lax.custom_linear_solve` as one bundle: if one of them has a
     tangent, all have. JAX cannot transpose the solve if some of several right-hand sides have none.
@@ -78,8 +70,8 @@ def linear_zero(arrays: list[Array]) -> Array | int:
 
 
 def tied(values: Any, other: Any) -> Any:
-    """Returns the values as results that depend on other results of the same `lax.custom_linear_solve`: with
-    a zero added that is linear in these, and that the compiler removes.
+    """Returns the values as results that depend on other results of the same `lax.custom_linear_solve`:
+    with a zero added that is linear in these, and that the compiler removes.
 
     The cotangent of a result that nothing needs is a constant. Its tangent is a symbolic zero, of which JAX
     makes no array where it differentiates the solve once more."""

@@ -100,9 +100,9 @@ def draw_fan(ax: Axes, time: np.ndarray, rows: np.ndarray, colour: Any, name: st
 
 
 def draw_quantiles(ensemble: Ensemble, name: str, ax: Axes | None = None) -> Axes:
-    """Draws the quantiles of an observable over the members that reached their end, against time, into `ax`,
-    or into a new pyplot figure if None. Tethers, rods and joints of all members form one sample; x, y, z and
-    angles have a fan each.
+    """Draws the quantiles of an observable over the members that reached their end, against time, into
+    `ax`, or into a new pyplot figure if None. Tethers, rods and joints of all members form one sample; x,
+    y, z and angles have a fan each.
 
     Raises ValueError for an unknown name, and if no member has reached its end."""
     entry = entry_of(ensemble, name)

@@ -29,8 +29,8 @@ from esail_jax.steppers.stepper import (
 )
 
 TAPES = "steps as taken"
-"""Checkpoint name of all that is known of the steps of a window (`Taken`). It must be saved: step sizes that
-are computed again in the backward pass may differ by rounding, and the gradient would be that of other
+"""Checkpoint name of all that is known of the steps of a window (`Taken`). It must be saved: step sizes
+that are computed again in the backward pass may differ by rounding, and the gradient would be that of other
 steps. If a single number of it were not saved, the steps would be taken again for that number."""
 
 

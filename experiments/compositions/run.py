@@ -4,8 +4,8 @@ python experiments/compositions/run.py [METHOD ...]     # an hour on one core; w
 
 A function g of one number becomes another one: by its derivative in forward mode (`jvp`) or reverse mode
 (`grad`), by the mean over two members, g(x) and g(1.1 x) (`vmap`, `map`, `scan`, and `shard_map` over the
-devices), or stays what it is (`jit`, `checkpoint`). All pairs of these are applied to a run, and the triples
-that people use.
+devices), or stays what it is (`jit`, `checkpoint`). All pairs of these are applied to a run, and the
+triples that people use.
 """
 
 import csv
@@ -28,7 +28,6 @@ SAIL = {
     "tethers.second_moment": None, "tethers.bending_damping_time": None, "integrator.t_end": 20.0,
     "output.interval": 10.0,
 }  # fmt: skip
-CHAIN = {"chain.rods": 3, "integrator.t_end": 20.0, "output.interval": 10.0}
 
 METHODS = {
     "collocation": ("baseline", SAIL | {"integrator.tolerance": 1e-12}),

@@ -1,5 +1,6 @@
 """Ensembles in Python: equality with single runs, failed members, and statistics."""
 
+import dataclasses
 import inspect
 import os
 import threading
@@ -9,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from matplotlib import pyplot
 
 import esail_jax as esail
 import esail_jax.cores
@@ -236,3 +238,29 @@ def test_a_law_of_ones_own_has_one_program_in_a_process(scene, inputs):
     assert program(Share(0.6)) is not first
     assert program(Share(), **{"solar_wind.speed": 4.1e5}) is not first
     assert program(Share(), **{"integrator.t_end": 30.0}) is not first
+
+
+def test_an_observable_of_an_ensemble_is_drawn_as_a_fan(ensemble):
+    """The median over all tethers of all members, in minutes; of a vector one fan per component."""
+    ax = esail.plot(ensemble, "coning_angle")
+    (median,) = ax.get_lines()
+    np.testing.assert_array_equal(median.get_xdata(), ensemble.time / 60.0)
+    angles = np.moveaxis(ensemble["coning_angle"], 1, 0).reshape(len(ensemble.time), -1)
+    np.testing.assert_array_equal(median.get_ydata(), np.median(angles, axis=1))
+    assert "coning angle" in ax.get_ylabel()
+    other = esail.plot(ensemble, "thrust_O", ax=ax)
+    assert other is ax and len(ax.get_lines()) == 4
+    np.testing.assert_array_equal(
+        ax.get_lines()[3].get_ydata(), np.median(ensemble["thrust_O"][..., 2], axis=0)
+    )
+    assert {"fans", "distributions"} <= set(esail.plot(ensemble))
+    pyplot.close("all")
+
+
+def test_an_unknown_name_is_refused_with_a_hint(ensemble):
+    for find in (ensemble.__getitem__, lambda name: esail.plot(ensemble, name)):
+        with pytest.raises((KeyError, ValueError), match=r"angular_velocity_B\[:, 0\]"):
+            find("spin_rate")
+    none = dataclasses.replace(ensemble, complete=np.zeros(len(ensemble), bool))
+    with pytest.raises(ValueError, match="must have a member that reached its end, but has none"):
+        esail.plot(none, "coning_angle")
