@@ -69,8 +69,9 @@ EXECUTABLES = RecentlyUsed(MOST_EXECUTABLES)
 
 @returning_freed_memory()
 def clear_caches() -> None:
-    """Frees the memory of all programs of this process, those of JAX included (`jax.clear_caches`). What
-    is needed again is loaded from the program cache, or compiled.
+    """Frees the memory of the programs of this process, those of JAX included (`jax.clear_caches`). What
+    is needed again is loaded from the program cache, or compiled. A function of `esail.jit` keeps its own
+    programs as long as it lives.
 
         esail.clear_caches()     # between two studies in one notebook"""
     EXECUTABLES.clear()

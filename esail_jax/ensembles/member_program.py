@@ -4,7 +4,6 @@ Members share one compiled program, so they share the method of integration and 
 choice; only physical numbers differ between them.
 """
 
-import dataclasses
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
@@ -23,7 +22,7 @@ from esail_jax.scenes.build import build
 from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
-from esail_jax.scenes.structure import split
+from esail_jax.scenes.structure import SCHEDULE, split
 from esail_jax.simulation.under_trace import simulate_traced
 from esail_jax.steppers.results import RESULTS
 from esail_jax.system import System
@@ -51,6 +50,10 @@ def members_program(scene: Scene, names: tuple[str, ...], inputs: Inputs, count:
     )
 
 
+TIMES = tuple(key.split(".") for key in SCHEDULE)
+"""Table and name of the numbers that decide which instants a run computes; they are never arrays."""
+
+
 class SameScene:
     """A scene that is equal to another one if the two have the same programs and numbers, also with a law
     of a user's own, for which a program has no key."""
@@ -58,7 +61,7 @@ class SameScene:
     def __init__(self, scene: Scene):
         structure, numbers = split(scene)
         values = tuple((key, x.shape, np.asarray(x).tobytes()) for key, x in sorted(numbers.items()))
-        times = dataclasses.astuple(scene.integrator), dataclasses.astuple(scene.output), scene.event
+        times = tuple(getattr(getattr(scene, table), name, None) for table, name in TIMES)
         self.scene, self._identity = scene, (structure, values, times)
 
     def __hash__(self) -> int:

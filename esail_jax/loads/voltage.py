@@ -172,9 +172,9 @@ class Feedback(VoltageLaw):
 
     Tethers whose thrust turns the spin axis n towards `target`, a unit vector in the inertial frame, get a
     higher voltage. d: the part of the target in the spin plane; e_i: radial direction of tether i; u: unit
-    vector along the wind; s: sense of the spin about n, 1 or -1, as the same torque turns the axis of a
-    sail that spins the other way round in the opposite direction. gain: g [-], reduced if V could change
-    faster than slew_rate [V/s] as the roots turn at the spin rate of the moment.
+    vector along the wind; s: sense of the spin about n, 1 or -1 (0 at rest), as the same torque turns the
+    axis of a sail that spins the other way round in the opposite direction. gain: g [-], reduced if V could
+    change faster than slew_rate [V/s] as the roots turn at the spin rate of the moment.
 
     measured_axis: "hub", n = X_B and e_i of the roots; "angular-momentum", n along the sail's angular
     momentum L about its centre of mass (opposite to X_B for a negative spin, as is the target then, so that

@@ -96,7 +96,7 @@ def plot(
     `esail_jax.modes(solution.scene)` returns them, which are lines with their names in the spectra.
 
     `plot(ensemble, "coning_angle")` draws the quantiles over the members that reached their end as a fan,
-    and `plot(ensemble)` makes the figures of the command `esail ensemble`.
+    and `plot(ensemble)` makes the figures that the command `esail plot` writes.
 
     Raises ValueError if the run has no observable of this name, if `ax` is given without a name, or if the
     solution was computed under a trace, inside `jax.jit` for example, and therefore has no scene.

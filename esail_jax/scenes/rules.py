@@ -3,6 +3,7 @@
 Every message reads: `key` must ..., but is ... .
 """
 
+import bisect
 import dataclasses
 import sys
 import typing
@@ -96,8 +97,9 @@ def describe_fault(value: Any, array: np.ndarray, accepts: Callable[[np.ndarray]
     text = describe(value)
     if not text.endswith("...") or array.ndim == 0:
         return text
-    index = next((i for i in range(len(array)) if not accepts(array[: i + 1])), None)
-    return text if index is None else f"{describe(array[index])} at index {index}"
+    # What holds for the first entries holds for fewer of them.
+    index = bisect.bisect_left(range(len(array)), True, key=lambda i: not accepts(array[: i + 1]))
+    return f"{describe(array[index])} at index {index}"
 
 
 def check_value(key: str, value: Any, rule: Rule, members: Members | None) -> Any:

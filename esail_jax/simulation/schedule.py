@@ -199,8 +199,8 @@ class Schedule:
 
 
 def rounded_up(count: int) -> int:
-    """Returns a number that is not smaller, with four binary digits: at most a sixteenth larger, or a
-    multiple of eight."""
+    """Returns the next number that is a multiple of eight and has at most five binary digits before its
+    zeros: at most seven, or a sixteenth, larger."""
     step = max(8, 2 ** (count.bit_length() - 5))
     return -(-count // step) * step
 

@@ -1,6 +1,6 @@
 """Compares compositions of transformations of JAX with difference quotients, for every method.
 
-python experiments/compositions/run.py [METHOD ...]     # an hour on one core; writes compositions.csv
+python experiments/compositions/run.py [METHOD ...]     # writes compositions.csv
 
 A function g of one number becomes another one: by its derivative in forward mode (`jvp`) or reverse mode
 (`grad`), by the mean over two members, g(x) and g(1.1 x) (`vmap`, `map`, `scan`, and `shard_map` over the

@@ -8,18 +8,9 @@ import pytest
 import esail_jax as esail
 from esail_jax.errors import SimulationError
 from support.quick import jit, quickly
+from support.truss_sail import SAIL, SPIN, angle
 
-SAIL = {
-    "tethers.count": 3, "tethers.elements": 1, "tethers.element": "truss", "tethers.bending": False,
-    "tethers.second_moment": None, "tethers.bending_damping_time": None, "integrator.t_end": 20.0,
-    "output.interval": 10.0,
-}  # fmt: skip
-SPIN = 4e-3
-
-
-def angle(spin):
-    """The last coning angle of a tether."""
-    return esail.simulate("baseline", SAIL | {"initial.spin_rate": spin})["coning_angle"][-1, 0]
+coning = angle()
 
 
 @pytest.mark.nightly
@@ -30,9 +21,9 @@ def test_the_gradient_of_a_batch_is_that_of_its_members(how):
     shares = jnp.array([1.0, 0.9])
 
     def mean(spin):
-        return jax.vmap(lambda share: angle(spin * share))(shares).mean()
+        return jax.vmap(lambda share: coning(spin * share))(shares).mean()
 
-    compiled = jit(jax.grad(angle))
+    compiled = jit(jax.grad(coning))
     expected = np.mean([s * float(compiled(SPIN * s)) for s in shares])
     found = jax.grad(mean)(SPIN) if how == "program" else jit(jax.grad(mean))(SPIN)
     assert float(found) == pytest.approx(expected, rel=1e-9)
@@ -43,8 +34,8 @@ def test_a_batch_has_the_rows_of_its_members():
     """On a CPU `jax.vmap` computes one member after the other. Other options of the compiler have other
     rounding, 2e-12."""
     spins = jnp.array([3e-3, 4e-3, 5e-3])
-    one_by_one = jax.lax.map(angle, spins)
-    np.testing.assert_allclose(jax.vmap(angle)(spins), one_by_one, rtol=1e-10)
+    one_by_one = jax.lax.map(coning, spins)
+    np.testing.assert_allclose(jax.vmap(coning)(spins), one_by_one, rtol=1e-10)
 
 
 @pytest.mark.nightly
@@ -71,5 +62,5 @@ def test_debugging_of_nan_lets_healthy_runs_pass():
 @pytest.mark.parametrize("spin", [0.0, 1e-12, 1e-9])
 def test_reverse_mode_at_rest_is_forward_mode(spin):
     """A truss that is not stretched by spin has a singular matrix at its free end, which nothing needs."""
-    forward, reverse = (float(jit(mode(angle))(spin)) for mode in (jax.jacfwd, jax.grad))
+    forward, reverse = (float(jit(mode(coning))(spin)) for mode in (jax.jacfwd, jax.grad))
     assert reverse == pytest.approx(forward, rel=1e-8, abs=1e-12)

@@ -200,7 +200,7 @@ def test_there_are_enough_windows_for_a_derivative():
             assert np.diff(ends).max() <= length / schedule.least * (1.0 + 1e-12)
 
 
-def test_numbers_are_rounded_up_to_four_binary_digits():
+def test_numbers_are_rounded_up_to_five_binary_digits():
     """Rounded numbers stay as they are; others become at most a sixteenth, or seven, larger."""
     counts = np.arange(1, 5000)
     rounded = np.array([rounded_up(int(x)) for x in counts])
