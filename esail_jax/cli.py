@@ -22,6 +22,7 @@ from esail_jax.commands.options import (
     check_ensemble,
     check_export,
     check_modes,
+    check_run,
     check_view,
     objective_weights,
     observable_names,
@@ -71,9 +72,15 @@ def missing_law(options: argparse.Namespace) -> UsageError:
 
 def run(options: argparse.Namespace) -> ExitCode:
     """`esail run`."""
+    check_run(options)
     scene = scene_of(options)
     if options.nodes and scene.chain is not None:
         raise UsageError("`--nodes` must be left out with a chain, but is given")
+    if options.estimate:
+        from esail_jax.commands.estimate import print_estimate
+
+        print_estimate(scene, options.nodes, options.quiet)
+        return ExitCode.DONE
     from esail_jax.commands.run import run_scene
 
     return run_scene(scene, options.output, options.resume, options.quiet, options.nodes, options.stability)

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from esail_jax.commands.progress import Progress
 from esail_jax.design.design_file import append_state, read_history, read_state
 from esail_jax.design.law_variables import law_variables, with_free_law
 from esail_jax.design.optimiser import State
@@ -62,11 +63,14 @@ def run_design(
     check_folder(folder)
     before, _ = design.reference_run, design.objective.references
     folder.mkdir(parents=True, exist_ok=True)
+    progress = Progress(float(how.iterations), lambda *_: (value_text(last),), quiet)
     for state in design.optimise(how.iterations, last, starts=how.starts, seed=how.seed):
         last = state
         append_state(path, state, identity)
-        if not quiet and sys.stderr.isatty() and state.iteration:
-            print(f"iteration {state.iteration}: {float(state.value[state.best]):.6g}", file=sys.stderr)
+        if state.iteration and progress.shown:
+            print(value_text(state), file=sys.stderr)
+        elif state.iteration:
+            progress.update(state.iteration)
     after = save_design(design, last, folder)
     if not quiet:
         measured = design.objective.measure(after)
@@ -76,6 +80,11 @@ def run_design(
         for name, value in design.objective.reference_values.items():
             print(f"{name:16s} {value:12.5g} -> {measured[name]:12.5g}")
     return before, after, read_history(path)
+
+
+def value_text(state: State) -> str:
+    """Returns the number of an iteration and the objective of the best start."""
+    return f"iteration {state.iteration}: {float(state.value[state.best]):.6g}"
 
 
 def check_folder(folder: Path) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from esail_jax.commands.description import describe
 from esail_jax.files.opening import DESIGN, files_of, holds_ensemble
+from esail_jax.scenes.builtin_scenes import builtin_names
 
 
 def print_info(paths: Sequence[Path]) -> None:
@@ -14,7 +15,7 @@ def print_info(paths: Sequence[Path]) -> None:
     if len(paths) == 1 and paths[0].is_dir():
         print(folder_text(paths[0]))
         return
-    if len(paths) == 1 and paths[0].suffix == ".toml":
+    if len(paths) == 1 and is_scene(paths[0]):
         print(scene_text(paths[0]))
         return
     files = files_of(paths)
@@ -41,11 +42,17 @@ def folder_text(folder: Path) -> str:
     return describe_folder(folder)
 
 
+def is_scene(path: Path) -> bool:
+    """Tells whether a path is that of a scene file, or the name of a built-in scene and no file."""
+    return path.suffix == ".toml" or (not path.exists() and str(path) in builtin_names())
+
+
 def scene_text(path: Path) -> str:
-    """The description of a scene file, which is checked but not run, and sentences on what in it may be
-    meant otherwise. Raises SceneError."""
+    """The description of a scene, which is checked but not run, and sentences on what in it may be meant
+    otherwise. Raises SceneError."""
     from esail_jax.scenes.plausibility import doubts, without_effect
     from esail_jax.scenes.scene import read_scene
 
     scene = read_scene(path, {})
-    return "\n".join([f"{path}: {scene}", *doubts(scene), *without_effect(scene)])
+    cost = f"  cost      steps, time, memory and file size: esail run {path} --estimate"
+    return "\n".join([f"{path}: {scene}", cost, *doubts(scene), *without_effect(scene)])

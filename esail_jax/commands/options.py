@@ -66,6 +66,16 @@ def observable_names(options: argparse.Namespace) -> list[str] | None:
     return [name.strip() for name in options.observables.split(",")]
 
 
+def check_run(options: argparse.Namespace) -> None:
+    """Raises UsageError for options of `esail run` that are missing or do not fit together."""
+    if options.output is None and not options.estimate:
+        raise UsageError("`-o RUN.h5` must be given (or `--estimate`), but is missing")
+    for name in ("output", "resume", "stability"):
+        if options.estimate and getattr(options, name):
+            given = "-o" if name == "output" else f"--{name}"
+            raise UsageError(f"`{given}` must be left out with --estimate, but is given")
+
+
 def check_design(options: argparse.Namespace) -> None:
     """Raises UsageError for numbers of `esail design` that are out of range."""
     for name in ("iterations", "starts"):

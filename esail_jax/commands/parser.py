@@ -44,10 +44,9 @@ def add_run(commands: Any) -> None:
     run.add_argument(
         "-o",
         "--output",
-        required=True,
         type=Path,
         metavar="RUN.h5",
-        help="run file to write (HDF5; any name, usually *.h5)",
+        help="run file to write (HDF5; any name, usually *.h5); must be given, except with --estimate",
     )
     run.add_argument(
         "--resume", action="store_true", help="continue RUN.h5 from its last checkpoint, if it exists"
@@ -59,6 +58,12 @@ def add_run(commands: Any) -> None:
         "--stability",
         action="store_true",
         help="also measure how a small perturbation of the start grows, and warn of chaotic motion",
+    )
+    run.add_argument(
+        "--estimate",
+        action="store_true",
+        help="write nothing, but try the first seconds of the run, and print how many steps the run will "
+        "take, how long, and how large its file and its memory will be",
     )
     run.add_argument(
         "--voltage-law",
@@ -93,7 +98,7 @@ def add_info(commands: Any) -> None:
         "runs", type=Path, nargs="+", metavar="RUN.h5",
         help="run file, or the folder of an ensemble or a design, also of one that is not finished; "
         "several runs make a table, also of the keys in which their scenes differ; several ensembles are "
-        "one sample; a scene file (.toml) is checked and described",
+        "one sample; a scene, built-in or a file (.toml), is checked and described",
     )  # fmt: skip
 
 

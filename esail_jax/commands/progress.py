@@ -1,4 +1,4 @@
-"""A progress bar on a terminal."""
+"""A progress bar on a terminal, and a line a minute in a log file."""
 
 import shutil
 import sys
@@ -11,6 +11,9 @@ WIDTH = 20
 REDRAW_SECONDS = 0.1
 """Least time between two drawings [s]."""
 
+LOG_SECONDS = 60.0
+"""Time between two lines of a log, and before the first one [s]."""
+
 
 class Progress:
     """One line with a bar, what is done, the speed, and the remaining time.
@@ -18,7 +21,8 @@ class Progress:
     total: amount of work; describe(done, speed): texts beside the bar, the most important first, with the
     speed in work per second; quiet: draw nothing. The last texts are left out if the terminal is too
     narrow, because a line that wraps cannot be drawn over. The line is drawn on stderr, and only if that is
-    a terminal.
+    a terminal. If it is none, every minute a line is printed on stdout, which a log file or that of a batch
+    job keeps.
     """
 
     def __init__(
@@ -26,8 +30,9 @@ class Progress:
     ):
         self.total, self.describe, self.stream = total, describe, sys.stderr
         self.shown = not quiet and self.stream.isatty()
+        self.logged = not quiet and not self.shown
         self._first: tuple[float, float] | None = None
-        self._drawn = -float("inf")
+        self._drawn = -float("inf") if self.shown else time.perf_counter()
 
     def stage(self, text: str) -> None:
         """Shows what is being prepared, before any work is done."""
@@ -35,22 +40,26 @@ class Progress:
 
     @property
     def due(self) -> bool:
-        """True if the next `update` draws."""
-        return self.shown and time.perf_counter() - self._drawn >= REDRAW_SECONDS
+        """True if the next `update` draws or prints."""
+        since = time.perf_counter() - self._drawn
+        return (self.shown and since >= REDRAW_SECONDS) or (self.logged and since >= LOG_SECONDS)
 
     def update(self, done: float) -> None:
         """Reports the amount of work done. The clock starts at the first call, so that the speed does not
         include compiling."""
         if self._first is None:
             self._first = (time.perf_counter(), done)
-        if not (self.due or done >= self.total):
+        if not (self.due or (self.shown and done >= self.total)):
             return
         now = self._drawn = time.perf_counter()
         began, before = self._first
         speed = (done - before) / max(now - began, 1e-9)
         left = clock((self.total - done) / speed) if speed > 0.0 else "-:--"
         part = min(max(done / self.total, 0.0), 1.0) if self.total > 0.0 else 1.0
-        self._write(f"\r{self._line(part, self.describe(done, speed), left)} \x1b[K")
+        texts = self.describe(done, speed)
+        if self.logged:
+            print("  ".join([f"{100 * part:3.0f} %", *texts, f"{left} left"]), flush=True)
+        self._write(f"\r{self._line(part, texts, left)} \x1b[K")
 
     def _line(self, part: float, texts: Sequence[str], left: str) -> str:
         """The line with as many of the texts as the terminal is wide enough for."""
@@ -62,7 +71,7 @@ class Progress:
     def close(self) -> None:
         """Ends the line. Later calls draw nothing."""
         self._write("\n")
-        self.shown = False
+        self.shown = self.logged = False
 
     def _write(self, text: str) -> None:
         if self.shown:

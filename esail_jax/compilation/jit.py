@@ -11,6 +11,7 @@ from esail_jax.compilation import store
 from esail_jax.compilation.call import NAMED
 from esail_jax.compilation.collector import collector_paused
 from esail_jax.compilation.keys import key_of
+from esail_jax.compilation.notebook_line import compiler_at_work
 from esail_jax.compilation.options import COMPILER_OPTIONS, compile_lowered, lower
 from esail_jax.compilation.program import compile_and_save, load_executable
 
@@ -84,7 +85,7 @@ class CompiledFunction:
             # A static value is not hashable, or an argument is no array: `jax.jit` raises the right error.
             return self._jitted(*args, **kwargs)
         if program is None:
-            with collector_paused():
+            with compiler_at_work(), collector_paused():
                 traced = self._jitted.trace(*args, **kwargs)
             if len(traced.jaxpr.in_avals) != len(leaves):
                 # `f` encloses traced values, which have become inputs of the program.
@@ -117,7 +118,7 @@ def compile_traced(traced: jax.stages.Traced) -> Callable:
         found = load_executable(key, (named.in_tree, named.out_tree))
         if found is not None:
             return found
-    with collector_paused():
+    with compiler_at_work(), collector_paused():
         lowered = lower(traced)
     return compile_and_save(key, lambda: compile_lowered(lowered))
 

@@ -22,6 +22,7 @@ from esail_jax.compilation.collector import collector_paused
 from esail_jax.compilation.keys import key_of, settings
 from esail_jax.compilation.memory import returning_freed_memory
 from esail_jax.compilation.nan_checks import unchecked
+from esail_jax.compilation.notebook_line import compiler_at_work
 from esail_jax.compilation.options import COMPILER_OPTIONS, Options, compile_lowered, lower
 from esail_jax.compilation.remembered import EXECUTABLES, remembered
 
@@ -61,7 +62,7 @@ class Program:
 
     @functools.cached_property
     def _made(self) -> tuple[jax.stages.Traced, Any]:
-        with collector_paused():
+        with compiler_at_work(), collector_paused():
             return self._make()
 
     @property
@@ -125,7 +126,7 @@ class Program:
         """Traces and lowers the program, unless its executable is kept. Python runs this part of compiling
         in one thread at a time."""
         if self._lowered is None and not is_kept(self.key):
-            with self._lock, collector_paused():
+            with self._lock, compiler_at_work(), collector_paused():
                 self._lowered = lower(self.traced)
 
     def __call__(self, *leaves: Any) -> Leaves:
@@ -300,7 +301,8 @@ def compile_and_save(key: str | None, compile: Callable[[], jax.stages.Compiled]
     Executables for several devices are not kept. Neither are those that JAX has loaded from its own
     compilation cache: XLA serialises them without some of their functions."""
     hits = HITS.count
-    compiled = compile()
+    with compiler_at_work():
+        compiled = compile()
     if key is None or jax.device_count() > 1 or HITS.count > hits or store.location() is None:
         return compiled
     with contextlib.suppress(Exception):  # some programs cannot be serialised

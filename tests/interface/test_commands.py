@@ -94,6 +94,24 @@ def test_no_progress_bar(quiet, stream, monkeypatch):
     assert stream.getvalue() == "" and not shown.due
 
 
+def test_a_log_has_a_line_a_minute(monkeypatch, capsys):
+    """Where stderr is no terminal, stdout gets a line for every minute, none in the first. Nothing is on
+    stderr, which has errors only."""
+    now = [0.0]
+    monkeypatch.setattr(progress.time, "perf_counter", lambda: now[0])
+    shown = Progress(100.0, lambda done, speed: [f"{done:g} at {speed:g}", "more"])
+    shown.stage("compiling the program of the start ...")
+    for now[0], done in ((10.0, 0.0), (59.0, 49.0), (60.0, 50.0), (61.0, 51.0), (110.0, 95.0), (130.0, 100.0)):
+        shown.update(done)
+    shown.close()
+    now[0] = 200.0
+    shown.update(100.0)
+    written = capsys.readouterr()
+    first, second = written.out.splitlines()
+    assert first == " 50 %  50 at 1  more  00:50 left"
+    assert second.startswith("100 %  100 at ") and written.err == ""
+
+
 def test_second_interruption_does_not_wait():
     """The first signal only sets `asked`, the second raises; the earlier handlers come back."""
     before = signal.getsignal(signal.SIGINT)

@@ -98,7 +98,8 @@ def test_a_scene_is_checked_and_described(scene, whole, tmp_path, capsys, nothin
     files a scene is refused, and so is a scene with a mistake."""
     assert main(["info", str(scene)]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0].startswith(f"{scene}: Scene: ") and lines[-1] == "  interval  0.35 s"
+    assert lines[0].startswith(f"{scene}: Scene: ") and lines[-2] == "  interval  0.35 s"
+    assert lines[-1].endswith(f"esail run {scene} --estimate")
     other = tmp_path / "other.toml"
     text = to_toml(esail.load_scene("baseline", {"tethers.bending": False}))
     other.write_text(text)
