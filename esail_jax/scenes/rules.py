@@ -86,6 +86,9 @@ def describe(value: Any) -> str:
     """Words a value for the end of a message, `is ...`, in at most about sixty characters."""
     if is_traced(value):
         return "is a traced value"
+    kind = getattr(getattr(value, "dtype", None), "kind", "f")
+    if kind not in "biuf" and np.ndim(value):  # its numbers would look like those that are taken
+        return f"is an array of dtype {value.dtype}"
     text = repr(value.tolist() if hasattr(value, "tolist") else value)
     text = {"True": "true", "False": "false"}.get(text, text)
     return f"is {text if len(text) <= 60 else text[:57] + '...'}"
@@ -152,12 +155,13 @@ def check_number(key: str, value: Any, rule: Rule, members: Members | None) -> A
 
 def plain(value: Any) -> Any:
     """Returns a value in plain form, where another type has the same meaning: numbers and truth values of
-    NumPy, arrays without axes, and lists with traced numbers, which become one traced array."""
+    NumPy, names in its strings, arrays without axes, and lists with traced numbers, which become one traced
+    array."""
     if is_traced(value):
         return value
     if isinstance(value, np.generic) or (hasattr(value, "dtype") and np.shape(value) == ()):
         kind = np.dtype(value.dtype).kind
-        return value.item() if kind in "biu" else value
+        return value.item() if kind in "biuUO" else value
     return joined(value) if has_traced(value) else value
 
 

@@ -1,5 +1,10 @@
 """One door: numbers are checked and converted in the same way, whichever way they come."""
 
+import ast
+import contextlib
+from decimal import Decimal
+from fractions import Fraction
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -142,6 +147,37 @@ def test_integers_without_axes_are_integers(value):
 def test_other_numbers_are_no_integers(value):
     with pytest.raises(InputError, match=r"`tethers.elements` must be"):
         sail(**{"tethers.elements": value})
+
+
+@pytest.mark.parametrize("form", [np.array, np.str_])
+def test_names_in_strings_of_numpy_are_names(form):
+    assert sail(**{"tethers.root": form("clamped")}).tethers.root == "clamped"
+
+
+ODD = [
+    np.array([1.0, 2.0, 3.0], object), np.array(["1", "2", "3"]), np.array([1, 2, 3], "m8[s]"), np.array([1 + 0j]),
+    np.array(4, object), np.array(True, object), np.str_("4"), np.array("true"), "4", "true", 4.0, 1, [4], [True],
+    np.array([True, False, True]), {"a": 1}, {1.0}, b"1", Fraction(4), Decimal(4), None, (), [[]], range(3), np.array([4]),
+]  # fmt: skip
+"""Values that many keys refuse although some of them look like values that these take."""
+
+
+@pytest.mark.parametrize(
+    "key",
+    ["tethers.count", "tethers.element", "tethers.bending", "tethers.length", "voltage.value", "solar_wind.speed"],
+)  # fmt: skip
+def test_no_message_contradicts_itself(key):
+    """What a message says that the value is would be refused, too: "must be a positive integer, but is 4"
+    helps nobody. A value of another type that prints like a good one is named by its type."""
+    for value in ODD:
+        try:
+            sail(**{key: value})
+        except InputError as error:
+            said = str(error).rpartition("but is ")[2]
+            with contextlib.suppress(ValueError, SyntaxError):
+                read = ast.literal_eval({"true": "True", "false": "False"}.get(said, said))
+                with pytest.raises(InputError):
+                    sail(**{key: read})
 
 
 def test_lists_with_traced_numbers_are_arrays():
