@@ -35,3 +35,6 @@ SOLAR_RADIUS = 6.957e8
 
 DEBYE_LENGTHS = 2.0
 """Distance r_0 at which the wire's potential vanishes, in Debye lengths (Janhunen & Sandroos 2007)."""
+
+SLOW_SPIN = 1e-5
+"""Spin rate [rad/s] below which the sense of the spin fades: a turn in a week."""

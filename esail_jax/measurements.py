@@ -12,10 +12,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from esail_jax.array_types import Array, Float, PerTether, Rotation, Scalar, Vector
+from esail_jax.constants import SLOW_SPIN
 from esail_jax.numerics.smooth_step import smooth_step
-
-SLOW = 1e-5
-"""Spin rate [rad/s] below which the sense of the spin fades: a turn in a week."""
 
 FADE = 1e-4
 """Sine of the angle between wind and spin axis at which cos phi and sin phi fade by 1/sqrt(2)."""
@@ -60,9 +58,9 @@ class Measurements(NamedTuple):
     @property
     def sense(self) -> Scalar:
         """The sense of the spin: 1 if the sail turns about X_B in the right-handed sense, -1 in the other
-        one. It fades to 0 below the spin rate SLOW: a law would otherwise jump whenever the hub of a sail
-        without spin swings through its rest."""
-        return 2.0 * smooth_step(0.5 + self.spin_rate / (2.0 * SLOW)) - 1.0
+        one. It fades to 0 below the spin rate SLOW_SPIN: a law would otherwise jump whenever the hub of a
+        sail without spin swings through its rest."""
+        return 2.0 * smooth_step(0.5 + self.spin_rate / (2.0 * SLOW_SPIN)) - 1.0
 
     def outward_from(self, axis: Vector) -> Float[Array, "3 tether"]:
         """Unit vectors along the parts of the chords that are normal to an axis."""

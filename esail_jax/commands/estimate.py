@@ -1,4 +1,4 @@
-"""`esail run --estimate`: what a run will cost, from its first seconds. Nothing is written to its folder."""
+"""`esail run --estimate`: what a run will cost, from its first seconds. It writes nothing that stays."""
 
 import sys
 import tempfile

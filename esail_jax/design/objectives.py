@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.array_types import Array, Float, Scalar
-from esail_jax.joints.roots import rotation_about_y
+from esail_jax.numerics.angles import rotation_of
 from esail_jax.scenes.rules import SceneError
 from esail_jax.simulation.solution import Solution
 
@@ -61,28 +61,18 @@ def spin_plane(run: Solution, sailing_deg: float, precession_deg: float = 0.0, l
     The target has a sailing angle alpha and a precession angle delta [deg]: in the orbital frame O it is
     (sin alpha cos delta, sin alpha sin delta, cos alpha). last: 0 takes the end of the run; otherwise the
     mean over the last `last` seconds. A small mean over half a turn, the period of the nutation, means
-    that the plane has come to rest. It needs at least three tethers. O follows from the attitude at the
-    start of a scene, where X_B is in the plane of X_O and Z_O; of a run from elsewhere the value is NaN."""
+    that the plane has come to rest. It needs a hub and at least three tethers. O is that of the first
+    saved instant: the attitude of the hub in I times the inverse of its attitude in O."""
     alpha, delta = jnp.deg2rad(sailing_deg), jnp.deg2rad(precession_deg)
     aim = jnp.stack([jnp.sin(alpha) * jnp.cos(delta), jnp.sin(alpha) * jnp.sin(delta), jnp.cos(alpha)])
-    # The angles of the start (`starting_attitude`). Facing the Sun or away from it, the precession angle is
-    # undefined, and its sign makes no difference.
-    angle, precession = run["sailing_angle"][0], run["precession_angle"][0]
-    start = jnp.where(jnp.cos(precession) < 0.0, -angle, angle)
-    outside = jnp.abs(jnp.sin(angle) * jnp.sin(precession)) > OUT_OF_PLANE
-    orbital = run["rotation_IB"][0] @ rotation_about_y(start - 0.5 * jnp.pi).T
+    orbital = run["rotation_IB"][0] @ rotation_of(run["euler_hub"][0]).T
     squared = ((plane_normals(run) - orbital @ aim) ** 2).sum(1)
-    squared = jnp.where(outside, jnp.nan, squared)
     if last == 0.0:
         return squared[-1]
     # A microsecond allows for rounding of the saved instants.
     since = run.time > run.time[-1] - last - 1e-6
     steps = jnp.where(since[:-1], jnp.diff(run.time), 0.0)
     return (steps * 0.5 * (squared[1:] + squared[:-1])).sum() / steps.sum()
-
-
-OUT_OF_PLANE = 1e-6
-"""Component of X_B along Y_O from which a run does not begin at the start of a scene; rounding is 1e-16."""
 
 
 def hub_swing(run: Solution) -> Scalar:

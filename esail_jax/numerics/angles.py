@@ -43,6 +43,18 @@ def safe_angle(y: Array, x: Array) -> Array:
     return jnp.arctan2(jnp.where(origin, 0.0, y), jnp.where(origin, 1.0, x))
 
 
+ROUNDING = 1e-10
+"""Part of its size from which a vector has a direction: below it, rounding decides. Sums of forces that
+balance each other are 1e-13 of the sum of their sizes; components of unit vectors are wrong by 1e-15 in
+long runs."""
+
+
+def where_defined(angle: Array, size: Array, of: Array | float) -> Array:
+    """Returns the direction of a vector, or NaN if the vector is rounding: if its `size` is at most
+    ROUNDING times the size `of` what it was computed from, or zero."""
+    return jnp.where(size > ROUNDING * of, angle, jnp.nan)
+
+
 def euler_angles(rotation: Rotation) -> Vector:
     """Returns the angles (psi, theta, phi) [rad] of a rotation matrix, in the sequence Z-Y-X.
 
@@ -58,6 +70,16 @@ def euler_angles(rotation: Rotation) -> Vector:
         safe_angle(rotation[2, 1], rotation[2, 2]),
     )
     return jnp.stack([psi, theta, phi])
+
+
+def rotation_of(angles: Vector) -> Rotation:
+    """Returns the rotation matrix of angles (psi, theta, phi) [rad] in the sequence Z-Y-X, of which
+    `euler_angles` is the inverse: R_z(psi) R_y(theta) R_x(phi)."""
+    (a, b, c), (d, e, f) = jnp.cos(angles), jnp.sin(angles)
+    return jnp.array(
+        [[a * b, a * e * f - d * c, a * e * c + d * f], [d * b, d * e * f + a * c, d * e * c - a * f],
+         [-e, b * f, b * c]]
+    )  # fmt: skip
 
 
 def rotation_by(vector: Vector) -> Rotation:

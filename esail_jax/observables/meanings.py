@@ -28,7 +28,10 @@ FIRST_SENTENCES = {
         "mean plane of the tips, and the direction of tip 1."
     ),
     "sailing_angle": "Angle between X_B and Z_O, never negative.",
-    "precession_angle": "Angle of the normal of the sail about Z_O, from X_O towards Y_O.",
+    "precession_angle": (
+        "Angle of the normal of the sail about Z_O, from X_O towards Y_O; NaN while the normal is parallel "
+        "to Z_O but for rounding."
+    ),
     "tip_position_I": "Position of the tip, which is that of the remote unit if there is one.",
     "hub_position_I": "Position of the centre of the hub.",
     "rotation_IB": (
@@ -45,8 +48,11 @@ FIRST_SENTENCES = {
     "thrust_B": "Thrust of the solar wind on a tether.",
     "thrust_moment_B": "Moment of the thrust on a tether about its root.",
     "reaction_B": "Force of the hub on the root of a tether; it points inwards if the tether is taut.",
-    "thrust_angle": "Angle between the thrust and Z_O, never negative.",
-    "reaction_angle": "Angle between the sum of the root reactions and Z_O, never negative.",
+    "thrust_angle": "Angle between the thrust and Z_O, never negative; NaN without thrust.",
+    "reaction_angle": (
+        "Angle between the sum of the root reactions and Z_O, never negative; NaN while the reactions "
+        "balance each other but for rounding."
+    ),
     "kinetic_energy": "Kinetic energy of all parts.",
     "elastic_energy": "Energy stored in stretching and bending.",
     "dissipated_power": "Power that damping removes, never negative.",

@@ -8,12 +8,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax.array_types import Array, Float, Scalar, Vector
+from esail_jax.array_types import Array, Float, Rotation, Scalar, Vector
 from esail_jax.elements.axial import AbstractAxialEnergy, axial_strain
 from esail_jax.elements.thermal import ThermalEnergy
 from esail_jax.environment.orbital_elements import orbital_elements
 from esail_jax.loads.coulomb import CoulombThrust
-from esail_jax.numerics.angles import euler_angles, safe_angle, safe_length
+from esail_jax.numerics.angles import euler_angles, safe_angle, safe_length, where_defined
 from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import dot
 from esail_jax.observables import reduced_models as reduced
@@ -145,9 +145,25 @@ def energy_balance_error(i: Instant) -> Scalar:
     return energy - i.start_energy - relative_work(i) + i.work.dissipated
 
 
-def transverse_angle(force: Vector) -> Scalar:
-    """Returns the angle [rad] of a force in O from Z_O: atan2(transverse, axial)."""
-    return safe_angle(safe_length(force[0], force[1]), force[2])
+def transverse_angle(vector: Vector) -> Scalar:
+    """Returns the angle [rad] of a vector in O from Z_O: atan2(transverse, axial)."""
+    return safe_angle(safe_length(vector[0], vector[1]), vector[2])
+
+
+def angle_of_sum(orbital: Rotation, forces: Float[Array, "3 tether"]) -> Scalar:
+    """Returns the angle [rad] of a sum of forces from Z_O. It is NaN where the forces balance each other
+    but for rounding, and where all are zero. orbital: the axes of O."""
+    total = forces.sum(1)
+    sizes = jnp.sqrt(jax.lax.stop_gradient(forces**2).sum(0)).sum()
+    size = jnp.sqrt(jax.lax.stop_gradient(total**2).sum())
+    return where_defined(transverse_angle(orbital.T @ total), size, sizes)
+
+
+def precession(orbital: Rotation, normal: Vector) -> Scalar:
+    """Returns the angle [rad] of the normal of the sail about Z_O. It is NaN where the normal is parallel
+    to Z_O but for rounding. orbital: the axes of O."""
+    x, y, _ = orbital.T @ normal
+    return where_defined(safe_angle(y, x), safe_length(x, y), 1.0)
 
 
 # ---- the list ---------------------------------------------------------------------------------
@@ -175,7 +191,7 @@ OBSERVABLES = (
     Observable("sailing_angle", "rad", "alpha", (), "[PGV] Sec. 3.4",
                lambda i: transverse_angle(i.body_to_orbital[:, 0])),
     Observable("precession_angle", "rad", "delta", (), "[PGV] Sec. 3.4, derived",
-               lambda i: safe_angle(*(i.orbital.T @ i.sail_axes()[:, 0])[jnp.array([1, 0])])),
+               lambda i: precession(i.orbital, i.sail_axes()[:, 0])),
     Observable("tip_position_I", "m", "r_u", ("tether", "xyz"), "[PGV] 69",
                lambda i: i.from_origin(i.tips).T),
     Observable("hub_position_I", "m", "r_OB", XYZ, "[PGV] 43", lambda i: i.from_origin(i.centre),
@@ -196,9 +212,9 @@ OBSERVABLES = (
     Observable("reaction_B", "N", "lambda_i", ("tether", "xyz"), "[PGV] 53",
                lambda i: matmul(i.rotation.T, i.root_reactions).T),
     Observable("thrust_angle", "rad", "Gamma_c", (), "[PGV] after 74, derived",
-               lambda i: transverse_angle(i.orbital.T @ i.thrusts().sum(1))),
+               lambda i: angle_of_sum(i.orbital, i.thrusts())),
     Observable("reaction_angle", "rad", "Gamma_lambda", (), "[PGV] after 77, derived",
-               lambda i: transverse_angle(i.orbital.T @ i.root_reactions.sum(1))),
+               lambda i: angle_of_sum(i.orbital, i.root_reactions)),
     Observable("kinetic_energy", "J", "E_k", (), "[PGV] 21, 51", kinetic),
     Observable("elastic_energy", "J", "E_e", (), "[PGV] 23",
                lambda i: elastic_energy(i.system, i.time, i.q)),

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from esail_jax.constants import SLOW_SPIN
 from esail_jax.scenes import rules
 from esail_jax.scenes.scene import Scene
 
@@ -37,6 +38,9 @@ FILLS = {"solar_wind.speed": 9.999e6, "solar_wind.number_density": 9.999e8}
 FARTHEST = 100.0
 """Distance from the Sun [au] beyond which the unit of a position is doubted."""
 
+OF_THE_SENSE = ("harmonic", "phase-window", "feedback")
+"""Voltage laws that depend on the sense of the spin: in it grows the phase, and feedback turns the axis."""
+
 STRAINED = 0.01
 """Strain of a tether by the spin alone above which the numbers are doubted: metals yield at less."""
 
@@ -46,7 +50,7 @@ def doubts(scene: Scene) -> tuple[str, ...]:
     if scene.chain is not None or scene.solar_wind is None:
         return ()
     found = [doubt_of(scene, key) for key in USUAL]
-    found += [f(scene) for f in (doubt_of_thrust, doubt_of_distance, doubt_of_step)]
+    found += [f(scene) for f in (doubt_of_thrust, doubt_of_distance, doubt_of_step, doubt_of_sense)]
     # A strain follows from other numbers, which may be doubted already.
     return tuple(filter(None, found)) or tuple(filter(None, [doubt_of_strain(scene)]))
 
@@ -103,6 +107,15 @@ def doubt_of_distance(scene: Scene) -> str:
         if far > FARTHEST:
             return f"`{key}` is {far:g} au from the Sun: is it in this unit?"
     return ""
+
+
+def doubt_of_sense(scene: Scene) -> str:
+    """A sentence if the voltage law relies on the sense of the spin and there is hardly any."""
+    spin, law = numbers(scene, "initial.spin_rate"), scene.voltage.law
+    if law not in OF_THE_SENSE or spin is None or abs(spin) >= SLOW_SPIN:
+        return ""
+    fades = f"below {SLOW_SPIN:g} rad/s the sense of the spin fades"
+    return f"`initial.spin_rate` is {spin:g} rad/s: {fades}, on which the law {law} relies."
 
 
 def doubt_of_strain(scene: Scene) -> str:

@@ -101,7 +101,14 @@ def test_a_log_has_a_line_a_minute(monkeypatch, capsys):
     monkeypatch.setattr(progress.time, "perf_counter", lambda: now[0])
     shown = Progress(100.0, lambda done, speed: [f"{done:g} at {speed:g}", "more"])
     shown.stage("compiling the program of the start ...")
-    for now[0], done in ((10.0, 0.0), (59.0, 49.0), (60.0, 50.0), (61.0, 51.0), (110.0, 95.0), (130.0, 100.0)):
+    for now[0], done in (
+        (10.0, 0.0),
+        (59.0, 49.0),
+        (60.0, 50.0),
+        (61.0, 51.0),
+        (110.0, 95.0),
+        (130.0, 100.0),
+    ):
         shown.update(done)
     shown.close()
     now[0] = 200.0

@@ -233,7 +233,7 @@ def test_bare_objective_for_any_optimiser(torque):
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("start", [10.0, -10.0, 0.0])
+@pytest.mark.parametrize("start", [10.0, -10.0, 0.0, 180.0])
 def test_spin_plane_is_measured_from_its_target(start):
     """At the start of a run the spin plane is that of the hub, which gives the objective in closed form.
 

@@ -76,7 +76,9 @@ def test_a_trial_ends_after_its_time(monkeypatch):
         (["--estimate", "--stability"], "`--stability` must be left out with --estimate, but is given"),
     ],
 )
-def test_options_that_do_not_fit_together(options, message, tmp_path, capsys, monkeypatch, nothing_compiles):
+def test_options_that_do_not_fit_together(
+    options, message, tmp_path, capsys, monkeypatch, nothing_compiles
+):
     """Nothing that is given is ignored: an estimate writes no file and continues none."""
     monkeypatch.chdir(tmp_path)
     assert main(["run", "baseline", *options]) == 2

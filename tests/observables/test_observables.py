@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from esail_jax.numerics.angles import smallest_eigenvector
+from esail_jax.numerics.angles import euler_angles, rotation_of, smallest_eigenvector
 from esail_jax.observables import chain, hint_at, sail
 from esail_jax.observables.meanings import MEANINGS
 from esail_jax.scenes.scene import load_scene
@@ -53,6 +53,71 @@ def test_normal_of_a_symmetric_sail_has_a_derivative():
     np.testing.assert_allclose(moved, expected, atol=1e-14)
     pulled = jax.vjp(smallest_eigenvector, matrix)[1](jnp.arange(3.0))[0]
     np.testing.assert_allclose((pulled * change).sum(), jnp.arange(3.0) @ moved, rtol=1e-13)
+
+
+FORCES = jnp.array([[3.0, -1.0, -2.0], [0.5, 0.5, -1.0], [4.0, -3.0, -1.0]])
+"""Forces of three tethers in O, whose sum is zero."""
+
+
+@pytest.mark.parametrize(
+    ("added", "angle"),
+    [
+        (jnp.zeros(3), jnp.nan),
+        (jnp.array([1e-13, 2e-13, -3e-13]), jnp.nan),
+        (jnp.array([3e-6, 4e-6, 0.0]), 0.5 * jnp.pi),
+        (jnp.array([0.0, 0.0, -1.0]), jnp.pi),
+        (jnp.array([3.0, 4.0, 5.0]), 0.25 * jnp.pi),
+    ],
+)
+def test_a_sum_that_is_rounding_has_no_angle(added, angle):
+    """Forces that balance each other but for 1e-14 of their size have no direction: NaN, not the direction
+    of the rounding. A millionth of their size has one. So it is in a batch."""
+
+    def found(added):
+        return sail.angle_of_sum(jnp.eye(3), FORCES + added[:, None] / 3.0)
+
+    np.testing.assert_allclose(found(added), angle, rtol=1e-9)
+    np.testing.assert_allclose(jax.vmap(found)(jnp.stack([added, added])), [angle, angle], rtol=1e-9)
+
+
+def test_angles_of_nothing_and_their_derivatives():
+    """No force has no direction. Where there is one the derivative is that of the formula, in both modes
+    and in second order; it is never NaN beside an angle that is a number."""
+    assert jnp.isnan(sail.angle_of_sum(jnp.eye(3), jnp.zeros((3, 3))))
+
+    def angle(x):
+        return sail.angle_of_sum(jnp.eye(3), jnp.zeros((3, 3)).at[0, 0].set(x).at[2, 1].set(2.0))
+
+    for x in (0.0, 1.0):  # atan2(|x|, 2): the derivative at the kink is zero
+        expected = 2.0 / (4.0 + x**2) if x else 0.0
+        np.testing.assert_allclose(jax.grad(angle)(x), expected, rtol=1e-14)
+        np.testing.assert_allclose(jax.jvp(angle, (x,), (1.0,))[1], expected, rtol=1e-14)
+    np.testing.assert_allclose(jax.grad(jax.grad(angle))(1.0), -4.0 / 25.0, rtol=1e-14)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 1e-15, jnp.pi - 1e-15, 1e-6, jnp.pi - 1e-6, 0.3, -0.3])
+def test_a_normal_along_the_sun_line_has_no_precession_angle(tilt):
+    """The normal (sin a cos d, sin a sin d, cos a) has the precession angle d = 2 rad, unless sin a is
+    rounding, facing the Sun or away from it."""
+    normal = jnp.array([jnp.sin(tilt) * jnp.cos(2.0), jnp.sin(tilt) * jnp.sin(2.0), jnp.cos(tilt)])
+    expected = jnp.nan if abs(jnp.sin(tilt)) < 1e-12 else 2.0 if tilt > 0.0 else 2.0 - jnp.pi
+    np.testing.assert_allclose(sail.precession(jnp.eye(3), normal), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("theta", [0.3, -1.2, 0.5 * np.pi, -0.5 * np.pi])
+def test_rotation_and_angles_are_inverse(theta):
+    """The matrix of the angles of a matrix is this matrix, also at gimbal lock, where the angles are not
+    unique. It is the product of the three rotations."""
+
+    def about(axis, angle):
+        i, j = [(1, 2), (2, 0), (0, 1)][axis]
+        turn = np.eye(3)
+        turn[[i, j], [i, j]], turn[j, i], turn[i, j] = np.cos(angle), np.sin(angle), -np.sin(angle)
+        return turn
+
+    matrix = about(2, 2.5) @ about(1, theta) @ about(0, -0.7)
+    np.testing.assert_allclose(rotation_of(jnp.array([2.5, theta, -0.7])), matrix, atol=1e-15)
+    np.testing.assert_allclose(rotation_of(euler_angles(jnp.asarray(matrix))), matrix, atol=1e-15)
 
 
 def test_a_name_that_a_run_lacks_is_answered_by_what_it_needs_or_by_near_names():

@@ -53,10 +53,26 @@ DOUBTED = {
         TABLE | {"integrator.method": "generalized-alpha", "integrator.step": 200.0},
         "`integrator.step` is 200 s, and `voltage.time` has an interval of",
     ),
+    "a law of the phase without spin": (
+        {"voltage.law": "harmonic", "voltage.sine": [0.1], "initial.spin_rate": -9e-6},
+        "`initial.spin_rate` is -9e-06 rad/s: below 1e-05 rad/s the sense of the spin fades, on which",
+    ),
+    "a window of the phase at rest": (
+        {
+            "voltage.law": "phase-window",
+            "voltage.on_phase_deg": 0.0,
+            "voltage.off_phase_deg": 180.0,
+            "voltage.rise_phase_deg": 10.0,
+            "initial.spin_rate": 0.0,
+        },
+        "`initial.spin_rate` is 0 rad/s: below",
+    ),
     "kV at most": (TABLE | {"voltage.maximum": 30.0}, "`voltage.maximum` is 30 V, which is not above"),
 }
 
 PLAUSIBLE = {
+    "a slow spin": {"voltage.law": "harmonic", "voltage.sine": [0.1], "initial.spin_rate": -1e-5},
+    "rest under another law": {"initial.spin_rate": 0.0},
     "no voltage": {"voltage.value": 0.0},
     "no wind": {"solar_wind.number_density": 0.0},
     "one tether without voltage": {"tethers.count": 2, "voltage.value": [20e3, 0.0]},
