@@ -182,7 +182,7 @@ class RunWriter:
                 rows, numerics = (
                     {name: x[()] for name, x in file[of].items()} for of in ("observables", "numerics")
                 )
-                message = run_warning(rows, numerics, self.scene)
+                message = " ".join(filter(None, (message, run_warning(rows, numerics, self.scene))))
             if progress.checkpoint is not None:
                 save_checkpoint(file, progress.checkpoint)
             if progress.point is not None:

@@ -18,6 +18,7 @@ from esail_jax.numerics.lockstep import any_member, buffer_set, while_active
 from esail_jax.numerics.own_derivative import custom_jvp
 from esail_jax.numerics.symbolic_zeros import jvp_of_perturbed
 from esail_jax.simulation.problem import Problem
+from esail_jax.simulation.voltage_jumps import largest_jump
 from esail_jax.steppers.results import RESULTS
 from esail_jax.steppers.stepper import (
     AbstractState,
@@ -113,7 +114,12 @@ def advance(
             state, steps = block_of(stepper, model, motion.state)
             if keep is not None:
                 part = buffer_set(part, count, keep(steps), is_active)
-            return (Motion(state, steps, motion.earlier), count + 1), part
+            jump = (
+                motion.jump
+                if motion.jump is None
+                else jnp.maximum(motion.jump, largest_jump(stepper, model, steps))
+            )
+            return (Motion(state, steps, motion.earlier, jump), count + 1), part
 
         (motion, count), part = while_active(waiting, block, (motion, none), empty)
         if keep is not None:

@@ -24,6 +24,7 @@ from esail_jax.simulation.schedule import save_times
 from esail_jax.simulation.solution import Solution
 from esail_jax.simulation.stability import INSTANTS, Stability, stability_of
 from esail_jax.simulation.under_trace import simulate_traced, under_trace
+from esail_jax.simulation.voltage_jumps import DERIVATIVE
 from esail_jax.steppers.results import RESULTS, name_of
 from esail_jax.steppers.stepper import AbstractStepper
 
@@ -161,6 +162,8 @@ def raised(solution: Solution, throw: bool) -> Solution:
     """Returns a traced solution. Raises SimulationError if it is known already that the run has failed, as
     it is in `jax.jvp` and `jax.grad` outside `jax.jit`, and `throw` asks for errors."""
     known = not any(isinstance(x, jax.core.Tracer) for x in jax.tree.leaves(solution.result))
+    if throw and known and float(solution.stats.get("voltage_jump", 0.0)) > 0.0:
+        raise SimulationError(DERIVATIVE, solution.result)
     if throw and known and name_of(solution.result) != "successful":
         hint = " Its derivative needs room for more: ask for it by `max_steps`."
         room = name_of(solution.result) == "too_many_steps"
@@ -229,7 +232,8 @@ def collected(run: Begun, save, throw: bool, progress=None) -> Solution:
         "terms": host.compiled.problem.terms,
         "numerics_units": host.compiled.numerics,
         "method": host.compiled.problem.stepper.name,
-        "message": message or run_warning(rows, numerics, run.scene),
+        "message": message
+        or " ".join(filter(None, (host.warning, run_warning(rows, numerics, run.scene)))),
     }
     if save is not None:
         rows = {name: rows[name] for name in save}

@@ -57,7 +57,7 @@ def replay_window(
     last = jax.tree.map(lambda x, y: jnp.where(blocks > 0, x[index], y), records, motion.last)
     # The other parts of the state decide how fast a step is solved, not its result.
     state = lax.stop_gradient(ended.state)
-    return Motion(replace(state, now=now), last, motion.earlier), points
+    return motion._replace(state=replace(state, now=now), last=last), points
 
 
 def unless_empty(block: Callable) -> Callable:

@@ -263,7 +263,7 @@ class RungeKutta(AbstractStepper):
         (last, now), _ = lax.scan(chunk, carry, sizes.reshape(-1, STEPS_PER_CHUNK))
         points = jax.vmap(lambda time: self.evaluate(model, last, time))(times)
         state = replace(lax.stop_gradient(ended.state), now=replace(now, time=ended.state.now.time))
-        return Motion(state, one_step(last), motion.earlier), points
+        return motion._replace(state=state, last=one_step(last)), points
 
 
 def one_step(step: RungeKuttaSteps) -> RungeKuttaSteps:

@@ -90,11 +90,13 @@ class AbstractSteps(eqx.Module):
 class Motion(NamedTuple):
     """A stepper's state, with the record of the block that led to it: saved instants may lie in that block.
 
-    earlier: numbers of steps taken and rejected before the last call of `init`."""
+    earlier: numbers of steps taken and rejected before the last call of `init`; jump: largest jump of a
+    voltage so far, None if none is looked for (`simulation/voltage_jumps.py`)."""
 
     state: AbstractState
     last: AbstractSteps
     earlier: Float[Array, "2"]
+    jump: Scalar | None = None
 
     @property
     def counts(self) -> Float[Array, "2"]:
@@ -225,7 +227,8 @@ def replay_blocks(
         index, tape = row
 
         def go(motion):
-            new = Motion(*again(motion.state, tape), motion.earlier)
+            state, last = again(motion.state, tape)
+            new = motion._replace(state=state, last=last)
             return select(index < blocks, new, motion)
 
         motion = lax.cond(any_member(index < blocks), go, lambda motion: motion, motion)
