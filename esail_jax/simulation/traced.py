@@ -43,7 +43,7 @@ class Traced(NamedTuple):
     result: RESULTS
     counts: Float[Array, "2"]
     errors: dict[str, Scalar]
-    jump: Scalar | None
+    jump: Scalar | None = None
 
 
 def traced_run(
