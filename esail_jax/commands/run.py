@@ -142,8 +142,6 @@ def write_run(
                 ended = ("interrupted", "Interrupted; --resume continues.", RESULTS.successful)
                 code = ExitCode.INTERRUPTED
                 break
-        else:
-            ended = ("complete", run.warning, RESULTS.successful)
     except SimulationError as error:
         ended, code = ("failed", str(error), error.result), ExitCode.FAILED
     writer.write(progress_of(run, times(), *ended))

@@ -40,6 +40,7 @@ from esail_jax.simulation.results import Checkpoint, Chunk, join
 from esail_jax.simulation.simulate import observables_at
 from esail_jax.simulation.solution import Solution
 from esail_jax.simulation.stability import Stability
+from esail_jax.simulation.voltage_jumps import jump_warning
 from esail_jax.steppers.results import RESULTS, name_of
 
 CHECKPOINT_SECONDS = 1.0
@@ -125,7 +126,7 @@ class Progress(NamedTuple):
 
     checkpoint: where it continues; point: the last saved instant; steps, rejected: numbers of steps; times:
     seconds for compiling and for running; status: "running", "complete", "interrupted" or "failed"; message
-    and result: as in a solution."""
+    and result: as in a solution; jump: as in `HostRun`."""
 
     checkpoint: Checkpoint | None
     point: AnyPoint | None
@@ -135,12 +136,14 @@ class Progress(NamedTuple):
     status: str = "running"
     message: str = ""
     result: RESULTS = RESULTS.successful
+    jump: float | None = None
 
 
 def progress_of(run: HostRun, times: tuple[float, float], *ended: Any) -> Progress:
     """Returns the progress of a run on the host. ended: status, message and result, if it has ended."""
     counts = run.counts
-    return Progress(run.checkpoint, run.point, int(counts[0]), int(counts[1]), times, *ended)
+    found = Progress(run.checkpoint, run.point, int(counts[0]), int(counts[1]), times, *ended)
+    return found._replace(jump=run.jump)
 
 
 class RunWriter:
@@ -182,7 +185,8 @@ class RunWriter:
                 rows, numerics = (
                     {name: x[()] for name, x in file[of].items()} for of in ("observables", "numerics")
                 )
-                message = " ".join(filter(None, (message, run_warning(rows, numerics, self.scene))))
+                said = jump_warning(progress.jump), run_warning(rows, numerics, self.scene)
+                message = " ".join(filter(None, said))
             if progress.checkpoint is not None:
                 save_checkpoint(file, progress.checkpoint)
             if progress.point is not None:
@@ -196,6 +200,8 @@ class RunWriter:
                 "compile_time": self._before[0] + progress.times[0],
                 "wall_time": self._before[1] + progress.times[1],
             }
+            if progress.jump is not None:
+                attributes["voltage_jump"] = progress.jump
             file.attrs.update(attributes)
             del file["scene"]
             file["scene"] = to_toml(self.scene)
@@ -251,10 +257,11 @@ def save(solution: Solution, path: str | os.PathLike, overwrite: bool = False) -
     times = (stats["compile_time"], stats["wall_time"])
     steps = (int(stats["steps"]), int(stats["rejected_steps"]))
     ended = (status, stats["message"], solution.result)
+    progress = Progress(solution.checkpoint, solution.final_state, *steps, times, *ended)
     with atomic_file(path) as temporary:
         writer = RunWriter(temporary, Content.of_solution(solution), resume=False)
         writer.add(Chunk(solution.time, solution.observables, solution.numerics, reached))
-        writer.write(Progress(solution.checkpoint, solution.final_state, *steps, times, *ended))
+        writer.write(progress._replace(jump=stats.get("voltage_jump")))
         if "stability" in stats:
             save_stability(temporary, stats["stability"])
 

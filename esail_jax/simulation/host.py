@@ -30,7 +30,6 @@ from esail_jax.simulation.schedule import (
     switch_times,
 )
 from esail_jax.simulation.statistics import COUNTS, Pending
-from esail_jax.simulation.voltage_jumps import jump_warning
 from esail_jax.steppers.log import Log
 from esail_jax.steppers.results import RESULTS, name_of
 from esail_jax.steppers.stepper import AbstractStepper, Motion, Point
@@ -122,10 +121,10 @@ class HostRun:
         return int(self.counts[0])
 
     @property
-    def warning(self) -> str:
-        """A warning about the voltages so far; empty if there is none."""
+    def jump(self) -> float | None:
+        """Largest jump of a voltage so far; None if none is looked for (`voltage_jumps.py`)."""
         jump = self.checkpoint.motion.jump
-        return "" if jump is None else jump_warning(float(jump))
+        return None if jump is None else float(jump)
 
     def chunks(self) -> Iterator[Chunk]:
         """Integrates the run and yields a chunk for each call that passes a saved instant. Raises

@@ -24,7 +24,7 @@ from esail_jax.simulation.schedule import save_times
 from esail_jax.simulation.solution import Solution
 from esail_jax.simulation.stability import INSTANTS, Stability, stability_of
 from esail_jax.simulation.under_trace import simulate_traced, under_trace
-from esail_jax.simulation.voltage_jumps import DERIVATIVE
+from esail_jax.simulation.voltage_jumps import DERIVATIVE, jump_warning
 from esail_jax.steppers.results import RESULTS, name_of
 from esail_jax.steppers.stepper import AbstractStepper
 
@@ -232,9 +232,11 @@ def collected(run: Begun, save, throw: bool, progress=None) -> Solution:
         "terms": host.compiled.problem.terms,
         "numerics_units": host.compiled.numerics,
         "method": host.compiled.problem.stepper.name,
-        "message": message
-        or " ".join(filter(None, (host.warning, run_warning(rows, numerics, run.scene)))),
     }
+    if host.jump is not None:
+        stats["voltage_jump"] = host.jump
+    said = jump_warning(host.jump), run_warning(rows, numerics, run.scene)
+    stats["message"] = message or " ".join(filter(None, said))
     if save is not None:
         rows = {name: rows[name] for name in save}
     return Solution(

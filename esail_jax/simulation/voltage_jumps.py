@@ -144,10 +144,10 @@ DERIVATIVE = (
 """The sentence that refuses a derivative."""
 
 
-def jump_warning(jump: float) -> str:
+def jump_warning(jump: float | None) -> str:
     """Returns the warning about a run in which a voltage jumped by this part of the largest one; empty if
-    none did."""
-    if not jump > 0.0:
+    none did, or if none is looked for."""
+    if jump is None or not jump > 0.0:
         return ""
     return (
         f"The voltage of `voltage_law` jumps within steps, by up to {100.0 * jump:.2g} % of the largest: "
