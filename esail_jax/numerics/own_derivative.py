@@ -82,7 +82,11 @@ def _batch(leaves, axes, *, function):
 
 
 def _lower(context, *leaves, function):
-    return mlir.lower_fun(jaxpr_as_fun(function), multiple_results=True)(context, *leaves)
+    # JAX would print all operations of what `jaxpr_as_fun` returns, to name its place in the code.
+    def whole(*leaves):
+        return jaxpr_as_fun(function)(*leaves)
+
+    return mlir.lower_fun(whole, multiple_results=True)(context, *leaves)
 
 
 ad.primitive_jvps[whole_p] = _push_forward
