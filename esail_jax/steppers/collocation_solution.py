@@ -206,9 +206,10 @@ def linear_solution(
     forward product."""
     turns, factors = lax.stop_gradient((turns, factors))
     nothing, zero = linear.nothing
+    along = linear.forwards()
 
     def product(both):
-        return bundled((both[0], linear.forwards()(*both)))
+        return bundled((both[0], along(*both)))
 
     def precondition(residual):
         residual = linear.without_roots(residual)
@@ -217,7 +218,6 @@ def linear_solution(
 
     def solve(_, rhs):
         moved, rhs = rhs
-        along = linear.forwards()
         rhs = jax.tree.map(jnp.subtract, rhs, along(moved, zero))
         return moved, improved(lambda x: ((), along(nothing, x)), precondition, rhs, ((), zero))[1]
 
