@@ -69,6 +69,10 @@ def spin_plane(run: Solution, sailing_deg: float, precession_deg: float = 0.0, l
     squared = ((plane_normals(run) - orbital @ aim) ** 2).sum(1)
     if last == 0.0:
         return squared[-1]
+    duration = run.time[-1] - run.time[0]
+    if not isinstance(duration, jax.core.Tracer) and last > duration + 1e-6:
+        got = f"asks for {last:g} s of a run of {float(duration):g} s"
+        raise SceneError("objective", "average over at most the whole run", got)
     # A microsecond allows for rounding of the saved instants.
     since = run.time > run.time[-1] - last - 1e-6
     steps = jnp.where(since[:-1], jnp.diff(run.time), 0.0)
@@ -175,7 +179,7 @@ def function_of(name: Goal) -> Callable[[Solution], Scalar]:
         aim = tuple(map(float, text.split(",")))
     except ValueError:
         aim = ()
-    if not least <= len(aim) <= most:
+    if not least <= len(aim) <= most or not np.isfinite(aim).all() or min(aim[2:], default=0.0) < 0.0:
         form = f"look like {kind}:15, {kind}:15,0 (degrees) or {kind}:15,0,800 (over the last seconds)"
         raise SceneError("objective", form, f"is {name!r}")
     return lambda run: function(run, *aim)
@@ -211,8 +215,10 @@ at most 1e-23; those of the sail of `appendix-d`, 0.01 deg from the wind, are ab
 def check_reference(goal: Goal, value: float) -> None:
     """Raises SceneError for an objective whose value at constant voltage it cannot be divided by: one that
     is zero but for rounding, negative, infinite or undefined."""
-    if not (value > (LEAST_REFERENCE if isinstance(goal, str) else 0.0) and np.isfinite(value)):
-        must = "be positive at constant voltage, by which it is divided"
+    least = LEAST_REFERENCE if isinstance(goal, str) else 0.0
+    if not (value > least and np.isfinite(value)):
+        above = f"above {least:g}, which is rounding," if 0.0 < value <= least else "positive"
+        must = f"be {above} at constant voltage, by which it is divided"
         raise SceneError("objective", must, f"{name_of(goal)} is {value:.3g}")
 
 

@@ -32,12 +32,14 @@ class MemberResult(NamedTuple):
     """The result of one member, or of several with `member` as first axis.
 
     rows: observables by name, time first; complete: true at the end time; steps: number of steps;
-    step_errors: estimates in the order of `STEP_ERRORS`, zero for methods that control their error."""
+    step_errors: estimates in the order of `STEP_ERRORS`, zero for methods that control their error; jumped:
+    whether the voltage of a user's law has jumped."""
 
     rows: dict[str, Any]
     complete: Any
     steps: Any
     step_errors: Any
+    jumped: Any = False
 
 
 def members_program(scene: Scene, names: tuple[str, ...], inputs: Inputs, count: int | None) -> TreeProgram:
@@ -98,7 +100,8 @@ def member_function(scene: Scene, names: tuple[str, ...]) -> Callable:
         steps = run.stats["steps"] + 0 * member
         errors = run.stats.get("step_errors", jnp.zeros(len(STEP_ERRORS)))
         rows = {name: run[name] for name in names}
-        return MemberResult(rows, run.result == RESULTS.successful, steps, errors)
+        jumped = run.stats.get("voltage_jumped", jnp.asarray(False))
+        return MemberResult(rows, run.result == RESULTS.successful, steps, errors, jumped)
 
     return simulate_member
 

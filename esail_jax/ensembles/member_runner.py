@@ -35,6 +35,7 @@ from esail_jax.scenes.thermal_table import Thermal
 from esail_jax.simulation.problem import require_64_bit
 from esail_jax.simulation.schedule import save_times
 from esail_jax.simulation.simulate import simulate
+from esail_jax.simulation.voltage_jumps import JUMPS
 from esail_jax.steppers.results import RESULTS
 
 BALANCE = {"tethers": TERMS, "chain": ("energy_error", *TERMS)}
@@ -79,11 +80,13 @@ class MemberRunner:
         """Computes these members, at most `batch`."""
         self.compile()
         found = self._in_lockstep(members) if self.lockstep else self._on_cores(members)
-        rows, complete, steps, errors = jax.tree.map(np.array, found)
+        rows, complete, steps, errors, jumped = jax.tree.map(np.array, found)
         steps, messages = steps.astype(float), []
         for k, member in enumerate(members):
             of_member = {name: x[k] for name, x in rows.items()}
             message = joined_warnings(of_member, errors[k].tolist(), self._heat(int(member)))
+            if jumped[k]:
+                message = " ".join(filter(None, (JUMPS, message)))
             if not complete[k]:
                 alone, message = self.run_alone(int(member))
                 complete[k], steps[k] = alone.complete, alone.steps

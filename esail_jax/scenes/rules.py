@@ -130,10 +130,16 @@ def check_value(key: str, value: Any, rule: Rule, members: Members | None) -> An
             raise SceneError(key, rule.must, describe(value))
         return value
     if rule.kind is Kind.INTEGER:
-        if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
+        if isinstance(value, bool) or not isinstance(value, int) or value < 1:
             raise SceneError(key, rule.must, describe(value))
-        return int(value)
+        if value > MOST_COUNT:
+            raise SceneError(key, f"be at most {MOST_COUNT:.0e}", describe(value))
+        return value
     return check_number(key, value, rule, members)
+
+
+MOST_COUNT = 10**30
+"""Largest number of parts, more than any machine holds. Integers have no largest one."""
 
 
 def check_number(key: str, value: Any, rule: Rule, members: Members | None) -> Any:
@@ -141,6 +147,8 @@ def check_number(key: str, value: Any, rule: Rule, members: Members | None) -> A
 
     Raises SceneError."""
     array = numbers_of(key, value)
+    if array is None and isinstance(value, int) and not isinstance(value, bool):
+        raise SceneError(key, "be a number below 1e308", describe(value))
     if array is None or array.size == 0:
         raise SceneError(key, "be a number" + other_forms(rule, members), describe(value))
     check_shape(key, array, rule, members)
@@ -197,9 +205,12 @@ def numbers_of(key: str, value: Any) -> np.ndarray | None:
     meant."""
     if np.ma.is_masked(value):
         raise SceneError(key, "hold no masked numbers", f"has {np.ma.count_masked(value)}")
+    if is_jax_array(value) and str(value.dtype) == "bfloat16":  # no type of NumPy
+        value = value.astype("float32")
     try:
-        array = np.asarray(value)
-    except (TypeError, ValueError):
+        whole = isinstance(value, int) and not isinstance(value, bool)
+        array = np.asarray(float(value) if whole else value)
+    except (TypeError, ValueError, OverflowError):
         return None
     return None if array.dtype.kind not in "iuf" or has_boolean(value) else array.astype(float)
 

@@ -23,7 +23,7 @@ from esail_jax.scenes.stepper_choice import stepper_of
 from esail_jax.scenes.structure import Numbers, Structure
 from esail_jax.simulation.rectification import AnyPoint, PointOnOrbit, rectified
 from esail_jax.simulation.sampling import Control, sample, sampled_load
-from esail_jax.simulation.voltage_jumps import is_measured
+from esail_jax.simulation.voltage_jumps import law_of
 from esail_jax.steppers.consistent import project
 from esail_jax.steppers.stepper import AbstractStepper, Motion, Point
 from esail_jax.system import Power, System
@@ -167,7 +167,7 @@ def start(
     if not structure.has("chain") and sampled_load(model) is not None:
         carried = carried._replace(control=sample(at_place(model, orbit), begin, None))
     state, last = stepper.init(problem.under(carried).settled().model, begin, jnp.asarray(jnp.inf))
-    jump = zero if is_measured(model, zero, q, v) else None
+    jump = None if law_of(model) is None else zero
     return Start(problem, Motion(state, last, jnp.zeros(2), jump), unbalanced, q, carried)
 
 

@@ -162,7 +162,7 @@ def raised(solution: Solution, throw: bool) -> Solution:
     """Returns a traced solution. Raises SimulationError if it is known already that the run has failed, as
     it is in `jax.jvp` and `jax.grad` outside `jax.jit`, and `throw` asks for errors."""
     known = not any(isinstance(x, jax.core.Tracer) for x in jax.tree.leaves(solution.result))
-    if throw and known and float(solution.stats.get("voltage_jump", 0.0)) > 0.0:
+    if throw and known and solution.stats.get("voltage_jumped", False):
         raise SimulationError(DERIVATIVE, solution.result)
     if throw and known and name_of(solution.result) != "successful":
         hint = " Its derivative needs room for more: ask for it by `max_steps`."

@@ -35,15 +35,15 @@ class Traced(NamedTuple):
     """The result of a traced run.
 
     rows: observables by name, NaN from a failure on; point: the last point; result: a member of `RESULTS`;
-    counts: numbers of steps taken and rejected; errors: the stepper's estimates of its errors; jump: the
-    largest jump of a voltage, None if none is looked for (`voltage_jumps.py`)."""
+    counts: numbers of steps taken and rejected; errors: the stepper's estimates of its errors; jumped:
+    whether a voltage has jumped, None if it is not looked for (`voltage_jumps.py`)."""
 
     rows: dict[str, Array]
     point: AnyPoint
     result: RESULTS
     counts: Float[Array, "2"]
     errors: dict[str, Scalar]
-    jump: Scalar | None = None
+    jumped: Bool[Array, ""] | None = None
 
 
 def traced_run(
@@ -89,7 +89,7 @@ class Moved(NamedTuple):
     problem: the model and the stepper of the run; points: dense output at the saved instants; carried: what
     the run carried along there; segments: the switch times before and after the instants, None without any;
     good: whether the run reached them; orbit: the sail's orbit about the Sun at the end; result, counts,
-    errors, jump: those of `Traced`, before the observables are known."""
+    errors, jumped: those of `Traced`, before the observables are known."""
 
     problem: Problem
     points: Point
@@ -100,7 +100,7 @@ class Moved(NamedTuple):
     result: RESULTS
     counts: Float[Array, "2"]
     errors: dict[str, Scalar]
-    jump: Scalar | None
+    jumped: Bool[Array, ""] | None
 
 
 def usual_cotangents(moved: Moved) -> Moved:
@@ -161,7 +161,8 @@ def run(
     segments = (windows.start[number], windows.until[number]) if is_switched else None
     result, errors = motion.state.result, problem.stepper.error_estimates(motion.state)
     good = place < passed[number]
-    of_run = result, motion.counts, errors, motion.jump
+    jumped = None if motion.jump is None else motion.jump > 0.0
+    of_run = result, motion.counts, errors, jumped
     return Moved(problem, points, carried, segments, good, last.orbit, *of_run)
 
 
@@ -172,7 +173,7 @@ def observe(
 ) -> Traced:
     """Returns the observables at the saved instants of a run. arguments: those of the run that may be
     differentiated."""
-    problem, points, carried, segments, good, orbit, result, counts, errors, jump = moved
+    problem, points, carried, segments, good, orbit, result, counts, errors, jumped = moved
     # In batches of equal length. The last instant is repeated to fill the last batch.
     instants = len(points.time)
     together = -(-instants // -(-instants // INSTANTS_TOGETHER))
@@ -195,11 +196,11 @@ def observe(
     rows = {name: nan_unless(along(good, x), x, zero) for name, x in rows.items()}
     final = PointOnOrbit.of(jax.tree.map(lambda x: x[-1], points), orbit)
     final = jax.tree.map(lambda x: nan_unless(good[-1], x, zero), final)
-    if jump is not None:
+    if jumped is not None:
         rows, final = (
-            jax.tree.map(lambda x: without_derivative(x, jump > 0.0), part) for part in (rows, final)
+            jax.tree.map(lambda x: without_derivative(x, jumped), part) for part in (rows, final)
         )
-    return Traced(rows, final, result, counts, errors, jump)
+    return Traced(rows, final, result, counts, errors, jumped)
 
 
 def whole_run(

@@ -89,8 +89,8 @@ def simulate_traced(
     if start is not None and known_time(start) is None:
         found = failed_unless(start.time == begin, found, zero_of((numbers, start)))
     stats = {"steps": found.counts[0], "rejected_steps": found.counts[1]}
-    if found.jump is not None:
-        stats["voltage_jump"] = found.jump
+    if found.jumped is not None:
+        stats["voltage_jumped"] = found.jumped
     if found.errors:
         stats["step_errors"] = jnp.stack([found.errors[name] for name in STEP_ERRORS])
     rows = found.rows if save is None else {name: found.rows[name] for name in save}

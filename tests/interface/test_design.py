@@ -254,6 +254,8 @@ def test_spin_plane_is_measured_from_its_target(start):
     assert abs(found["spin-plane:13,20"] - ((aim - own) ** 2).sum()) < 1e-12
     assert found[f"spin-plane:{start}"] < 1e-24
     assert abs(found["spin-plane:0"] - (2.0 * np.sin(0.5 * np.deg2rad(start))) ** 2) < 1e-12
+    with pytest.raises(esail.SceneError, match="at most the whole run, but asks for 9 s of a run of 1 s"):
+        objectives.values(run, ("spin-plane:13,20,9",))
 
 
 WINDS = {
@@ -396,6 +398,8 @@ def test_a_design_from_the_shell_goes_on_as_if_uninterrupted(tmp_path, capsys):
         (["--objective", "speed=1"], "`objective` must be one of mean-torque, "),
         (["--objective", "spin-plane=1"], "`objective` must look like spin-plane:15, spin-plane:15,0 (deg"),
         (["--objective", "spin-plane:1,2,3,4=1"], "`objective` must look like spin-plane:15"),
+        (["--objective", "spin-plane:15,20,-1=1"], "`objective` must look like spin-plane:15"),
+        (["--objective", "spin-plane:nan=1"], "`objective` must look like spin-plane:15"),
         (["--objective", "lagging:3=1"], "`objective` must be one of mean-torque, "),
         (["--objective", "spin"], "`--objective` must look like NAME=WEIGHT, but is 'spin'"),
         (["--iterations", "0"], "`--iterations` must be positive, but is 0"),

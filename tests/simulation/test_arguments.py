@@ -159,6 +159,7 @@ ODD = [
     np.array([1 + 0j]), np.array([4]), np.array([True, False, True]), np.array(4, object),
     np.array(True, object), np.array("true"), np.str_("4"), "4", "true", 4.0, 1, [4], [True], {"a": 1},
     {1.0}, b"1", Fraction(4), Decimal(4), None, (), [[]], range(3),
+    10**20, 10**400, np.timedelta64(3, "s"), jnp.array(3.0, jnp.bfloat16), [10**20], 1e400,
 ]  # fmt: skip
 """Values that many keys refuse although some of them look like values that these take."""
 
@@ -182,6 +183,16 @@ def test_no_message_contradicts_itself(key):
                 read = ast.literal_eval({"true": "True", "false": "False"}.get(said, said))
                 with pytest.raises(InputError):
                     sail(**{key: read})
+
+
+def test_integers_beyond_64_bits_and_short_numbers_are_numbers():
+    """Integers have no largest one in Python; those beyond the largest number are refused as such."""
+    assert sail(**{"tethers.length": 10**20}).tethers.length == 1e20
+    assert float(sail(**{"tethers.length": jnp.array(3.0, jnp.bfloat16)}).tethers.length) == 3.0
+    with pytest.raises(InputError, match=r"`tethers.length` must be a number below 1e308, but is 100"):
+        sail(**{"tethers.length": 10**400})
+    with pytest.raises(InputError, match=r"`tethers.count` must be at most 1e\+30, but is 100"):
+        sail(**{"tethers.count": 10**400})
 
 
 def test_lists_with_traced_numbers_are_arrays():
