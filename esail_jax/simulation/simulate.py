@@ -73,7 +73,9 @@ def simulate(
     the failure on, and derivatives of them in reverse mode are NaN. A derivative records the steps in
     buffers of fixed size: WINDOWS_PER_TURN windows for every turn of the sail, but at least LEAST_WINDOWS,
     with `blocks_per_window` blocks of the stepper each; or more, if `max_steps` asks for more. A run that
-    needs more ends with `RESULTS.too_many_steps`.
+    needs more ends with `RESULTS.too_many_steps`. A run in which the voltage of a law of your own jumps
+    within steps has no derivative (`stats["voltage_jumped"]`): it is NaN, and an error where JAX knows the
+    numbers.
 
     Raises SceneError for bad input, SimulationError for a failed run, RuntimeError in 32-bit mode."""
     refuse_keywords("simulate", unknown)
