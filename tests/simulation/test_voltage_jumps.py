@@ -86,15 +86,15 @@ def test_a_jump_is_a_change_that_is_left_in_the_smallest_part_of_a_step(name):
     in a long run. Kinks and steep transitions, which shrink with the part, are none. Neither are the
     roundings of single precision, 6e-8."""
     law, expected = VOLTS[name]
-    laws = {
-        "one": (lambda t: law(t)[None], 0.0),
-        "two": (lambda t: jnp.stack([0.0 * law(t), law(t)]), 0.0),
-        "negative": (lambda t: -law(t)[None], 0.0),
-        "late": (lambda t: law(t - 2.0**20)[None], 2.0**20),
-    }
-    for volts, begin in laws.values():
-        found = jax.jit(lambda: jump_within(volts, jnp.asarray(begin), jnp.ones(())))()  # noqa: B023
-        np.testing.assert_allclose(found, expected, rtol=1e-3)
+
+    @jax.jit
+    def found(sign, begin):
+        return jump_within(
+            lambda t: jnp.stack([0.0 * law(t - begin), sign * law(t - begin)]), begin, jnp.ones(())
+        )
+
+    for sign, begin in ((1.0, 0.0), (-1.0, 0.0), (1.0, 2.0**20)):
+        np.testing.assert_allclose(found(sign, begin), expected, rtol=1e-3)
 
 
 def test_derivatives_after_a_jump_are_undefined_and_values_are_not():
