@@ -6,6 +6,7 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
+from esail_jax.commands.cache import in_words
 from esail_jax.commands.description import size_of
 from esail_jax.commands.progress import clock
 from esail_jax.commands.run import names_with_nodes
@@ -82,8 +83,10 @@ def estimate_text(scene: Scene, found: Trial, memory: float | None) -> str:
         f"{size_of(scene)}, {end:g} s, {saved} saved instants ({basis})",
         f"  steps      {found.steps if whole else rounded(found.steps * factor)}",
         f"  time       {clock(found.running * factor)} after compiling, which took {found.compiling:.1f} s",
-        "" if memory is None else f"  memory     {bytes_text(memory)}, which does not grow with the run",
-        f"  file       {bytes_text(size)}",
+        ""
+        if memory is None
+        else f"  memory     {in_words(round(memory))}, which does not grow with the run",
+        f"  file       {in_words(round(size))}",
     ]
     return "\n".join(line for line in lines if line)
 
@@ -101,11 +104,3 @@ def peak_memory() -> float | None:
 def rounded(number: float) -> str:
     """Returns a number to two digits, without an exponent."""
     return f"{float(f'{number:.2g}'):,g}" if number < 1e6 else f"{float(f'{number:.2g}'):,.0f}"
-
-
-def bytes_text(count: float) -> str:
-    """Returns a number of bytes in words: `17 MB`."""
-    for factor, unit in ((1e9, "GB"), (1e6, "MB"), (1e3, "kB")):
-        if count >= factor:
-            return f"{rounded(count / factor)} {unit}"
-    return f"{count:.0f} bytes"

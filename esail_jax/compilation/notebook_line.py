@@ -16,7 +16,6 @@ from esail_jax.compilation import store
 PATIENCE = 2.0
 """Time that the compiler may take before the line appears [s]."""
 
-
 AT_WORK = "Compiling; this takes from seconds to a minute ..."
 """The line while the compiler is at work."""
 

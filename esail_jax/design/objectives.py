@@ -186,10 +186,22 @@ def function_of(name: Goal) -> Callable[[Solution], Scalar]:
 
 
 def values(run: Solution, names: tuple[Goal, ...]) -> dict[Goal, Scalar | float]:
-    """Values of the named objectives of a run. Raises SceneError for a function that gives no number."""
+    """Values of the named objectives of a run. Raises SceneError for a function that gives no number, and
+    for an observable that the run lacks."""
     rows = {name: jnp.asarray(x) for name, x in run.observables.items()}
     run = dataclasses.replace(run, time=jnp.asarray(run.time), observables=rows)
-    return {name: one_number(name, function_of(name)(run)) for name in names}
+    return {name: one_number(name, measured(name, run)) for name in names}
+
+
+def measured(name: Goal, run: Solution) -> Any:
+    """The value of an objective. Raises SceneError for one of this module whose observables the run lacks;
+    errors in a function of the user's stay as they are."""
+    try:
+        return function_of(name)(run)
+    except KeyError as error:
+        if not isinstance(name, str):
+            raise
+        raise SceneError("objective", "measure what the run has", f"{name}: {error.args[0]}") from error
 
 
 def name_of(goal: Goal) -> str:

@@ -80,22 +80,25 @@ def jump_within(volts: Callable[[Scalar], PerTether], begin: Scalar, length: Sca
     place, tether = jnp.unravel_index(jnp.argmax(uneven), uneven.shape)
     first = uneven[place, tether]
 
-    def closer(level, carry):
-        begin, length, place, _, steep = carry
+    def closer(carry):
+        level, begin, length, place, _, steep = carry
         begin = begin + jnp.clip(place - 1, 0, PARTS - 3) * length / PARTS
         length = 3.0 * length / PARTS
         one = sampled(begin, length)[:, tether][:, None]
         left = jnp.abs(jnp.diff(one, axis=0)).max()
         steep = jnp.where(level == STEEP_AFTER, left, steep)
-        return begin, length, jnp.argmax(unevenness(one)), left, steep
+        return level + 1, begin, length, jnp.argmax(unevenness(one)), left, steep
 
-    def looked_at():
-        none = jnp.zeros(())
-        *_, left, steep = lax.fori_loop(0, CLOSER, closer, (begin, length, place, none, none))
-        steep = jnp.where(steep > STEEP * largest, steep, 0.0)
-        return jnp.where(left > LEFT * first, left, steep) / largest
+    # A loop and no branch: a batch, which computes both branches, would look closer at every step.
+    def unfinished(carry):
+        return (carry[0] < CLOSER) & (first > UNEVEN * largest)
 
-    return lax.cond(first > UNEVEN * largest, looked_at, lambda: jnp.zeros(()))
+    none = jnp.zeros(())
+    carry = (jnp.zeros((), int), begin, length, place, none, none)
+    *_, left, steep = lax.while_loop(unfinished, closer, carry)
+    steep = jnp.where(steep > STEEP * largest, steep, 0.0)
+    jump = jnp.where(left > LEFT * first, left, steep)
+    return jnp.where(jump > 0.0, jump / largest, 0.0)
 
 
 def unevenness(volts: Float[Array, "end tether"]) -> Float[Array, "part tether"]:

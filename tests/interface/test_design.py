@@ -19,6 +19,8 @@ from esail_jax.design.design_file import read_history
 from esail_jax.design.problem import coordinate_of_start, value_of
 from esail_jax.scenes.scene import read_scene
 from esail_jax.scenes.toml_text import to_toml
+from esail_jax.simulation.solution import Solution
+from esail_jax.steppers.results import RESULTS
 from support.new_process import output_of
 from support.quick import jit
 
@@ -230,6 +232,18 @@ def test_bare_objective_for_any_optimiser(torque):
         changes, state = optimiser.update(of(parameters)[0][1], state)
         parameters = optax.apply_updates(parameters, changes)
     assert of(parameters)[0][0] < 0.3
+
+
+@pytest.mark.parametrize("name", ["spin-plane:13", "spin", "final-attitude"])
+def test_an_objective_without_its_observables_is_refused(name):
+    """A sail without a hub has neither the attitude of one nor its angular velocity. A mistake in an
+    objective of the user's own stays what it is."""
+    rows = {"coning_angle": np.zeros((2, 3))}
+    run = Solution(np.arange(2.0), rows, RESULTS.successful, None, {}, scene=esail.load_scene("baseline"))
+    with pytest.raises(esail.SceneError, match="`objective` must measure what the run has, but " + name):
+        objectives.values(run, (name,))
+    with pytest.raises(KeyError):
+        objectives.values(run, (lambda run: {}["mine"],))
 
 
 @pytest.mark.nightly
