@@ -2,7 +2,7 @@
 
 import functools
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import jax
@@ -11,12 +11,13 @@ from jax import lax
 
 from esail_jax.array_types import Array, Float, Scalar
 from esail_jax.design import objectives
+from esail_jax.ensembles.member_program import observable_shapes
 from esail_jax.scenes.merging import check_overrides
 from esail_jax.scenes.own_law import KEY
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene, read_scene
 from esail_jax.simulation.simulate import simulate
-from esail_jax.simulation.solution import Solution
+from esail_jax.simulation.solution import RESULTS, Solution
 
 KEPT = ("value", "law", "power_limit")
 """Keys of [voltage] that the reference run has, too."""
@@ -57,6 +58,7 @@ class Objective:
         check_voltage(scene)
         self.scene, self.weights = scene, dict(weights)
         self.circumstances = dict(circumstances or {})
+        check_measurable(self.constant_voltage, weights)
 
     def __call__(self, parameters: Mapping[str, Any]) -> Scalar:
         """J(p), the mean over the circumstances if there are any."""
@@ -118,9 +120,13 @@ class Objective:
 
     def simulate_reference(self, circumstance: Mapping[str, Any] | None = None) -> Solution:
         """The run with constant voltage, within the power limit, in the scene or in one circumstance."""
+        return simulate(self.constant_voltage, circumstance)
+
+    @property
+    def constant_voltage(self) -> Scene:
+        """The scene with constant voltage."""
         law = {f"voltage.{x}": None for x in vars(self.scene.voltage) if x not in KEPT}
-        constant = self.scene.replace(law | {"voltage.law": "constant", KEY: None})
-        return simulate(constant, circumstance)
+        return self.scene.replace(law | {"voltage.law": "constant", KEY: None})
 
 
 def check_voltage(scene: Scene) -> None:
@@ -129,3 +135,13 @@ def check_voltage(scene: Scene) -> None:
         raise SceneError("chain", "be left out of a design", "is given")
     if scene.voltage is None or (scene.voltage.value is None and scene.voltage.law == "python"):
         raise SceneError("voltage.value", "be given for a design", "is missing")
+
+
+def check_measurable(scene: Scene, goals: Iterable[objectives.Goal]) -> None:
+    """Raises SceneError for a named objective that a run of the scene cannot have, before anything is run.
+
+    It is measured on rows that have the names and shapes of those of a run, and no meaning."""
+    rows = {name: np.ones((2, *shape)) for name, shape in observable_shapes(scene).items()}
+    time = np.array([0.0, scene.integrator.t_end])
+    run = Solution(time, rows, RESULTS.successful, None, {}, scene=scene)
+    jax.eval_shape(lambda: objectives.values(run, tuple(goal for goal in goals if isinstance(goal, str))))

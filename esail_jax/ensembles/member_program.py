@@ -131,7 +131,7 @@ def with_common_method(scene: Scene) -> Scene:
 
 def system_of(scene: Scene) -> System:
     """The scene's system, with shapes in place of numbers."""
-    structure, numbers = split(with_method(scene))
+    structure, numbers = split(scene)
     return jax.eval_shape(lambda n: build(structure, n).system, numbers)
 
 

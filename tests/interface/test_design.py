@@ -246,6 +246,15 @@ def test_an_objective_without_its_observables_is_refused(name):
         objectives.values(run, (lambda run: {}["mine"],))
 
 
+@pytest.mark.parametrize("name", ["spin-plane:13", "spin"])
+def test_an_objective_without_its_observables_is_refused_before_a_run(name):
+    """The observables of a run are known from its scene, so nothing has to be simulated to know that they
+    lack what an objective measures."""
+    no_hub = esail.load_scene("baseline").replace({"hub": None})
+    with pytest.raises(esail.SceneError, match=name + ".* is no observable of this run .only with a hub"):
+        Objective(no_hub, {name: 1.0, "thrust": 1.0})
+
+
 @pytest.mark.nightly
 @pytest.mark.parametrize("start", [10.0, -10.0, 0.0, 180.0])
 def test_spin_plane_is_measured_from_its_target(start):
