@@ -51,6 +51,7 @@ def test_rounding_is_not_a_loss():
     assert balance_warning(still) == ""
 
 
+@pytest.mark.nightly
 def test_a_run_with_too_long_a_step_says_so(tmp_path):
     """Steps of 0.3 rad of spin lose more than a thousandth of the wind's work, which causes a warning.
 

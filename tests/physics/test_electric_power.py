@@ -99,6 +99,7 @@ def test_limit_of_a_constant_voltage():
         assert found == pytest.approx(min(2.0, wanted), rel=1e-6)
 
 
+@pytest.mark.nightly
 def test_limit_of_a_scene():
     """The constant voltages of a scene in a steady wind, whose power would be above the limit, need exactly
     the limit."""

@@ -39,6 +39,7 @@ def test_short_pulses_of_a_table_are_not_passed_over(kind):
     np.testing.assert_allclose(moved[0], moved[1], rtol=0, atol=1e-2 * np.linalg.norm(moved[1]))
 
 
+@pytest.mark.nightly
 def test_traced_switch_times_are_those_of_the_host():
     """A pulse of 5 s that begins at a traced instant: the run has the steps of the host, and its rows to
     1e-9 of the largest entry. So has a member of an ensemble."""

@@ -9,6 +9,7 @@ import math
 import re
 
 import numpy as np
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -84,12 +85,14 @@ def check(read):
     assert repr(scene) and scene._repr_html_()
 
 
+@pytest.mark.nightly
 @generated
 @given(st.sampled_from(builtin_names()), overrides)
 def test_any_override_is_taken_or_refused_in_one_line(name, changes):
     check(lambda: load_scene(name, changes))
 
 
+@pytest.mark.nightly
 @generated
 @given(st.sampled_from(builtin_names()), st.data())
 def test_a_file_with_other_values_is_read_or_refused_in_one_line(name, data):
@@ -107,6 +110,7 @@ def test_a_file_with_other_values_is_read_or_refused_in_one_line(name, data):
     check(lambda: parse("\n".join(lines), "changed.toml"))
 
 
+@pytest.mark.nightly
 @generated
 @given(st.sampled_from(builtin_names()), st.data())
 def test_a_file_with_other_letters_is_read_or_refused_in_one_line(name, data):

@@ -117,6 +117,7 @@ def test_derivatives_after_a_jump_are_undefined_and_values_are_not():
 # ---- runs ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.nightly
 def test_a_run_says_that_a_voltage_jumps():
     """The voltage falls from 30 to 20 kV as the cosine passes the edge: a third of the largest. A kink
     there, or a jump that the sail does not reach, is no jump. Members of an ensemble say it, too."""

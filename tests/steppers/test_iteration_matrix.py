@@ -83,7 +83,7 @@ def derivatives(system, state, columns):
     return jax.vmap(along)(columns)
 
 
-@pytest.mark.parametrize("name", quickly(SCENES, ("hub", "no hub, clamped", "truss")))
+@pytest.mark.parametrize("name", quickly(SCENES, ("truss",)))
 def test_tangent_is_the_derivative_of_the_residual(name):
     builtin, hub, overrides = SCENES[name]
     scene = load_scene(builtin).replace(overrides)

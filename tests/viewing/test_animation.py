@@ -53,6 +53,7 @@ def test_an_animation_has_the_pictures_that_were_asked_for(kind, suffix, request
     assert min(moved) > 100, "every picture differs from the one before"
 
 
+@pytest.mark.nightly
 def test_a_run_of_few_instants_lasts_as_long(sail, tmp_path):
     """Forty-one saved instants in 4.1 s are ten pictures per second, whatever was asked for."""
     path = animate(sail, tmp_path / "run.webp", "--fps", "50", "--seconds", "4.1")

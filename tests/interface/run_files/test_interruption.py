@@ -26,7 +26,7 @@ from support.run_kinds import KINDS, SHORT_CALLS, check_start_of
 
 
 @pytest.mark.parametrize("place", ["progress", "collect", "write"])
-@pytest.mark.parametrize("number", [1, 2, 3])
+@pytest.mark.parametrize("number", quickly([1, 2, 3]))
 @pytest.mark.parametrize("kind", quickly(KINDS))
 def test_ctrl_c_anywhere_leaves_a_file_that_resumes_bit_for_bit(
     kind, place, number, scenes, wholes, tmp_path, monkeypatch, capsys
@@ -102,7 +102,8 @@ def wait_for_writing(running, path, before):
         time.sleep(0.002)
 
 
-@pytest.mark.parametrize("number", quickly([signal.SIGINT, signal.SIGTERM]))
+@pytest.mark.nightly
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_to_the_process_ends_it_with_130_and_resumable(number, scene, tmp_path):
     path = tmp_path / "a.h5"
     with process(scene, path, "--t-end", 20000) as running:
