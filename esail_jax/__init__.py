@@ -27,7 +27,7 @@ else:
 
 if TYPE_CHECKING:
     from esail_jax.compilation.jit import jit
-    from esail_jax.compilation.remembered import clear_caches
+    from esail_jax.compilation.kept import clear_caches
     from esail_jax.errors import SimulationError
     from esail_jax.files.opening import RunFileError
     from esail_jax.files.run_file import load, save
@@ -104,7 +104,7 @@ __all__ = [
 
 MODULES = {
     "compilation.jit": ("jit",),
-    "compilation.remembered": ("clear_caches",),
+    "compilation.kept": ("clear_caches",),
     "errors": ("SimulationError",),
     "files.opening": ("RunFileError",),
     "files.run_file": ("load", "save"),

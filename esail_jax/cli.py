@@ -199,9 +199,9 @@ def bench(options: argparse.Namespace) -> ExitCode:
     """`esail bench`. It uses no cache of compiled programs, because it measures the compile time."""
     scene = scene_of(options)
     from esail_jax.commands.bench import NoReference, run_bench
-    from esail_jax.compilation import store
+    from esail_jax.compilation.stored import STORE
 
-    store.switch_off()
+    STORE.switch_off()
 
     try:
         run_bench(scene, options.json)

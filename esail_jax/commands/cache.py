@@ -1,6 +1,6 @@
 """`esail cache`."""
 
-from esail_jax.compilation import store
+from esail_jax.compilation.stored import STORE
 
 UNITS = {"GiB": 2**30, "MiB": 2**20, "KiB": 2**10}
 """Units of a size, largest first."""
@@ -8,16 +8,16 @@ UNITS = {"GiB": 2**30, "MiB": 2**20, "KiB": 2**10}
 
 def show_cache(clear: bool) -> None:
     """Prints where compiled programs are kept, their number and size. clear: removes them."""
-    folder = store.location()
+    folder = STORE.location()
     if folder is None:
-        print(f"Compiled programs are not kept ({store.VARIABLE} is off).")
+        print(f"Compiled programs are not kept ({STORE.variable} is off).")
         return
-    found = store.usage()
+    found = STORE.usage()
     print(f"folder    {folder}")
     print(f"files     {found.files}")
-    print(f"size      {in_words(found.size)} (at most {in_words(store.MOST_BYTES)})")
+    print(f"size      {in_words(found.size)} (at most {in_words(STORE.most_bytes)})")
     if clear:
-        print(f"removed   {store.clear()}")
+        print(f"removed   {STORE.clear()}")
 
 
 def in_words(size: int) -> str:

@@ -7,13 +7,13 @@ from typing import Any
 
 import jax
 
-from esail_jax.compilation import store
-from esail_jax.compilation.call import NAMED
-from esail_jax.compilation.collector import collector_paused
-from esail_jax.compilation.keys import key_of
+from esail_jax.compilation.kept import KEEPER, key_of
 from esail_jax.compilation.notebook_line import compiler_at_work
-from esail_jax.compilation.options import COMPILER_OPTIONS, compile_lowered, lower
-from esail_jax.compilation.program import compile_and_save, load_executable
+from esail_jax.compilation.options import COMPILER_OPTIONS, compile_lowered, compiled_by_us, lower
+from esail_jax.compilation.stored import STORE
+from kept_programs.call import is_one_operation
+from kept_programs.collector import collector_paused
+from kept_programs.executables import compile_and_save, load_executable
 
 
 def traced_once(static_argnums: Sequence[int] = ()) -> Callable[[Callable], Callable]:
@@ -85,7 +85,7 @@ class CompiledFunction:
             # A static value is not hashable, or an argument is no array: `jax.jit` raises the right error.
             return self._jitted(*args, **kwargs)
         if program is None:
-            with compiler_at_work(), collector_paused():
+            with compiler_at_work(), collector_paused(), compiled_by_us():
                 traced = self._jitted.trace(*args, **kwargs)
             if len(traced.jaxpr.in_avals) != len(leaves):
                 # `f` encloses traced values, which have become inputs of the program.
@@ -111,16 +111,19 @@ def compile_traced(traced: jax.stages.Traced) -> Callable:
     """Compiles a traced function, or loads it from the program cache. Its key is the text of the lowered
     function, in which the programs of this package are represented by their keys."""
     key = None
-    if store.location() is not None:
+    if STORE.location() is not None and is_one_operation(KEEPER):
+        from kept_programs.operation import text_with_keys
+
         with collector_paused():
-            named = traced.lower(_private_parameters=NAMED)
+            named = text_with_keys(traced)
         key = key_of("lowered", named.as_text(), COMPILER_OPTIONS)
-        found = load_executable(key, (named.in_tree, named.out_tree))
+        found = load_executable(STORE, key, (named.in_tree, named.out_tree))
         if found is not None:
             return found
-    with compiler_at_work(), collector_paused():
-        lowered = lower(traced)
-    return compile_and_save(key, lambda: compile_lowered(lowered))
+    with compiler_at_work():
+        with collector_paused():
+            lowered = lower(traced)
+        return compile_and_save(STORE, key, lambda: compile_lowered(lowered))
 
 
 def is_compiled_here(leaves: list[Any]) -> bool:

@@ -11,7 +11,7 @@ import time
 from collections.abc import Iterator
 from typing import Any
 
-from esail_jax.compilation import store
+from esail_jax.compilation.stored import STORE
 
 PATIENCE = 2.0
 """Time that the compiler may take before the line appears [s]."""
@@ -76,7 +76,7 @@ class NotebookLine:
             if self._timer is not None:
                 self._timer.cancel()
             if self._line is not None:
-                kept = "" if store.location() is None else ", and kept for later sessions"
+                kept = "" if STORE.location() is None else ", and kept for later sessions"
                 self._line.update(plain(f"Compiled in {self._before:.0f} s{kept}."), raw=True)
 
 

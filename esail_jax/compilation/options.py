@@ -5,12 +5,14 @@ too, which makes the baseline 12 % slower; here the library gets matrix products
 change what a program computes, apart from rounding.
 """
 
+import contextlib
 import contextvars
 import threading
+from collections.abc import Iterator
 
 import jax
 
-from esail_jax.compilation.workaround import FLAG, PRODUCTS_ALONE, may_be_wrong
+from esail_jax.compilation.workaround import FLAG, PRODUCTS_ALONE, may_be_wrong, refuse_wrong_products
 
 Options = dict[str, str | bool | int]
 
@@ -46,7 +48,7 @@ START_OPTIONS: Options = COMPILER_OPTIONS | {"xla_backend_optimization_level": 0
 
 
 OURS = contextvars.ContextVar("OURS", default=False)
-"""True while a program is lowered that will be compiled by `compile_lowered`."""
+"""True while a program is traced or lowered that will be compiled by `compile_lowered`."""
 
 LOWERING = threading.RLock()
 """Held by the thread that lowers a program."""
@@ -58,14 +60,30 @@ def lower(traced: jax.stages.Traced) -> jax.stages.Lowered:
     An operation keeps its own line of source, but not those of the calls around it: executables are up to a
     third smaller and load in a sixth less time. The setting belongs to the process, so that one thread at a
     time changes it and puts it back."""
-    with LOWERING:
-        token, whole = OURS.set(True), jax.config.jax_include_full_tracebacks_in_locations
+    with LOWERING, compiled_by_us():
+        whole = jax.config.jax_include_full_tracebacks_in_locations
         jax.config.update("jax_include_full_tracebacks_in_locations", False)
         try:
             return traced.lower()
         finally:
             jax.config.update("jax_include_full_tracebacks_in_locations", whole)
-            OURS.reset(token)
+
+
+@contextlib.contextmanager
+def compiled_by_us() -> Iterator[None]:
+    """Context manager: what is traced or lowered within it will be compiled by `compile_lowered`."""
+    token = OURS.set(True)
+    try:
+        yield
+    finally:
+        OURS.reset(token)
+
+
+def refuse_in_plain_jit() -> None:
+    """Raises RuntimeError if a program of this package becomes part of one that `compile_lowered` will not
+    compile, and that may compute products wrongly."""
+    if not OURS.get():
+        refuse_wrong_products()
 
 
 def compile_lowered(

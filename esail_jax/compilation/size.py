@@ -1,11 +1,9 @@
 """Size of programs. The compile time grows with the number of equations and instructions."""
 
 import re
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from jax.extend.core import ClosedJaxpr, Jaxpr
-
-from esail_jax.compilation.program import Program
+from kept_programs.program import Program
 
 INSTRUCTION = re.compile(r"^ +(?:ROOT )?%\S+ = ", re.MULTILINE)
 """Matches the beginning of one instruction in the text of a compiled program."""
@@ -25,8 +23,8 @@ def size_of(program: Program) -> Size:
     return Size(count_equations(program.traced.jaxpr), len(INSTRUCTION.findall(text)))
 
 
-def count_equations(jaxpr: Jaxpr | ClosedJaxpr) -> int:
-    """Returns the number of equations of a jaxpr, with those of the jaxprs within it.
+def count_equations(jaxpr: Any) -> int:
+    """Returns the number of equations of a jaxpr (`jax.make_jaxpr`), with those of the jaxprs within it.
 
     A jaxpr that is called from several places is counted at each of them."""
     equations = getattr(jaxpr, "jaxpr", jaxpr).eqns

@@ -12,9 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 
-from esail_jax.compilation.keys import key_of
-from esail_jax.compilation.program import TreeProgram, tree_program
-from esail_jax.compilation.remembered import remembered
+from esail_jax.compilation.kept import key_of, tree_program
 from esail_jax.ensembles.sampling import Inputs
 from esail_jax.observables import listed, shape_of
 from esail_jax.observables.run_warning import STEP_ERRORS
@@ -26,6 +24,8 @@ from esail_jax.scenes.structure import SCHEDULE, split
 from esail_jax.simulation.under_trace import simulate_traced
 from esail_jax.steppers.results import RESULTS
 from esail_jax.system import System
+from kept_programs.program import TreeProgram
+from kept_programs.remembered import remembered
 
 
 class MemberResult(NamedTuple):

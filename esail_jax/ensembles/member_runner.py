@@ -15,7 +15,6 @@ import jax
 import numpy as np
 
 from esail_jax.compilation.options import lower
-from esail_jax.compilation.program import TreeProgram
 from esail_jax.cores import cores
 from esail_jax.ensembles.batch_size import batch_in_lockstep, batch_on_cores
 from esail_jax.ensembles.ensemble import Ensemble
@@ -37,6 +36,7 @@ from esail_jax.simulation.schedule import save_times
 from esail_jax.simulation.simulate import simulate
 from esail_jax.simulation.voltage_jumps import JUMPS
 from esail_jax.steppers.results import RESULTS
+from kept_programs.program import TreeProgram
 
 BALANCE = {"tethers": TERMS, "chain": ("energy_error", *TERMS)}
 """Observables that show whether a member's energy is balanced, for sails and for chains."""

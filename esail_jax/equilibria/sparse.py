@@ -14,8 +14,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from esail_jax.array_types import Array, Float
+from esail_jax.compilation.kept import program_of
 from esail_jax.compilation.options import START_OPTIONS
-from esail_jax.compilation.program import program_of
 from esail_jax.coordinates import Multipliers
 from esail_jax.equilibria.couplings import NONE, Couplings, couplings, indices
 from esail_jax.equilibria.moving_frame import MovingFrame, forces

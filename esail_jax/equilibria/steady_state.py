@@ -25,8 +25,8 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from esail_jax.array_types import Array, Float, Vector
+from esail_jax.compilation.kept import program_of
 from esail_jax.compilation.options import START_OPTIONS
-from esail_jax.compilation.program import program_of
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.equilibria.couplings import indices
 from esail_jax.equilibria.equilibrium import (

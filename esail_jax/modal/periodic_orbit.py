@@ -17,8 +17,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.array_types import Float
+from esail_jax.compilation.kept import program_of
 from esail_jax.compilation.options import START_OPTIONS
-from esail_jax.compilation.program import program_of
 from esail_jax.modal.turn_map import Local, local, settled, turn_map
 from esail_jax.system import System
 

@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.array_types import Rotation
+from esail_jax.compilation.kept import program_of
 from esail_jax.compilation.options import START_OPTIONS
-from esail_jax.compilation.program import program_of
 from esail_jax.errors import SimulationError
 from esail_jax.modal.floquet import Moving
 from esail_jax.modal.floquet import floquet as multipliers_of

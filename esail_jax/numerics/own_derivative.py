@@ -13,11 +13,9 @@ from collections.abc import Callable
 from typing import Any
 
 import jax
-from jax.extend.core import Primitive, jaxpr_as_fun
-from jax.interpreters import ad, batching, mlir
 
-from esail_jax.compilation.derived import chosen, merged, not_
 from esail_jax.compilation.jit import traced_once
+from kept_programs.masks import chosen, merged, not_
 
 RULES_ARE_KEPT = jax.__version_info__ >= (0, 12)
 """True if JAX keeps the rules inside loops."""
@@ -40,55 +38,41 @@ class WholeCall:
         closed, results = jax.make_jaxpr(
             lambda *leaves: self._traced(*jax.tree.unflatten(tree, leaves)), return_shape=True
         )(*leaves)
-        return jax.tree.unflatten(jax.tree.structure(results), whole_p.bind(*leaves, function=closed))
+        return jax.tree.unflatten(jax.tree.structure(results), whole_call().bind(*leaves, function=closed))
 
 
 custom_jvp = jax.custom_jvp if RULES_ARE_KEPT else WholeCall
 
-whole_p = Primitive("whole_call")
-whole_p.multiple_results = True
 
+@functools.cache
+def whole_call():
+    """The operation that stands for the call of a function. `function`, its parameter, is what
+    `jax.make_jaxpr` returns."""
+    from kept_programs.jax_internals import Rules, function_of, operation
 
-@whole_p.def_impl
-def _compute(*leaves, function):
-    return jaxpr_as_fun(function)(*leaves)
+    def compute(*leaves, function):
+        return function_of(function)(*leaves)
 
+    def push_forward(primals, tangents, _, function):
+        """The rule of the function inside. Arguments without a tangent stay without one."""
+        moving = tuple(x is not None for x in tangents)
+        fixed = chosen(primals, not_(moving))
 
-@whole_p.def_abstract_eval
-def _types(*_, function):
-    return list(function.out_avals)
+        def of_moving(*x):
+            return compute(*merged(moving, x, fixed), function=function)
 
+        results, moved = jax.jvp(of_moving, chosen(primals, moving), chosen(tangents, moving))
+        return results, [None if x.dtype == jax.dtypes.float0 else x for x in moved]
 
-def _push_forward(primals, tangents, *, function):
-    """The rule of the function inside. Arguments without a tangent stay without one."""
-    moving = tuple(not isinstance(x, ad.Zero) for x in tangents)
-    fixed = chosen(primals, not_(moving))
+    def batch(size, leaves, axes, function):
+        """The function of a batch is one call again."""
+        whole = jax.make_jaxpr(jax.vmap(function_of(function), axes, axis_size=size))(*leaves)
+        return made.bind(*leaves, function=whole), [0] * len(whole.out_avals)
 
-    def of_moving(*x):
-        return jaxpr_as_fun(function)(*merged(moving, x, fixed))
+    def inside(function):
+        # JAX would print all operations of what `function_of` returns, to name its place in the code.
+        return lambda *leaves: compute(*leaves, function=function)
 
-    results, moved = jax.jvp(of_moving, chosen(primals, moving), chosen(tangents, moving))
-    return results, [
-        ad.Zero(jax.typeof(x).to_tangent_aval()) if y.dtype == jax.dtypes.float0 else y
-        for x, y in zip(results, moved, strict=True)
-    ]
-
-
-def _batch(leaves, axes, *, function):
-    """The function of a batch is one call again."""
-    size = next(x.shape[axis] for x, axis in zip(leaves, axes, strict=True) if axis is not None)
-    whole = jax.make_jaxpr(jax.vmap(jaxpr_as_fun(function), axes, axis_size=size))(*leaves)
-    return whole_p.bind(*leaves, function=whole), [0] * len(whole.out_avals)
-
-
-def _lower(context, *leaves, function):
-    # JAX would print all operations of what `jaxpr_as_fun` returns, to name its place in the code.
-    def whole(*leaves):
-        return jaxpr_as_fun(function)(*leaves)
-
-    return mlir.lower_fun(whole, multiple_results=True)(context, *leaves)
-
-
-ad.primitive_jvps[whole_p] = _push_forward
-batching.primitive_batchers[whole_p] = _batch
-mlir.register_lowering(whole_p, _lower)
+    rules = Rules(compute, lambda function: function.out_avals, batch, push_forward, inside)
+    made = operation("whole_call", rules)
+    return made

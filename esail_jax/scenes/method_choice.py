@@ -13,9 +13,8 @@ import jax.numpy as jnp
 from jax import lax
 
 from esail_jax.array_types import Array
-from esail_jax.compilation.call import call
+from esail_jax.compilation.kept import program_of
 from esail_jax.compilation.options import START_OPTIONS
-from esail_jax.compilation.program import program_of
 from esail_jax.rod_chain import fastest_rate, turning_rate
 from esail_jax.scenes.build import build_chain
 from esail_jax.scenes.build_loads import origin_of, wind_of
@@ -31,6 +30,7 @@ from esail_jax.scenes.own_law import KEY
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.structure import Numbers, Structure, split
 from esail_jax.steppers.runge_kutta import REACH
+from kept_programs.call import call
 
 STRAIN_FRACTION = 1e-5
 """Largest tolerance of a sail as a fraction of its tethers' strain: tension is computed from differences of

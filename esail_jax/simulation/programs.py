@@ -12,9 +12,8 @@ import numpy as np
 
 from esail_jax.array_types import Array, Scalar
 from esail_jax.compilation.announcements import announce
+from esail_jax.compilation.kept import program_of
 from esail_jax.compilation.options import CHAIN_OPTIONS, COMPILER_OPTIONS, LOOK_OPTIONS, START_OPTIONS
-from esail_jax.compilation.program import program_of, type_of
-from esail_jax.compilation.remembered import remembered
 from esail_jax.scenes.stepper_choice import stepper_class
 from esail_jax.scenes.structure import Numbers, Structure
 from esail_jax.simulation.advance import Advanced, Window, advance
@@ -24,6 +23,8 @@ from esail_jax.simulation.rectification import AnyPoint
 from esail_jax.steppers.log import Log
 from esail_jax.steppers.stepper import AbstractStepper, Motion, Point
 from esail_jax.system import System
+from kept_programs.program import type_of
+from kept_programs.remembered import remembered
 
 MAX_ATTEMPTS = 16384
 """Largest number of attempted steps in one call."""

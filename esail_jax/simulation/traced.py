@@ -10,9 +10,8 @@ from jax import lax
 from jax.sharding import get_abstract_mesh
 
 from esail_jax.array_types import Array, Bool, Float, Scalar
-from esail_jax.compilation.call import call
+from esail_jax.compilation.kept import program_of
 from esail_jax.compilation.options import LOOK_OPTIONS
-from esail_jax.compilation.program import program_of
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.environment.kepler_orbit import KeplerOrbit
 from esail_jax.numerics.lockstep import select
@@ -29,6 +28,7 @@ from esail_jax.simulation.voltage_jumps import without_derivative
 from esail_jax.steppers.results import RESULTS
 from esail_jax.steppers.stepper import INSTANTS_TOGETHER, AbstractStepper, Point
 from esail_jax.system import Power
+from kept_programs.call import call
 
 
 class Traced(NamedTuple):

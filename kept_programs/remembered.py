@@ -1,7 +1,7 @@
 """What a process remembers of programs: functions whose results are kept, and executables in memory.
 
 A program in memory takes 10 to 200 MB. The most recently used executables stay; others go, and are loaded
-from the program cache when they are needed again (a program that is not kept there is compiled again).
+from the store when they are needed again (a program that is not kept there is compiled again).
 """
 
 import functools
@@ -13,7 +13,7 @@ from typing import Any
 
 import jax
 
-from esail_jax.compilation.memory import returning_freed_memory
+from kept_programs.memory import returning_freed_memory
 
 MOST_EXECUTABLES = 64
 """Largest number of executables in memory. A scene needs four for its run and five for its gradient."""
@@ -70,10 +70,7 @@ EXECUTABLES = RecentlyUsed(MOST_EXECUTABLES)
 @returning_freed_memory()
 def clear_caches() -> None:
     """Frees the memory of the programs of this process, those of JAX included (`jax.clear_caches`). What
-    is needed again is loaded from the program cache, or compiled. A function of `esail.jit` keeps its own
-    programs as long as it lives.
-
-        esail.clear_caches()     # between two studies in one notebook"""
+    is needed again is loaded from the store, or compiled."""
     EXECUTABLES.clear()
     for function in FUNCTIONS:
         function.cache_clear()

@@ -6,21 +6,16 @@ computes the results and the *residuals*, the values that the linear map of the 
 `backward` is the transpose of that map.
 """
 
-import hashlib
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
-from jax.extend.core import ClosedJaxpr, jaxpr_as_fun
-from jax.interpreters import partial_eval as pe
 
-from esail_jax.compilation.keys import key_of
-from esail_jax.compilation.program import Leaves, Program
-from esail_jax.compilation.remembered import remembered
-
-Mask = tuple[bool, ...]
-"""One truth value for every argument, or for every result, of a program."""
+from kept_programs.jax_internals import function_of, order_of_results, without_unused
+from kept_programs.masks import Mask, chosen, merged, not_, with_tangent
+from kept_programs.program import Leaves, Program
+from kept_programs.remembered import remembered
 
 derivation = remembered(maxsize=256)
 """Decorator: a program that is derived twice is made, loaded and compiled once."""
@@ -69,7 +64,7 @@ def batched(program: Program, size: int, axes: tuple[int | None, ...]) -> Progra
         traced, _ = without_unused(closed, [True] * len(closed.out_avals), instantiate=True)  # the probes
         return traced, tuple(place in depends for place in range(len(closed.out_avals)))
 
-    made = Program(make, derived_key(program, "batched", size, axes), program.compile)
+    made = derived(Program, program, make, "batched", size, axes)
     made.fixed = program.fixed
     return made
 
@@ -112,7 +107,7 @@ def pushed_forward(program: Program, moving: Mask) -> ForwardMode:
         primals = types_of(program)
         return jax.jit(function).trace(*primals, *chosen(primals, moving)), None
 
-    made = ForwardMode(make, derived_key(program, "pushed forward", moving), program.compile)
+    made = derived(ForwardMode, program, make, "pushed forward", moving)
     made.primal, made.arguments = program, len(moving)
     made.fixed = lambda: made.arguments
     return made
@@ -127,7 +122,7 @@ def forward(program: Program, moving: Mask) -> Program:
         traced, _ = linearised(program, moving)
         return traced, order_of_results(traced.jaxpr)
 
-    return Program(make, derived_key(program, "forward", moving), program.compile)
+    return derived(Program, program, make, "forward", moving)
 
 
 @derivation
@@ -142,14 +137,13 @@ def tangent(program: Program, moving: Mask) -> Program:
 
     def make():
         split = forward(program, moving).facts
+        # Residuals have no names: a kept `forward` fits this linear map if both have the same operations.
         if split.about != order_of_results(linearised(program, moving)[0].jaxpr):
-            raise RuntimeError(
-                "the program cache holds another derivative; clear it by `esail cache --clear`"
-            )
+            raise RuntimeError(f"the program cache holds another derivative; {program.keeper.remedy}")
         residuals = split.results[len(program.facts.results) :]
         return jax.jit(function).trace(*residuals, *chosen(types_of(program), moving)), None
 
-    made = Program(make, derived_key(program, "tangent", moving), program.compile)
+    made = derived(Program, program, make, "tangent", moving)
     made.fixed = lambda: len(forward(program, moving).facts.results) - len(program.facts.results)
     return made
 
@@ -167,15 +161,6 @@ def linearised(program: Program, moving: Mask) -> tuple[jax.stages.Traced, Any]:
         return (*results, *residuals)
 
     return jax.jit(function).trace(*types_of(program)), tree
-
-
-def order_of_results(closed: ClosedJaxpr) -> str:
-    """Returns a checksum of the operations of a function and of which of them give its results. Residuals
-    have no names: a kept `forward` fits a linear map of another process if the checksums are equal."""
-    made = {id(x): (i, j) for i, e in enumerate(closed.eqns) for j, x in enumerate(e.outvars)}
-    operations = [e.primitive.name for e in closed.eqns]
-    results = [(made.get(id(x)), str(x.aval)) for x in closed.jaxpr.outvars]
-    return hashlib.sha256(repr((operations, results)).encode()).hexdigest()
 
 
 @derivation
@@ -197,7 +182,7 @@ def backward(program: Program, linear: Mask) -> Program:
         constants = chosen(types_of(program), not_(linear))
         return jax.jit(function).trace(*constants, *program.facts.results), None
 
-    made = Program(make, derived_key(program, "backward", linear), program.compile)
+    made = derived(Program, program, make, "backward", linear)
     made.fixed = lambda: linear.count(False)
     return made
 
@@ -218,7 +203,7 @@ def pruned(program: Program, used: Mask) -> Pruned:
     def make():
         return without_unused(program.traced.jaxpr, used)
 
-    made = Pruned(make, derived_key(program, "pruned", used), program.compile)
+    made = derived(Pruned, program, make, "pruned", used)
     made.whole, made.used = program, used
     if program.fixed is not None:
         made.fixed = lambda: sum(made.facts.about[: program.fixed()])
@@ -228,24 +213,19 @@ def pruned(program: Program, used: Mask) -> Pruned:
 # ---- helpers ----------------------------------------------------------------------------------------
 
 
-def without_unused(
-    closed: ClosedJaxpr, used: Sequence[bool], instantiate: bool = False
-) -> tuple[jax.stages.Traced, Mask]:
-    """Returns the traced function of the used results, and the mask of the arguments that remain: all if
-    `instantiate`, otherwise those on which the results depend."""
-    shorter, needed = pe.dce_jaxpr(closed.jaxpr, used, instantiate)
-    types = (jax.ShapeDtypeStruct(x.shape, x.dtype) for x in chosen(closed.in_avals, needed))
-    return jax.jit(jaxpr_as_fun(ClosedJaxpr(shorter, closed.consts))).trace(*types), tuple(needed)
+Kind = TypeVar("Kind", bound=Program)
 
 
-def derived_key(program: Program, *how: Any) -> str | None:
-    """Returns the key of a derived program."""
-    return None if program.key is None else key_of("derived", program.key, *how)
+def derived(kind: type[Kind], program: Program, make: Callable, *how: Any) -> Kind:
+    """Returns a program that follows from another one and is compiled in the same way. how: what tells its
+    key from those of others."""
+    key = None if program.key is None else program.keeper.environment.key_of("derived", program.key, *how)
+    return kind(program.keeper, make, key, program.compile)
 
 
 def as_function(program: Program) -> Callable[..., Leaves]:
     """Returns the program as a function that JAX can trace."""
-    return jaxpr_as_fun(program.traced.jaxpr)
+    return function_of(program.traced.jaxpr)
 
 
 def of_moving(program: Program, moving: Mask, primals: Leaves) -> Callable[..., Leaves]:
@@ -257,25 +237,3 @@ def of_moving(program: Program, moving: Mask, primals: Leaves) -> Callable[..., 
 def types_of(program: Program) -> tuple[jax.ShapeDtypeStruct, ...]:
     """Returns the types of a program's arguments."""
     return tuple(jax.ShapeDtypeStruct(x.shape, x.dtype) for x in program.traced.jaxpr.in_avals)
-
-
-def with_tangent(values: Leaves) -> Mask:
-    """Returns which values are floating-point numbers and therefore have tangents."""
-    return tuple(bool(jnp.issubdtype(x.dtype, jnp.inexact)) for x in values)
-
-
-def chosen(values: Sequence, mask: Sequence[bool]) -> tuple:
-    """Returns the values for which the mask is true."""
-    return tuple(x for x, is_chosen in zip(values, mask, strict=True) if is_chosen)
-
-
-def not_(mask: Sequence[bool]) -> Mask:
-    """Returns the opposite mask."""
-    return tuple(not x for x in mask)
-
-
-def merged(mask: Mask, where_true: Sequence, where_false: Sequence) -> tuple:
-    """Returns one sequence: the values of `where_true` at the places where the mask is true, those of
-    `where_false` at the others."""
-    true, false = iter(where_true), iter(where_false)
-    return tuple(next(true) if x else next(false) for x in mask)

@@ -10,21 +10,9 @@ from typing import NamedTuple
 
 import jax
 
-from esail_jax.compilation.derived import (
-    Mask,
-    Pruned,
-    backward,
-    chosen,
-    derivation,
-    derived_key,
-    merged,
-    not_,
-    of_moving,
-    pruned,
-    types_of,
-    with_tangent,
-)
-from esail_jax.compilation.program import Facts, Program
+from kept_programs.derived import Pruned, backward, derivation, derived, of_moving, pruned, types_of
+from kept_programs.masks import Mask, chosen, not_, placed, with_tangent
+from kept_programs.program import Facts, Program
 
 
 class TangentAgain(Program):
@@ -55,7 +43,7 @@ def tangent_again(program: Program, moving: Mask) -> TangentAgain:
         primals = types_of(program)
         return jax.jit(function).trace(*primals, *chosen(primals, moving)), None
 
-    made = TangentAgain(make, derived_key(program, "tangent again", moving), program.compile)
+    made = derived(TangentAgain, program, make, "tangent again", moving)
     made.primal, made.moving = program, moving
     made.fixed = lambda: len(moving)
     return made
@@ -73,7 +61,7 @@ def pulled_back(program: Program, moving: Mask) -> Program:
     def make():
         return jax.jit(function).trace(*types_of(program), *program.facts.results), None
 
-    made = Program(make, derived_key(program, "pulled back", moving), program.compile)
+    made = derived(Program, program, make, "pulled back", moving)
     made.fixed = lambda: len(moving)
     return made
 
@@ -128,8 +116,3 @@ def of_whole(program: Pruned, linear: Mask, given: Mask) -> tuple[Program, Mask,
     """Returns the program from which a pruned one was made, and the masks of its linear arguments and given
     cotangents."""
     return program.whole, placed(program.facts.about, linear), placed(program.used, given)
-
-
-def placed(mask: Mask, values: Mask) -> Mask:
-    """Returns a mask with these values at the places where `mask` is true, and false elsewhere."""
-    return merged(mask, values, (False,) * mask.count(False))

@@ -1,0 +1,97 @@
+"""The programs of this package that are kept on the disk: `kept_programs` with our store and options."""
+
+import contextlib
+import dataclasses
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import jax
+
+from esail_jax.compilation.notebook_line import compiler_at_work
+from esail_jax.compilation.options import (
+    COMPILER_OPTIONS,
+    Options,
+    compile_lowered,
+    compiled_by_us,
+    lower,
+    refuse_in_plain_jit,
+)
+from esail_jax.compilation.stored import STORE
+from esail_jax.cores import THREADS, cores, processor
+from kept_programs import program, remembered
+from kept_programs.keys import Environment
+from kept_programs.program import Keeper, TreeProgram
+
+ENVIRONMENT = Environment(
+    "esail_jax",
+    Path(__file__).parents[1],
+    STORE,
+    libraries=("equinox", "diffrax", "optax", "scipy"),
+    variables=(THREADS, "XLA_FLAGS"),
+    machine=lambda: f"{processor('flags', 'Features')} {cores()}",
+)
+
+
+@contextlib.contextmanager
+def at_work() -> Iterator[None]:
+    """Context manager around the tracing and compiling of our programs."""
+    with compiler_at_work(), compiled_by_us():
+        yield
+
+
+KEEPER = Keeper(
+    STORE,
+    ENVIRONMENT,
+    lower=lower,
+    before_lowering=refuse_in_plain_jit,
+    at_work=at_work,
+    switch="ESAIL_PRIMITIVE",
+    remedy="clear it by `esail cache --clear`",
+)
+
+key_of = ENVIRONMENT.key_of
+
+
+@dataclasses.dataclass(frozen=True)
+class Compile:
+    """Compiles a lowered program. options: XLA's, as pairs; fused: whether the library may compute the
+    operations around matrix products (`options.compile_lowered`)."""
+
+    options: tuple[tuple[str, str | bool | int], ...]
+    fused: bool
+
+    def __call__(self, lowered: jax.stages.Lowered) -> jax.stages.Compiled:
+        options = dict(self.options)
+        if self.fused:
+            return compile_lowered(lowered, options)
+        return lowered.compile(compiler_options=options)
+
+
+def program_of(
+    function: Callable,
+    static: tuple,
+    arguments: tuple,
+    options: Options = COMPILER_OPTIONS,
+    fused: bool = True,
+) -> TreeProgram:
+    """Returns the program of `function(*static, *arguments)`.
+
+    function: of this package; static: hashable; arguments: trees of arrays, tracers or types; options,
+    fused: as in `Compile`."""
+    compile = Compile(tuple(options.items()), fused)
+    return program.program_of(KEEPER, function, static, arguments, compile)
+
+
+def tree_program(function: Callable, arguments: tuple, key: str | None) -> TreeProgram:
+    """Returns the program of `function(*arguments)`. arguments: trees of types; key: name in the store."""
+    compile = Compile(tuple(COMPILER_OPTIONS.items()), True)
+    return program.tree_program(KEEPER, function, arguments, key, compile)
+
+
+def clear_caches() -> None:
+    """Frees the memory of the programs of this process, those of JAX included (`jax.clear_caches`). What
+    is needed again is loaded from the program cache, or compiled. A function of `esail.jit` keeps its own
+    programs as long as it lives.
+
+        esail.clear_caches()     # between two studies in one notebook"""
+    remembered.clear_caches()

@@ -1,0 +1,70 @@
+"""Calls of programs inside functions that JAX traces.
+
+A program inside another function is one operation of JAX (`operation.py`). JAX promises nothing about what
+such an operation needs. Where it does not work, or where the keeper's environment variable is `off`, the
+function of the program is called through `jax.jit`: the results are the same, and a second process traces
+and compiles it again, with JAX's own cache.
+"""
+
+import os
+import warnings
+from typing import Any
+
+import jax
+
+from kept_programs.program import Keeper, TreeProgram
+from kept_programs.remembered import remembered
+from kept_programs.self_check import fault
+
+
+def call(program: TreeProgram, *arguments: Any, recompute: bool = False, expected: Any = None) -> Any:
+    """Returns the result of a program. Some of the arguments may be tracers.
+
+    recompute: as in `operation.Reverse`; expected: a function that returns that mask as a tree, from the
+    result with types in place of arrays."""
+    leaves = program.leaves(arguments)
+    if not is_one_operation(program.program.keeper):
+        return called_plainly(program, arguments)
+    from kept_programs.operation import Reverse, bind
+
+    mask = None if expected is None else tuple(jax.tree.leaves(expected(program.result)))
+    return program.unflatten(bind(program.program, *leaves, reverse=Reverse(recompute, mask)))
+
+
+def called_plainly(program: TreeProgram, arguments: tuple) -> Any:
+    """Returns the result of a program as that of a function of `jax.jit`."""
+    program.program.keeper.before_lowering()
+    return program.plain(*arguments)
+
+
+def is_one_operation(keeper: Keeper) -> bool:
+    """Tells whether a call is one operation of JAX."""
+    return not is_off(keeper.switch) and works(keeper)
+
+
+def is_off(variable: str) -> bool:
+    """Tells whether an environment variable says `off`."""
+    return os.environ.get(variable, "").lower() in ("off", "0", "no", "false")
+
+
+@remembered(maxsize=16)
+def works(keeper: Keeper) -> bool:
+    """Tells whether the operation computes what it should with this version of JAX. Warns, once in a
+    process, if it does not."""
+    found = fault(keeper)
+    if found:
+        warnings.warn(
+            f"with JAX {jax.__version__} derivatives are compiled anew in every process, because its "
+            f"interface for operations is another one ({found}); results are not concerned",
+            stacklevel=2,
+        )
+        use_cache_of_jax(keeper)
+    return not found
+
+
+def use_cache_of_jax(keeper: Keeper) -> None:
+    """Lets JAX keep what it compiles, in a folder beside that of the store, unless the user has chosen
+    one."""
+    folder = keeper.store.private_folder(create=True)
+    if folder is not None and jax.config.jax_compilation_cache_dir is None:
+        jax.config.update("jax_compilation_cache_dir", str(folder / "jax"))

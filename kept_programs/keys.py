@@ -1,0 +1,174 @@
+"""Keys of compiled programs: one text for everything that decides what a program computes.
+
+A key is the SHA-256 of the program's static arguments, the shapes of its arrays, the compiler options, and
+the environment: the sources of the programs, the versions of the libraries, the binary of jaxlib, the
+processor, and the settings of JAX. A function or class counts by its name, so its source must be part of the
+environment. A program that depends on any other code, such as a function of a user's, has no key and is not
+kept.
+"""
+
+import dataclasses
+import enum
+import functools
+import hashlib
+import inspect
+import os
+import platform
+from collections.abc import Callable
+from importlib import metadata, util
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+from kept_programs.store import Store
+
+OWN = Path(__file__).parent
+"""The folder of this package, whose source is part of every environment."""
+
+KNOWN = ("builtins", "functools")
+"""Packages whose functions and classes are known by their names in every environment."""
+
+UNRELATED = ("cache", "log", "traceback", "warn", "explain", "dump")
+"""Words in the names of JAX's settings that do not change what a program computes."""
+
+
+class Unkeyed(Exception):
+    """A program depends on something that has no lasting name."""
+
+
+class Environment:
+    """What the programs of a package depend on, besides their arguments.
+
+    package: its name; source: its folder; libraries: those whose functions it uses, beside JAX; variables:
+    environment variables that change what is compiled; machine: returns a text about the machine; store:
+    where the digest of jaxlib's binary is kept."""
+
+    def __init__(
+        self,
+        package: str,
+        source: Path,
+        store: Store,
+        libraries: tuple[str, ...] = (),
+        variables: tuple[str, ...] = ("XLA_FLAGS",),
+        machine: Callable[[], str] = platform.processor,
+    ):
+        self.source, self.store, self.variables, self.machine = source, store, variables, machine
+        self.libraries = ("jax", "jaxlib", "numpy", *libraries)
+        self.known = (package, *KNOWN, *self.libraries)
+
+    def key_of(self, *parts: Any) -> str | None:
+        """Returns the key of a program that depends on these parts and on the environment. None if a part
+        has no lasting name."""
+        try:
+            text = self.text_of(parts)
+        except Unkeyed:
+            return None
+        return hashlib.sha256(f"{self.text}\n{settings()}\n{text}".encode()).hexdigest()
+
+    @functools.cached_property
+    def text(self) -> str:
+        """The text of everything that stays the same in a process."""
+        source = hashlib.sha256()
+        for root in (self.source, OWN):
+            for path in sorted(root.rglob("*.py")):
+                source.update(f"{path.relative_to(root)}\n".encode() + path.read_bytes())
+        device = jax.devices()[0]
+        parts = [
+            source.hexdigest(), *(f"{name} {version(name)}" for name in self.libraries),
+            digest_of(binary_of_jaxlib(), self.store), platform.python_version(), platform.platform(),
+            platform.machine(), self.machine(), device.platform, device.device_kind,
+            str(jax.device_count()), *(f"{name}={os.environ.get(name)}" for name in self.variables),
+        ]  # fmt: skip
+        return "\n".join(parts)
+
+    def text_of(self, x: Any) -> str:
+        """Returns a text that is equal for equal values, in every process. Raises Unkeyed if there is
+        none."""
+        text_of = self.text_of
+        match x:
+            case enum.Enum():
+                return f"{text_of(type(x))}.{x.name}"
+            case None | bool() | int() | float() | complex() | str() | bytes():
+                return f"{type(x).__name__} {x!r}"
+            case np.ndarray() | np.generic():
+                if x.dtype.hasobject:
+                    raise Unkeyed(x)
+                return f"array {x.dtype} {x.shape} {hashlib.sha256(np.ascontiguousarray(x)).hexdigest()}"
+            case jax.core.Tracer():
+                raise Unkeyed(x)
+            case jax.Array():
+                return text_of(np.asarray(x))
+            case np.dtype():
+                return f"dtype {x}"
+            case jax.ShapeDtypeStruct():
+                return f"shape {x.shape} {x.dtype} {x.weak_type}"
+            case tuple() | list():
+                return f"{text_of(type(x))}({','.join(map(text_of, x))})"
+            case dict():
+                return "{" + ",".join(sorted(f"{text_of(k)}:{text_of(v)}" for k, v in x.items())) + "}"
+            case set() | frozenset():
+                return "{" + ",".join(sorted(map(text_of, x))) + "}"
+            case functools.partial():
+                return f"partial({text_of(x.func)},{text_of(x.args)},{text_of(x.keywords)})"
+        if dataclasses.is_dataclass(x) and not isinstance(x, type):
+            values = (f"{f.name}={text_of(getattr(x, f.name, None))}" for f in dataclasses.fields(x))
+            return f"{text_of(type(x))}({','.join(values)})"
+        if isinstance(x, type) or inspect.isroutine(x) or isinstance(x, np.ufunc):
+            return self.name_of(x)
+        raise Unkeyed(x)
+
+    def name_of(self, x: Any) -> str:
+        """Returns module and name of a function or class.
+
+        Raises Unkeyed if its package is unknown, or if it was defined within a function: several objects
+        may then have one name."""
+        module, name = getattr(x, "__module__", None) or "builtins", getattr(x, "__qualname__", x.__name__)
+        if module.partition(".")[0] not in self.known or "<" in name:
+            raise Unkeyed(x)
+        return f"{module}.{name}"
+
+
+def version(library: str) -> str:
+    """Returns the version of a library, or an empty text if it is not installed."""
+    try:
+        return metadata.version(library)
+    except metadata.PackageNotFoundError:
+        return ""
+
+
+def settings() -> str:
+    """Returns the settings of JAX that may change a program."""
+    names = (name for name in sorted(jax.config.values) if not any(word in name for word in UNRELATED))
+    values = jax.config.values  # of the process; an attribute is the value in the current context
+    return str([(name, getattr(jax.config, name, values[name])) for name in names])
+
+
+def binary_of_jaxlib() -> Path | None:
+    """Returns the largest shared library in the folder of jaxlib, which holds XLA; None if there is none."""
+    found = util.find_spec("jaxlib")
+    places = () if found is None else found.submodule_search_locations or ()
+    libraries = [
+        path for place in places for path in Path(place).iterdir()
+        if path.suffix in (".so", ".pyd", ".dylib", ".dll") or ".so." in path.name
+    ]  # fmt: skip
+    return max(libraries, key=lambda path: path.stat().st_size, default=None)
+
+
+def digest_of(path: Path | None, store: Store) -> str:
+    """Returns the SHA-256 of a file, an empty text without one and if nothing is kept. Several hundred
+    megabytes take some tenths of a second: the digest is kept in the store, under path, size and time of the
+    file."""
+    if path is None or store.location() is None:
+        return ""
+    seen = path.stat()
+    identity = f"{path} {seen.st_size} {seen.st_mtime_ns}"
+    name = f"digest-{hashlib.sha256(identity.encode()).hexdigest()}"
+    kept = store.load(name)
+    if kept is not None:
+        return kept.decode()
+    with open(path, "rb") as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    store.save(name, digest.encode())
+    return digest

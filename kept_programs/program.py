@@ -1,0 +1,264 @@
+"""A program: a function of a list of arrays that is traced and compiled once, and kept on the disk.
+
+Tracing and compiling take seconds, loading an executable takes tenths of a second. A program with a key
+(`keys.py`) is therefore first looked for in the store (`store.py`). The types of its results are kept beside
+it, because the next program may be compiled for them.
+"""
+
+import contextlib
+import functools
+import threading
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from kept_programs.collector import collector_paused
+from kept_programs.executables import compile_and_save, is_kept, load, load_executable, save
+from kept_programs.keys import Environment, settings
+from kept_programs.nan_checks import unchecked
+from kept_programs.remembered import EXECUTABLES, remembered
+from kept_programs.store import Store
+
+Leaves = Sequence[Any]
+"""Arrays, or numbers, in the order of a flattened tree."""
+
+
+class Facts(NamedTuple):
+    """What is known of a program without tracing it.
+
+    results: types of the results; about: what the maker of the program has to remember beside them, such as
+    the tree of the results."""
+
+    results: tuple[jax.ShapeDtypeStruct, ...]
+    about: Any
+
+
+def lower_plainly(traced: jax.stages.Traced) -> jax.stages.Lowered:
+    """Lowers a traced function."""
+    return traced.lower()
+
+
+def compile_plainly(lowered: jax.stages.Lowered) -> jax.stages.Compiled:
+    """Compiles a lowered function with JAX's options."""
+    return lowered.compile()
+
+
+class Keeper(NamedTuple):
+    """How the programs of a package are kept and compiled.
+
+    store, environment: where they are kept, and what their keys depend on; lower: lowers a program that is
+    compiled on its own; before_lowering: called before a program becomes part of a program of the user's,
+    which it may refuse by an error; at_work: a context manager around everything that takes long; switch:
+    the environment variable that lets programs be called through plain `jax.jit` if it is `off`; remedy: how
+    a user clears the store."""
+
+    store: Store
+    environment: Environment
+    lower: Callable[[jax.stages.Traced], jax.stages.Lowered] = lower_plainly
+    before_lowering: Callable[[], None] = lambda: None
+    at_work: Callable[[], contextlib.AbstractContextManager] = contextlib.nullcontext
+    switch: str = "KEPT_PROGRAMS_PRIMITIVE"
+    remedy: str = "clear it"
+
+
+class Program:
+    """A function of arrays, which is traced, loaded or compiled when it is needed first.
+
+    make: returns the traced function and what is to be remembered of it (`Facts.about`); key: the name in
+    the store, None if the program is not kept; compile: compiles what `Keeper.lower` returns; fixed: the
+    number of its arguments before those in which it is linear, None if it is linear in none."""
+
+    fixed: Callable[[], int] | None = None
+
+    def __init__(
+        self,
+        keeper: Keeper,
+        make: Callable[[], tuple[jax.stages.Traced, Any]],
+        key: str | None,
+        compile: Callable[[jax.stages.Lowered], jax.stages.Compiled] = compile_plainly,
+    ):
+        self.keeper, self.key, self._make, self.compile = keeper, key, make, compile
+        self._lock = threading.RLock()
+        self._lowered: jax.stages.Lowered | None = None
+        self._executable: Callable | None = None
+
+    @functools.cached_property
+    def _made(self) -> tuple[jax.stages.Traced, Any]:
+        with self.keeper.at_work(), collector_paused():
+            return self._make()
+
+    @property
+    def traced(self) -> jax.stages.Traced:
+        """The traced function."""
+        return self._made[0]
+
+    @functools.cached_property
+    def facts(self) -> Facts:
+        """Types of the results, from the store if it has them."""
+        kept = load(self.keeper.store, self.key, "facts")
+        if isinstance(kept, Facts):
+            return kept
+        traced, about = self._made
+        results = tuple(
+            jax.ShapeDtypeStruct(x.shape, x.dtype, weak_type=x.weak_type) for x in traced.jaxpr.out_avals
+        )
+        found = Facts(results, about)
+        save(self.keeper.store, self.key, "facts", found)
+        return found
+
+    @property
+    def executable(self) -> Callable:
+        """The executable, loaded or compiled. Other programs are compiled at the same time: a
+        `functools.cached_property` of Python 3.11 would have one lock for all of them."""
+        with self._lock:
+            found = self._executable
+            if found is None:
+                found = self._executable = self._loaded() or self._compiled()
+        EXECUTABLES.use(self)
+        return found
+
+    def forget(self) -> None:
+        """Lets the executable and the traced function go. They come back when they are needed."""
+        self._executable = None
+        self.__dict__.pop("_made", None)
+
+    def _loaded(self) -> Callable | None:
+        return load_executable(self.keeper.store, self.key) if self._lowered is None else None
+
+    def _compiled(self) -> Callable:
+        self.facts  # noqa: B018 - kept beside the executable
+        with collector_paused():
+            lowered = self._lowered or self.keeper.lower(self.traced)
+        self._lowered = None
+        with self.keeper.at_work():
+            return compile_and_save(self.keeper.store, self.key, lambda: self.compile(lowered))
+
+    def prepare(self) -> None:
+        """Traces and lowers the program here, and starts to load or compile it in a thread, for which
+        `executable` waits. An error of that thread comes up again there."""
+
+        def executable_now():
+            with contextlib.suppress(Exception):
+                self.executable  # noqa: B018
+
+        if self._executable is None:
+            self.lower()
+            threading.Thread(target=executable_now).start()
+
+    def lower(self) -> None:
+        """Traces and lowers the program, unless its executable is kept. Python runs this part of compiling
+        in one thread at a time."""
+        if self._lowered is None and not is_kept(self.keeper.store, self.key):
+            with self._lock, self.keeper.at_work(), collector_paused():
+                self._lowered = self.keeper.lower(self.traced)
+
+    def __call__(self, *leaves: Any) -> Leaves:
+        """Runs the program."""
+        return unchecked(self.executable, *leaves)
+
+
+class TreeProgram:
+    """A program of a function of trees. function: that function; structure: that of the tuple of its
+    arguments."""
+
+    def __init__(self, program: Program, function: Callable, structure: Any):
+        self.program, self.function, self.structure = program, function, structure
+
+    @functools.cached_property
+    def _result(self) -> Any:
+        return jax.tree.structure(self.program.facts.about)
+
+    @functools.cached_property
+    def plain(self) -> Callable:
+        """The function of `jax.jit` that computes the same."""
+        return jax.jit(self.function)
+
+    @property
+    def result(self) -> Any:
+        """The result with types in place of arrays."""
+        return self.unflatten(self.program.facts.results)
+
+    @property
+    def is_kept(self) -> bool:
+        """True if the store has the executable."""
+        return is_kept(self.program.keeper.store, self.program.key)
+
+    def lower(self) -> None:
+        """Traces and lowers the program, unless its executable is kept."""
+        self.program.lower()
+
+    def compile(self) -> None:
+        """Loads or compiles the executable."""
+        self.program.executable  # noqa: B018
+
+    def leaves(self, arguments: tuple) -> Leaves:
+        """Returns the leaves of the arguments. Raises TypeError if they have another structure."""
+        leaves, structure = jax.tree.flatten(arguments)
+        if structure != self.structure:
+            raise TypeError(f"the arguments must have the structure {self.structure}, but have {structure}")
+        return leaves
+
+    def unflatten(self, results: Leaves) -> Any:
+        """Returns the tree of the results."""
+        return jax.tree.unflatten(self._result, results)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Runs the program."""
+        return self.unflatten(self.program(*self.leaves(arguments)))
+
+
+def program_of(
+    keeper: Keeper,
+    function: Callable,
+    static: tuple,
+    arguments: tuple,
+    compile: Callable[[jax.stages.Lowered], jax.stages.Compiled] = compile_plainly,
+) -> TreeProgram:
+    """Returns the program of `function(*static, *arguments)`.
+
+    function: of the keeper's package; static: hashable; arguments: trees of arrays, tracers or types;
+    compile: hashable, and part of the key."""
+    leaves, structure = jax.tree.flatten(arguments)
+    return _program_of(
+        keeper, function, static, structure, tuple(map(type_of, leaves)), compile, settings()
+    )
+
+
+@remembered(maxsize=256)
+def _program_of(keeper, function, static, structure, kinds, compile, settings) -> TreeProgram:
+    arguments = jax.tree.unflatten(structure, kinds)
+    places = jax.tree.unflatten(structure, range(len(kinds)))
+    key = keeper.environment.key_of(function, static, places, kinds, compile)
+    return tree_program(keeper, lambda *x: function(*static, *x), arguments, key, compile)
+
+
+def tree_program(
+    keeper: Keeper,
+    function: Callable,
+    arguments: tuple,
+    key: str | None,
+    compile: Callable[[jax.stages.Lowered], jax.stages.Compiled] = compile_plainly,
+) -> TreeProgram:
+    """Returns the program of `function(*arguments)`. arguments: trees of types; key: name in the store."""
+    types, structure = jax.tree.flatten(arguments)
+
+    def make():
+        skeleton = None
+
+        def flat(*leaves):
+            nonlocal skeleton
+            result = function(*jax.tree.unflatten(structure, leaves))
+            found, tree = jax.tree.flatten(result)
+            skeleton = jax.tree.unflatten(tree, range(len(found)))
+            return found
+
+        return jax.jit(flat).trace(*types), skeleton
+
+    return TreeProgram(Program(keeper, make, key, compile), function, structure)
+
+
+def type_of(x: Any) -> jax.ShapeDtypeStruct:
+    """Returns shape and type of an array, a tracer, a number or another type."""
+    return jax.ShapeDtypeStruct(np.shape(x), jax.numpy.result_type(x))
