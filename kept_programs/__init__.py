@@ -6,22 +6,22 @@
     program(state)                                   # runs the executable
     jax.grad(lambda x: call(program, x).sum())(x)    # of kept programs, too
 
-README.md tells how it works. Names are imported when they are used, so that a store can be looked at without
-importing JAX.
+README.md tells how it works. Names are imported when they are used, so that a store can be looked at
+without importing JAX.
 """
 
 import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from kept_programs.call import call, is_one_operation
+    from kept_programs.calls import call, is_one_operation
     from kept_programs.keys import Environment, Unkeyed
     from kept_programs.program import Keeper, Program, TreeProgram, program_of, tree_program, type_of
     from kept_programs.remembered import clear_caches, remembered
     from kept_programs.store import Store, Usage
 
 MODULES = {
-    "call": ("call", "is_one_operation"),
+    "calls": ("call", "is_one_operation"),
     "keys": ("Environment", "Unkeyed"),
     "program": ("Keeper", "Program", "TreeProgram", "program_of", "tree_program", "type_of"),
     "remembered": ("clear_caches", "remembered"),

@@ -1,8 +1,8 @@
 """All that this package takes from JAX beyond its public interface, in one place.
 
 JAX promises nothing about `jax.extend`, `jax.interpreters` and `jax.core` (but `Tracer`): their names may
-change with every release. A release that changes one of these concerns this module only, and `self_check.py`
-finds it: programs are then called through plain `jax.jit`, until the module is mended.
+change with every release. A release that changes one of these concerns this module only, and
+`self_check.py` finds it: programs are then called through plain `jax.jit`, until the module is mended.
 
 | our rule | JAX's names | last changed in |
 |---|---|---|
@@ -14,8 +14,9 @@ finds it: programs are then called through plain `jax.jit`, until the module is 
 | `Rules.prune` | `pe.dce_rules` (0.12 has one more argument) | 0.12 |
 | `Rules.split` | `pe.partial_eval_jaxpr_custom_rules`, `jax.extend.core.Literal` | - |
 | `Rules.function` | `mlir.register_lowering`, `mlir.lower_fun` | - |
-| `Rules.name`, `text_with_names` | `mlir.LoweringParameters`, `lower(_private_parameters=)` | 0.5 |
-| `function_of`, `without_unused` | `jaxpr_as_fun`, `ClosedJaxpr` of `jax.extend.core`, `pe.dce_jaxpr` | 0.9 |
+| `Rules.name`, `named` | `mlir.LoweringParameters`, `lower(_private_parameters=)` | 0.5 |
+| `function_of` | `jax.extend.core.jaxpr_as_fun` | - |
+| `without_unused` | `jax.extend.core.ClosedJaxpr`, `pe.dce_jaxpr` | - |
 
 Zero tangents and cotangents are None on our side.
 """
@@ -54,14 +55,14 @@ class Division(NamedTuple):
 class Rules(NamedTuple):
     """What an operation does. All functions take the operation's parameters by name.
 
-    run(*arrays): its results; types(): types of its results; batch(size, arguments, axes): results and axes;
-    push_forward(arguments, tangents, unknown): results and tangents, where `unknown` is true if the
+    run(*arrays): its results; types(): types of its results; batch(size, arguments, axes): results and
+    axes; push_forward(arguments, tangents, unknown): results and tangents, where `unknown` is true if the
     tangents have no values yet, so that the results must be computed without them; transpose(cotangents,
     arguments, linear): cotangents of all arguments, where `linear` is the mask of those in which the
-    operation is linear and which have no value; prune(used): a `Pruning`; split(unknown): a `Division`, None
-    if the operation is not divided; function(): a function that JAX traces into the program that is being
-    compiled; name(): a text in place of the operation, None if it has none. Without `transpose`, `prune`,
-    `split` or `name` (None) the operation has no such rule."""
+    operation is linear and which have no value; prune(used): a `Pruning`; split(unknown): a `Division`,
+    None if the operation is not divided; function(): a function that JAX traces into the program that is
+    being compiled; name(): a text in place of the operation, None if it has none. Without `transpose`,
+    `prune`, `split` or `name` (None) the operation has no such rule."""
 
     run: Callable[..., Sequence]
     types: Callable[..., Sequence]
@@ -84,11 +85,6 @@ def operation(name: str, rules: Rules) -> Primitive:
     def types(*_, **parameters):
         return [ShapedArray(x.shape, x.dtype, weak_type=x.weak_type) for x in rules.types(**parameters)]
 
-    def batch(arguments, axes, **parameters):
-        pairs = zip(arguments, axes, strict=True)
-        size = next(x.shape[axis] for x, axis in pairs if axis is not None)
-        return rules.batch(size, arguments, axes, **parameters)
-
     def push_forward(arguments, tangents, **parameters):
         unknown = any(isinstance(x, pe.JaxprTracer) for x in tangents)
         moved = [None if isinstance(x, ad.Zero) else x for x in tangents]
@@ -100,7 +96,7 @@ def operation(name: str, rules: Rules) -> Primitive:
         function = rules.function(**parameters)
         return mlir.lower_fun(function, multiple_results=True)(context, *arguments)
 
-    batching.primitive_batchers[made] = batch
+    batching.primitive_batchers[made] = batching_rule(rules)
     ad.primitive_jvps[made] = push_forward
     mlir.register_lowering(made, lower)
     if rules.transpose is not None:
@@ -110,6 +106,17 @@ def operation(name: str, rules: Rules) -> Primitive:
     if rules.split is not None:
         pe.partial_eval_jaxpr_custom_rules[made] = division(rules)
     return made
+
+
+def batching_rule(rules: Rules) -> Callable:
+    """Returns the rule of `jax.vmap`."""
+
+    def batch(arguments, axes, **parameters):
+        pairs = zip(arguments, axes, strict=True)
+        size = next(x.shape[axis] for x, axis in pairs if axis is not None)
+        return rules.batch(size, arguments, axes, **parameters)
+
+    return batch
 
 
 def zero_tangent(x: Any) -> ad.Zero:

@@ -2,9 +2,9 @@
 
 A key is the SHA-256 of the program's static arguments, the shapes of its arrays, the compiler options, and
 the environment: the sources of the programs, the versions of the libraries, the binary of jaxlib, the
-processor, and the settings of JAX. A function or class counts by its name, so its source must be part of the
-environment. A program that depends on any other code, such as a function of a user's, has no key and is not
-kept.
+processor, and the settings of JAX. A function or class counts by its name, so its source must be part of
+the environment. A program that depends on any other code, such as a function of a user's, has no key and is
+not kept.
 """
 
 import dataclasses
@@ -27,7 +27,7 @@ from kept_programs.store import Store
 OWN = Path(__file__).parent
 """The folder of this package, whose source is part of every environment."""
 
-KNOWN = ("builtins", "functools")
+KNOWN = ("builtins", "functools", "kept_programs")
 """Packages whose functions and classes are known by their names in every environment."""
 
 UNRELATED = ("cache", "log", "traceback", "warn", "explain", "dump")
@@ -146,7 +146,8 @@ def settings() -> str:
 
 
 def binary_of_jaxlib() -> Path | None:
-    """Returns the largest shared library in the folder of jaxlib, which holds XLA; None if there is none."""
+    """Returns the largest shared library in the folder of jaxlib, which holds XLA; None if there is
+    none."""
     found = util.find_spec("jaxlib")
     places = () if found is None else found.submodule_search_locations or ()
     libraries = [
@@ -158,8 +159,8 @@ def binary_of_jaxlib() -> Path | None:
 
 def digest_of(path: Path | None, store: Store) -> str:
     """Returns the SHA-256 of a file, an empty text without one and if nothing is kept. Several hundred
-    megabytes take some tenths of a second: the digest is kept in the store, under path, size and time of the
-    file."""
+    megabytes take some tenths of a second: the digest is kept in the store, under path, size and time of
+    the file."""
     if path is None or store.location() is None:
         return ""
     seen = path.stat()

@@ -1,8 +1,8 @@
 """A program: a function of a list of arrays that is traced and compiled once, and kept on the disk.
 
 Tracing and compiling take seconds, loading an executable takes tenths of a second. A program with a key
-(`keys.py`) is therefore first looked for in the store (`store.py`). The types of its results are kept beside
-it, because the next program may be compiled for them.
+(`keys.py`) is therefore first looked for in the store (`store.py`). The types of its results are kept
+beside it, because the next program may be compiled for them.
 """
 
 import contextlib
@@ -51,8 +51,8 @@ class Keeper(NamedTuple):
     store, environment: where they are kept, and what their keys depend on; lower: lowers a program that is
     compiled on its own; before_lowering: called before a program becomes part of a program of the user's,
     which it may refuse by an error; at_work: a context manager around everything that takes long; switch:
-    the environment variable that lets programs be called through plain `jax.jit` if it is `off`; remedy: how
-    a user clears the store."""
+    the environment variable that lets programs be called through plain `jax.jit` if it is `off`; remedy:
+    how a user clears the store."""
 
     store: Store
     environment: Environment

@@ -51,9 +51,8 @@ def summed(f: Objective, y: jax.Array) -> jax.Array:
 
 def fault(keeper: Keeper) -> str:
     """Returns in a few words what is wrong with the operation, an empty text if nothing is."""
-    key = keeper.environment.key_of("self-check")
-    name = f"{key}-self-check"
-    if keeper.store.load(name) == b"":
+    name = verdict_of(keeper)
+    if keeper.store.has(name):
         return ""
     found = ""
     try:
@@ -64,6 +63,11 @@ def fault(keeper: Keeper) -> str:
     if not found:
         keeper.store.save(name, b"")
     return found
+
+
+def verdict_of(keeper: Keeper) -> str:
+    """Returns the name under which the store has the verdict that nothing is wrong."""
+    return f"{keeper.environment.key_of('self-check')}-verdict"
 
 
 def failed(keeper: Keeper, what: str) -> str:

@@ -1,9 +1,9 @@
 """A store of compiled programs: a folder that is kept from one process to the next.
 
-A program is machine code, which a process runs with its user's rights. Only that user may therefore write to
-the folder (mode 0700), and a folder that others can write to is not used. Every file carries a checksum: a
-damaged file is read as missing. Nothing here raises an error because of the disk: a program that cannot be
-read or written is compiled again.
+A program is machine code, which a process runs with its user's rights. Only that user may therefore write
+to the folder (mode 0700), and a folder that others can write to is not used. Every file carries a checksum:
+a damaged file is read as missing. Nothing here raises an error because of the disk: a program that cannot
+be read or written is compiled again.
 """
 
 import contextlib

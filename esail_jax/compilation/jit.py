@@ -11,7 +11,7 @@ from esail_jax.compilation.kept import KEEPER, key_of
 from esail_jax.compilation.notebook_line import compiler_at_work
 from esail_jax.compilation.options import COMPILER_OPTIONS, compile_lowered, compiled_by_us, lower
 from esail_jax.compilation.stored import STORE
-from kept_programs.call import is_one_operation
+from kept_programs.calls import is_one_operation
 from kept_programs.collector import collector_paused
 from kept_programs.executables import compile_and_save, load_executable
 

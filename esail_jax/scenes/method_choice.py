@@ -30,7 +30,7 @@ from esail_jax.scenes.own_law import KEY
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.structure import Numbers, Structure, split
 from esail_jax.steppers.runge_kutta import REACH
-from kept_programs.call import call
+from kept_programs.calls import call
 
 STRAIN_FRACTION = 1e-5
 """Largest tolerance of a sail as a fraction of its tethers' strain: tension is computed from differences of

@@ -28,7 +28,7 @@ from esail_jax.simulation.voltage_jumps import without_derivative
 from esail_jax.steppers.results import RESULTS
 from esail_jax.steppers.stepper import INSTANTS_TOGETHER, AbstractStepper, Point
 from esail_jax.system import Power
-from kept_programs.call import call
+from kept_programs.calls import call
 
 
 class Traced(NamedTuple):

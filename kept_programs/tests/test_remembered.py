@@ -3,11 +3,10 @@
 import jax
 import jax.numpy as jnp
 import pytest
+from toy import square
 
-import esail_jax as esail
-from esail_jax.compilation import remembered, store
-from esail_jax.compilation.program import program_of
-from esail_jax.compilation.remembered import EXECUTABLES, RecentlyUsed
+from kept_programs import clear_caches, program_of
+from kept_programs.remembered import EXECUTABLES, FUNCTIONS, RecentlyUsed
 
 
 class Noted:
@@ -33,22 +32,17 @@ def test_the_least_recently_used_goes():
     assert sorted(gone[2:]) == ["b", "c"] and len(recent) == 0
 
 
-def square(factor, x):
-    return factor * x**2
-
-
 @pytest.fixture
-def program(tmp_path, monkeypatch, without_jax_cache):
-    """A program, with an empty cache on the disk."""
-    monkeypatch.setenv(store.VARIABLE, str(tmp_path))
-    return program_of(square, (3.0,), (jnp.zeros(2),))
+def program(keeper):
+    """A program, with an empty store."""
+    return program_of(keeper, square, (3.0,), (jnp.zeros(2),))
 
 
-def test_a_program_that_has_gone_comes_back(program, monkeypatch):
+def test_a_program_that_has_gone_comes_back(keeper, program, monkeypatch):
     """One executable stays in memory. The first of two programs is loaded for its second run."""
     few = RecentlyUsed(1)
-    monkeypatch.setattr("esail_jax.compilation.program.EXECUTABLES", few)
-    other = program_of(square, (4.0,), (jnp.zeros(2),))
+    monkeypatch.setattr("kept_programs.program.EXECUTABLES", few)
+    other = program_of(keeper, square, (4.0,), (jnp.zeros(2),))
     for _ in range(2):
         assert (program(jnp.asarray([1.0, 2.0])) == jnp.asarray([3.0, 12.0])).all()
         assert (other(jnp.asarray([1.0, 2.0])) == jnp.asarray([4.0, 16.0])).all()
@@ -56,8 +50,8 @@ def test_a_program_that_has_gone_comes_back(program, monkeypatch):
 
 
 @pytest.mark.drops_programs
-def test_all_programs_are_freed_and_come_back(program):
-    """`esail.clear_caches()` also empties the caches of JAX: a function of `jax.jit` is traced anew."""
+def test_all_programs_are_freed_and_come_back(keeper, program):
+    """`clear_caches()` also empties the caches of JAX: a function of `jax.jit` is traced anew."""
     traced = []
 
     @jax.jit
@@ -67,10 +61,10 @@ def test_all_programs_are_freed_and_come_back(program):
 
     x = jnp.asarray([1.0, 2.0])
     first = program(x), double(x)
-    esail.clear_caches()
+    clear_caches()
     assert len(EXECUTABLES) == 0 and program.program._executable is None
-    assert all(function.cache_info().currsize == 0 for function in remembered.FUNCTIONS)
-    again = program_of(square, (3.0,), (x,))
+    assert all(function.cache_info().currsize == 0 for function in FUNCTIONS)
+    again = program_of(keeper, square, (3.0,), (x,))
     assert again is not program
     for found in (again(x), program(x)):
         assert (found == first[0]).all()

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from esail_jax.compilation.memory import returning_freed_memory, trim_function
+from kept_programs.memory import returning_freed_memory, trim_function
 
 
 def resident() -> float:

@@ -1,50 +1,33 @@
 """A call of a program behaves as a call of its function under every transformation of JAX."""
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax import lax
-from jax.interpreters import partial_eval
+from toy import pendulums
 
-from esail_jax.compilation import call, derived, store, transposed
-from esail_jax.compilation.jit import jit
-from esail_jax.compilation.program import Program, TreeProgram, save, tree_program, type_of
-from support.compiled_nothing import COMPILATION
-from support.new_process import output_of
-from support.quick import quickly
+from kept_programs import derived, jax_internals, operation, transposed
+from kept_programs.calls import call
+from kept_programs.executables import save
+from kept_programs.program import Program, TreeProgram, tree_program, type_of
+
+COMPILATION = "/jax/core/compile/backend_compile_duration"
+"""JAX records this event for every program that it compiles."""
+
+PARENT = Path(__file__).parents[2]
+"""The folder from which `kept_programs` is imported."""
 
 X, Y, COUNT = jnp.linspace(0.1, 1.0, 4), jnp.asarray([2.0, -1.0, 0.5, 3.0]), jnp.asarray(3)
 
 
-def pendulums(x, y, count):
-    """Steps of pendulums: results of several types, a loop, and a result that depends on one argument."""
-
-    def step(state, _):
-        return (state[0] + 0.1 * state[1], state[1] - 0.1 * y * jnp.sin(state[0])), state[0]
-
-    (angle, rate), path = lax.scan(step, (x, jnp.zeros_like(x)), None, length=3)
-    return {"angle": angle, "path": path, "steps": count + 3, "length": 9.81 / y, "rate": rate.sum()}
-
-
-def new_program(key="pendulums") -> TreeProgram:
-    return tree_program(pendulums, tuple(map(type_of, (X, Y, COUNT))), key)
-
-
-@pytest.fixture
-def folder(tmp_path, monkeypatch, without_jax_cache):
-    """The folder of an empty cache, and no derived programs in memory."""
-    monkeypatch.setenv(store.VARIABLE, str(tmp_path / "programs"))
-    forget()
-    return tmp_path / "programs"
-
-
-def forget():
-    """Forgets all derived programs, as a new process does."""
-    for derivation in (derived.batched, derived.pushed_forward, derived.forward, derived.tangent,
-                       derived.backward, derived.pruned, derived.linearised, transposed.tangent_again,
-                       transposed.pulled_back, call.remember_transpose, call.prepare):  # fmt: skip
-        derivation.cache_clear()
+def new_program(keeper, key="pendulums") -> TreeProgram:
+    return tree_program(keeper, pendulums, tuple(map(type_of, (X, Y, COUNT))), key)
 
 
 def numbers(f):
@@ -89,16 +72,35 @@ REVERSE = {
     "recomputed": {"recompute": True},
     "expected": {"expected": lambda result: {name: name in ("angle", "path", "rate") for name in result}},
 }
-"""The three ways in which reverse mode treats a call (`call.Reverse`)."""
+"""The three ways in which reverse mode treats a call (`operation.Reverse`)."""
 
 
-@pytest.mark.parametrize("reverse", quickly(REVERSE))
+def first_by_default(cases, kept):
+    """Returns cases for `parametrize`; all but `kept` are left to the night."""
+    return [pytest.param(x, marks=[pytest.mark.nightly] * (x != kept)) for x in cases]
+
+
+@pytest.mark.parametrize("reverse", first_by_default(REVERSE, "residuals"))
 @pytest.mark.parametrize("name", TRANSFORMED)
-def test_transformations_of_a_call_are_those_of_the_function(folder, name, reverse):
+def test_transformations_of_a_call_are_those_of_the_function(keeper, name, reverse):
     """The rules of the operation against those of JAX for the operations inside. Both compute the same
     formulas in other orders: some roundings of numbers of the order 10."""
-    program = new_program()
-    found = TRANSFORMED[name](lambda *x: call.call(program, *x, **REVERSE[reverse]))
+    program = new_program(keeper)
+    found = TRANSFORMED[name](lambda *x: call(program, *x, **REVERSE[reverse]))
+    expected = TRANSFORMED[name](pendulums)
+    assert jax.tree.structure(found) == jax.tree.structure(expected)
+    for x, y in zip(jax.tree.leaves(found), jax.tree.leaves(expected), strict=True):
+        assert x.dtype == y.dtype
+        np.testing.assert_allclose(x, y, rtol=1e-13, atol=1e-13)
+
+
+@pytest.mark.parametrize("name", TRANSFORMED)
+def test_without_the_operation_they_are_those_of_the_function_too(keeper, monkeypatch, name):
+    """The environment variable of the keeper lets calls go through `jax.jit`. Nothing is bound."""
+    monkeypatch.setenv("TOY_PRIMITIVE", "off")
+    monkeypatch.setattr(operation, "bind", lambda *_, **__: pytest.fail("the operation is used"))
+    program = new_program(keeper)
+    found = TRANSFORMED[name](lambda *x: call(program, *x))
     expected = TRANSFORMED[name](pendulums)
     assert jax.tree.structure(found) == jax.tree.structure(expected)
     for x, y in zip(jax.tree.leaves(found), jax.tree.leaves(expected), strict=True):
@@ -109,21 +111,18 @@ def test_transformations_of_a_call_are_those_of_the_function(folder, name, rever
 KEPT = ["eager", "gradient", "forward mode", "second derivative", "batch of gradients"]
 
 
-@pytest.mark.drops_programs
-@pytest.mark.parametrize("reverse", quickly(REVERSE))
-@pytest.mark.parametrize("name", quickly(KEPT, kept=["gradient"]))
-def test_a_second_process_traces_no_program(folder, monkeypatch, name, reverse):
+@pytest.mark.parametrize("reverse", first_by_default(REVERSE, "residuals"))
+@pytest.mark.parametrize("name", first_by_default(KEPT, "gradient"))
+def test_a_second_process_traces_no_program(new_keeper, monkeypatch, name, reverse):
     """Derived programs are found by keys that follow from the key of the first program."""
 
     def called(*x):
-        return call.call(program, *x, **REVERSE[reverse])
+        return call(program, *x, **REVERSE[reverse])
 
-    program = new_program()
+    program = new_program(new_keeper())
     first = TRANSFORMED[name](called)
-    forget()
-    jax.clear_caches()
     monkeypatch.setattr(Program, "_made", property(lambda self: pytest.fail("a program is traced")))
-    program = new_program()
+    program = new_program(new_keeper())
     second = TRANSFORMED[name](called)
     jax.tree.map(np.testing.assert_array_equal, first, second)
 
@@ -136,40 +135,49 @@ DERIVATIVES = {
 
 
 @pytest.mark.parametrize("name", DERIVATIVES)
-def test_jit_finds_its_program_without_tracing_the_programs_inside(folder, monkeypatch, name):
-    derivative = DERIVATIVES[name]
-    x = jnp.stack([X, Y])
-    program = new_program()
-    first = jit(derivative(energy(lambda *x: call.call(program, *x))))(x, Y)
-    forget()
+def test_the_text_of_a_function_has_the_keys_of_its_programs(new_keeper, monkeypatch, name):
+    """A second process finds the text without tracing the programs inside; another program has another
+    one."""
+
+    def text(key):
+        program = new_program(new_keeper(), key)
+        f = DERIVATIVES[name](energy(lambda *x: call(program, *x)))
+        return operation.text_with_keys(jax.jit(f).trace(jnp.stack([X, Y]), Y)).as_text()
+
+    first, other = text("pendulums"), text("other")
     monkeypatch.setattr(Program, "_made", property(lambda self: pytest.fail("a program is traced")))
-    program = new_program()
-    second = jit(derivative(energy(lambda *x: call.call(program, *x))))(x, Y)
-    np.testing.assert_array_equal(first, second)
+    assert text("pendulums") == first != other
 
 
-def test_a_call_follows_arguments_on_several_devices():
+def test_a_call_follows_arguments_on_several_devices(tmp_path):
     """An executable of one device would refuse an array that is spread over two. A gradient therefore
     prepares no executables there, which would be compiled in vain."""
     code = """
-import esail_jax, jax, jax.numpy as jnp
+import pathlib, jax, jax.numpy as jnp
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
-from esail_jax.compilation.call import call
-from esail_jax.compilation.program import Program, tree_program
+from kept_programs import Environment, Keeper, Program, Store, call, tree_program
 Program.prepare = None
-f = lambda x: call(tree_program(lambda x: (x**3).sum(), (jax.ShapeDtypeStruct((4,), float),), "cubes"), x)
+store = Store("toy", "TOY_CACHE", b"toy")
+keeper = Keeper(store, Environment("toy", pathlib.Path("."), store))
+four = (jax.ShapeDtypeStruct((4,), float),)
+f = lambda x: call(tree_program(keeper, lambda x: (x**3).sum(), four, "cubes"), x)
 x = jax.device_put(jnp.arange(4.0), NamedSharding(Mesh(jax.devices(), "i"), PartitionSpec("i")))
 print(len(x.sharding.device_set), float(f(x)), *jax.grad(f)(x).tolist())
 """
-    found = output_of(code, ESAIL_CACHE="off", XLA_FLAGS="--xla_force_host_platform_device_count=2")
-    assert [float(x) for x in found.split()] == [2.0, 36.0, 0.0, 3.0, 12.0, 27.0]
+    settings = {"XLA_FLAGS": "--xla_force_host_platform_device_count=2", "JAX_ENABLE_X64": "1"}
+    environment = os.environ | settings | {"TOY_CACHE": "off", "PYTHONPATH": str(PARENT)}
+    command = [sys.executable, "-c", code]
+    found = subprocess.run(
+        command, env=environment, capture_output=True, text=True, check=True, cwd=tmp_path
+    )
+    assert [float(x) for x in found.stdout.split()] == [2.0, 36.0, 0.0, 3.0, 12.0, 27.0]
 
 
-def test_keys_distinguish_derived_programs(folder):
+def test_keys_distinguish_derived_programs(keeper):
     """A program that is found by a wrong key computes something else."""
-    base = new_program().program
+    base = new_program(keeper).program
     programs = [
-        base, new_program("other").program, derived.batched(base, 2, (0, None, None)),
+        base, new_program(keeper, "other").program, derived.batched(base, 2, (0, None, None)),
         derived.batched(base, 3, (0, None, None)), derived.batched(base, 2, (1, None, None)),
         derived.pushed_forward(base, (True, False, False)), derived.forward(base, (True, False, False)),
         derived.forward(base, (True, True, False)), derived.tangent(base, (True, False, False)),
@@ -181,18 +189,18 @@ def test_keys_distinguish_derived_programs(folder):
         derived.forward(derived.batched(base, 2, (0, None, None)), (True, False, False)),
     ]  # fmt: skip
     assert len({program.key for program in programs}) == len(programs)
-    assert derived.batched(new_program(None).program, 2, (0, None, None)).key is None
+    assert derived.batched(new_program(keeper, None).program, 2, (0, None, None)).key is None
 
 
-def test_results_that_are_not_used_are_not_computed():
+def test_results_that_are_not_used_are_not_computed(keeper):
     """The length depends on one argument alone, and needs no loop."""
-    program = new_program(None)
-    traced = jax.jit(lambda x, y: call.call(program, x, y, COUNT)["length"]).trace(X, Y).jaxpr
-    shorter, needed = partial_eval.dce_jaxpr(traced.jaxpr, [True])
-    (operation,) = shorter.eqns
-    assert needed == [False, True]
-    assert "scan" not in str(operation.params["program"].traced.jaxpr)
-    assert not partial_eval.dce_jaxpr(traced.jaxpr, [False])[0].eqns
+    program = new_program(keeper, None)
+    traced = jax.jit(lambda x, y: call(program, x, y, COUNT)["length"]).trace(X, Y).jaxpr
+    shorter, needed = jax_internals.without_unused(traced, [True])
+    (equation,) = shorter.jaxpr.eqns
+    assert needed == (False, True)
+    assert "scan" not in str(equation.params["program"].traced.jaxpr)
+    assert not jax_internals.without_unused(traced, [False])[0].jaxpr.eqns
 
 
 def prepared_by(gradient, monkeypatch):
@@ -205,16 +213,15 @@ def prepared_by(gradient, monkeypatch):
     return ahead, found
 
 
-def test_a_second_process_loads_the_transpose_of_a_gradient_ahead(folder, monkeypatch):
+def test_a_second_process_loads_the_transpose_of_a_gradient_ahead(new_keeper, monkeypatch):
     """The transpose is loaded in a thread before the forward program runs, so that both are loaded side by
     side. The gradient is the same."""
 
     def gradient():
-        program = new_program()
-        return jax.grad(lambda x: energy(lambda *z: call.call(program, *z))(x, Y))(X)
+        program = new_program(new_keeper())
+        return jax.grad(lambda x: energy(lambda *z: call(program, *z))(x, Y))(X)
 
     expected = gradient()
-    forget()
     monkeypatch.setattr(Program, "_compiled", lambda self: pytest.fail("a program was compiled again"))
     (_, transpose), found = prepared_by(gradient, monkeypatch)
     np.testing.assert_array_equal(found, expected)
@@ -222,16 +229,16 @@ def test_a_second_process_loads_the_transpose_of_a_gradient_ahead(folder, monkey
 
 
 @pytest.mark.parametrize("result", ["angle", "length"])
-def test_the_transpose_for_expected_cotangents_is_compiled_ahead(monkeypatch, result):
+def test_the_transpose_for_expected_cotangents_is_compiled_ahead(keeper, monkeypatch, result):
     """It serves for every gradient that needs no other cotangents; the angle's cotangent is expected, the
     length's is not. Both gradients are those of the function."""
-    program, compiled = new_program(None), []
+    program, compiled = new_program(keeper, None), []
     compile_now = Program._compiled
     monkeypatch.setattr(Program, "_compiled", lambda self: (compiled.append(self), compile_now(self))[1])
     reverse = REVERSE["expected"]
 
     def gradient():
-        return jax.grad(lambda y: call.call(program, X, y, COUNT, **reverse)[result].sum())(Y)
+        return jax.grad(lambda y: call(program, X, y, COUNT, **reverse)[result].sum())(Y)
 
     (_, transpose), found = prepared_by(gradient, monkeypatch)
     assert len(compiled) == (2 if result == "angle" else 3)
@@ -240,15 +247,15 @@ def test_the_transpose_for_expected_cotangents_is_compiled_ahead(monkeypatch, re
     np.testing.assert_allclose(found, expected, rtol=1e-13)
 
 
-def test_a_gradient_compiles_only_its_programs():
+def test_a_gradient_compiles_only_its_programs(keeper):
     """Arguments go into a program as they are, and cotangents that are zero are made by NumPy. For JAX each
     would be a small program of its own. No other test has arrays of seven numbers; what a gradient compiles
     for single numbers is compiled before."""
     compiled = []
 
     def gradient(x, y):
-        program = tree_program(pendulums, tuple(map(type_of, (x, y, COUNT))), None)
-        jax.grad(lambda x: call.call(program, x, y, COUNT, **REVERSE["expected"])["rate"])(x)
+        program = tree_program(keeper, pendulums, tuple(map(type_of, (x, y, COUNT))), None)
+        jax.grad(lambda x: call(program, x, y, COUNT, **REVERSE["expected"])["rate"])(x)
 
     def listen(event, _, **details):
         if event == COMPILATION:
@@ -264,9 +271,9 @@ def test_a_gradient_compiles_only_its_programs():
     assert compiled and set(compiled) == {"jit(function)"}
 
 
-def test_recomputed_tangents_save_no_residuals_and_differentiate_one_result():
+def test_recomputed_tangents_save_no_residuals_and_differentiate_one_result(keeper):
     """The transpose of a recomputed call takes the arguments of the call. The length needs no loop."""
-    program = new_program(None)
+    program = new_program(keeper, None)
     linear = transposed.tangent_again(program.program, (True, True, False))
     given = tuple(x == "length" for x in program.result if x != "steps")
     found = transposed.transposed(linear, (False, False, False, True, True), given)
@@ -275,15 +282,15 @@ def test_recomputed_tangents_save_no_residuals_and_differentiate_one_result():
     assert "scan" not in str(found.program.traced.jaxpr)
 
 
-def test_a_kept_derivative_of_other_operations_is_refused(folder):
+def test_a_kept_derivative_of_other_operations_is_refused(keeper):
     """Residuals have no names: the linear map of this process takes those of a kept `forward` only if that
     has the same operations."""
     moving = (True, False, False)
-    base = new_program(None).program
+    base = new_program(keeper, None).program
     base.key = "a" * 64
     made = derived.forward(base, moving)
-    save(made.key, "facts", made.facts._replace(about="other operations"))
+    save(keeper.store, made.key, "facts", made.facts._replace(about="other operations"))
     derived.forward.cache_clear()
     derived.tangent.cache_clear()
-    with pytest.raises(RuntimeError, match="the program cache holds another derivative"):
+    with pytest.raises(RuntimeError, match="the program cache holds another derivative; clear it by hand"):
         derived.tangent(base, moving).traced  # noqa: B018

@@ -5,7 +5,7 @@ import threading
 
 import pytest
 
-from esail_jax.compilation.collector import collector_paused
+from kept_programs.collector import collector_paused
 
 
 def test_the_collector_resumes_after_the_last_of_two_overlapping_pauses():

@@ -1,0 +1,94 @@
+"""A program is traced and compiled once, and comes back from the store."""
+
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from toy import dot
+
+from kept_programs import Program, program_of
+from kept_programs.cache_hits import HITS
+from kept_programs.executables import compile_and_save, is_kept, load_executable
+from kept_programs.program import compile_plainly
+from kept_programs.store import SUFFIX
+
+
+def test_a_program_is_loaded_without_tracing(new_keeper):
+    """The second process has neither the traced function nor the types of its results."""
+    x, y = np.arange(6.0).reshape(3, 2), np.ones((3, 2))
+    expected = program_of(new_keeper(), dot, (), (x, y))(x, y)
+    second = program_of(new_keeper(), dot, (), (x, y))
+    second.program._make = None
+    assert second.result == jax.ShapeDtypeStruct((3,), float)
+    np.testing.assert_array_equal(second(x, y), expected)
+    with pytest.raises(TypeError, match="must have the structure"):
+        second(x)
+
+
+@pytest.mark.parametrize("damage", ["cut", "other pickle", "other executable"])
+def test_a_file_that_cannot_be_loaded_is_replaced(new_keeper, folder, damage):
+    """It may come from another version of a library."""
+    x = np.arange(6.0).reshape(3, 2)
+    keeper = new_keeper()
+    expected = program_of(keeper, dot, (), (x, x))(x, x)
+    (path,) = folder.glob("*-executable*")
+    name, good = path.name.removesuffix(SUFFIX), path.read_bytes()
+    if damage == "cut":
+        path.write_bytes(good[: len(good) // 2])
+    else:
+        keeper.store.save(name, b"no pickle" if damage == "other pickle" else b"\x80\x04K\x01.")
+    np.testing.assert_array_equal(program_of(new_keeper(), dot, (), (x, x))(x, x), expected)
+    assert load_executable(keeper.store, name.removesuffix("-executable")) is not None
+
+
+def test_a_program_of_a_users_function_is_compiled_but_not_kept(keeper, folder):
+    x = np.ones((3, 2))
+    found = program_of(keeper, lambda a: 2.0 * a, (), (x,))
+    np.testing.assert_array_equal(found(x), 2.0 * x)
+    assert not list(folder.glob("*-executable*"))
+
+
+def test_two_programs_are_compiled_at_the_same_time(keeper):
+    """Each compilation waits for the other one to begin. With a lock for all programs, as
+    `functools.cached_property` of Python 3.11 has, they would wait for ever."""
+    both = threading.Barrier(2, timeout=300.0)
+
+    def compiled_beside_another(lowered):
+        both.wait()
+        return lowered.compile()
+
+    def program(factor):
+        traced = jax.jit(lambda x: [factor * x]).trace(1.0)
+        return Program(keeper, lambda: (traced, None), None, compiled_beside_another)
+
+    programs = program(2.0), program(3.0)
+    with ThreadPoolExecutor(2) as pool:
+        executables = list(pool.map(lambda made: made.executable, programs))
+    assert [run(np.asarray(5.0))[0] for run in executables] == [10.0, 15.0]
+
+
+def test_a_key_depends_on_how_a_program_is_compiled(keeper):
+    """The way of compiling is a function or an object with fields; one without a lasting name has no
+    key."""
+    x = np.ones((3, 2))
+    plainly = program_of(keeper, dot, (), (x, x), compile_plainly).program.key
+    assert plainly is not None
+    assert program_of(keeper, dot, (), (x, x), jax.stages.Lowered.compile).program.key != plainly
+    assert program_of(keeper, dot, (), (x, x), lambda lowered: lowered.compile()).program.key is None
+
+
+def test_a_program_from_the_cache_of_jax_is_not_kept(keeper):
+    """XLA serialises such an executable without some of its functions. Without that hit it is kept."""
+    lowered = jax.jit(jnp.sin).lower(np.ones(3))
+
+    def from_jax():
+        HITS.listen("/jax/compilation_cache/cache_hits")
+        return lowered.compile()
+
+    compile_and_save(keeper.store, "a" * 64, from_jax)
+    assert not is_kept(keeper.store, "a" * 64)
+    compile_and_save(keeper.store, "a" * 64, lowered.compile)
+    assert is_kept(keeper.store, "a" * 64)

@@ -1,0 +1,91 @@
+"""The check of the operation, tried by breaking each of its rules."""
+
+import operator
+import warnings
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jax.interpreters import ad, batching, mlir
+from jax.interpreters import partial_eval as pe
+from toy import square
+
+from kept_programs import call, program_of, self_check
+from kept_programs.jax_internals import batching_rule
+from kept_programs.operation import RULES, program_p
+
+
+def other_arguments(*_, **__):
+    raise TypeError("takes 2 positional arguments but 3 were given")
+
+
+def scaled(rule, part):
+    """A rule whose results, or a part of them, are twice what they should be."""
+
+    def wrong(*arguments, **parameters):
+        found = rule(*arguments, **parameters)
+        if part is None:
+            return [None if x is None else 2.0 * x for x in found]
+        return tuple([2.0 * x for x in y] if k == part else y for k, y in enumerate(found))
+
+    return wrong
+
+
+BATCH = batching_rule(RULES)
+
+TABLES = {
+    "batch": batching.primitive_batchers,
+    "forward mode": ad.primitive_jvps,
+    "reverse mode": ad.primitive_transposes,
+    "unused results": pe.dce_rules,
+    "checkpoint": pe.partial_eval_jaxpr_custom_rules,
+}
+"""Where JAX looks for the rules of an operation."""
+
+WRONG = {
+    "batch": lambda rule: scaled(rule, 0),
+    "forward mode": lambda rule: scaled(rule, 1),
+    "reverse mode": lambda rule: scaled(rule, None),
+}
+"""Rules that give wrong numbers."""
+
+BROKEN = [*((name, "fails") for name in TABLES), *((name, "is wrong") for name in WRONG)]
+
+
+def transformed(f):
+    """Derivatives and batches of a function of one number."""
+    x = jnp.asarray([1.0, 3.0])
+    checked = jax.grad(jax.checkpoint(f))
+    return jax.grad(f)(3.0), jax.vmap(jax.grad(f))(x), jax.jacfwd(jax.grad(f))(3.0), checked(3.0), f(3.0)
+
+
+@pytest.mark.parametrize(("name", "how"), BROKEN)
+def test_a_broken_rule_costs_time_and_no_derivative(new_keeper, request, name, how):
+    """As a new version of JAX may break it, by other arguments or in silence: results are right, and one
+    line says what happened."""
+    rule = BATCH if name == "batch" else TABLES[name][program_p]
+    broken = other_arguments if how == "fails" else WRONG[name](rule)
+    TABLES[name][program_p] = broken
+    request.addfinalizer(lambda: operator.setitem(TABLES[name], program_p, rule))
+    program = program_of(new_keeper(), square, (2.0,), (jnp.asarray(1.0),))
+    with pytest.warns(UserWarning, match="derivatives are compiled anew in every process") as said:
+        found = transformed(lambda x: call(program, x))
+    assert len(said) == 1 and "\n" not in str(said[0].message)
+    for x, expected in zip(found, (12.0, [4.0, 12.0], 4.0, 12.0, 18.0), strict=True):
+        np.testing.assert_array_equal(x, expected)
+
+
+def test_lowering_that_fails_is_found(new_keeper, monkeypatch):
+    """Lowering puts the operations of a program into that of the user."""
+    monkeypatch.setattr(mlir, "lower_fun", other_arguments)
+    assert self_check.fault(new_keeper()).endswith(": TypeError")
+
+
+def test_a_right_operation_is_checked_once(new_keeper, monkeypatch):
+    """The verdict is in the store. It says nothing to the user."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert not self_check.fault(new_keeper())
+    monkeypatch.setattr(self_check, "failed", lambda *_: pytest.fail("checked again"))
+    assert not self_check.fault(new_keeper())
