@@ -12,7 +12,7 @@ import numpy as np
 from common import DIRECTIONS, REFERENCES, distance, reference_name, table_of, write
 
 import esail_jax as esail
-from esail_jax.compilation import store
+from esail_jax.compilation.stored import STORE
 
 CASES = {
     "exp1 +X": ("hanging-chain", "+X", 0.05),
@@ -103,7 +103,7 @@ def exudyn() -> list[dict]:
 
 def main() -> None:
     """Runs all cases; writes the table and its figure."""
-    store.switch_off()  # compile times are measured
+    STORE.switch_off()  # compile times are measured
     rows = []
     for case, (scene, *_) in CASES.items():
         rows += [point(case, *setting) for setting in settings(scene)]

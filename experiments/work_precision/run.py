@@ -18,7 +18,7 @@ from scenes import CASES, Case
 import esail_jax as esail
 from esail_jax.commands import bench
 from esail_jax.commands.bench import Reference, Run
-from esail_jax.compilation import store
+from esail_jax.compilation.stored import STORE
 
 HERE = Path(__file__).parent
 PEER = HERE.parent / "peer_exudyn"
@@ -76,7 +76,7 @@ def lines(case: Case):
 def main(names: list[str]) -> None:
     """Runs the named cases and writes <scene>.jsonl."""
     about = bench.machine()
-    store.switch_off()  # compile times are measured
+    STORE.switch_off()  # compile times are measured
     if importlib.util.find_spec("exudyn"):
         about["versions"]["exudyn"] = importlib.metadata.version("exudyn")
     for name in names:

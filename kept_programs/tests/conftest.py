@@ -10,8 +10,8 @@ from pathlib import Path
 
 import jax
 import pytest
-import toy
 
+import toy
 from kept_programs import Environment, Keeper, Store
 from kept_programs.self_check import verdict_of
 

@@ -10,12 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax import lax
-from toy import pendulums
 
 from kept_programs import derived, jax_internals, operation, transposed
 from kept_programs.calls import call
 from kept_programs.executables import save
 from kept_programs.program import Program, TreeProgram, tree_program, type_of
+from toy import pendulums
 
 COMPILATION = "/jax/core/compile/backend_compile_duration"
 """JAX records this event for every program that it compiles."""

@@ -7,9 +7,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from toy import Kind, Pair, dot, square
 
 from kept_programs import Environment, Store, Unkeyed, keys
+from toy import Kind, Pair, dot, square
 
 
 class Mine(NamedTuple):

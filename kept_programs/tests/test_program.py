@@ -7,13 +7,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from toy import dot
 
 from kept_programs import Program, program_of
 from kept_programs.cache_hits import HITS
 from kept_programs.executables import compile_and_save, is_kept, load_executable
 from kept_programs.program import compile_plainly
 from kept_programs.store import SUFFIX
+from toy import dot
 
 
 def test_a_program_is_loaded_without_tracing(new_keeper):

@@ -3,10 +3,10 @@
 import jax
 import jax.numpy as jnp
 import pytest
-from toy import square
 
 from kept_programs import clear_caches, program_of
 from kept_programs.remembered import EXECUTABLES, FUNCTIONS, RecentlyUsed
+from toy import square
 
 
 class Noted:

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from jax.interpreters import ad, batching, mlir
 from jax.interpreters import partial_eval as pe
-from toy import square
 
 from kept_programs import call, program_of, self_check
 from kept_programs.jax_internals import batching_rule
 from kept_programs.operation import RULES, program_p
+from toy import square
 
 
 def other_arguments(*_, **__):

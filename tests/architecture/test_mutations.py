@@ -4,24 +4,21 @@ Running the perturbations is no test: `python tests/tools/mutations.py` (how lon
 """
 
 import csv
-import tomllib
-from pathlib import Path
 
 import pytest
 
 from support.durations import read
 from support.gate import COLLECTED, NIGHTLY, gate_tests
+from support.perturbations import ROOT, mutations, path_of
 
-ROOT = Path(__file__).parents[2]
-LISTS = sorted(Path(__file__).with_name("mutations").glob("*.toml"))
-MUTATIONS = [m for path in LISTS for m in tomllib.loads(path.read_text(encoding="utf-8"))["mutation"]]
+MUTATIONS = mutations()
 
 
 def test_every_perturbation_finds_its_text():
     """The text of every perturbation occurs exactly once. Otherwise something else or nothing would
     change."""
     for mutation in MUTATIONS:
-        text = (ROOT / "esail_jax" / mutation["file"]).read_text(encoding="utf-8")
+        text = (ROOT / path_of(mutation)).read_text(encoding="utf-8")
         assert text.count(mutation["old"]) == 1, mutation["name"]
         assert mutation["old"] != mutation["new"]
     names = [mutation["name"] for mutation in MUTATIONS]

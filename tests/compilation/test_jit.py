@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 from esail_jax import jit, load_scene, simulate
-from esail_jax.compilation import options, store
+from esail_jax.compilation import options
 from esail_jax.compilation.jit import traced_once
 from esail_jax.compilation.options import COMPILER_OPTIONS, FUSED_PRODUCTS, compile_lowered
+from esail_jax.compilation.stored import STORE
 from esail_jax.compilation.workaround import may_be_wrong
 
 LEFT = np.random.default_rng(0).normal(size=(4, 4))
@@ -117,7 +118,7 @@ def test_workaround_has_not_expired():
 def test_no_program_of_a_gradient_is_compiled_twice(monkeypatch, without_jax_cache):
     """No product of a sail's gradient makes the workaround compile a program a second time without the
     library's fusions. The programs are those of the run and of its observables, and their transposes."""
-    monkeypatch.setenv(store.VARIABLE, "off")
+    monkeypatch.setenv(STORE.variable, "off")
     found = []
     monkeypatch.setattr(options, "may_be_wrong", lambda text: found.append(may_be_wrong(text)) or found[-1])
     scene = load_scene("baseline", {"tethers.elements": 1, "integrator.t_end": 11.0})
@@ -185,7 +186,7 @@ def test_programs_of_jit_have_the_options_of_the_package(without_jax_cache, tmp_
     """A product with a factor computed on the fly goes to the library together with what computes it: at
     once with the right option, not at all if that would be wrong. Both programs are compiled here: the text
     of a kept one has the lines of the source from which it was traced."""
-    monkeypatch.setenv(store.VARIABLE, str(tmp_path / "programs"))
+    monkeypatch.setenv(STORE.variable, str(tmp_path / "programs"))
     compiled = jit(lambda a, b: a @ b)
     np.testing.assert_allclose(compiled(LEFT, LEFT), LEFT @ LEFT, rtol=1e-13)
     (program,) = compiled._programs.values()

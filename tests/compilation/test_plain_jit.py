@@ -18,8 +18,8 @@ def error():
 """
 
 RUN = """
-from esail_jax.compilation.call import call
-from esail_jax.compilation.program import tree_program
+from esail_jax.compilation.kept import tree_program
+from kept_programs.calls import call
 f = lambda x: call(tree_program(lambda x: 2.0 * x, (jax.ShapeDtypeStruct((), float),), "twice"), x)
 def result(compiled):
     try:

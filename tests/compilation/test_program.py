@@ -1,13 +1,13 @@
-"""Programs are kept between processes by everything that decides what they compute."""
+"""Programs of this package are kept between processes by everything that decides what they compute.
+
+How they are kept is tested in `kept_programs/tests`."""
 
 import dataclasses
-import functools
 import inspect
 import json
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
 from unittest import mock
 
 import jax
@@ -15,102 +15,20 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from esail_jax.compilation import keys, options, program, store
-from esail_jax.compilation.cache_hits import HITS
+from esail_jax import cli
+from esail_jax.compilation import options
 from esail_jax.compilation.jit import jit
-from esail_jax.compilation.keys import Unkeyed, key_of, text_of
-from esail_jax.compilation.program import Program
-from esail_jax.numerics.vectors import dot, norm
-from esail_jax.scenes.value_types import Kind
+from esail_jax.compilation.kept import ENVIRONMENT, program_of
+from esail_jax.compilation.stored import STORE
+from esail_jax.numerics.vectors import dot
 from support.new_process import output_of
-
-
-class Mine(NamedTuple):
-    """A type that is defined outside the package."""
-
-    x: int
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch, without_jax_cache):
-    """The folder of an empty cache, and programs that are not yet in memory."""
-    monkeypatch.setenv(store.VARIABLE, str(tmp_path / "programs"))
-    program._program_of.cache_clear()
+    """The folder of an empty cache."""
+    monkeypatch.setenv(STORE.variable, str(tmp_path / "programs"))
     return tmp_path / "programs"
-
-
-@pytest.mark.parametrize(
-    "one, other",
-    [
-        (1, 1.0), (1, True), (0.1, 0.1 + 1e-16), ("1", 1), ((1, 2), [1, 2]), ((1, (2, 3)), (1, 2, 3)),
-        (np.zeros(2), np.zeros((2, 1))), (np.zeros(2), np.zeros(2, int)), (np.zeros(2), np.ones(2)),
-        (0.0, -0.0), (dot, norm), ({"a": 1}, {"a": 2}), (Kind.NUMBER, Kind.INTEGER), (None, "None"),
-        (functools.partial(dot, 1), functools.partial(dot, 2)),
-    ],
-)  # fmt: skip
-def test_texts_of_different_values_differ(one, other):
-    assert text_of(one) != text_of(other)
-
-
-def test_text_does_not_depend_on_order_or_identity():
-    assert text_of({"a": 1, "b": 2}) == text_of({"b": 2, "a": 1})
-    assert text_of(frozenset("abc")) == text_of(frozenset("cba"))
-    assert text_of(np.arange(6.0).reshape(2, 3).T) == text_of(np.arange(6.0).reshape(2, 3).T.copy())
-    assert text_of(jnp.ones(2)) == text_of(np.ones(2))
-
-
-@pytest.mark.parametrize("x", [lambda x: x, Mine, Mine(1), object(), np.array([object()]), (1, [Mine(2)])])
-def test_what_is_defined_elsewhere_has_no_key(x):
-    """Its source is not part of the key."""
-    with pytest.raises(Unkeyed):
-        text_of(x)
-    assert key_of(x) is None
-
-
-def test_a_key_depends_on_settings_and_environment(monkeypatch):
-    here = key_of(1)
-    with jax.default_matmul_precision("float32"):
-        assert key_of(1) != here
-    assert key_of(1) == here
-    monkeypatch.setattr(keys, "environment", lambda: "another processor")
-    assert key_of(1) != here
-
-
-def test_a_program_is_loaded_without_tracing(folder):
-    """The second process has neither the traced function nor the types of its results."""
-    x, y = np.arange(6.0).reshape(3, 2), np.ones((3, 2))
-    first = program.program_of(dot, (), (x, y))
-    expected = first(x, y)
-    program._program_of.cache_clear()
-    second = program.program_of(dot, (), (x, y))
-    second.program._make = None
-    assert second.result == jax.ShapeDtypeStruct((2,), float)
-    np.testing.assert_array_equal(second(x, y), expected)
-    with pytest.raises(TypeError, match="must have the structure"):
-        second(x)
-
-
-@pytest.mark.parametrize("damage", ["cut", "other pickle", "other executable"])
-def test_a_file_that_cannot_be_loaded_is_replaced(folder, damage):
-    """It may come from another version of a library."""
-    x = np.arange(6.0).reshape(3, 2)
-    expected = program.program_of(dot, (), (x, x))(x, x)
-    (path,) = folder.glob("*-executable*")
-    name, good = path.name.removesuffix(store.SUFFIX), path.read_bytes()
-    if damage == "cut":
-        path.write_bytes(good[: len(good) // 2])
-    else:
-        store.save(name, b"no pickle" if damage == "other pickle" else b"\x80\x04K\x01.")
-    program._program_of.cache_clear()
-    np.testing.assert_array_equal(program.program_of(dot, (), (x, x))(x, x), expected)
-    assert program.load_executable(name.removesuffix("-executable")) is not None
-
-
-def test_a_program_of_a_users_function_is_compiled_but_not_kept(folder):
-    x = np.ones((3, 2))
-    found = program.program_of(lambda a: 2.0 * a, (), (x,))
-    np.testing.assert_array_equal(found(x), 2.0 * x)
-    assert not folder.exists()
 
 
 def test_jit_finds_a_program_by_its_text(folder):
@@ -118,7 +36,7 @@ def test_jit_finds_a_program_by_its_text(folder):
     found = [jit(lambda x, k=k: k * jnp.sin(x))(np.ones(3)) for k in (2.0, 3.0, 2.0)]
     np.testing.assert_array_equal(found[0], found[2])
     np.testing.assert_allclose(found[1], 1.5 * found[0], rtol=1e-15)  # one rounding each
-    assert store.usage().files == 2
+    assert len(list(folder.glob("*-executable*"))) == 2
 
 
 RUN = """
@@ -141,7 +59,7 @@ print(json.dumps([rows, len(traced)]))
 def test_a_second_process_loads_a_run_bit_for_bit(folder):
     """Without LAPACK's addresses, which JAX sets while lowering, the loaded program would end the
     process."""
-    compiled, loaded = (json.loads(output_of(RUN, **{store.VARIABLE: str(folder)})) for _ in range(2))
+    compiled, loaded = (json.loads(output_of(RUN, **{STORE.variable: str(folder)})) for _ in range(2))
     assert compiled[1] > 0
     assert loaded == [compiled[0], 0]
 
@@ -151,27 +69,8 @@ def test_a_dataclass_counts_by_its_fields():
     from esail_jax.scenes.common_tables import Integrator
 
     table = Integrator(t_end=1.0)
-    texts = {text_of(table), text_of(dataclasses.replace(table, t_end=2.0))}
+    texts = {ENVIRONMENT.text_of(table), ENVIRONMENT.text_of(dataclasses.replace(table, t_end=2.0))}
     assert len(texts) == 2
-
-
-def test_two_programs_are_compiled_at_the_same_time():
-    """Each compilation waits for the other one to begin. With a lock for all programs, as
-    `functools.cached_property` of Python 3.11 has, they would wait for ever."""
-    both = threading.Barrier(2, timeout=300.0)
-
-    def compiled_beside_another(lowered):
-        both.wait()
-        return lowered.compile()
-
-    def program(factor):
-        traced = jax.jit(lambda x: [factor * x]).trace(1.0)
-        return Program(lambda: (traced, None), None, compiled_beside_another)
-
-    programs = program(2.0), program(3.0)
-    with ThreadPoolExecutor(2) as pool:
-        executables = list(pool.map(lambda made: made.executable, programs))
-    assert [run(np.asarray(5.0))[0] for run in executables] == [10.0, 15.0]
 
 
 def test_lowering_in_two_threads_leaves_the_settings_of_jax():
@@ -191,39 +90,39 @@ def test_lowering_in_two_threads_leaves_the_settings_of_jax():
     assert before and jax.config.jax_include_full_tracebacks_in_locations
 
 
-def test_environment_holds_the_source_and_the_flags_of_xla(tmp_path, monkeypatch):
-    """Another source of the package, or other flags, make another environment, and so other keys."""
-    source = tmp_path / "esail_jax" / "compilation" / "keys.py"
-    source.parent.mkdir(parents=True)
-    source.write_text("one")
-    monkeypatch.setattr(keys, "__file__", str(source))
-    environment = keys.environment.__wrapped__
-    before = environment()
-    assert environment() == before
-    source.write_text("two")
-    changed = environment()
-    monkeypatch.setenv("XLA_FLAGS", "--xla_another=true")
-    assert len({before, changed, environment()}) == 3
-
-
 def test_a_key_depends_on_the_compiler_options(folder):
     """Programs with other options, or with fusion forbidden, are others."""
     x = np.ones((3, 2))
     quick = options.COMPILER_OPTIONS | {"xla_backend_optimization_level": 0}
-    found = (program.program_of(dot, (), (x, x)), program.program_of(dot, (), (x, x), quick))
-    alone = program.program_of(dot, (), (x, x), fused=False)
+    found = (program_of(dot, (), (x, x)), program_of(dot, (), (x, x), quick))
+    alone = program_of(dot, (), (x, x), fused=False)
     assert len({made.program.key for made in (*found, alone)}) == 3
 
 
-def test_a_program_from_the_cache_of_jax_is_not_kept(folder, monkeypatch):
-    """XLA serialises such an executable without some of its functions. Without that hit it is kept."""
-    lowered = options.lower(jax.jit(jnp.sin).trace(np.ones(3)))
+@pytest.mark.parametrize("name", ["off", "OFF", "0", ""])
+def test_a_cache_that_is_off_is_said(name, monkeypatch, capsys):
+    monkeypatch.setenv(STORE.variable, name)
+    assert cli.main(["cache"]) == 0
+    assert capsys.readouterr().out == "Compiled programs are not kept (ESAIL_CACHE is off).\n"
 
-    def from_jax():
-        HITS.listen("/jax/compilation_cache/cache_hits")
-        return lowered.compile()
 
-    program.compile_and_save("a" * 64, from_jax)
-    assert not program.is_kept("a" * 64)
-    program.compile_and_save("a" * 64, lowered.compile)
-    assert program.is_kept("a" * 64)
+def test_the_cache_is_in_the_users_folder(tmp_path, monkeypatch):
+    monkeypatch.delenv(STORE.variable, raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert STORE.location() == tmp_path / "esail_jax" / "programs"
+
+
+def test_the_command_shows_and_clears_the_cache(folder, capsys):
+    STORE.save("a", bytes(3 * 2**20))
+    assert cli.main(["cache"]) == 0
+    shown = capsys.readouterr().out
+    assert str(folder) in shown and "files     1\n" in shown and "3.0 MiB (at most 1.0 GiB)" in shown
+    assert cli.main(["cache", "--clear"]) == 0
+    assert "removed   1" in capsys.readouterr().out
+    assert STORE.usage() == (0, 0)
+
+
+def test_a_key_depends_on_the_source_of_the_package_and_on_threads():
+    """What a program computes follows from the source; XLA divides its loops among the threads."""
+    assert ENVIRONMENT.source.name == "esail_jax" and (ENVIRONMENT.source / "system.py").exists()
+    assert "NPROC=" in ENVIRONMENT.text and "XLA_FLAGS=" in ENVIRONMENT.text

@@ -3,7 +3,7 @@
 import jax
 import jax.numpy as jnp
 
-from esail_jax.compilation.program import program_of
+from esail_jax.compilation.kept import program_of
 from esail_jax.compilation.size import count_equations, size_of
 
 

@@ -8,7 +8,7 @@ import pytest
 
 import esail_jax as esail
 from esail_jax.cli import main
-from esail_jax.compilation import store
+from esail_jax.compilation.stored import STORE
 from esail_jax.equilibria.motions import conditions
 from esail_jax.equilibria.spectrum import sparse_spectrum
 from esail_jax.equilibria.steady_state import steady_state
@@ -171,7 +171,7 @@ def test_scene_without_modes_is_refused(scene, settings, message, capsys):
 def test_modes_are_computed_by_kept_programs(tmp_path, monkeypatch, without_jax_cache):
     """A later process compiles 14 to 21 operations on single arrays, depending on what it did before,
     and no function operation by operation: that took 66 compilations, and longer than all the rest."""
-    monkeypatch.setenv(store.VARIABLE, str(tmp_path))
+    monkeypatch.setenv(STORE.variable, str(tmp_path))
     compiled = []
 
     def note(event, *_, **__):

@@ -9,7 +9,7 @@ import jax
 import jax.monitoring
 import pytest
 
-from esail_jax.compilation import store
+from esail_jax.compilation.stored import STORE
 
 COMPILATION = "/jax/core/compile/backend_compile_duration"
 """JAX records this event for every program, whether it is compiled or read from the persistent cache: for
@@ -40,7 +40,7 @@ def forget_programs():
     """Drops the compiled programs of this process. A program from an earlier test would cause no event."""
     jax.clear_caches()
     for name, module in list(sys.modules.items()):
-        if name.partition(".")[0] == "esail_jax":
+        if name.partition(".")[0] in ("esail_jax", "kept_programs"):
             for value in vars(module).values():
                 if hasattr(value, "cache_clear"):  # a function with `functools.lru_cache`
                     value.cache_clear()
@@ -62,7 +62,7 @@ def no_compilation():
     forget_programs()
     jax.monitoring.register_event_duration_secs_listener(refuse)
     try:
-        with mock.patch.dict(os.environ, {store.VARIABLE: "off"}):
+        with mock.patch.dict(os.environ, {STORE.variable: "off"}):
             yield
     finally:
         jax.monitoring.unregister_event_duration_listener(refuse)

@@ -21,11 +21,13 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-LISTS = ROOT / "tests" / "architecture" / "mutations"
+sys.path.insert(0, str(ROOT / "tests"))
+
+from support.perturbations import mutations, path_of  # noqa: E402
+
 TABLE = ROOT / "experiments" / "mutations" / "mutations.csv"
 
 # Without -P the working directory, with the unchanged package, would come before PYTHONPATH.
@@ -38,18 +40,16 @@ NOTHING_CHOSEN, NOT_FOUND = 5, 4
 exist, for example because it was renamed."""
 
 
-def mutations() -> list[dict]:
-    """Returns all mutations, each with name, file, old, new and tests (arguments of pytest)."""
-    found = []
-    for path in sorted(LISTS.glob("*.toml")):
-        found += tomllib.loads(path.read_text(encoding="utf-8"))["mutation"]
-    return found
+def copy_packages(folder: Path) -> None:
+    """Copies the package and the one beside it."""
+    for package in ("esail_jax", "kept_programs"):
+        shutil.copytree(ROOT / package, folder / package)
 
 
 def mutated_copy(mutation: dict, folder: Path) -> None:
-    """Copies the package and replaces one text, which must occur exactly once."""
-    shutil.copytree(ROOT / "esail_jax", folder / "esail_jax")
-    path = folder / "esail_jax" / mutation["file"]
+    """Copies the packages and replaces one text, which must occur exactly once."""
+    copy_packages(folder)
+    path = folder / path_of(mutation)
     text = path.read_text(encoding="utf-8")
     if text.count(mutation["old"]) != 1:
         raise SystemExit(f"{mutation['name']}: its text is not in {mutation['file']} exactly once")
@@ -92,7 +92,7 @@ def control(tests: list[str], programs: Path) -> list[str] | None:
     if not tests:  # pytest would run all tests
         return []
     with tempfile.TemporaryDirectory() as folder:
-        shutil.copytree(ROOT / "esail_jax", Path(folder) / "esail_jax")
+        copy_packages(Path(folder))
         several = ["-n", "auto", "--dist", "worksteal"]
         return run("control", Path(folder), programs, EVERY, several + [f"tests/{test}" for test in tests])
 

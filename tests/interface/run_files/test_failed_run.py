@@ -12,9 +12,10 @@ import esail_jax.commands.run
 import esail_jax.simulation.advance
 import esail_jax.simulation.programs
 from esail_jax import cli
-from esail_jax.compilation import program, store
+from esail_jax.compilation.stored import STORE
 from esail_jax.numerics.lockstep import select
 from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
+from kept_programs.program import _program_of
 from support.bits import check_same, esail_run
 from support.quick import quickly
 from support.run_kinds import KINDS, check_start_of
@@ -25,8 +26,8 @@ def compile_again(monkeypatch):
     programs, advance = esail_jax.simulation.programs, esail_jax.simulation.advance
     monkeypatch.setattr(advance, "block_of", advance.block_of.__wrapped__)
     monkeypatch.setattr(programs, "_compiled", programs._compiled.__wrapped__)
-    monkeypatch.setattr(program, "_program_of", program._program_of.__wrapped__)
-    monkeypatch.setenv(store.VARIABLE, "off")
+    monkeypatch.setattr("kept_programs.program._program_of", _program_of.__wrapped__)
+    monkeypatch.setenv(STORE.variable, "off")
 
 
 def break_from(monkeypatch, stepper, start):
