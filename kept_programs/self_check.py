@@ -76,7 +76,7 @@ def failed(keeper: Keeper, what: str) -> str:
 
     transform, expected = CHECKS[what]
     program = small_program(keeper)
-    with jax.ensure_compile_time_eval():
+    with keeper.at_work(), jax.ensure_compile_time_eval():
         found = transform(lambda x, y: program.unflatten(bind(program.program, x, y))[0])
     return "" if np.array_equal(found, np.asarray(expected)) else f"{what} differs"
 
