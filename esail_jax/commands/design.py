@@ -70,7 +70,7 @@ def run_design(
         if state.iteration and progress.shown:
             print(value_text(state), file=sys.stderr)
         elif state.iteration:
-            progress.update(state.iteration)
+            progress.update(float(state.iteration))
     after = save_design(design, last, folder)
     if not quiet:
         measured = design.objective.measure(after)
