@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import pytest
 
 from esail_jax.compilation import notebook_line
-from esail_jax.compilation.notebook_line import AT_WORK, NotebookLine, running_cell
 from esail_jax.compilation.kept import program_of
+from esail_jax.compilation.notebook_line import AT_WORK, NotebookLine, running_cell
 
 
 class Output:
