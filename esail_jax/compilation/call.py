@@ -81,8 +81,10 @@ def bind(program: Program, *leaves: Any, reverse: Reverse = UNKNOWN) -> Leaves:
 
 @program_p.def_impl
 def _run(*leaves, program, reverse):
+    if uses_executables():
+        return program(*leaves)
     # The executable is that of one device: `jax.jit` follows the devices of the arguments.
-    return program(*leaves) if uses_executables() else unchecked(ordinary(program), *leaves)
+    return unchecked(program.on_devices(lambda: jax.jit(as_function(program))), *leaves)
 
 
 def uses_executables() -> bool:

@@ -6,6 +6,7 @@ import pytest
 
 import esail_jax as esail
 from esail_jax.compilation import remembered, store
+from esail_jax.compilation.call import call
 from esail_jax.compilation.program import program_of
 from esail_jax.compilation.remembered import EXECUTABLES, RecentlyUsed
 
@@ -33,6 +34,27 @@ def test_the_least_recently_used_goes():
     assert sorted(gone[2:]) == ["b", "c"] and len(recent) == 0
 
 
+def test_half_of_them_go_if_the_process_has_too_many_mappings(monkeypatch):
+    """Linux ends a process that needs one mapping too many. Half of the objects go when another one comes,
+    none when one is used again."""
+    gone = []
+    a, b, c, d = (Noted(name, gone) for name in "abcd")
+    recent = RecentlyUsed(64)
+    for one in (a, b, c):
+        recent.use(one)
+    monkeypatch.setattr(remembered, "mappings", lambda: remembered.MOST_MAPPINGS + 1)
+    recent.use(a)
+    assert gone == []
+    recent.use(d)
+    assert gone == ["b"] and len(recent) == 3
+
+
+def test_mappings_are_those_of_the_process(monkeypatch, tmp_path):
+    assert remembered.mappings() > 100 or not remembered.MAPPINGS.exists()
+    monkeypatch.setattr(remembered, "MAPPINGS", tmp_path / "missing")
+    assert remembered.mappings() == 0
+
+
 def square(factor, x):
     return factor * x**2
 
@@ -53,6 +75,19 @@ def test_a_program_that_has_gone_comes_back(program, monkeypatch):
         assert (program(jnp.asarray([1.0, 2.0])) == jnp.asarray([3.0, 12.0])).all()
         assert (other(jnp.asarray([1.0, 2.0])) == jnp.asarray([4.0, 16.0])).all()
         assert len(few) == 1 and program.program._executable is None
+
+
+def test_programs_on_several_devices_go_too(program, monkeypatch):
+    """There `jax.jit` runs a program on the devices of its arguments. Its function goes with the
+    program."""
+    monkeypatch.setattr("esail_jax.compilation.call.uses_executables", lambda: False)
+    monkeypatch.setattr("esail_jax.compilation.program.EXECUTABLES", RecentlyUsed(1))
+    other = program_of(square, (5.0,), (jnp.zeros(2),))
+    for _ in range(2):
+        assert (call(program, jnp.asarray([1.0, 2.0])) == jnp.asarray([3.0, 12.0])).all()
+        assert program.program._on_devices is not None
+        assert (call(other, jnp.asarray([1.0, 2.0])) == jnp.asarray([5.0, 20.0])).all()
+        assert program.program._on_devices is None
 
 
 @pytest.mark.drops_programs
