@@ -61,7 +61,9 @@ def bind(program: Program, *leaves: Any, reverse: Reverse = UNKNOWN) -> Leaves:
 
 def run(*leaves, program, reverse) -> Leaves:
     """Runs the executable. It is that of one device: `jax.jit` follows the devices of the arguments."""
-    return program(*leaves) if uses_executables() else unchecked(ordinary(program), *leaves)
+    if uses_executables():
+        return program(*leaves)
+    return unchecked(program.on_devices(lambda: jax.jit(as_function(program))), *leaves)
 
 
 def uses_executables() -> bool:

@@ -83,6 +83,7 @@ class Program:
         self._lock = threading.RLock()
         self._lowered: jax.stages.Lowered | None = None
         self._executable: Callable | None = None
+        self._on_devices: Callable | None = None
 
     @functools.cached_property
     def _made(self) -> tuple[jax.stages.Traced, Any]:
@@ -119,9 +120,19 @@ class Program:
         EXECUTABLES.use(self)
         return found
 
+    def on_devices(self, make: Callable[[], Callable]) -> Callable:
+        """The function of `jax.jit` that runs the program on the devices of its arguments. make: returns
+        it."""
+        with self._lock:
+            found = self._on_devices
+            if found is None:
+                found = self._on_devices = make()
+        EXECUTABLES.use(self)
+        return found
+
     def forget(self) -> None:
         """Lets the executable and the traced function go. They come back when they are needed."""
-        self._executable = None
+        self._executable = self._on_devices = None
         self.__dict__.pop("_made", None)
 
     def _loaded(self) -> Callable | None:

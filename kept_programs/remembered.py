@@ -1,7 +1,9 @@
 """What a process remembers of programs: functions whose results are kept, and executables in memory.
 
-A program in memory takes 10 to 200 MB. The most recently used executables stay; others go, and are loaded
-from the store when they are needed again (a program that is not kept there is compiled again).
+A program in memory takes 10 to 200 MB, and some hundred memory mappings, of which Linux allows a process
+65,530: the compilation that needs one more ends the process. The most recently used executables stay;
+others go, and are loaded from the store when they are needed again (a program that is not kept
+there is compiled again).
 """
 
 import functools
@@ -9,6 +11,7 @@ import gc
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import jax
@@ -17,6 +20,12 @@ from kept_programs.memory import returning_freed_memory
 
 MOST_EXECUTABLES = 64
 """Largest number of executables in memory. A scene needs four for its run and five for its gradient."""
+
+MAPPINGS = Path("/proc/self/maps")
+"""Linux lists the memory mappings of the process here, one a line."""
+
+MOST_MAPPINGS = 32_000
+"""Largest number of mappings with which all executables stay: half of what Linux allows."""
 
 FUNCTIONS: list[Any] = []
 """Functions whose results are kept."""
@@ -33,9 +42,18 @@ def remembered(maxsize: int) -> Callable[[Callable], Any]:
     return decorate
 
 
+def mappings() -> int:
+    """Returns the number of memory mappings of this process, 0 where the system does not list them."""
+    try:
+        return MAPPINGS.read_bytes().count(b"\n")
+    except OSError:
+        return 0
+
+
 class RecentlyUsed:
-    """Objects in the order of their last use, of which at most `most` stay. An object that leaves is told
-    so by its method `forget`."""
+    """Objects in the order of their last use, of which at most `most` stay, and half of them if the process
+    has more than MOST_MAPPINGS when another one comes. An object that leaves is told so by its method
+    `forget`."""
 
     def __init__(self, most: int):
         self.most = most
@@ -48,9 +66,12 @@ class RecentlyUsed:
     def use(self, one: Any) -> None:
         """Notes that an object is used now."""
         with self._lock:
+            is_new = one not in self._objects
             self._objects[one] = None
             self._objects.move_to_end(one)
-            left = [self._objects.popitem(last=False)[0]] if len(self._objects) > self.most else []
+            count = len(self._objects)
+            stay = count // 2 + 1 if is_new and mappings() > MOST_MAPPINGS else self.most
+            left = [self._objects.popitem(last=False)[0] for _ in range(count - stay)]
         for other in left:
             other.forget()
 

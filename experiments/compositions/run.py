@@ -1,6 +1,8 @@
 """Compares compositions of transformations of JAX with difference quotients, for every method.
 
-python experiments/compositions/run.py [METHOD ...]     # writes compositions.csv
+python experiments/compositions/run.py [--resume] [METHOD ...]     # writes compositions.csv
+
+With --resume, rows that the table has already are not computed again.
 
 A function g of one number becomes another one: by its derivative in forward mode (`jvp`) or reverse mode
 (`grad`), by the mean over two members, g(x) and g(1.1 x) (`vmap`, `map`, `scan`, and `shard_map` over the
@@ -83,7 +85,7 @@ def over_members(apply: Callable) -> Callable:
 
 def sharded(g: Callable, members: jax.Array) -> jax.Array:
     """Returns the members' results, whose arguments are divided among the devices."""
-    mesh, part = Mesh(np.array(jax.devices()[:1]), ("member",)), PartitionSpec("member")
+    mesh, part = Mesh(np.array(jax.devices()[: len(MEMBERS)]), ("member",)), PartitionSpec("member")
     return jax.shard_map(
         lambda some: lax.map(g, some), mesh=mesh, in_specs=part, out_specs=part, check_vma=False
     )(members)
@@ -157,21 +159,26 @@ class References:
 HEADS = "method", "composition", "order", "found", "quotient", "difference", "first_call_s"
 
 
-def rows_of_others(path: Path, methods: list[str]) -> list[list[str]]:
-    """Returns the rows of the table that are not of these methods."""
+def rows_of(path: Path) -> list[list[str]]:
+    """Returns the rows of the table."""
     if not path.exists():
         return []
     with open(path, newline="", encoding="utf-8") as file:
-        return [row for row in list(csv.reader(file))[1:] if row[0] not in methods]
+        return list(csv.reader(file))[1:]
 
 
 def main() -> None:
-    path, methods = Path(__file__).with_name("compositions.csv"), sys.argv[1:] or list(METHODS)
-    rows = rows_of_others(path, methods)
+    jax.config.update("jax_num_cpu_devices", len(MEMBERS))  # for shard_map
+    chosen = [x for x in sys.argv[1:] if x != "--resume"]
+    path, methods = Path(__file__).with_name("compositions.csv"), chosen or list(METHODS)
+    rows = [row for row in rows_of(path) if "--resume" in sys.argv or row[0] not in methods]
+    known = {(row[0], row[1]) for row in rows}
     for method in methods:
         f = outcome(method)
         references = References(f)
         for names in (*itertools.product(TRANSFORMATIONS, repeat=2), *TRIPLES):
+            if (method, " ".join(names)) in known:
+                continue
             began = time.perf_counter()
             found = float(composed(names, f)(AT))
             seconds = time.perf_counter() - began

@@ -4,8 +4,8 @@ import jax
 import jax.numpy as jnp
 import pytest
 
-from kept_programs import clear_caches, program_of
-from kept_programs.remembered import EXECUTABLES, FUNCTIONS, RecentlyUsed
+from kept_programs import call, clear_caches, program_of
+from kept_programs.remembered import EXECUTABLES, FUNCTIONS, MAPPINGS, MOST_MAPPINGS, RecentlyUsed, mappings
 from toy import square
 
 
@@ -32,6 +32,27 @@ def test_the_least_recently_used_goes():
     assert sorted(gone[2:]) == ["b", "c"] and len(recent) == 0
 
 
+def test_half_of_them_go_if_the_process_has_too_many_mappings(monkeypatch):
+    """Linux ends a process that needs one mapping too many. Half of the objects go when another one comes,
+    none when one is used again."""
+    gone = []
+    a, b, c, d = (Noted(name, gone) for name in "abcd")
+    recent = RecentlyUsed(64)
+    for one in (a, b, c):
+        recent.use(one)
+    monkeypatch.setattr("kept_programs.remembered.mappings", lambda: MOST_MAPPINGS + 1)
+    recent.use(a)
+    assert gone == []
+    recent.use(d)
+    assert gone == ["b"] and len(recent) == 3
+
+
+def test_mappings_are_those_of_the_process(monkeypatch, tmp_path):
+    assert mappings() > 100 or not MAPPINGS.exists()
+    monkeypatch.setattr("kept_programs.remembered.MAPPINGS", tmp_path / "missing")
+    assert mappings() == 0
+
+
 @pytest.fixture
 def program(keeper):
     """A program, with an empty store."""
@@ -47,6 +68,19 @@ def test_a_program_that_has_gone_comes_back(keeper, program, monkeypatch):
         assert (program(jnp.asarray([1.0, 2.0])) == jnp.asarray([3.0, 12.0])).all()
         assert (other(jnp.asarray([1.0, 2.0])) == jnp.asarray([4.0, 16.0])).all()
         assert len(few) == 1 and program.program._executable is None
+
+
+def test_programs_on_several_devices_go_too(keeper, program, monkeypatch):
+    """There `jax.jit` runs a program on the devices of its arguments. Its function goes with the
+    program."""
+    monkeypatch.setattr("kept_programs.operation.uses_executables", lambda: False)
+    monkeypatch.setattr("kept_programs.program.EXECUTABLES", RecentlyUsed(1))
+    other = program_of(keeper, square, (5.0,), (jnp.zeros(2),))
+    for _ in range(2):
+        assert (call(program, jnp.asarray([1.0, 2.0])) == jnp.asarray([3.0, 12.0])).all()
+        assert program.program._on_devices is not None
+        assert (call(other, jnp.asarray([1.0, 2.0])) == jnp.asarray([5.0, 20.0])).all()
+        assert program.program._on_devices is None
 
 
 @pytest.mark.drops_programs
