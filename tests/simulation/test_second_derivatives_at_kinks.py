@@ -1,0 +1,99 @@
+"""Second derivatives of runs in which an instant with a kink of the thrust moves with the numbers.
+
+The thrust has a kink where a voltage passes the cutoff voltage (1 kV here) or a limit, and where a table
+has a row. The first derivative of the motion is continuous there, but its rate is not, so that a second
+derivative that is computed with the instant held is wrong: for `voltage.on` it had the wrong sign and the
+twentyfold size."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import pytest
+
+import esail_jax as esail
+from support.quick import jit
+from support.truss_sail import SAIL
+
+RUN = SAIL | {"integrator.t_end": 200.0, "output.interval": 50.0, "integrator.tolerance": 1e-12}
+STEPS = {"integrator.tolerance": None, "integrator.step": 0.25}
+ON_OFF = {"voltage.law": "on-off", "voltage.on": 60.0, "voltage.off": 160.0, "voltage.rise_time": 5.0}
+WINDOW = {
+    "voltage.law": "phase-window", "voltage.on_phase_deg": 30.0, "voltage.off_phase_deg": 150.0,
+    "voltage.rise_phase_deg": 20.0,
+}  # fmt: skip
+HARMONIC = {"voltage.law": "harmonic", "voltage.sine": [0.6]}
+
+
+def instants(x):
+    """Instants of a table of four rows whose second and third move."""
+    return jnp.stack([jnp.zeros_like(x), x, x + 20.0, jnp.full_like(x, 200.0)])
+
+
+class Case(NamedTuple):
+    """A second derivative by one number. scene: overrides; key: of the number; at: its value; h: step of
+    the quotient; rel: tolerance; of: what the scene is given for the number."""
+
+    scene: dict
+    key: str
+    at: float
+    h: float
+    rel: float
+    of: Callable = lambda x: x
+
+
+FREE, FORESEEN, STEPPED, QUOTIENT = 2e-8, 1e-3, 2e-3, 6e-4
+"""Tolerances. Of kinks at known instants: the error of the quotients. Of kinks in a window of the phase:
+steps end about them by 1e-4 of the rise only. Of fixed steps of 0.25 s, which divide a kink between two
+steps: 1e-4 beyond the quotient's error. Of quotients whose steps of error control change: 4e-4."""
+
+CASES = {
+    "on": Case(ON_OFF, "voltage.on", 60.0, 0.2, FREE),
+    "off": Case(ON_OFF, "voltage.off", 160.0, 0.2, FREE),
+    "rise": Case(ON_OFF, "voltage.rise_time", 5.0, 0.1, 1e-6),
+    "rows of voltages": Case(
+        {"voltage.law": "piecewise-linear", "voltage.table": [0.0, 1.0, 0.8, 1.0]},
+        "voltage.time", 60.0, 0.5, FREE, instants,
+    ),
+    "rows of the wind": Case(
+        {"solar_wind.speed": [4e5, 4e5, 5e5, 5e5], "solar_wind.number_density": [5e6, 5e6, 8e6, 8e6]},
+        "solar_wind.time", 60.0, 0.5, FREE, instants,
+    ),
+    "rows of temperatures": Case(
+        {"thermal.temperature": [300.0, 300.0, 330.0, 330.0], "thermal.reference_temperature": 300.0,
+         "thermal.expansion": 2e-5},
+        "thermal.time", 60.03, 1.0, 1e-5, instants,
+    ),
+    "window's phase": Case(WINDOW, "voltage.on_phase_deg", 30.0, 2.0, FORESEEN),
+    "window's voltage": Case(WINDOW, "voltage.value", 20e3, 400.0, FORESEEN),
+    "spin in a window": Case(WINDOW, "initial.spin_rate", 4e-3, 4e-5, FORESEEN),
+    "harmonic": Case(HARMONIC, "voltage.cosine", 1.2, 0.1, QUOTIENT, lambda x: jnp.stack([x])),
+    "fixed steps": Case(
+        HARMONIC | STEPS | {"integrator.method": "generalized-alpha"},
+        "voltage.cosine", 1.2, 0.1, STEPPED, lambda x: jnp.stack([x]),
+    ),
+    "conserving steps": Case(
+        HARMONIC | STEPS | {"integrator.method": "energy-momentum"},
+        "voltage.cosine", 1.2, 0.1, STEPPED, lambda x: jnp.stack([x]),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", CASES)
+def test_second_derivative_where_a_kink_moves(name):
+    """The derivative of the first derivative is the quotient of first derivatives, by Richardson's
+    extrapolation of central ones."""
+    scene, key, at, h, rel, of = CASES[name]
+
+    def angle(x):
+        return esail.simulate("baseline", RUN | scene | {key: of(x)})["coning_angle"][-1, 0]
+
+    slope = jit(jax.jacfwd(angle))
+
+    def quotient(h):
+        return float(slope(at + h) - slope(at - h)) / (2.0 * h)
+
+    found = float(jit(jax.jacfwd(jax.jacfwd(angle)))(at))
+    assert found == pytest.approx((4.0 * quotient(0.5 * h) - quotient(h)) / 3.0, rel=rel)
