@@ -24,6 +24,11 @@ from jax import lax
 from jax.sharding import Mesh, PartitionSpec
 
 import esail_jax as esail
+from esail_jax.compilation.remembered import mappings
+
+MOST_MAPPINGS = 25_000
+"""Number of memory mappings of the process beyond which JAX, too, forgets its programs. Linux allows
+65,530, and one row of the table needs up to ten thousand."""
 
 SAIL = {
     "tethers.count": 3, "tethers.elements": 1, "tethers.element": "truss", "tethers.bending": False,
@@ -183,6 +188,9 @@ def main() -> None:
         for names in (*PAIRS, *TRIPLES):
             if (method, " ".join(names)) in known:
                 continue
+            if mappings() > MOST_MAPPINGS:
+                esail.clear_caches()
+                jax.clear_caches()
             began = time.perf_counter()
             found = float(composed(names, f)(AT))
             seconds = time.perf_counter() - began

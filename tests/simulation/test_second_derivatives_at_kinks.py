@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 import pytest
 
 import esail_jax as esail
@@ -43,10 +44,12 @@ class Case(NamedTuple):
     of: Callable = lambda x: x
 
 
-FREE, FORESEEN, STEPPED, QUOTIENT = 2e-8, 1e-3, 2e-3, 6e-4
+FREE, FORESEEN, JAGGED, WITHIN = 2e-8, 1e-3, 1e-2, 2e-2
 """Tolerances. Of kinks at known instants: the error of the quotients. Of kinks in a window of the phase:
-steps end about them by 1e-4 of the rise only. Of fixed steps of 0.25 s, which divide a kink between two
-steps: 1e-4 beyond the quotient's error. Of quotients whose steps of error control change: 4e-4."""
+steps end about them by 1e-4 of the rise only. Of slopes of first derivatives that jump by 1e-3 of their
+range where the kink passes a step (the second derivatives of the three methods agree to 2e-4). Of a
+kink within a step of a ramp, whose quadrature there has an error of a part of the step: over the whole ramp
+the second derivative of the voltage has the mean zero, and its effect is what remains."""
 
 CASES = {
     "on": Case(ON_OFF, "voltage.on", 60.0, 0.2, FREE),
@@ -68,14 +71,23 @@ CASES = {
     "window's phase": Case(WINDOW, "voltage.on_phase_deg", 30.0, 2.0, FORESEEN),
     "window's voltage": Case(WINDOW, "voltage.value", 20e3, 400.0, FORESEEN),
     "spin in a window": Case(WINDOW, "initial.spin_rate", 4e-3, 4e-5, FORESEEN),
-    "harmonic": Case(HARMONIC, "voltage.cosine", 1.2, 0.1, QUOTIENT, lambda x: jnp.stack([x])),
+    "harmonic": Case(HARMONIC, "voltage.cosine", 1.2, 0.1, JAGGED, lambda x: jnp.stack([x])),
+    "limit": Case(
+        HARMONIC | {"voltage.maximum": 14e3}, "voltage.cosine", 0.3, 0.05, JAGGED,
+        lambda x: jnp.stack([x]),
+    ),
+    "power": Case(
+        ON_OFF | {"voltage.rise_time": 30.0, "tethers.wire_radius": 12.5e-6, "tethers.wires": 4,
+         "voltage.power_limit": 3.0},
+        "voltage.on", 60.0, 1.0, WITHIN,
+    ),
     "fixed steps": Case(
         HARMONIC | STEPS | {"integrator.method": "generalized-alpha"},
-        "voltage.cosine", 1.2, 0.1, STEPPED, lambda x: jnp.stack([x]),
+        "voltage.cosine", 1.2, 0.1, JAGGED, lambda x: jnp.stack([x]),
     ),
     "conserving steps": Case(
         HARMONIC | STEPS | {"integrator.method": "energy-momentum"},
-        "voltage.cosine", 1.2, 0.1, STEPPED, lambda x: jnp.stack([x]),
+        "voltage.cosine", 1.2, 0.1, JAGGED, lambda x: jnp.stack([x]),
     ),
 }  # fmt: skip
 
@@ -83,17 +95,14 @@ CASES = {
 @pytest.mark.nightly
 @pytest.mark.parametrize("name", CASES)
 def test_second_derivative_where_a_kink_moves(name):
-    """The derivative of the first derivative is the quotient of first derivatives, by Richardson's
-    extrapolation of central ones."""
+    """The derivative of the first derivative is the slope of a polynomial of fifth degree through eleven
+    first derivatives, which evens out the small jumps where the steps of error control change."""
     scene, key, at, h, rel, of = CASES[name]
 
     def angle(x):
         return esail.simulate("baseline", RUN | scene | {key: of(x)})["coning_angle"][-1, 0]
 
     slope = jit(jax.jacfwd(angle))
-
-    def quotient(h):
-        return float(slope(at + h) - slope(at - h)) / (2.0 * h)
-
-    found = float(jit(jax.jacfwd(jax.jacfwd(angle)))(at))
-    assert found == pytest.approx((4.0 * quotient(0.5 * h) - quotient(h)) / 3.0, rel=rel)
+    x = np.linspace(-1.0, 1.0, 11)
+    fitted = np.polyfit(x, [float(slope(at + h * part)) for part in x], 5)[-2] / h
+    assert float(jit(jax.jacfwd(jax.jacfwd(angle)))(at)) == pytest.approx(fitted, rel=rel)
