@@ -209,6 +209,14 @@ class System(Assembly):
         loads = tuple(load.holding(volts, self.tethers.elements) for load in self.loads)
         return eqx.tree_at(lambda system: system.loads, self, loads)
 
+    def with_added_strength(self, added: dict[int, PerTether]) -> "System":
+        """The system some of whose loads, by their places, are stronger than their law says [N/m]."""
+        loads = tuple(
+            load.with_added_strength(self.tethers.repeat_per_element(added[i])) if i in added else load
+            for i, load in enumerate(self.loads)
+        )
+        return eqx.tree_at(lambda system: system.loads, self, loads)
+
     def with_commanded_loads(self, time: Scalar, q: Coordinates, v: Coordinates) -> "System":
         """The system whose loads have the commands of a state."""
         return self.with_commands(self.commands(time, q, v)) if self.controlled else self

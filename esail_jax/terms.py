@@ -202,6 +202,12 @@ class Load(Term):
         return ()
 
     @property
+    def has_kinks(self) -> bool:
+        """Tells whether the load has a strength per tether with kinks in time. It then has `strength`,
+        `kinks` and `with_added_strength` (`steppers/kinks.py`)."""
+        return False
+
+    @property
     def acts_on(self) -> tuple[str, ...]:
         return ("r",)
 

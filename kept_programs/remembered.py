@@ -21,6 +21,10 @@ from kept_programs.memory import returning_freed_memory
 MOST_EXECUTABLES = 64
 """Largest number of executables in memory. A scene needs four for its run and five for its gradient."""
 
+LEAST_EXECUTABLES = 16
+"""Number of executables that always stay: run, gradient and second derivative of a scene need fewer. With
+less room every call would load its programs again."""
+
 MAPPINGS = Path("/proc/self/maps")
 """Linux lists the memory mappings of the process here, one a line."""
 
@@ -51,12 +55,12 @@ def mappings() -> int:
 
 
 class RecentlyUsed:
-    """Objects in the order of their last use, of which at most `most` stay, and half of them if the process
-    has more than MOST_MAPPINGS when another one comes. An object that leaves is told so by its method
-    `forget`."""
+    """Objects in the order of their last use, of which at most `most` stay, and half of them, at least
+    `least`, if the process has more than MOST_MAPPINGS when another one comes. An object that leaves is
+    told so by its method `forget`."""
 
-    def __init__(self, most: int):
-        self.most = most
+    def __init__(self, most: int, least: int = 1):
+        self.most, self.least = most, least
         self._objects: OrderedDict[Any, None] = OrderedDict()
         self._lock = threading.Lock()
 
@@ -70,7 +74,8 @@ class RecentlyUsed:
             self._objects[one] = None
             self._objects.move_to_end(one)
             count = len(self._objects)
-            stay = count // 2 + 1 if is_new and mappings() > MOST_MAPPINGS else self.most
+            crowded = is_new and count > self.least and mappings() > MOST_MAPPINGS
+            stay = max(count // 2 + 1, self.least) if crowded else self.most
             left = [self._objects.popitem(last=False)[0] for _ in range(count - stay)]
         for other in left:
             other.forget()
@@ -84,7 +89,7 @@ class RecentlyUsed:
             other.forget()
 
 
-EXECUTABLES = RecentlyUsed(MOST_EXECUTABLES)
+EXECUTABLES = RecentlyUsed(MOST_EXECUTABLES, LEAST_EXECUTABLES)
 """The programs whose executables are in memory."""
 
 

@@ -4,10 +4,12 @@ import dataclasses
 from typing import ClassVar
 
 import equinox as eqx
+import jax
+import jax.numpy as jnp
 
-from esail_jax.array_types import Array, Float, Instants, PerElement, PerTether, VectorPerPoint
+from esail_jax.array_types import Array, Float, Instants, PerElement, PerTether, Scalar, VectorPerPoint
 from esail_jax.elements.tether import per_element
-from esail_jax.environment.solar_wind import LocalWind, Wind
+from esail_jax.environment.solar_wind import LocalWind, SteadyWind, Wind, WindOnOrbit
 from esail_jax.loads.electron_current import Collector
 from esail_jax.loads.own_law import SampledLaw, sampled_law
 from esail_jax.loads.voltage import VoltageLaw
@@ -26,7 +28,8 @@ class CoulombThrust(ControlledLoad):
     linear in the velocity of the tether, and of order |dr/dt|/u = 1e-4. On an orbit dr/dt includes the
     velocity of the moving frame, of order 0.1 u. voltage: V [V] of every element;
     None until the voltage law has commanded it. collector: the wires that collect electrons; None if the
-    scene does not describe them.
+    scene does not describe them. added: thrust per length and speed beyond sigma/u, for derivatives; None
+    for none.
     """
 
     wind: Wind
@@ -34,6 +37,7 @@ class CoulombThrust(ControlledLoad):
     voltage: PerElement | None = None
     relative: bool = eqx.field(static=True, default=False)
     collector: Collector | None = None
+    added: PerElement | None = None
 
     name: ClassVar[str] = "coulomb"
     depends_on: ClassVar[tuple[str, ...]] = ("r", "r_x")
@@ -60,6 +64,44 @@ class CoulombThrust(ControlledLoad):
             return self.wind.knots
         measured = self.with_wind(measurements)
         return (*self.wind.knots, *self.voltage_law.knots(measured, self.wind.thresholds))
+
+    @property
+    def has_kinks(self) -> bool:
+        return not self.constant or bool(self.wind.knots)
+
+    def strength(self, time: Scalar, measurements: Measurements | None) -> PerTether:
+        """Thrust per length sigma [N/m] of every tether across the wind, at the hub."""
+        volts = self.voltage_law.value if self.constant else self.commanded(measurements)
+        wind = self.wind_at(time, measurements)
+        return wind.speed * wind.thrust_per_speed(volts)
+
+    def kinks(
+        self, time: Scalar, measurements: Measurements | None
+    ) -> tuple[Float[Array, "kink tether"], Float[Array, "kink tether"]]:
+        """Distances from the kinks of the strength that are no knots, such as a voltage from the cutoff
+        voltage, and by how much the derivative of the strength with respect to them jumps."""
+        if self.constant:
+            none = jnp.zeros((0, *self.voltage_law.value.shape))
+            return none, none
+        wind, measured = self.wind_at(time, measurements), self.with_wind(measurements)
+        found = self.voltage_law.kinks(measured, self.wind.thresholds)
+        rows = [(x.margin, x.jump * wind.speed * slope_of(wind, x.volts)) for x in found]
+        if not rows:
+            none = jnp.zeros((0, *measurements.chords.shape[1:]))
+            return none, none
+        margins, jumps = zip(*rows, strict=True)
+        return jnp.stack(margins), jnp.stack(jumps)
+
+    def wind_at(self, time: Scalar, measurements: Measurements | None) -> SteadyWind:
+        """The wind at the hub."""
+        position = None if measurements is None else measurements.position
+        if position is None and isinstance(self.wind, WindOnOrbit):
+            position, _ = self.wind.orbit.at(time)
+        return self.wind.at_sail(time, position)
+
+    def with_added_strength(self, added: PerElement) -> "CoulombThrust":
+        """The load with a thrust per length [N/m] that is added to that of its voltages."""
+        return dataclasses.replace(self, added=added)
 
     @property
     def is_sampled(self) -> bool:
@@ -107,4 +149,13 @@ class CoulombThrust(ControlledLoad):
             if isinstance(wind, LocalWind):
                 u = u - wind.frame_velocity
         along = dot(fields.r_x, u) * reciprocal(dot(fields.r_x, fields.r_x))
-        return wind.thrust_per_speed(self.voltage) * (u - along * fields.r_x)
+        strength = wind.thrust_per_speed(self.voltage)
+        if self.added is not None:
+            strength = strength + self.added / wind.speed
+        return strength * (u - along * fields.r_x)
+
+
+def slope_of(wind: SteadyWind, volts: PerTether) -> PerTether:
+    """The derivative of sigma/u with respect to the voltage [N s/(m^2 V)], just above voltages [V]."""
+    above = volts + 1e-9 * (1.0 + jnp.abs(volts))
+    return jax.jvp(wind.thrust_per_speed, (above,), (jnp.ones_like(above),))[1]

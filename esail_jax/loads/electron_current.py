@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from esail_jax.array_types import Array, PerTether, Scalar, Vector
 from esail_jax.constants import ELECTRON_MASS, ELEMENTARY_CHARGE
 from esail_jax.environment.solar_wind import SteadyWind, Wind
-from esail_jax.loads.voltage import Constant, VoltageLaw
+from esail_jax.loads.voltage import Constant, VoltageKink, VoltageLaw
 from esail_jax.loads.voltage_limits import Limits
 from esail_jax.measurements import Measurements
 
@@ -70,6 +70,15 @@ class PowerLimited(VoltageLaw):
 
     def knots(self, measurements: Measurements, levels: tuple[Scalar, ...]) -> tuple[Array, ...]:
         return self.law.knots(measurements, levels)
+
+    def kinks(self, measurements: Measurements, levels: tuple[Scalar, ...]) -> tuple[VoltageKink, ...]:
+        """Those of the law, and that of the power limit. Where the limit is active, a kink of one tether is
+        one of all others, too; its jump is not computed (NaN)."""
+        time, volts, position = measurements.time, self.commanded(measurements), measurements.position
+        excess = self.collector.power(time, volts, position) / self.limit - 1.0
+        alone = jnp.where(excess > 0.0, jnp.nan, 1.0)
+        found = [x._replace(jump=alone * x.jump) for x in self.law.kinks(measurements, levels)]
+        return (*found, VoltageKink(excess * jnp.ones_like(volts), -2.0 / 3.0 * volts, volts))
 
     def holding(self, volts: PerTether) -> "PowerLimited":
         return dataclasses.replace(self, law=self.law.holding(volts))

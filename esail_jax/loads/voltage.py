@@ -5,7 +5,7 @@ value of that one has passed through them if the scene has a `maximum`.
 """
 
 from abc import abstractmethod
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, NamedTuple
 
 import equinox as eqx
 import jax
@@ -24,6 +24,16 @@ NEWTON_STEPS = 6
 
 AxisName = Literal["hub", "angular-momentum"]
 """What attitude feedback measures as the spin axis: X_B, or the direction of the angular momentum."""
+
+
+class VoltageKink(NamedTuple):
+    """A place at which the voltage, or the thrust as a function of it, has a kink: the distance of a tether
+    from it, the jump there of the derivative of the voltage (or of its part that thrusts) with respect to
+    this distance, and the voltage there [V]."""
+
+    margin: PerTether
+    jump: PerTether
+    volts: PerTether
 
 
 class VoltageLaw(eqx.Module):
@@ -50,6 +60,15 @@ class VoltageLaw(eqx.Module):
         its instants would have the error of a kink within a step. levels: voltages [V] at which the thrust
         changes its form."""
         return ()
+
+    def kinks(self, measurements: Measurements, levels: tuple[Scalar, ...]) -> tuple[VoltageKink, ...]:
+        """The kinks that are no knots: those of the thrust at levels [V], and those of the limits. By
+        default the state decides when the voltage reaches them. A law whose knots they are has none."""
+        asked = self.commanded(measurements)
+        volts = asked if self.limits.blend is None else self.limits(asked)
+        one = jnp.ones_like(asked)
+        begins = [VoltageKink(volts - level, one, level * one) for level in levels]
+        return (*begins, *(VoltageKink(asked - x, -one, x * one) for x in self.limits.kinks))
 
     def holding(self, volts: PerTether) -> "VoltageLaw":
         """The law that holds other voltages [V], if it is a sampled one (`own_law.SampledLaw`)."""
@@ -131,6 +150,9 @@ class TimeTable(VoltageLaw):
         reached = [crossings(self.time, self.table, level) for level in (*levels, *self.limits.kinks)]
         return (self.time, *reached)
 
+    def kinks(self, measurements: Measurements, levels: tuple[Scalar, ...]) -> tuple[VoltageKink, ...]:
+        return ()
+
     def commanded(self, measurements: Measurements) -> PerTether:
         return jax.vmap(lambda x: jnp.interp(measurements.time, self.time, x), 1)(self.table)
 
@@ -162,6 +184,9 @@ class OnOff(VoltageLaw):
     def knots(self, measurements: Measurements, levels: tuple[Scalar, ...]) -> tuple[Array, ...]:
         parts = [level / self.value for level in (*levels, *self.limits.kinks)]
         return knots_of_pulse(self.on, self.off, self.rise, parts)
+
+    def kinks(self, measurements: Measurements, levels: tuple[Scalar, ...]) -> tuple[VoltageKink, ...]:
+        return ()
 
     def commanded(self, measurements: Measurements) -> PerTether:
         return self.value * pulse(measurements.time, self.on, self.off, self.rise)

@@ -51,6 +51,11 @@ def materialised(tangent: Any) -> Array:
     return jnp.zeros(tangent.shape, tangent.dtype) if is_symbolic(tangent) else tangent
 
 
+def nothing_of(like: Any) -> Any:
+    """Returns zeros of the same shapes and types."""
+    return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), like)
+
+
 def bundled(rhs: Any) -> Any:
     """Returns the right-hand sides of a `lax.custom_linear_solve` as one bundle: if one of them has a
     tangent, all have. JAX cannot transpose the solve if some of several right-hand sides have none.

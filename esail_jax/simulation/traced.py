@@ -25,6 +25,7 @@ from esail_jax.simulation.problem import Carried, Problem, restart, start
 from esail_jax.simulation.rectification import AnyPoint, PointOnOrbit
 from esail_jax.simulation.schedule import Plan, Schedule
 from esail_jax.simulation.voltage_jumps import without_derivative
+from esail_jax.steppers.kinks import between_segments
 from esail_jax.steppers.results import RESULTS
 from esail_jax.steppers.stepper import INSTANTS_TOGETHER, AbstractStepper, Point
 from esail_jax.system import Power
@@ -129,7 +130,8 @@ def run(
     begun = start(structure, numbers, stepper, point)
     problem = begun.problem
     if divided:
-        plan = divided_windows(plan, jnp.concatenate([jnp.ravel(numbers[key]) for key in divided]))
+        instants = jnp.concatenate([jnp.ravel(numbers[key]) for key in divided])
+        plan = divided_windows(plan, instants)
     windows, number, place = jax.tree.map(jnp.asarray, plan)
 
     @keep_tapes
@@ -141,6 +143,8 @@ def run(
 
             def begin():
                 point = on_constraints(now, before)[0]
+                if divided:
+                    point = in_next_segment(now.under(carried).settled(), point, instants, window.start)
                 found = restart(now, motion, point, window.until, carried, due)
                 return select(is_good(motion), found, (motion, carried))
 
@@ -164,6 +168,20 @@ def run(
     jumped = None if motion.jump is None else motion.jump > 0.0
     of_run = result, motion.counts, errors, jumped
     return Moved(problem, points, carried, segments, good, last.orbit, *of_run)
+
+
+def in_next_segment(
+    problem: Problem, point: Point, instants: Float[Array, " knot"], start: Scalar
+) -> Point:
+    """Returns the point at which a run goes on in a segment, with the derivatives that a kink of the
+    forces there gives it. problem: that of the segment; start [s]: its start, which is one of the instants,
+    or an instant without a derivative."""
+    system = problem.system
+    same = instants == start
+    instant = jnp.where(same, instants, 0.0).sum() / jnp.maximum(same.sum(), 1)
+    before = system.in_segment(jnp.asarray(-jnp.inf), start)
+    v, work = jax.tree.map(jnp.add, (point.v, point.work), between_segments(before, system, point, instant))
+    return point._replace(v=v, work=work)
 
 
 def observe(

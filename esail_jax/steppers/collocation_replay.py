@@ -10,17 +10,27 @@ the arguments of a checkpoint do not change in a loop, but not that the results 
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jax import lax
 
-from esail_jax.array_types import Array, Bool, Float, Int
+from esail_jax.array_types import Array, Bool, Float, Int, Scalar
 from esail_jax.numerics.lockstep import any_member, select
-from esail_jax.numerics.symbolic_zeros import with_tangent_of
+from esail_jax.numerics.symbolic_zeros import nothing_of, with_tangent_of
 from esail_jax.steppers.collocation_solution import known_stages
-from esail_jax.steppers.collocation_stages import StepEnd, end_of_step, factor, stage_powers, work_of_step
+from esail_jax.steppers.collocation_stages import (
+    StageUnknowns,
+    StepEnd,
+    end_of_step,
+    factor,
+    stage_powers,
+    stage_states,
+    work_of_step,
+)
 from esail_jax.steppers.collocation_steps import CollocationSteps
+from esail_jax.steppers.kinks import Nodes, kinked, kinks_passed
 from esail_jax.steppers.knots import behind
 from esail_jax.steppers.stepper import AbstractStepper, Motion, Point, points_within
 from esail_jax.system import Power, System
@@ -44,11 +54,11 @@ def replay_window(
     def block(now, records):
         return replay_steps(system, now, records)
 
-    now, records = lax.scan(jax.checkpoint(unless_empty(block)), start, tapes)
-    flat = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), records)
+    now, (records, kicks) = lax.scan(jax.checkpoint(unless_empty(block)), start, tapes)
+    flat, kicks = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), (records, kicks))
     afresh = system.knots(start.time, start.q, start.v) is not None
     begins = jnp.zeros(records.taken.shape, bool).at[:, 0].set(afresh) & records.taken
-    (work, power), flat = replay_work(system, start, flat, begins.ravel())
+    (work, power), flat = replay_work(system, start, flat, begins.ravel(), kicks)
     records = jax.tree.map(lambda x, like: x.reshape(like.shape), flat, records)
     points = points_within(stepper, system, motion.last, records, records.taken, times)
     # The time has no derivative: step sizes are given.
@@ -65,7 +75,7 @@ def unless_empty(block: Callable) -> Callable:
     zeros, which are written faster than copied."""
 
     def nothing(carry, records):
-        return carry, jax.tree.map(jnp.zeros_like, records)
+        return carry, nothing_of(jax.eval_shape(block, carry, records)[1])
 
     def one(carry, records):
         return lax.cond(any_member(records.taken.any()), block, nothing, carry, records)
@@ -73,12 +83,19 @@ def unless_empty(block: Callable) -> Callable:
     return one
 
 
+class Kick(NamedTuple):
+    """What kinks of loads within a step add to the work and to the power at its end."""
+
+    work: Power
+    power: Power
+
+
 def replay_steps(
     system: System, now: StepEnd, records: CollocationSteps
-) -> tuple[StepEnd, CollocationSteps]:
+) -> tuple[StepEnd, tuple[CollocationSteps, Kick | None]]:
     """Returns the end of the last step of a block and the records of the steps, as differentiable functions
     of the system and of the start of the first step. Step sizes carry no derivative. Work and powers, on
-    which nothing else depends, are left to `replay_work`."""
+    which nothing else depends, are left to `replay_work`, with what kinks add to them."""
     h = records.h[0]
     if system.knots(now.time, now.q, now.v) is not None:
         now = behind(system, now._replace(time=records.start.time[0]))
@@ -94,21 +111,49 @@ def replay_steps(
         unknowns = known_stages(system, now, h, stages, factors)
         q, v = end_of_step(system, now, h, unknowns, factors)
         end = now._replace(q=q, v=v, vdot=jax.tree.map(lambda x: x[-1], unknowns.vdot))
-        return end, replace(record, start=now, stages=unknowns)
+        end, kick = behind_kinks(system, now, h, unknowns, end)
+        return end, (replace(record, start=now, stages=unknowns), kick)
 
     @jax.checkpoint
     def step_or_stay(now, record):
         now = now._replace(time=record.start.time)
-        return lax.cond(record.taken, step, lambda now, record: (now, record), now, record)
+        none = no_kick(system, now)
+        return lax.cond(record.taken, step, lambda now, record: (now, (record, none)), now, record)
 
     return lax.scan(step_or_stay, now, records)
 
 
+def no_kick(system: System, now: StepEnd) -> Kick | None:
+    """Returns the record of a step without kinks; None for a system whose loads have none."""
+    return Kick(*jax.tree.map(jnp.zeros_like, (now.work, now.power))) if kinked(system) else None
+
+
+def behind_kinks(
+    system: System, now: StepEnd, h: Scalar, unknowns: StageUnknowns, end: StepEnd
+) -> tuple[StepEnd, Kick | None]:
+    """Returns the end of a step with the derivatives that kinks of loads within the step give it
+    (`kinks.py`), and what they add to work and power."""
+    if not kinked(system):
+        return end, None
+    inner = stage_states(now, h, unknowns.vdot)
+    first, last = (now.time, now.q, now.v), (inner[0][-1], end.q, end.v)
+    nodes = Nodes(*jax.tree.map(lambda a, x, b: jnp.stack([a, *x[:-1], b]), first, inner, last))
+    found = kinks_passed(system, nodes)
+    added = found.q, found.v, found.vdot
+    q, v, vdot = jax.tree.map(jnp.add, (end.q, end.v, end.vdot), added)
+    return end._replace(q=q, v=v, vdot=vdot), Kick(found.work, found.power)
+
+
 def replay_work(
-    system: System, start: StepEnd, records: CollocationSteps, begins: Bool[Array, " step"]
+    system: System,
+    start: StepEnd,
+    records: CollocationSteps,
+    begins: Bool[Array, " step"],
+    kicks: Kick | None,
 ) -> tuple[tuple[Power, Power], CollocationSteps]:
     """Adds powers and work to consecutive records of `replay_steps`, beginning with those of `start`.
-    begins: true for steps taken whose power at the start is that of the record, behind a knot.
+    begins: true for steps taken whose power at the start is that of the record, behind a knot; kicks: what
+    kinks within the steps add.
 
     Returns the work and the power at the end, and the records."""
 
@@ -124,11 +169,14 @@ def replay_work(
 
     @jax.checkpoint
     def step_or_stay(before, row):
-        record, begins = row
+        record, begins, kick = row
         none = jax.tree.map(jnp.zeros_like, record.power)
         before = before[0], select(begins, record.start.power, before[1])
         after, power = lax.cond(record.taken, step, lambda *x: (x[0], none), before, record)
+        if kick is not None:
+            after = jax.tree.map(jnp.add, after, tuple(kick))
         return after, (before, power)
 
-    end, ((work, first), power) = lax.scan(step_or_stay, (start.work, start.power), (records, begins))
+    rows = records, begins, kicks
+    end, ((work, first), power) = lax.scan(step_or_stay, (start.work, start.power), rows)
     return end, replace(records, start=records.start._replace(work=work, power=first), power=power)

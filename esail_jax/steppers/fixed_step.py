@@ -36,6 +36,7 @@ from esail_jax.steppers.fixed_step_state import (
     no_info,
 )
 from esail_jax.steppers.fixed_step_steps import FixedStepSteps, Interval, Node, Tape
+from esail_jax.steppers.kinks import Nodes, kinked, kinks_passed
 from esail_jax.steppers.log import Log, Statistic
 from esail_jax.steppers.results import RESULTS
 from esail_jax.steppers.step_error import StepErrors
@@ -238,8 +239,10 @@ class FixedStep(FixedStepMethod):
 
             def step(carry, index):
                 def go(carry):
-                    carry, _, (node, info, _) = one_step(carry)
-                    return carry, (node, info)
+                    (end, *others), _, (_, info, _) = one_step(carry)
+                    begins = state.origin + state.ticks * state.tick + carry[2] * fine.step_size
+                    end = behind_kinks(model, begins, fine.step_size, carry[0], end)
+                    return (end, *others), (Node.of(end), info)
 
                 def stay(carry):
                     return carry, (Node.of(carry[0]), no_info())
@@ -268,6 +271,18 @@ class FixedStep(FixedStepMethod):
             return lax.scan(trial, start, jnp.arange(self.trials))[0]
 
         return lax.cond(any_member(count > 0), with_trials, lambda start: start, start)
+
+
+def behind_kinks(system: System, time: Scalar, h: Scalar, start: StepState, end: StepState) -> StepState:
+    """Returns the end of a step with the derivatives that kinks of loads within the step give it
+    (`kinks.py`). time [s]: the start of the step."""
+    if not kinked(system):
+        return end
+    pairs = jax.tree.map(lambda *x: jnp.stack(x), (start.q, start.v), (end.q, end.v))
+    found = kinks_passed(system, Nodes(jnp.stack([time, time + h]), *pairs))
+    added = found.q, found.v, found.work
+    q, v, work = jax.tree.map(jnp.add, (end.q, end.v, end.work), added)
+    return end._replace(q=q, v=v, work=work)
 
 
 def beginning(start: StepState) -> tuple[StepState, Scalar, Int[Array, ""]]:

@@ -20,6 +20,7 @@ from esail_jax.numerics.symbolic_zeros import (
     is_symbolic,
     jvp_of_perturbed,
     materialised,
+    nothing_of,
     perturbed,
     tied,
 )
@@ -212,11 +213,6 @@ def jvp_if_wanted(function: Callable, primals: tuple, tangents: tuple) -> Any:
     both = bundled((moves, nothing))
     moves, y = lax.custom_linear_solve(product, both, solve, solve_transposed)
     return tied(y, moves)
-
-
-def nothing_of(like: Any) -> Any:
-    """Returns zeros of the same shapes and types."""
-    return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), like)
 
 
 def increment_norms(system: System, dq: Coordinates) -> tuple[Float[jax.Array, "2"], Int[jax.Array, ""]]:

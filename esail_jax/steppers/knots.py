@@ -21,7 +21,7 @@ NEAR = 1e-12
 """Distance before a knot at which steps end: relative to the time, and at small times in seconds."""
 
 
-def near(time: Scalar) -> Scalar:
+def near(time: Float[Array, "*any"]) -> Float[Array, "*any"]:
     """Returns the distance [s] before a knot at which steps end."""
     return NEAR * (1.0 + jnp.abs(time))
 

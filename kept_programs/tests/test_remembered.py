@@ -45,6 +45,10 @@ def test_half_of_them_go_if_the_process_has_too_many_mappings(monkeypatch):
     assert gone == []
     recent.use(d)
     assert gone == ["b"] and len(recent) == 3
+    few = RecentlyUsed(64, least=4)
+    for one in (a, b, c, d):
+        few.use(one)
+    assert gone == ["b"], "what one scene needs stays"
 
 
 def test_mappings_are_those_of_the_process(monkeypatch, tmp_path):

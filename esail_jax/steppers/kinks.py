@@ -1,0 +1,238 @@
+"""Second derivatives of runs in which a load has kinks, whose instants move with the numbers.
+
+The thrust per length of a tether has a kink where its voltage passes the cutoff voltage or a limit, and at
+the rows of a table. At an instant t* the rate A' of this strength A jumps by J. First derivatives of the
+motion are continuous there, and the steps, whose sizes carry no derivative, give them as they are. Their
+rate jumps. If the numbers move the instant by d, the motion has the old form for the time d longer, and
+lacks, for a fixed instant, the impulse
+
+    w = integral of (A_before - A_after) dt = J d^2 / 2.
+
+It is zero, and so is its first derivative, but its second one is not: J (dt*/dp)^2. The impulse changes the
+velocities by w da/dA, where the acceleration a is linear in A. With a distance s that is zero at t* (the
+voltage from a limit, say) it is J (ds/dp)^2 / (2 |s'|), for which t* need not be solved for.
+
+Programs that compute no second derivative lack all of this (`numerics/vanishing.py`).
+"""
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+
+from esail_jax.array_types import Array, Float, PerTether, Scalar
+from esail_jax.coordinates import Coordinates
+from esail_jax.numerics.symbolic_zeros import nothing_of
+from esail_jax.numerics.vanishing import half_product, half_square, vanishing
+from esail_jax.steppers.consistent import consistent_motion
+from esail_jax.steppers.knots import near
+from esail_jax.steppers.stepper import Point
+from esail_jax.system import Power, System
+
+
+class Nodes(NamedTuple):
+    """Instants [s] of a step, its start and its end among them, and positions and velocities there (first
+    axis)."""
+
+    time: Float[Array, " node"]
+    q: Coordinates
+    v: Coordinates
+
+    def at(self, index: int) -> tuple[Scalar, Coordinates, Coordinates]:
+        """The instant and the state of a node."""
+        return jax.tree.map(lambda x: x[index], tuple(self))
+
+
+class Passed(NamedTuple):
+    """What kinks within a step add at its end: to positions, velocities, accelerations, work and power. All
+    these values are zero."""
+
+    q: Coordinates
+    v: Coordinates
+    vdot: Coordinates
+    work: Power
+    power: Power
+
+
+class Impulses(NamedTuple):
+    """Impulses per length [N s/m] of the tethers for several kinks, and where these lie in the step, as
+    parts of its length."""
+
+    size: Float[Array, "kink tether"]
+    part: Float[Array, "kink tether"]
+
+
+def passed_like(_: System, nodes: Nodes) -> Passed:
+    """Returns numbers in the form of the result of `kinks_passed`."""
+    time, q, v = nodes.at(-1)
+    return Passed(q, v, v, *(Power(time, time),) * 2)
+
+
+@vanishing(passed_like)
+def kinks_passed(system: System, nodes: Nodes) -> Passed:
+    """Returns what kinks within a step add at its end."""
+    still = lax.stop_gradient((system, nodes))
+    there = jnp.stack([x.any() for x in (*knots_within(*still), *margins_passed(*still))]).any()
+    nothing = nothing_of(passed_like(system, nodes))
+    return lax.cond(there, changes, lambda *_: nothing, system, nodes)
+
+
+def changes(system: System, nodes: Nodes) -> Passed:
+    """Returns what the kinks add. An impulse within the step acts at both ends, in the ratio that preserves
+    its first moment, and moves the end by the rest of the step: both right to second order of the step."""
+    found = [add(at_knots(system, nodes, i), at_margins(system, nodes, i)) for i in kinked(system)]
+    h = nodes.time[-1] - nodes.time[0]
+
+    def three(x):
+        weights = 1.0 - x.part, x.part, h * (1.0 - x.part)
+        return jnp.stack([(x.size * weight).sum(0) for weight in weights])
+
+    states = jax.tree.map(lambda x: x[np.array([0, -1, -1])], tuple(nodes))
+    impulses = tuple(three(x) for x in found)
+    moved, works = lax.map(lambda row: response(system, *row), (*states, impulses))
+    v, work = jax.tree.map(lambda x: x[0] + x[1], (moved, works))
+    moved = jax.tree.map(lambda x: x[2], moved)
+    time, *end = nodes.at(-1)
+
+    def motion(q, v):
+        begun = consistent_motion(system, time, q, v)
+        return begun.vdot, begun.power
+
+    vdot, power = jax.jvp(motion, tuple(end), (moved, v))[1]
+    return Passed(moved, v, vdot, work, power)
+
+
+def kinked(system: System) -> list[int]:
+    """Returns the places of the loads that have kinks."""
+    return [i for i, load in enumerate(system.loads) if load.has_kinks]
+
+
+def add(*parts: Impulses) -> Impulses:
+    """Returns all impulses together."""
+    return Impulses(*(jnp.concatenate(x) for x in zip(*parts, strict=True)))
+
+
+def response(
+    system: System, time: Scalar, q: Coordinates, v: Coordinates, impulses: tuple[PerTether, ...]
+) -> tuple[Coordinates, Power]:
+    """Returns the change of the velocities, and the work, of impulses [N s/m] of the kinked loads. Nothing
+    else acts in no time."""
+    system = eqx.tree_at(lambda x: (x.energies, x.dissipations), system, ((), ()))
+
+    def motion(added):
+        stronger = system.with_added_strength(dict(zip(kinked(system), added, strict=True)))
+        begun = consistent_motion(stronger, time, q, v)
+        return begun.vdot, begun.power
+
+    return jax.jvp(motion, (jax.tree.map(jnp.zeros_like, impulses),), (impulses,))[1]
+
+
+# ---- kinks at known instants ---------------------------------------------------------------------------
+
+
+def knots_within(system: System, nodes: Nodes) -> tuple[Array, ...]:
+    """Returns which knots of the system lie in the step, whose ends are shifted behind knots there: all in
+    increasing order, and equal ones once."""
+    return () if (found := ordered_knots(system, nodes)) is None else (found[1],)
+
+
+def ordered_knots(system: System, nodes: Nodes) -> tuple[Array, Array] | None:
+    """Returns the knots [s] in increasing order, and which of them count; None for a system without."""
+    found = system.knots(*nodes.at(0))
+    if found is None:
+        return None
+    knots = jnp.sort(lax.stop_gradient(found))
+    begin, end = (t + 4.0 * near(t) for t in (nodes.time[0], nodes.time[-1]))
+    another = jnp.append(True, jnp.diff(knots) > 4.0 * near(knots[1:]))
+    return knots, (knots > begin) & (knots <= end) & another
+
+
+def at_knots(system: System, nodes: Nodes, index: int) -> Impulses:
+    """Returns the impulses at knots. Just before and just behind one, the strength A has the same value,
+    but not the same derivative: D = A_before - A_behind is the product of -J and the change of the knot, so
+    that w = D^2/(2 J), for every tether its own."""
+    load, (time, q, v) = system.loads[index], nodes.at(-1)
+    if (found := ordered_knots(system, nodes)) is None:
+        return Impulses(*(jnp.zeros((0, system.tethers.count)),) * 2)
+    knots, inside = found
+
+    def of(knot):
+        def strength(time):
+            measured = system.measurements(time, q, v) if system.controlled else None
+            return load.strength(time, measured)
+
+        sides = [knot - 2.0 * near(knot), knot + 2.0 * near(knot)]
+        (before, rate), (behind, later) = (
+            jax.jvp(strength, (side,), (jnp.ones_like(side),)) for side in sides
+        )
+        return half_square(before - behind, lax.stop_gradient(later - rate))
+
+    safe = jnp.where(inside, knots, time)
+    size = jnp.where(inside[:, None], jax.vmap(of)(safe), 0.0)
+    part = (safe - nodes.time[0]) / (nodes.time[-1] - nodes.time[0])
+    return Impulses(size, jnp.broadcast_to(jnp.clip(part, 0.0, 1.0)[:, None], size.shape))
+
+
+# ---- kinks at a level of the voltage -------------------------------------------------------------------
+
+
+def margins_of(system: System, nodes: Nodes, index: int) -> tuple[Array, Array]:
+    """Returns the distances from the kinks of a load at every node, and the jumps of the strength's
+    derivative with respect to them: (node, kink, tether)."""
+
+    def of(time, q, v):
+        measured = system.measurements(time, q, v) if system.controlled else None
+        return system.loads[index].kinks(time, measured)
+
+    return jax.vmap(of)(*nodes)
+
+
+def margins_passed(system: System, nodes: Nodes) -> list[Array]:
+    """Returns for every kinked load between which nodes which kinks are passed."""
+    return [changes_of_sign(margins_of(system, nodes, i)[0]) for i in kinked(system)]
+
+
+def changes_of_sign(margin: Float[Array, "node kink tether"]) -> Array:
+    """Returns between which nodes the sign changes."""
+    return (margin[1:] > 0.0) != (margin[:-1] > 0.0)
+
+
+def at_margins(system: System, nodes: Nodes, index: int) -> Impulses:
+    """Returns the impulses at the kinks that are passed between two nodes, where the distance s and its
+    derivatives are interpolated linearly: w = J s^2/(2 |s'|), with s = 0."""
+    margin, jump = margins_of(system, nodes, index)
+    hit = changes_of_sign(margin)
+    length = jnp.diff(nodes.time)[:, None, None]
+    before, change = margin[:-1], jnp.where(hit, jnp.diff(margin, axis=0), 1.0)
+    part = lax.stop_gradient(jnp.where(hit, -before / change, 0.0))
+    distance = (1.0 - part) * before + part * margin[1:]
+    jump = (1.0 - part) * jump[:-1] + part * jump[1:]
+    stiffness = lax.stop_gradient(jnp.abs(change) / (length * jump))
+    size = jnp.where(hit, half_square(distance, stiffness), 0.0)
+    begun = (nodes.time[:-1] - nodes.time[0])[:, None, None]
+    place = (begun + part * length) / (nodes.time[-1] - nodes.time[0])
+    return Impulses(*(x.reshape(-1, x.shape[-1]) for x in (size, place)))
+
+
+# ---- kinks between two segments of a run ---------------------------------------------------------------
+
+
+@vanishing(lambda before, behind, point, instant: (point.v, point.work))
+def between_segments(
+    before: System, behind: System, point: Point, instant: Scalar
+) -> tuple[Coordinates, Power]:
+    """Returns what a kink of the forces between two segments of a run adds to the velocities and to the
+    work. instant [s]: the end of the first segment, with its derivative.
+
+    The change of the velocities is d (a_before - a_behind)/2, whose factors vanish, and likewise that of
+    the work."""
+    first, later = (consistent_motion(x, point.time, point.q, point.v) for x in (before, behind))
+    moved = instant - lax.stop_gradient(instant)
+
+    def added(one, other):
+        return half_product(moved, one - other)
+
+    return jax.tree.map(added, (first.vdot, first.power), (later.vdot, later.power))
