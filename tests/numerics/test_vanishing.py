@@ -81,4 +81,4 @@ def test_half_of_a_product():
 
 def test_a_term_without_a_kink_is_zero():
     """A jump of zero is no kink, and gives no infinite derivative."""
-    assert float(jax.hessian(lambda x: half_square(x, jnp.zeros(())))(0.0)) == 0.0
+    assert float(jax.hessian(lambda x: half_square(x, jnp.zeros(())))(jnp.asarray(0.0))) == 0.0
