@@ -60,7 +60,7 @@ if TYPE_CHECKING:
     from esail_jax.simulation.solution import Solution
     from esail_jax.steppers.results import RESULTS
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "RESULTS",
