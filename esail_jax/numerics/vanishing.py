@@ -20,6 +20,7 @@ from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir
 
 from esail_jax.array_types import Array, Float, Scalar
+from esail_jax.compilation.remembered import remembered
 from esail_jax.numerics.own_derivative import custom_jvp
 from esail_jax.numerics.symbolic_zeros import is_symbolic, linear_zero, nothing_of
 
@@ -66,7 +67,7 @@ class Derivative:
     back: Callable[[Sequence[Array], Sequence[Array]], Sequence[Array]]
 
     @classmethod
-    @functools.lru_cache(maxsize=64)
+    @remembered(maxsize=64)
     def of(cls, function: Callable, tree: Any, moving: tuple[bool, ...]) -> "Derivative":
         """The derivative of a function of a tree of arrays with respect to the moving ones."""
 
