@@ -49,10 +49,10 @@ class Case(NamedTuple):
 FREE, SWAPPED, FORESEEN, JAGGED, WITHIN = 2e-8, 1e-3, 1e-3, 1e-2, 2e-2
 """Tolerances. Of kinks at known instants: the error of the quotients. Of two kinks that pass each other:
 the quotients' error is of the order of their distance, 1 % for half a second. Of kinks in a window of
-the phase: steps end about them by 1e-4 of the rise only. Of slopes of first derivatives that jump by 1e-3 of their
-range where the kink passes a step (the second derivatives of the three methods agree to 2e-4). Of a
-kink within a step of a ramp, whose quadrature there has an error of a part of the step: over the whole ramp
-the second derivative of the voltage has the mean zero, and its effect is what remains."""
+the phase: steps end about them by 1e-4 of the rise only. Of slopes of first derivatives that jump by 1e-3
+of their range where the kink passes a step (the second derivatives of the three methods agree to 2e-4).
+Of a kink within a step of a ramp, whose quadrature there has an error of a part of the step: over the
+whole ramp the second derivative of the voltage has the mean zero, and its effect is what remains."""
 
 CASES = {
     "on": Case(ON_OFF, "voltage.on", 60.0, 0.2, FREE),
