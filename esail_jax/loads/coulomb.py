@@ -28,7 +28,7 @@ class CoulombThrust(ControlledLoad):
     linear in the velocity of the tether, and of order |dr/dt|/u = 1e-4. On an orbit dr/dt includes the
     velocity of the moving frame, of order 0.1 u. voltage: V [V] of every element;
     None until the voltage law has commanded it. collector: the wires that collect electrons; None if the
-    scene does not describe them. added: thrust per length and speed beyond sigma/u, for derivatives; None
+    scene does not describe them. added: thrust per length [N/m] beyond sigma, for derivatives; None
     for none.
     """
 

@@ -72,13 +72,18 @@ class PowerLimited(VoltageLaw):
         return self.law.knots(measurements, levels)
 
     def kinks(self, measurements: Measurements, levels: tuple[Scalar, ...]) -> tuple[VoltageKink, ...]:
-        """Those of the law, and that of the power limit. Where the limit is active, a kink of one tether is
-        one of all others, too; its jump is not computed (NaN)."""
+        """Those of the law, and that of the power limit. Where the limit acts, a kink of one tether is one
+        of all others, and the thrust begins at another voltage of the law: jumps are NaN there."""
         time, volts, position = measurements.time, self.commanded(measurements), measurements.position
         excess = self.collector.power(time, volts, position) / self.limit - 1.0
-        alone = jnp.where(excess > 0.0, jnp.nan, 1.0)
-        found = [x._replace(jump=alone * x.jump) for x in self.law.kinks(measurements, levels)]
-        return (*found, VoltageKink(excess * jnp.ones_like(volts), -2.0 / 3.0 * volts, volts))
+        acts, limited = excess > 0.0, self.voltage(measurements)
+        found = self.law.kinks(measurements, levels)
+        own = [x._replace(jump=jnp.where(acts, jnp.nan, x.jump)) for x in found]
+        begins = [
+            VoltageKink(limited - level, jnp.where(acts, jnp.nan, 0.0), level + jnp.zeros_like(volts))
+            for level in levels
+        ]
+        return (*own, *begins, VoltageKink(excess + jnp.zeros_like(volts), -2.0 / 3.0 * volts, volts))
 
     def holding(self, volts: PerTether) -> "PowerLimited":
         return dataclasses.replace(self, law=self.law.holding(volts))

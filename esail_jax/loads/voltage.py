@@ -67,7 +67,12 @@ class VoltageLaw(eqx.Module):
         asked = self.commanded(measurements)
         volts = asked if self.limits.blend is None else self.limits(asked)
         one = jnp.ones_like(asked)
-        begins = [VoltageKink(volts - level, one, level * one) for level in levels]
+        smooth = self.limits.blend is not None
+        reached = [one if smooth else jnp.where(self.limits(x) == x, one, 0.0) for x in levels]
+        begins = [
+            VoltageKink(volts - level, jump, level * one)
+            for level, jump in zip(levels, reached, strict=True)
+        ]
         return (*begins, *(VoltageKink(asked - x, -one, x * one) for x in self.limits.kinks))
 
     def holding(self, volts: PerTether) -> "VoltageLaw":

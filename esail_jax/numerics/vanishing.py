@@ -22,6 +22,7 @@ from esail_jax.numerics.own_derivative import custom_jvp
 from esail_jax.numerics.symbolic_zeros import is_symbolic, linear_zero, nothing_of
 from kept_programs.calls import is_one_operation
 from kept_programs.masks import chosen, merged, not_
+from kept_programs.remembered import remembered
 
 Numbers = Float[Array, "*any"]
 
@@ -67,7 +68,7 @@ class Derivative:
     back: Callable[[Sequence[Array], Sequence[Array]], Sequence[Array]]
 
     @classmethod
-    @functools.lru_cache(maxsize=64)
+    @remembered(maxsize=64)
     def of(cls, function: Callable, tree: Any, moving: tuple[bool, ...]) -> "Derivative":
         """The derivative of a function of a tree of arrays with respect to the moving ones."""
 

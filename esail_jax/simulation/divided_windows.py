@@ -2,8 +2,9 @@
 
 The instants have no value when the run is traced, and the windows are computed within its program. Every
 window ends at one instant: a saved one, a cut, or an end of a segment. The ends of segments have no
-derivative. They need none: the motion is continuous there, and what changes with the instants on both sides
-of them is what the segments see (`environment/temperature.py`).
+derivative. First derivatives need none: the motion is continuous there, and what changes with the instants
+on both sides of them is what the segments see (`environment/temperature.py`). Second ones have a part of
+their own (`traced.in_next_segment`).
 """
 
 from typing import NamedTuple

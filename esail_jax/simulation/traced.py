@@ -31,6 +31,10 @@ from esail_jax.steppers.stepper import INSTANTS_TOGETHER, AbstractStepper, Point
 from esail_jax.system import Power
 from kept_programs.calls import call
 
+ROWS = "thermal.time"
+"""Key of the instants at which segments meet in a kink. At the others the forces are smooth, or their kinks
+are knots."""
+
 
 class Traced(NamedTuple):
     """The result of a traced run.
@@ -143,8 +147,9 @@ def run(
 
             def begin():
                 point = on_constraints(now, before)[0]
-                if divided:
-                    point = in_next_segment(now.under(carried).settled(), point, instants, window.start)
+                if ROWS in divided:
+                    rows = jnp.ravel(numbers[ROWS])
+                    point = in_next_segment(now.under(carried).settled(), point, rows, window.start)
                 found = restart(now, motion, point, window.until, carried, due)
                 return select(is_good(motion), found, (motion, carried))
 
@@ -174,8 +179,8 @@ def in_next_segment(
     problem: Problem, point: Point, instants: Float[Array, " knot"], start: Scalar
 ) -> Point:
     """Returns the point at which a run goes on in a segment, with the derivatives that a kink of the
-    forces there gives it. problem: that of the segment; start [s]: its start, which is one of the instants,
-    or an instant without a derivative."""
+    temperatures there gives it. problem: that of the segment; instants: rows of the temperatures [s];
+    start [s]: the start of the segment, which is one of these or has no kink."""
     system = problem.system
     same = instants == start
     instant = jnp.where(same, instants, 0.0).sum() / jnp.maximum(same.sum(), 1)

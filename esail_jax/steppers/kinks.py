@@ -152,23 +152,28 @@ def ordered_knots(system: System, nodes: Nodes) -> tuple[Array, Array] | None:
 
 def at_knots(system: System, nodes: Nodes, index: int) -> Impulses:
     """Returns the impulses at knots. Just before and just behind one, the strength A has the same value,
-    but not the same derivative: D = A_before - A_behind is the product of -J and the change of the knot, so
-    that w = D^2/(2 J), for every tether its own."""
+    but not the same derivative: D = A_before - A_behind is J times the change of the knot, so that
+    w = D^2/(2 J), for every tether its own. A knot of the law and one of the wind may lie at the same
+    instant and move apart: each of the two is held while the other one passes."""
     load, (time, q, v) = system.loads[index], nodes.at(-1)
     if (found := ordered_knots(system, nodes)) is None:
         return Impulses(*(jnp.zeros((0, system.tethers.count)),) * 2)
     knots, inside = found
 
-    def of(knot):
-        def strength(time):
-            measured = system.measurements(time, q, v) if system.controlled else None
-            return load.strength(time, measured)
+    def strength(of_law, of_wind):
+        measured = system.measurements(of_law, q, v) if system.controlled else None
+        return load.strength(of_wind, measured)
 
+    def passed(strength, knot):
         sides = [knot - 2.0 * near(knot), knot + 2.0 * near(knot)]
         (before, rate), (behind, later) = (
             jax.jvp(strength, (side,), (jnp.ones_like(side),)) for side in sides
         )
         return half_square(before - behind, lax.stop_gradient(later - rate))
+
+    def of(knot):
+        by_law = passed(lambda time: strength(time, knot), knot)
+        return by_law + passed(lambda time: strength(knot, time), knot)
 
     safe = jnp.where(inside, knots, time)
     size = jnp.where(inside[:, None], jax.vmap(of)(safe), 0.0)
@@ -209,7 +214,7 @@ def at_margins(system: System, nodes: Nodes, index: int) -> Impulses:
     before, change = margin[:-1], jnp.where(hit, jnp.diff(margin, axis=0), 1.0)
     part = lax.stop_gradient(jnp.where(hit, -before / change, 0.0))
     distance = (1.0 - part) * before + part * margin[1:]
-    jump = (1.0 - part) * jump[:-1] + part * jump[1:]
+    jump = jnp.where(hit, (1.0 - part) * jump[:-1] + part * jump[1:], 1.0)
     stiffness = lax.stop_gradient(jnp.abs(change) / (length * jump))
     size = jnp.where(hit, half_square(distance, stiffness), 0.0)
     begun = (nodes.time[:-1] - nodes.time[0])[:, None, None]

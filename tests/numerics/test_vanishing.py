@@ -55,6 +55,24 @@ def test_second_derivative_of_a_term_without_value(compose):
         assert float(how(SECOND[compose](in_a_loop()))(x)) == pytest.approx(float(exact), rel=1e-14)
 
 
+ORDERS = [(a, b) for a in (jax.jacfwd, jax.jacrev) for b in (jax.jacfwd, jax.jacrev)]
+
+
+@pytest.mark.parametrize("outer, inner", ORDERS, ids=lambda x: x.__name__)
+def test_hessian_of_terms_of_several_numbers(outer, inner):
+    """With y = M z and w . y^2/2 the Hessian is M^T diag(w) M: a linear map that is not its own
+    transpose."""
+    m, w = jnp.array([[1.0, 2.0], [0.5, -1.0], [3.0, 0.0]]), jnp.array([1.0, 2.0, -1.0])
+
+    @vanishing(lambda z: w)
+    def terms(z):
+        moved = z - lax.stop_gradient(z)
+        return half_square(m @ moved, jnp.ones(3))
+
+    found = outer(inner(lambda z: w @ terms(z)))(jnp.array([0.3, 0.7]))
+    assert jnp.allclose(found, m.T @ (w[:, None] * m), rtol=1e-14)
+
+
 @pytest.mark.parametrize("first", [jax.grad, jax.jacfwd], ids=["reverse", "forward"])
 def test_first_derivatives_neither_have_nor_trace_the_term(first):
     """The value is sin x, the first derivative cos x, and the term's own derivative is not traced."""
