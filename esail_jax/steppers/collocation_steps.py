@@ -80,7 +80,8 @@ class CollocationSteps(AbstractSteps):
         """Returns the motion at a time [s] within one step, from the polynomials of accelerations and
         powers."""
         start, h, x = self.start, self.h, (time - self.start.time) / self.h
-        powers = x ** jnp.arange(STAGES + 1)
+        # One by one: an array of exponents has an infinite third derivative at x = 0.
+        powers = jnp.stack([x**n for n in range(STAGES + 1)])
         none, once, twice = (x**n * (powers @ TABLE.integrals(n)) for n in (0, 1, 2))
 
         def sum_of(weights, first, stages):
