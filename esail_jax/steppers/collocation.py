@@ -47,9 +47,11 @@ from esail_jax.steppers.collocation_steps import (
     History,
     IterationInfo,
     no_step,
+    nodes_of_step,
     zero_length_steps,
 )
 from esail_jax.steppers.consistent import consistent_motion
+from esail_jax.steppers.kinks import kinked, kinks_passed
 from esail_jax.steppers.knots import behind, fitting_step, knots_ahead
 from esail_jax.steppers.log import Log, Statistic
 from esail_jax.steppers.results import RESULTS
@@ -210,9 +212,15 @@ class Collocation(AbstractStepper):
         return RESULTS.where(finite & moves, RESULTS.successful, failed)
 
     def evaluate(self, model: System, step: CollocationSteps, time: Scalar) -> Point:
-        """Evaluates the polynomials of the step."""
+        """Evaluates the polynomials of the step, with the derivatives that kinks of loads within the step,
+        before the instant, give the result (`kinks.py`)."""
         point = step.at(time)
-        return Point(time, point.q, point.v, point.work, jnp.asarray(False))
+        parts = point.q, point.v, point.work
+        if kinked(model):
+            nodes = nodes_of_step(step.start, step.h, step.stages.vdot)
+            found = kinks_passed(model, nodes, (time, point.q, point.v))
+            parts = jax.tree.map(jnp.add, parts, (found.q, found.v, found.work))
+        return Point(time, *parts, jnp.asarray(False))
 
     def failure(self, model: System, state: CollocationState, log: Log) -> str:
         sizes = np.asarray(log.size)[np.asarray(log.tried)]

@@ -26,11 +26,10 @@ from esail_jax.steppers.collocation_stages import (
     end_of_step,
     factor,
     stage_powers,
-    stage_states,
     work_of_step,
 )
-from esail_jax.steppers.collocation_steps import CollocationSteps
-from esail_jax.steppers.kinks import Nodes, kinked, kinks_passed
+from esail_jax.steppers.collocation_steps import CollocationSteps, nodes_of_step
+from esail_jax.steppers.kinks import kinked, kinks_passed
 from esail_jax.steppers.knots import behind
 from esail_jax.steppers.stepper import AbstractStepper, Motion, Point, points_within
 from esail_jax.system import Power, System
@@ -135,10 +134,8 @@ def behind_kinks(
     (`kinks.py`), and what they add to work and power."""
     if not kinked(system):
         return end, None
-    inner = stage_states(now, h, unknowns.vdot)
-    first, last = (now.time, now.q, now.v), (inner[0][-1], end.q, end.v)
-    nodes = Nodes(*jax.tree.map(lambda a, x, b: jnp.stack([a, *x[:-1], b]), first, inner, last))
-    found = kinks_passed(system, nodes)
+    nodes = nodes_of_step(now, h, unknowns.vdot)
+    found = kinks_passed(system, nodes, (nodes.time[-1], end.q, end.v))
     added = found.q, found.v, found.vdot
     q, v, vdot = jax.tree.map(jnp.add, (end.q, end.v, end.vdot), added)
     return end._replace(q=q, v=v, vdot=vdot), Kick(found.work, found.power)

@@ -8,7 +8,9 @@ import jax
 import jax.numpy as jnp
 
 from esail_jax.array_types import Array, Bool, Float, Int, Scalar
-from esail_jax.steppers.collocation_stages import STAGES, TABLE, StageUnknowns, StepEnd
+from esail_jax.coordinates import Coordinates
+from esail_jax.steppers.collocation_stages import STAGES, TABLE, StageUnknowns, StepEnd, stage_states
+from esail_jax.steppers.kinks import Nodes
 from esail_jax.steppers.log import Log
 from esail_jax.steppers.results import RESULTS
 from esail_jax.steppers.stepper import AbstractState, AbstractSteps
@@ -80,7 +82,8 @@ class CollocationSteps(AbstractSteps):
         """Returns the motion at a time [s] within one step, from the polynomials of accelerations and
         powers."""
         start, h, x = self.start, self.h, (time - self.start.time) / self.h
-        powers = x ** jnp.arange(STAGES + 1)
+        # One by one: an array of exponents has an infinite third derivative at x = 0.
+        powers = jnp.stack([x**n for n in range(STAGES + 1)])
         none, once, twice = (x**n * (powers @ TABLE.integrals(n)) for n in (0, 1, 2))
 
         def sum_of(weights, first, stages):
@@ -93,6 +96,12 @@ class CollocationSteps(AbstractSteps):
         power = start.power, self.power
         work = jax.tree.map(lambda w, *p: w + h * sum_of(once, *p), start.work, *power)
         return StepEnd(time, q, v, vdot, work, jax.tree.map(lambda *p: sum_of(none, *p), *power))
+
+
+def nodes_of_step(start: StepEnd, h: Scalar, vdot: Coordinates) -> Nodes:
+    """Returns the motion at the start and at the stages of a step. vdot: accelerations at the stages."""
+    first, stages = (start.time, start.q, start.v), stage_states(start, h, vdot)
+    return Nodes(*jax.tree.map(lambda a, x: jnp.concatenate([a[None], x]), first, stages))
 
 
 def no_step(state: CollocationState) -> CollocationSteps:

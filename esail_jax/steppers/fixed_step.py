@@ -279,7 +279,8 @@ def behind_kinks(system: System, time: Scalar, h: Scalar, start: StepState, end:
     if not kinked(system):
         return end
     pairs = jax.tree.map(lambda *x: jnp.stack(x), (start.q, start.v), (end.q, end.v))
-    found = kinks_passed(system, Nodes(jnp.stack([time, time + h]), *pairs))
+    nodes = Nodes(jnp.stack([time, time + h]), *pairs)
+    found = kinks_passed(system, nodes, nodes.at(-1))
     added = found.q, found.v, found.work
     q, v, work = jax.tree.map(jnp.add, (end.q, end.v, end.work), added)
     return end._replace(q=q, v=v, work=work)

@@ -20,7 +20,6 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax import lax
 
 from esail_jax.array_types import Array, Float, PerTether, Scalar
@@ -32,6 +31,9 @@ from esail_jax.steppers.knots import near
 from esail_jax.steppers.stepper import Point
 from esail_jax.system import Power, System
 
+ROUNDING = 1e-12
+"""Rounding errors of an instant within a step, relative to the length of the step."""
+
 
 class Nodes(NamedTuple):
     """Instants [s] of a step, its start and its end among them, and positions and velocities there (first
@@ -41,14 +43,14 @@ class Nodes(NamedTuple):
     q: Coordinates
     v: Coordinates
 
-    def at(self, index: int) -> tuple[Scalar, Coordinates, Coordinates]:
+    def at(self, index: int) -> "Moment":
         """The instant and the state of a node."""
         return jax.tree.map(lambda x: x[index], tuple(self))
 
 
 class Passed(NamedTuple):
-    """What kinks within a step add at its end: to positions, velocities, accelerations, work and power. All
-    these values are zero."""
+    """What kinks within a step add at a later instant: to positions, velocities, accelerations, work and
+    power. All these values are zero."""
 
     q: Coordinates
     v: Coordinates
@@ -58,44 +60,51 @@ class Passed(NamedTuple):
 
 
 class Impulses(NamedTuple):
-    """Impulses per length [N s/m] of the tethers for several kinks, and where these lie in the step, as
-    parts of its length."""
+    """Impulses per length [N s/m] of the tethers for several kinks, and their instants [s], counted from
+    the start of the step."""
 
     size: Float[Array, "kink tether"]
-    part: Float[Array, "kink tether"]
+    after: Float[Array, "kink tether"]
 
 
-def passed_like(_: System, nodes: Nodes) -> Passed:
+Moment = tuple[Scalar, Coordinates, Coordinates]
+"""An instant [s] of a step, and positions and velocities there."""
+
+
+def passed_like(_: System, nodes: Nodes, until: Moment) -> Passed:
     """Returns numbers in the form of the result of `kinks_passed`."""
-    time, q, v = nodes.at(-1)
+    time, q, v = until
     return Passed(q, v, v, *(Power(time, time),) * 2)
 
 
 @vanishing(passed_like)
-def kinks_passed(system: System, nodes: Nodes) -> Passed:
-    """Returns what kinks within a step add at its end."""
+def kinks_passed(system: System, nodes: Nodes, until: Moment) -> Passed:
+    """Returns what kinks between the start of a step and an instant of it add there."""
     still = lax.stop_gradient((system, nodes))
     there = jnp.stack([x.any() for x in (*knots_within(*still), *margins_passed(*still))]).any()
-    nothing = nothing_of(passed_like(system, nodes))
-    return lax.cond(there, changes, lambda *_: nothing, system, nodes)
+    nothing = nothing_of(passed_like(system, nodes, until))
+    return lax.cond(there, changes, lambda *_: nothing, system, nodes, until)
 
 
-def changes(system: System, nodes: Nodes) -> Passed:
-    """Returns what the kinks add. An impulse within the step acts at both ends, in the ratio that preserves
-    its first moment, and moves the end by the rest of the step: both right to second order of the step."""
+def changes(system: System, nodes: Nodes, until: Moment) -> Passed:
+    """Returns what the kinks add. An impulse acts at the start of the step and at the instant, in the ratio
+    that preserves its first moment, and moves the latter by the time in between: both right to second order
+    of the step."""
     found = [add(at_knots(system, nodes, i), at_margins(system, nodes, i)) for i in kinked(system)]
-    h = nodes.time[-1] - nodes.time[0]
+    time, *end = until
+    span = time - nodes.time[0]
+    length = jnp.where(span > 0.0, span, 1.0)
 
     def three(x):
-        weights = 1.0 - x.part, x.part, h * (1.0 - x.part)
-        return jnp.stack([(x.size * weight).sum(0) for weight in weights])
+        size = jnp.where(x.after <= span * (1.0 + ROUNDING), x.size, 0.0)
+        weights = 1.0 - x.after / length, x.after / length, span - x.after
+        return jnp.stack([(size * weight).sum(0) for weight in weights])
 
-    states = jax.tree.map(lambda x: x[np.array([0, -1, -1])], tuple(nodes))
+    states = jax.tree.map(lambda x, y: jnp.stack([x, y, y]), nodes.at(0), until)
     impulses = tuple(three(x) for x in found)
     moved, works = lax.map(lambda row: response(system, *row), (*states, impulses))
     v, work = jax.tree.map(lambda x: x[0] + x[1], (moved, works))
     moved = jax.tree.map(lambda x: x[2], moved)
-    time, *end = nodes.at(-1)
 
     def motion(q, v):
         begun = consistent_motion(system, time, q, v)
@@ -177,8 +186,8 @@ def at_knots(system: System, nodes: Nodes, index: int) -> Impulses:
 
     safe = jnp.where(inside, knots, time)
     size = jnp.where(inside[:, None], jax.vmap(of)(safe), 0.0)
-    part = (safe - nodes.time[0]) / (nodes.time[-1] - nodes.time[0])
-    return Impulses(size, jnp.broadcast_to(jnp.clip(part, 0.0, 1.0)[:, None], size.shape))
+    after = jnp.clip(safe - nodes.time[0], 0.0, nodes.time[-1] - nodes.time[0])
+    return Impulses(size, jnp.broadcast_to(after[:, None], size.shape))
 
 
 # ---- kinks at a level of the voltage -------------------------------------------------------------------
@@ -217,9 +226,8 @@ def at_margins(system: System, nodes: Nodes, index: int) -> Impulses:
     jump = jnp.where(hit, (1.0 - part) * jump[:-1] + part * jump[1:], 1.0)
     stiffness = lax.stop_gradient(jnp.abs(change) / (length * jump))
     size = jnp.where(hit, half_square(distance, stiffness), 0.0)
-    begun = (nodes.time[:-1] - nodes.time[0])[:, None, None]
-    place = (begun + part * length) / (nodes.time[-1] - nodes.time[0])
-    return Impulses(*(x.reshape(-1, x.shape[-1]) for x in (size, place)))
+    after = (nodes.time[:-1] - nodes.time[0])[:, None, None] + part * length
+    return Impulses(*(x.reshape(-1, x.shape[-1]) for x in (size, after)))
 
 
 # ---- kinks between two segments of a run ---------------------------------------------------------------

@@ -121,3 +121,20 @@ def test_second_derivative_where_a_kink_moves(name):
     x = np.linspace(-1.0, 1.0, 11)
     fitted = np.polyfit(x, [float(slope(at + h * part)) for part in x], 5)[-2] / h
     assert float(jit(second(angle))(at)) == pytest.approx(fitted, rel=rel)
+
+
+@pytest.mark.nightly
+def test_second_derivatives_at_instants_within_the_step_of_a_kink():
+    """A harmonic voltage passes the cutoff at 52.2 s, within a step that ends behind 54 s. The rows from
+    there on have the second derivative of a run with shorter steps, which grows from 1e-7 to 1e-4 behind
+    the kink; to 3e-2, the error of the place of the kink in the long step."""
+
+    def angles(amplitude, tolerance):
+        shorter = {"integrator.t_end": 60.0, "output.interval": 1.0, "integrator.tolerance": tolerance}
+        number = {"voltage.cosine": jnp.stack([amplitude])}
+        return esail.simulate("baseline", RUN | HARMONIC | shorter | number)["coning_angle"][50:, 0]
+
+    second = jit(jax.jacfwd(jax.jacfwd(angles)))
+    long, short = (np.asarray(second(1.2, tolerance)) for tolerance in (1e-9, 1e-13))
+    assert short[4] > 1e3 * short[1]
+    np.testing.assert_allclose(long, short, rtol=3e-2)

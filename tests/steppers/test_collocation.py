@@ -2,14 +2,19 @@
 
 import re
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import esail_jax as esail
+from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.errors import SimulationError
 from esail_jax.numerics.lobatto import Lobatto
 from esail_jax.scenes.scene import parse
+from esail_jax.steppers.collocation_stages import StageUnknowns, StepEnd
+from esail_jax.steppers.collocation_steps import CollocationSteps, IterationInfo
+from esail_jax.system import Power
 from support.golden import GOLDEN, REFERENCE, SUMS, errors
 from support.whole_runs import check_derivative, check_going_on, numbers
 
@@ -89,6 +94,29 @@ def test_polynomials_of_a_step():
             assert abs(found - exact[power]) < 1e-13
     powers = [abs(table.difference() @ table.every_node**n - (n == 4)) for n in range(5)]
     assert max(powers) < 1e-10
+
+
+@pytest.mark.parametrize("last", [jax.jacfwd, jax.grad])
+def test_higher_derivatives_of_dense_output_at_the_start_of_a_step(last):
+    """Four derivatives by time of a polynomial of positions exist at the start of the step, in forward and
+    in reverse mode: there x = 0, where a power with a variable exponent has an infinite third derivative.
+
+    The accelerations at the nodes are those of 3 t^2, so that the positions are t^4/4; to rounding."""
+    h, nodes = 0.7, Lobatto.of(4, 0.5).every_node
+    accelerations = jnp.asarray(3.0 * (h * nodes) ** 2)
+    zero, none = jnp.zeros(()), Multipliers(None, None)
+    power = Power(jnp.zeros(4), jnp.zeros(4))
+    start = StepEnd(
+        zero, *(Coordinates(x, None) for x in (zero, zero, accelerations[0])), *(Power(zero, zero),) * 2
+    )
+    info = IterationInfo(zero, zero, zero)
+    stages = StageUnknowns(Coordinates(accelerations[1:], None), none)
+    step = CollocationSteps(start, jnp.asarray(h), jnp.asarray(h), stages, power, info, jnp.asarray(True))
+
+    f = last(lambda time: step.at(time).q.tether)
+    for exact in (0.0, 0.0, 0.0, 6.0):
+        assert abs(f(0.0) - exact) < 1e-11
+        f = jax.jacfwd(f)
 
 
 # ---- accuracy -----------------------------------------------------------------------------------
