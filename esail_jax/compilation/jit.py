@@ -9,7 +9,7 @@ import jax
 
 from esail_jax.compilation.kept import KEEPER, key_of
 from esail_jax.compilation.notebook_line import compiler_at_work
-from esail_jax.compilation.options import COMPILER_OPTIONS, compile_lowered, compiled_by_us, lower
+from esail_jax.compilation.options import COMPILER_OPTIONS, compiled_by_us, lower
 from esail_jax.compilation.stored import STORE
 from kept_programs.calls import is_one_operation
 from kept_programs.collector import collector_paused
@@ -123,7 +123,7 @@ def compile_traced(traced: jax.stages.Traced) -> Callable:
     with compiler_at_work():
         with collector_paused():
             lowered = lower(traced)
-        return compile_and_save(STORE, key, lambda: compile_lowered(lowered))
+        return compile_and_save(STORE, key, lambda: lowered.compile(COMPILER_OPTIONS))
 
 
 def is_compiled_here(leaves: list[Any]) -> bool:

@@ -11,7 +11,6 @@ from esail_jax.compilation.notebook_line import compiler_at_work
 from esail_jax.compilation.options import (
     COMPILER_OPTIONS,
     Options,
-    compile_lowered,
     compiled_by_us,
     lower,
     refuse_in_plain_jit,
@@ -54,37 +53,28 @@ key_of = ENVIRONMENT.key_of
 
 @dataclasses.dataclass(frozen=True)
 class Compile:
-    """Compiles a lowered program. options: XLA's, as pairs; fused: whether the library may compute the
-    operations around matrix products (`options.compile_lowered`)."""
+    """Compiles a lowered program. options: XLA's, as pairs."""
 
     options: tuple[tuple[str, str | bool | int], ...]
-    fused: bool
 
     def __call__(self, lowered: jax.stages.Lowered) -> jax.stages.Compiled:
-        options = dict(self.options)
-        if self.fused:
-            return compile_lowered(lowered, options)
-        return lowered.compile(compiler_options=options)
+        return lowered.compile(compiler_options=dict(self.options))
 
 
 def program_of(
-    function: Callable,
-    static: tuple,
-    arguments: tuple,
-    options: Options = COMPILER_OPTIONS,
-    fused: bool = True,
+    function: Callable, static: tuple, arguments: tuple, options: Options = COMPILER_OPTIONS
 ) -> TreeProgram:
     """Returns the program of `function(*static, *arguments)`.
 
-    function: of this package; static: hashable; arguments: trees of arrays, tracers or types; options,
-    fused: as in `Compile`."""
-    compile = Compile(tuple(options.items()), fused)
+    function: of this package; static: hashable; arguments: trees of arrays, tracers or types; options:
+    XLA's."""
+    compile = Compile(tuple(options.items()))
     return program.program_of(KEEPER, function, static, arguments, compile)
 
 
 def tree_program(function: Callable, arguments: tuple, key: str | None) -> TreeProgram:
     """Returns the program of `function(*arguments)`. arguments: trees of types; key: name in the store."""
-    compile = Compile(tuple(COMPILER_OPTIONS.items()), True)
+    compile = Compile(tuple(COMPILER_OPTIONS.items()))
     return program.tree_program(KEEPER, function, arguments, key, compile)
 
 

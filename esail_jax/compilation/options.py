@@ -1,4 +1,4 @@
-"""Compiler options for a CPU, and `compile_lowered`, which compiles a program with them.
+"""Compiler options for a CPU, and how programs are lowered that are compiled with them.
 
 XLA can hand matrix products to a library. Its default hands sums over the three components to the library,
 too, which makes the baseline 12 % slower; here the library gets matrix products only. The options do not
@@ -7,12 +7,13 @@ change what a program computes, apart from rounding.
 
 import contextlib
 import contextvars
+import os
 import threading
 from collections.abc import Iterator
 
 import jax
 
-from esail_jax.compilation.workaround import FLAG, PRODUCTS_ALONE, may_be_wrong, refuse_wrong_products
+from esail_jax.compilation.workaround import FLAG, PRODUCTS_ALONE, PRODUCTS_FUSED, refuse_wrong_products
 
 Options = dict[str, str | bool | int]
 
@@ -22,17 +23,18 @@ FUSION_TYPE = FLAG.removeprefix("--")
 HAS_LOOP_EMITTER = jax.__version_info__ < (0, 11)
 """True if XLA has its older emitter of loops, which compiles in a third less time and gives equal speed."""
 
-COMPILER_OPTIONS: Options = {FUSION_TYPE: PRODUCTS_ALONE} | (
+REQUEST = "ESAIL_FUSED_PRODUCTS"
+"""Environment variable that says `on` to ask for a faster run, in which some products may be wrong
+(`workaround.py`): a run of the baseline takes 15 to 20 % less time, its gradient the same."""
+
+IS_REQUESTED = os.environ.get(REQUEST, "").lower() in ("on", "1", "yes", "true")
+
+COMPILER_OPTIONS: Options = {FUSION_TYPE: PRODUCTS_FUSED if IS_REQUESTED else PRODUCTS_ALONE} | (
     {"xla_cpu_use_fusion_emitters": False} if HAS_LOOP_EMITTER else {}
 )
 """Options of `jax.jit` on a CPU. Only matrix products use the library, and none of the operations around
 them. With XLA's default the library also computes short sums, which makes the baseline 12 % slower and an
 iteration of sixteen sails in lockstep 50 % slower."""
-
-FUSED_PRODUCTS: Options = {FUSION_TYPE: "LIBRARY_FUSION_TYPE_DOT"}
-"""The library also computes the operations around a matrix product. A step of the baseline takes 20 % less
-time, but not every product is then right (`workaround.py`)."""
-
 
 CHAIN_OPTIONS: Options = COMPILER_OPTIONS | {FUSION_TYPE: ""}
 """Options for rod chains with explicit methods. Nothing uses the library: its small products make a run of
@@ -48,14 +50,14 @@ START_OPTIONS: Options = COMPILER_OPTIONS | {"xla_backend_optimization_level": 0
 
 
 OURS = contextvars.ContextVar("OURS", default=False)
-"""True while a program is traced or lowered that will be compiled by `compile_lowered`."""
+"""True while a program is traced or lowered that will be compiled with these options."""
 
 LOWERING = threading.RLock()
 """Held by the thread that lowers a program."""
 
 
 def lower(traced: jax.stages.Traced) -> jax.stages.Lowered:
-    """Lowers a traced function for `compile_lowered`.
+    """Lowers a traced function that will be compiled with these options.
 
     An operation keeps its own line of source, but not those of the calls around it: executables are up to a
     third smaller and load in a sixth less time. The setting belongs to the process, so that one thread at a
@@ -71,7 +73,7 @@ def lower(traced: jax.stages.Traced) -> jax.stages.Lowered:
 
 @contextlib.contextmanager
 def compiled_by_us() -> Iterator[None]:
-    """Context manager: what is traced or lowered within it will be compiled by `compile_lowered`."""
+    """Context manager: what is traced or lowered within it will be compiled with these options."""
     token = OURS.set(True)
     try:
         yield
@@ -80,22 +82,7 @@ def compiled_by_us() -> Iterator[None]:
 
 
 def refuse_in_plain_jit() -> None:
-    """Raises RuntimeError if a program of this package becomes part of one that `compile_lowered` will not
-    compile, and that may compute products wrongly."""
+    """Raises RuntimeError if a program of this package becomes part of one that is
+    compiled with other options, and that may compute products wrongly."""
     if not OURS.get():
         refuse_wrong_products()
-
-
-def compile_lowered(
-    lowered: jax.stages.Lowered, options: Options = COMPILER_OPTIONS
-) -> jax.stages.Compiled:
-    """Compiles a lowered program: `compile_lowered(jax.jit(f).lower(*arguments))(*arguments)`.
-
-    The library gets the operations around matrix products as well (FUSED_PRODUCTS) if that is right for
-    every product of the program; otherwise the program is compiled a second time, without that option.
-    options: used beside it.
-    """
-    program = lowered.compile(compiler_options=options | FUSED_PRODUCTS)
-    if not may_be_wrong(program.as_text()):
-        return program
-    return lowered.compile(compiler_options=options)

@@ -100,9 +100,7 @@ def linearised_sparse(
     units = np.eye(size)[hub] if len(hub) else np.zeros((0, size))
     directions = np.stack([*seeds, *units, probe])
     arguments = jax.tree.map(jnp.asarray, (system, frame, y, lam, directions, units))
-    samples = jax.tree.map(
-        np.asarray, program_of(sampled, (), arguments, START_OPTIONS, fused=False)(*arguments)
-    )
+    samples = jax.tree.map(np.asarray, program_of(sampled, (), arguments, START_OPTIONS)(*arguments))
     parts = []
     for columns, rows in zip(samples.columns, samples.rows, strict=True):
         matrix = assembled(coupled, hub, columns[:-1], rows)

@@ -86,7 +86,7 @@ def steady_state(
 def computed(function: Callable, *arguments: Any) -> Any:
     """Returns `function(*arguments)`, computed by a kept program. One after the other, JAX would compile
     every operation of it in every process, which took longer than all the rest."""
-    return program_of(function, (), arguments, START_OPTIONS, fused=False)(*arguments)
+    return program_of(function, (), arguments, START_OPTIONS)(*arguments)
 
 
 def displaced(system: System, change: Float[Array, " n"]) -> Coordinates:

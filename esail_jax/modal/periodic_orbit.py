@@ -173,5 +173,5 @@ def mapped(setting: Setting, z: Host, duration: float, precession: float, tangen
 def run(function, system, spin, z):
     """Returns the result of one of the small programs of `turn_map.py`, as NumPy arrays."""
     arguments = (system, jnp.asarray(spin, jnp.float64), z)
-    program = program_of(function, (), arguments, START_OPTIONS, fused=False)
+    program = program_of(function, (), arguments, START_OPTIONS)
     return jax.tree.map(np.asarray, program(*arguments))

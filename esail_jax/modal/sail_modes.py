@@ -83,7 +83,7 @@ def solved_scene(scene: Scene, count: int | None) -> Moving:
     """Returns the system of a scene, its equilibrium and its spectrum. Raises SimulationError without
     equilibrium."""
     structure, numbers = split(with_method(scene))
-    program = program_of(start_of, (structure,), (numbers,), START_OPTIONS, fused=False)
+    program = program_of(start_of, (structure,), (numbers,), START_OPTIONS)
     begun: Start = program(numbers)
     system, axes = begun.model.system, np.asarray(begun.axes)
     spin = float(np.asarray(scene.initial.spin_rate))

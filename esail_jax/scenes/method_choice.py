@@ -76,7 +76,7 @@ def sail_tolerance(scene: Scene) -> float | Array:
     """Default tolerance of a sail: COLLOCATION_TOLERANCE, or less for tethers that hardly stretch."""
     _, numbers = split(scene)
     numbers = {key: x for key, x in numbers.items() if not key.startswith(f"{KEY}.")}
-    program = program_of(tolerance_from_strain, (), (numbers,), START_OPTIONS, fused=False)
+    program = program_of(tolerance_from_strain, (), (numbers,), START_OPTIONS)
     if any(isinstance(x, jax.core.Tracer) for x in numbers.values()):
         return call(program, lax.stop_gradient(numbers))
     return float(program(numbers))
@@ -114,7 +114,7 @@ def chain_method(scene: Scene) -> dict[str, str | float]:
     if any(isinstance(x, jax.core.Tracer) for x in numbers) or table.tolerance is not None:
         return explicit
     structure, numbers = split(scene)
-    program = program_of(rates, (structure,), (numbers,), START_OPTIONS, fused=False)
+    program = program_of(rates, (structure,), (numbers,), START_OPTIONS)
     fastest, turning = (float(rate) for rate in program(numbers))
     step = REACH[CHAIN_METHOD] / fastest
     too_fine = table.t_end / step > MOST_STEPS if table.step is None else table.step > step

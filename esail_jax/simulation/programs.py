@@ -80,14 +80,14 @@ def _compiled(structure: Structure, tree: Any, types: tuple, names: tuple[str, .
 
     with ThreadPoolExecutor() as pool:
 
-        def ready(name, function, static, arguments, options, fused=not rods):
+        def ready(name, function, static, arguments, options):
             """Traces a program here and compiles it in another thread."""
-            program = program_of(function, static, arguments, options, fused)
+            program = program_of(function, static, arguments, options)
             announce(f"{'loading' if program.is_kept else 'compiling'} the program of {name} ...")
             program.lower()
             return program, pool.submit(program.compile)
 
-        starting, starts = ready("the start", start, (structure,), given, START_OPTIONS, fused=False)
+        starting, starts = ready("the start", start, (structure,), given, START_OPTIONS)
         problem, motion, carried = (getattr(starting.result, x) for x in ("problem", "motion", "carried"))
         begun = problem.under(carried)
         step = motion.last.taken.shape[0]
@@ -112,9 +112,7 @@ def _compiled(structure: Structure, tree: Any, types: tuple, names: tuple[str, .
             one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), points)
             due = None if carried.control is None else jax.ShapeDtypeStruct((), bool)
             arguments = begun, motion, one, number, carried, due
-            restarting, restarts = ready(
-                "switch times", restart, (), arguments, switch_options, fused=False
-            )
+            restarting, restarts = ready("switch times", restart, (), arguments, switch_options)
             restarts.result()
         for done in (starts, advances, looks):
             done.result()

@@ -15,8 +15,8 @@ def test_every_program_of_a_run_is_announced_in_order(monkeypatch):
     class Recorded(Exception):
         """Ends the compilation after the last program."""
 
-    def program_of(function, static, arguments, options, fused):
-        found = original(function, static, arguments, options, fused)
+    def program_of(function, static, arguments, options):
+        found = original(function, static, arguments, options)
         monkeypatch.setattr(type(found), "is_kept", kept[function])
         monkeypatch.setattr(type(found), "compile", lambda self: None)
         if function is not programs.look_at_points:
