@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import pytest
 from jax import lax
 
+from esail_jax.compilation.kept import KEEPER
 from esail_jax.numerics.vanishing import half_product, half_square, vanishing
 
 SECOND = {
@@ -74,8 +75,10 @@ def test_hessian_of_terms_of_several_numbers(outer, inner):
 
 
 @pytest.mark.parametrize("first", [jax.grad, jax.jacfwd], ids=["reverse", "forward"])
-def test_first_derivatives_neither_have_nor_trace_the_term(first):
-    """The value is sin x, the first derivative cos x, and the term's own derivative is not traced."""
+def test_first_derivatives_neither_have_nor_trace_the_term(first, monkeypatch):
+    """The value is sin x, the first derivative cos x, and the term's own derivative is not traced. Without
+    the operation it would be."""
+    monkeypatch.delenv(KEEPER.switch, raising=False)
     traced = []
     f = in_a_loop(traced)
     assert float(jax.jit(f)(0.3)) == float(jnp.sin(0.3))
