@@ -1,10 +1,10 @@
 """Programs of JAX that are compiled once, kept on the disk, and differentiated without being traced again.
 
     store = Store("mine/programs", "MINE_CACHE", b"mine\n")
-    keeper = Keeper(store, Environment("mine", Path(__file__).parent, store))
+    keeper = Keeper(store, Environment("mine", Path(__file__).parent, store), switch="MINE_PRIMITIVE")
     program = program_of(keeper, simulate, (), (state,))
-    program(state)                                   # runs the executable
-    jax.grad(lambda x: call(program, x).sum())(x)    # of kept programs, too
+    program(state)                                       # runs the executable
+    jax.grad(lambda x: call(program, x).sum())(state)    # derivatives are kept programs, too
 
 README.md tells how it works. Names are imported when they are used, so that a store can be looked at
 without importing JAX.

@@ -3,18 +3,22 @@
 A program inside another function is one operation of JAX (`operation.py`). JAX promises nothing about what
 such an operation needs. Where it does not work, or where the keeper's environment variable is `off`, the
 function of the program is called through `jax.jit`: the results are the same, and a second process traces
-and compiles it again, with JAX's own cache.
+and compiles it again, with JAX's own cache. So it is within `jax.shard_map`, where a result has axes of the
+mesh in its type, and under `jax.disable_jit`.
 """
 
+import functools
 import os
 import warnings
 from typing import Any
 
 import jax
+import numpy as np
 
+from kept_programs.nan_checks import unchecked
 from kept_programs.program import Keeper, TreeProgram
-from kept_programs.remembered import remembered
 from kept_programs.self_check import fault
+from kept_programs.store import CACHE_OF_JAX, OFF
 
 
 def call(program: TreeProgram, *arguments: Any, recompute: bool = False, expected: Any = None) -> Any:
@@ -24,6 +28,7 @@ def call(program: TreeProgram, *arguments: Any, recompute: bool = False, expecte
     result with types in place of arrays."""
     leaves = program.leaves(arguments)
     if not is_one_operation(program.program.keeper):
+        use_cache_of_jax(program.program.keeper)
         return called_plainly(program, arguments)
     from kept_programs.operation import Reverse, bind
 
@@ -32,22 +37,25 @@ def call(program: TreeProgram, *arguments: Any, recompute: bool = False, expecte
 
 
 def called_plainly(program: TreeProgram, arguments: tuple) -> Any:
-    """Returns the result of a program as that of a function of `jax.jit`."""
+    """Returns the result of a program as that of a function of `jax.jit`. Numbers of Python are arrays, as
+    for the operation."""
     program.program.keeper.before_lowering()
-    return program.plain(*arguments)
+    arguments = jax.tree.map(lambda x: x if hasattr(x, "dtype") else np.asarray(x), arguments)
+    return unchecked(program.plain, *arguments)
 
 
 def is_one_operation(keeper: Keeper) -> bool:
     """Tells whether a call is one operation of JAX."""
-    return not is_off(keeper.switch) and works(keeper)
+    plain = jax.config.jax_disable_jit or not jax.sharding.get_abstract_mesh().empty
+    return not plain and not is_off(keeper.switch) and works(keeper)
 
 
 def is_off(variable: str) -> bool:
     """Tells whether an environment variable says `off`."""
-    return os.environ.get(variable, "").lower() in ("off", "0", "no", "false")
+    return os.environ.get(variable, "").lower() in OFF
 
 
-@remembered(maxsize=16)
+@functools.lru_cache(maxsize=16)
 def works(keeper: Keeper) -> bool:
     """Tells whether the operation computes what it should with this version of JAX. Warns, once in a
     process, if it does not."""
@@ -58,13 +66,13 @@ def works(keeper: Keeper) -> bool:
             f"interface for operations is another one ({found}); results are not concerned",
             stacklevel=2,
         )
-        use_cache_of_jax(keeper)
     return not found
 
 
+@functools.lru_cache(maxsize=16)
 def use_cache_of_jax(keeper: Keeper) -> None:
-    """Lets JAX keep what it compiles, in a folder beside that of the store, unless the user has chosen
-    one."""
+    """Lets JAX keep what it compiles, in a folder of the store, unless the user has chosen one."""
     folder = keeper.store.private_folder(create=True)
     if folder is not None and jax.config.jax_compilation_cache_dir is None:
-        jax.config.update("jax_compilation_cache_dir", str(folder / "jax"))
+        jax.config.update("jax_compilation_cache_max_size", keeper.store.most_bytes)
+        jax.config.update("jax_compilation_cache_dir", str(folder / CACHE_OF_JAX))

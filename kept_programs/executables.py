@@ -6,10 +6,10 @@ from collections.abc import Callable
 from typing import Any
 
 import jax
-import numpy as np
 from jax.experimental import serialize_executable
 
 from kept_programs.cache_hits import HITS
+from kept_programs.jax_internals import connect_lapack
 from kept_programs.memory import returning_freed_memory
 from kept_programs.store import Store
 
@@ -53,14 +53,6 @@ def load_executable(store: Store, key: str | None, trees: tuple | None = None) -
             trees = jax.tree.structure(((0,) * arguments, {})), jax.tree.structure([0] * results)
         return serialize_executable.deserialize_and_load(serialised, *trees)
     return None
-
-
-def connect_lapack() -> None:
-    """Gives jaxlib the addresses of SciPy's LAPACK. JAX does so when it lowers a program that needs them.
-    An executable that is loaded without them ends the process."""
-    from jaxlib import lapack
-
-    lapack.prepare_lapack_call("getrf_ffi", np.dtype(float))
 
 
 @returning_freed_memory()

@@ -17,6 +17,8 @@ change with every release. A release that changes one of these concerns this mod
 | `Rules.name`, `named` | `mlir.LoweringParameters`, `lower(_private_parameters=)` | 0.5 |
 | `function_of` | `jax.extend.core.jaxpr_as_fun` | - |
 | `without_unused` | `jax.extend.core.ClosedJaxpr`, `pe.dce_jaxpr` | - |
+| `all_settings` | `jax.config.values` | - |
+| `connect_lapack` | `jaxlib.lapack` | 0.7 |
 
 Zero tangents and cotangents are None on our side.
 """
@@ -26,6 +28,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import jax
+import numpy as np
 from jax.core import ShapedArray
 from jax.extend.core import ClosedJaxpr, Literal, Primitive, jaxpr_as_fun
 from jax.interpreters import ad, batching, mlir
@@ -188,7 +191,8 @@ def without_unused(
 
 
 def order_of_results(closed: ClosedJaxpr) -> str:
-    """Returns a checksum of the operations of a function and of which of them give its results."""
+    """Returns a checksum of the operations of a function, without those inside loops, and of which of them
+    give its results."""
     made = {id(x): (i, j) for i, e in enumerate(closed.eqns) for j, x in enumerate(e.outvars)}
     operations = [e.primitive.name for e in closed.eqns]
     results = [(made.get(id(x)), str(x.aval)) for x in closed.jaxpr.outvars]
@@ -208,3 +212,20 @@ def named(traced: jax.stages.Traced, primitive: Primitive, rules: Rules) -> jax.
 
     how = mlir.LoweringParameters(override_lowering_rules=((primitive, lower),))
     return traced.lower(_private_parameters=how)
+
+
+# ---- other things -------------------------------------------------------------------------------
+
+
+def all_settings() -> list[tuple[str, Any]]:
+    """Returns names and values of JAX's settings, as they are in the current context."""
+    values = jax.config.values  # of the process; an attribute is the value in the context
+    return [(name, getattr(jax.config, name, values[name])) for name in sorted(values)]
+
+
+def connect_lapack() -> None:
+    """Gives jaxlib the addresses of SciPy's LAPACK. JAX does so when it lowers a program that needs them.
+    An executable that is loaded without them ends the process."""
+    from jaxlib import lapack
+
+    lapack.prepare_lapack_call("getrf_ffi", np.dtype(float))

@@ -14,6 +14,8 @@ import hashlib
 import inspect
 import os
 import platform
+import sys
+import time
 from collections.abc import Callable
 from importlib import metadata, util
 from pathlib import Path
@@ -22,6 +24,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from kept_programs.jax_internals import all_settings
 from kept_programs.store import Store
 
 OWN = Path(__file__).parent
@@ -29,6 +32,17 @@ OWN = Path(__file__).parent
 
 KNOWN = ("builtins", "functools", "kept_programs")
 """Packages whose functions and classes are known by their names in every environment."""
+
+
+def processor() -> str:
+    """Returns what the processor can do, as Linux lists it; its name where the system does not."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    found = (line.partition(":")[2].strip() for line in lines if line.startswith(("flags", "Features")))
+    return next(found, platform.processor() or platform.machine())
+
 
 UNRELATED = ("cache", "log", "traceback", "warn", "explain", "dump")
 """Words in the names of JAX's settings that do not change what a program computes."""
@@ -42,8 +56,11 @@ class Environment:
     """What the programs of a package depend on, besides their arguments.
 
     package: its name; source: its folder; libraries: those whose functions it uses, beside JAX; variables:
-    environment variables that change what is compiled; machine: returns a text about the machine; store:
-    where the digest of jaxlib's binary is kept."""
+    environment variables that change what is compiled, beside XLA_FLAGS; machine: returns a text about the
+    machine; store: where the digest of jaxlib's binary is kept.
+
+    A file of the source that has changed since the environment was made may not be what has been imported:
+    from then on no program of this process has a key."""
 
     def __init__(
         self,
@@ -51,16 +68,19 @@ class Environment:
         source: Path,
         store: Store,
         libraries: tuple[str, ...] = (),
-        variables: tuple[str, ...] = ("XLA_FLAGS",),
-        machine: Callable[[], str] = platform.processor,
+        variables: tuple[str, ...] = (),
+        machine: Callable[[], str] = processor,
     ):
-        self.source, self.store, self.variables, self.machine = source, store, variables, machine
+        self.source, self.store, self.machine, self.made = source, store, machine, time.time()
+        self.variables = ("XLA_FLAGS", *variables)
         self.libraries = ("jax", "jaxlib", "numpy", *libraries)
         self.known = (package, *KNOWN, *self.libraries)
 
     def key_of(self, *parts: Any) -> str | None:
         """Returns the key of a program that depends on these parts and on the environment. None if a part
-        has no lasting name."""
+        has no lasting name, or if the source has changed."""
+        if self.has_changed():
+            return None
         try:
             text = self.text_of(parts)
         except Unkeyed:
@@ -68,12 +88,23 @@ class Environment:
         return hashlib.sha256(f"{self.text}\n{settings()}\n{text}".encode()).hexdigest()
 
     @functools.cached_property
+    def files(self) -> list[tuple[Path, Path]]:
+        """The files of the source, each after its folder."""
+        return [(root, path) for root in (self.source, OWN) for path in sorted(root.rglob("*.py"))]
+
+    def has_changed(self) -> bool:
+        """Tells whether a file of the source may be another one than when the environment was made."""
+        try:
+            return any(path.stat().st_mtime > self.made for _, path in self.files)
+        except OSError:  # removed
+            return True
+
+    @functools.cached_property
     def text(self) -> str:
         """The text of everything that stays the same in a process."""
         source = hashlib.sha256()
-        for root in (self.source, OWN):
-            for path in sorted(root.rglob("*.py")):
-                source.update(f"{path.relative_to(root)}\n".encode() + path.read_bytes())
+        for root, path in self.files:
+            source.update(f"{path.relative_to(root)}\n".encode() + path.read_bytes())
         device = jax.devices()[0]
         parts = [
             source.hexdigest(), *(f"{name} {version(name)}" for name in self.libraries),
@@ -122,12 +153,22 @@ class Environment:
     def name_of(self, x: Any) -> str:
         """Returns module and name of a function or class.
 
-        Raises Unkeyed if its package is unknown, or if it was defined within a function: several objects
-        may then have one name."""
+        Raises Unkeyed if its package is unknown, or if the object of that name is another one: functions
+        that are made within functions, and methods of objects, may share a name."""
         module, name = getattr(x, "__module__", None) or "builtins", getattr(x, "__qualname__", x.__name__)
-        if module.partition(".")[0] not in self.known or "<" in name:
+        if isinstance(x, np.ufunc):
+            module = "numpy"
+        if module.partition(".")[0] not in self.known or named(module, name) is not x:
             raise Unkeyed(x)
         return f"{module}.{name}"
+
+
+def named(module: str, name: str) -> Any:
+    """Returns the object of that name in a module that has been imported; None if there is none."""
+    found = sys.modules.get(module)
+    for part in name.split("."):
+        found = getattr(found, part, None)
+    return found
 
 
 def version(library: str) -> str:
@@ -140,9 +181,7 @@ def version(library: str) -> str:
 
 def settings() -> str:
     """Returns the settings of JAX that may change a program."""
-    names = (name for name in sorted(jax.config.values) if not any(word in name for word in UNRELATED))
-    values = jax.config.values  # of the process; an attribute is the value in the current context
-    return str([(name, getattr(jax.config, name, values[name])) for name in names])
+    return str([x for x in all_settings() if not any(word in x[0] for word in UNRELATED)])
 
 
 def binary_of_jaxlib() -> Path | None:

@@ -6,7 +6,6 @@ beside it, because the next program may be compiled for them.
 """
 
 import contextlib
-import functools
 import threading
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -80,27 +79,42 @@ class Program:
         compile: Callable[[jax.stages.Lowered], jax.stages.Compiled] = compile_plainly,
     ):
         self.keeper, self.key, self._make, self.compile = keeper, key, make, compile
-        self._lock = threading.RLock()
+        self._lock, self._tracing = threading.RLock(), threading.RLock()
+        self._settings = settings()
+        self._made_of: tuple[jax.stages.Traced, Any] | None = None
+        self._facts: Facts | None = None
         self._lowered: jax.stages.Lowered | None = None
         self._executable: Callable | None = None
         self._on_devices: Callable | None = None
 
-    @functools.cached_property
+    # Not `functools.cached_property`, which has one lock for all programs with Python 3.11: tracing one of
+    # them may wait for another that a thread compiles.
+
+    @property
     def _made(self) -> tuple[jax.stages.Traced, Any]:
-        with self.keeper.at_work(), collector_paused():
-            return self._make()
+        with self._tracing:
+            if self._made_of is None:
+                if settings() != self._settings:
+                    self.key = None  # another program than the one with this key
+                with self.keeper.at_work(), collector_paused():
+                    self._made_of = self._make()
+            return self._made_of
 
     @property
     def traced(self) -> jax.stages.Traced:
         """The traced function."""
         return self._made[0]
 
-    @functools.cached_property
+    @property
     def facts(self) -> Facts:
         """Types of the results, from the store if it has them."""
-        kept = load(self.keeper.store, self.key, "facts")
-        if isinstance(kept, Facts):
-            return kept
+        with self._tracing:
+            if self._facts is None:
+                kept = load(self.keeper.store, self.key, "facts")
+                self._facts = kept if isinstance(kept, Facts) else self._traced_facts()
+            return self._facts
+
+    def _traced_facts(self) -> Facts:
         traced, about = self._made
         results = tuple(
             jax.ShapeDtypeStruct(x.shape, x.dtype, weak_type=x.weak_type) for x in traced.jaxpr.out_avals
@@ -111,8 +125,7 @@ class Program:
 
     @property
     def executable(self) -> Callable:
-        """The executable, loaded or compiled. Other programs are compiled at the same time: a
-        `functools.cached_property` of Python 3.11 would have one lock for all of them."""
+        """The executable, loaded or compiled. Other programs are compiled at the same time."""
         with self._lock:
             found = self._executable
             if found is None:
@@ -132,8 +145,7 @@ class Program:
 
     def forget(self) -> None:
         """Lets the executable and the traced function go. They come back when they are needed."""
-        self._executable = self._on_devices = None
-        self.__dict__.pop("_made", None)
+        self._executable = self._on_devices = self._made_of = None
 
     def _loaded(self) -> Callable | None:
         return load_executable(self.keeper.store, self.key) if self._lowered is None else None
@@ -148,11 +160,15 @@ class Program:
 
     def prepare(self) -> None:
         """Traces and lowers the program here, and starts to load or compile it in a thread, for which
-        `executable` waits. An error of that thread comes up again there."""
+        `executable` waits. An error of that thread comes up again there. The thread does not trace: it
+        would do so with other settings of JAX, if these hold in the calling thread only."""
 
         def executable_now():
-            with contextlib.suppress(Exception):
-                self.executable  # noqa: B018
+            with contextlib.suppress(Exception), self._lock:
+                if self._lowered is not None:
+                    self.executable  # noqa: B018
+                elif self._executable is None:
+                    self._executable = self._loaded()
 
         if self._executable is None:
             self.lower()
@@ -171,20 +187,12 @@ class Program:
 
 
 class TreeProgram:
-    """A program of a function of trees. function: that function; structure: that of the tuple of its
-    arguments."""
+    """A program of a function of trees. function: that function, which `plain` computes through `jax.jit`;
+    structure: that of the tuple of its arguments; types: of their leaves."""
 
-    def __init__(self, program: Program, function: Callable, structure: Any):
-        self.program, self.function, self.structure = program, function, structure
-
-    @functools.cached_property
-    def _result(self) -> Any:
-        return jax.tree.structure(self.program.facts.about)
-
-    @functools.cached_property
-    def plain(self) -> Callable:
-        """The function of `jax.jit` that computes the same."""
-        return jax.jit(self.function)
+    def __init__(self, program: Program, function: Callable, structure: Any, types: Sequence):
+        self.program, self.function, self.structure, self.types = program, function, structure, types
+        self.plain = jax.jit(function)
 
     @property
     def result(self) -> Any:
@@ -205,18 +213,25 @@ class TreeProgram:
         self.program.executable  # noqa: B018
 
     def leaves(self, arguments: tuple) -> Leaves:
-        """Returns the leaves of the arguments. Raises TypeError if they have another structure."""
+        """Returns the leaves of the arguments. Raises TypeError if they have another structure, or other
+        types."""
         leaves, structure = jax.tree.flatten(arguments)
         if structure != self.structure:
             raise TypeError(f"the arguments must have the structure {self.structure}, but have {structure}")
+        for x, expected in zip(leaves, self.types, strict=True):
+            found = type_of(x)
+            if (found.shape, found.dtype) != (expected.shape, expected.dtype):
+                raise TypeError(f"an argument must be {text_of(expected)}, but is {text_of(found)}")
         return leaves
 
     def unflatten(self, results: Leaves) -> Any:
         """Returns the tree of the results."""
-        return jax.tree.unflatten(self._result, results)
+        return jax.tree.unflatten(jax.tree.structure(self.program.facts.about), results)
 
     def __call__(self, *arguments: Any) -> Any:
-        """Runs the program."""
+        """Runs the program, or its function under `jax.disable_jit`."""
+        if jax.config.jax_disable_jit:
+            return self.function(*arguments)
         return self.unflatten(self.program(*self.leaves(arguments)))
 
 
@@ -232,13 +247,20 @@ def program_of(
     function: of the keeper's package; static: hashable; arguments: trees of arrays, tracers or types;
     compile: hashable, and part of the key."""
     leaves, structure = jax.tree.flatten(arguments)
-    return _program_of(
-        keeper, function, static, structure, tuple(map(type_of, leaves)), compile, settings()
-    )
+    values = tuple(map(value_of, static))
+    kinds = tuple(map(type_of, leaves))
+    return _program_of(keeper, function, static, values, structure, kinds, compile, settings())
+
+
+def value_of(x: Any) -> Any:
+    """Returns what tells equal static values apart: types, and the sign of a zero."""
+    if isinstance(x, tuple | list):
+        return type(x), tuple(map(value_of, x))
+    return type(x), repr(x) if isinstance(x, float | complex) else None
 
 
 @remembered(maxsize=256)
-def _program_of(keeper, function, static, structure, kinds, compile, settings) -> TreeProgram:
+def _program_of(keeper, function, static, values, structure, kinds, compile, settings) -> TreeProgram:
     arguments = jax.tree.unflatten(structure, kinds)
     places = jax.tree.unflatten(structure, range(len(kinds)))
     key = keeper.environment.key_of(function, static, places, kinds, compile)
@@ -267,9 +289,14 @@ def tree_program(
 
         return jax.jit(flat).trace(*types), skeleton
 
-    return TreeProgram(Program(keeper, make, key, compile), function, structure)
+    return TreeProgram(Program(keeper, make, key, compile), function, structure, types)
 
 
 def type_of(x: Any) -> jax.ShapeDtypeStruct:
     """Returns shape and type of an array, a tracer, a number or another type."""
     return jax.ShapeDtypeStruct(np.shape(x), jax.numpy.result_type(x))
+
+
+def text_of(x: jax.ShapeDtypeStruct) -> str:
+    """Returns a type in words."""
+    return f"{x.dtype}{list(x.shape)}"

@@ -5,6 +5,7 @@ used for the first time with a version of JAX; the verdict is kept in the store.
 
 import functools
 from collections.abc import Callable
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -13,29 +14,37 @@ import numpy as np
 from kept_programs.program import Keeper, tree_program, type_of
 
 X, Y, BATCH = np.asarray(3.0), np.asarray(2.0), np.asarray([1.0, 3.0])
+TABLE = np.asarray([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
+COUNT = np.asarray(2)
 
 
-def volume(x, y):
-    """The function of the check, x^2 y, with a second result that its objective does not need."""
-    return x**2 * y, x - y
+def volume(x, y, count):
+    """The function of the check, x^2 y for a count of 2, with a second result that its objective does not
+    need."""
+    return (count - 1) * x**2 * y, x - y
 
 
 Objective = Callable[..., jax.Array]
 """A function of x and y, which is x^2 y."""
 
-CHECKS: dict[str, tuple[Callable[[Objective], jax.Array], object]] = {
+CHECKS: dict[str, tuple[Callable[[Objective], Any], object]] = {
     "jit": (lambda f: jax.jit(f)(X, Y), 18.0),
     "jvp": (lambda f: jax.jvp(f, (X, Y), (X, Y))[1], 54.0),
     "grad": (lambda f: jax.grad(f)(X, Y), 12.0),
+    "grad by two arguments": (lambda f: jax.grad(f, (0, 1))(X, Y), (12.0, 9.0)),
     "vmap": (lambda f: jax.vmap(f, (0, None))(BATCH, Y), [2.0, 18.0]),
+    "vmap over another axis": (
+        lambda f: jax.vmap(jax.vmap(f, (0, None)), (1, None))(TABLE, Y), 2.0 * TABLE.T**2
+    ),
     "vmap of grad": (lambda f: jax.vmap(jax.grad(f), (0, None))(BATCH, Y), [4.0, 12.0]),
     "grad of vmap": (lambda f: jax.grad(lambda y: jax.vmap(f, (0, None))(BATCH, y).sum())(Y), 10.0),
     "jvp of jvp": (lambda f: tangent_of(tangent_of(lambda x: f(x, Y)))(X), 4.0),
     "jvp of grad": (lambda f: tangent_of(lambda x: jax.grad(f)(x, Y))(X), 4.0),
+    "grad of grad": (lambda f: jax.grad(lambda y: jax.grad(f)(X, y))(Y), 6.0),
     "grad of jit": (lambda f: jax.grad(jax.jit(f))(X, Y), 12.0),
     "grad of checkpoint": (lambda f: jax.grad(jax.checkpoint(f))(X, Y), 12.0),
     "grad of scan": (lambda f: jax.grad(lambda y: summed(f, y))(Y), 10.0),
-}
+}  # fmt: skip
 """Transformations of x^2 y at x = 3 and y = 2, and what they give."""
 
 
@@ -52,7 +61,7 @@ def summed(f: Objective, y: jax.Array) -> jax.Array:
 def fault(keeper: Keeper) -> str:
     """Returns in a few words what is wrong with the operation, an empty text if nothing is."""
     name = verdict_of(keeper)
-    if keeper.store.has(name):
+    if name is not None and keeper.store.load(name) is not None:
         return ""
     found = ""
     try:
@@ -60,28 +69,37 @@ def fault(keeper: Keeper) -> str:
             found = found or failed(keeper, what)
     except Exception as error:
         found = f"{what}: {type(error).__name__}"
-    if not found:
+    if name is not None and not found:
         keeper.store.save(name, b"")
     return found
 
 
-def verdict_of(keeper: Keeper) -> str:
-    """Returns the name under which the store has the verdict that nothing is wrong."""
-    return f"{keeper.environment.key_of('self-check')}-verdict"
+def verdict_of(keeper: Keeper) -> str | None:
+    """Returns the name under which the store has the verdict that nothing is wrong; None if it is not
+    kept."""
+    key = keeper.environment.key_of("self-check")
+    return None if key is None else f"{key}-verdict"
 
 
 def failed(keeper: Keeper, what: str) -> str:
     """Returns the name of a check if it fails, otherwise an empty text."""
-    from kept_programs.operation import bind
+    from kept_programs.operation import Reverse, bind
 
     transform, expected = CHECKS[what]
-    program = small_program(keeper)
-    with keeper.at_work(), jax.ensure_compile_time_eval():
-        found = transform(lambda x, y: program.unflatten(bind(program.program, x, y))[0])
-    return "" if np.array_equal(found, np.asarray(expected)) else f"{what} differs"
+    program, again = small_program(keeper), Reverse(recompute=True)
+    for reverse in (Reverse(expected=(True, False)), again) if what == "grad" else (Reverse(),):
+
+        def objective(x, y, reverse=reverse):
+            return program.unflatten(bind(program.program, x, y, COUNT, reverse=reverse))[0]
+
+        with keeper.at_work(), jax.ensure_compile_time_eval():
+            found = transform(objective)
+        if not np.array_equal(np.asarray(found), np.asarray(expected)):
+            return f"{what} differs"
+    return ""
 
 
 @functools.lru_cache(maxsize=1)
 def small_program(keeper: Keeper):
     """Returns the program of `volume`."""
-    return tree_program(keeper, volume, (type_of(X), type_of(Y)), None)
+    return tree_program(keeper, volume, (type_of(X), type_of(Y), type_of(COUNT)), None)

@@ -9,6 +9,7 @@ be read or written is compiled again.
 import contextlib
 import hashlib
 import os
+import shutil
 import stat
 import warnings
 from pathlib import Path
@@ -19,6 +20,12 @@ SUFFIX = ".program"
 
 PART = ".part"
 """Last suffix of a file that is being written."""
+
+CACHE_OF_JAX = "jax"
+"""Folder within that of the store in which JAX keeps what it compiles, where this package does not."""
+
+OFF = ("off", "0", "no", "false")
+"""Values of environment variables that switch something off."""
 
 
 class Usage(NamedTuple):
@@ -50,7 +57,7 @@ class Store:
     def location(self) -> Path | None:
         """Returns the folder, which may not exist yet, or None if the store is off."""
         given = os.environ.get(self.variable)
-        if given is not None and given.lower() in ("off", "0", "no", "false", ""):
+        if given is not None and given.lower() in (*OFF, ""):
             return None
         if given is not None:
             return Path(given).expanduser().absolute()
@@ -98,10 +105,15 @@ class Store:
         return Usage(len(sizes), sum(sizes))
 
     def clear(self) -> int:
-        """Removes all programs. Returns their number."""
-        found = files(self.private_folder())
+        """Removes all programs, and what JAX keeps here. Returns the number of programs that were there.
+        Windows does not remove a file that a process uses."""
+        folder = self.private_folder()
+        found = files(folder)
         for file in found:
-            file.path.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):
+                file.path.unlink()
+        if folder is not None:
+            shutil.rmtree(folder / CACHE_OF_JAX, ignore_errors=True)
         return len(found)
 
     def private_folder(self, create: bool = False) -> Path | None:

@@ -9,7 +9,7 @@ import jax
 
 from esail_jax.compilation.kept import KEEPER, key_of
 from esail_jax.compilation.notebook_line import compiler_at_work
-from esail_jax.compilation.options import COMPILER_OPTIONS, compiled_by_us, lower
+from esail_jax.compilation.options import COMPILER_OPTIONS, compiled, compiled_by_us, lower
 from esail_jax.compilation.stored import STORE
 from kept_programs.calls import is_one_operation
 from kept_programs.collector import collector_paused
@@ -69,7 +69,8 @@ class CompiledFunction:
         functools.update_wrapper(self, f)
         self._static = static_arguments(f, static_argnums, static_argnames)
         numbers, names = self._static
-        self._jitted = jax.jit(f, static_argnums=numbers, static_argnames=names)
+        # All arguments stay: the key of a kept program is its text, which must tell which of them it uses.
+        self._jitted = jax.jit(f, static_argnums=numbers, static_argnames=names, keep_unused=True)
         self._programs: dict[Any, Callable[..., Any]] = {}
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
@@ -123,7 +124,7 @@ def compile_traced(traced: jax.stages.Traced) -> Callable:
     with compiler_at_work():
         with collector_paused():
             lowered = lower(traced)
-        return compile_and_save(STORE, key, lambda: lowered.compile(COMPILER_OPTIONS))
+        return compile_and_save(STORE, key, lambda: compiled(lowered, COMPILER_OPTIONS))
 
 
 def is_compiled_here(leaves: list[Any]) -> bool:

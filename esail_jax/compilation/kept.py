@@ -11,6 +11,7 @@ from esail_jax.compilation.notebook_line import compiler_at_work
 from esail_jax.compilation.options import (
     COMPILER_OPTIONS,
     Options,
+    compiled,
     compiled_by_us,
     lower,
     refuse_in_plain_jit,
@@ -21,12 +22,15 @@ from kept_programs import program, remembered
 from kept_programs.keys import Environment
 from kept_programs.program import Keeper, TreeProgram
 
+SWITCH = "ESAIL_PRIMITIVE"
+"""Environment variable that says `off` to call programs through plain `jax.jit`."""
+
 ENVIRONMENT = Environment(
     "esail_jax",
     Path(__file__).parents[1],
     STORE,
     libraries=("equinox", "diffrax", "optax", "scipy"),
-    variables=(THREADS, "XLA_FLAGS"),
+    variables=(THREADS, SWITCH),
     machine=lambda: f"{processor('flags', 'Features')} {cores()}",
 )
 
@@ -44,7 +48,7 @@ KEEPER = Keeper(
     lower=lower,
     before_lowering=refuse_in_plain_jit,
     at_work=at_work,
-    switch="ESAIL_PRIMITIVE",
+    switch=SWITCH,
     remedy="clear it by `esail cache --clear`",
 )
 
@@ -58,7 +62,7 @@ class Compile:
     options: tuple[tuple[str, str | bool | int], ...]
 
     def __call__(self, lowered: jax.stages.Lowered) -> jax.stages.Compiled:
-        return lowered.compile(compiler_options=dict(self.options))
+        return compiled(lowered, dict(self.options))
 
 
 def program_of(

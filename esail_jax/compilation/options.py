@@ -9,6 +9,7 @@ import contextlib
 import contextvars
 import os
 import threading
+import warnings
 from collections.abc import Iterator
 
 import jax
@@ -23,18 +24,24 @@ FUSION_TYPE = FLAG.removeprefix("--")
 HAS_LOOP_EMITTER = jax.__version_info__ < (0, 11)
 """True if XLA has its older emitter of loops, which compiles in a third less time and gives equal speed."""
 
-REQUEST = "ESAIL_FUSED_PRODUCTS"
-"""Environment variable that says `on` to ask for a faster run, in which some products may be wrong
-(`workaround.py`): a run of the baseline takes 15 to 20 % less time, its gradient the same."""
-
-IS_REQUESTED = os.environ.get(REQUEST, "").lower() in ("on", "1", "yes", "true")
-
-COMPILER_OPTIONS: Options = {FUSION_TYPE: PRODUCTS_FUSED if IS_REQUESTED else PRODUCTS_ALONE} | (
+COMPILER_OPTIONS: Options = {FUSION_TYPE: PRODUCTS_ALONE} | (
     {"xla_cpu_use_fusion_emitters": False} if HAS_LOOP_EMITTER else {}
 )
 """Options of `jax.jit` on a CPU. Only matrix products use the library, and none of the operations around
 them. With XLA's default the library also computes short sums, which makes the baseline 12 % slower and an
 iteration of sixteen sails in lockstep 50 % slower."""
+
+REQUEST = "ESAIL_FUSED_PRODUCTS"
+"""Environment variable that says `on` to let the library compute the operations around products in the
+steps of a run, too. A run of the baseline takes 15 to 20 % less time, but some products may be wrong
+(`workaround.py`)."""
+
+STEP_OPTIONS: Options = COMPILER_OPTIONS | (
+    {FUSION_TYPE: PRODUCTS_FUSED}
+    if os.environ.get(REQUEST, "").lower() in ("on", "1", "yes", "true")
+    else {}
+)
+"""Options for the steps of a sail that is not differentiated."""
 
 CHAIN_OPTIONS: Options = COMPILER_OPTIONS | {FUSION_TYPE: ""}
 """Options for rod chains with explicit methods. Nothing uses the library: its small products make a run of
@@ -86,3 +93,19 @@ def refuse_in_plain_jit() -> None:
     compiled with other options, and that may compute products wrongly."""
     if not OURS.get():
         refuse_wrong_products()
+
+
+def compiled(lowered: jax.stages.Lowered, options: Options) -> jax.stages.Compiled:
+    """Compiles a lowered program, without the options that this version of XLA does not know: a later one
+    costs time, not results."""
+    try:
+        return lowered.compile(compiler_options=options)
+    except jax.errors.JaxRuntimeError as error:
+        unknown = [name for name in options if f"'{name}'" in str(error)]
+        if not unknown:
+            raise
+    warnings.warn(
+        f"this version of jaxlib has no compiler option `{unknown[0]}`, so that programs may be slower",
+        stacklevel=2,
+    )
+    return compiled(lowered, {name: x for name, x in options.items() if name not in unknown})

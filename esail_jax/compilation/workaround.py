@@ -12,10 +12,10 @@ XLA hands matrix products to this library. If it hands over the operations aroun
    0.10.2, JAX issue 39103). `jax.vmap(lambda r: A @ r)` of as many vectors is such a product. With XLA's
    default options it is wrong, too.
 
-The programs of this package are therefore compiled without that option, unless it is asked for
-(`options.REQUEST`). Programs of a user's own `jax.jit` are compiled with XLA's default options. `set_flag`
-changes that default when `esail_jax` is imported. XLA reads its flags when JAX first uses a device. If that
-was before the import, `refuse_wrong_products` refuses to put a run into such a program.
+The programs of this package are therefore compiled without that option, unless it is asked for the steps
+of a run (`options.REQUEST`). Programs of a user's own `jax.jit` are compiled with XLA's default options.
+`set_flag` changes that default when `esail_jax` is imported. XLA reads its flags when JAX first uses a
+device. If that was before the import, `refuse_wrong_products` refuses to put a run into such a program.
 """
 
 import functools
@@ -45,7 +45,8 @@ def set_flag() -> None:
 
 @functools.cache
 def products_are_right() -> bool:
-    """Compares a product of the second kind, compiled by `jax.jit`, with NumPy (0.05 s)."""
+    """Compares a product of the second kind, compiled by `jax.jit`, with NumPy (0.05 s), also while JAX
+    traces."""
     import jax
     import numpy as np
 
@@ -53,7 +54,8 @@ def products_are_right() -> bool:
         return True
     matrix = np.arange(9.0).reshape(3, 3)
     rows = np.linspace(-1.0, 1.0, 3 * (MOST_ROWS + 1)).reshape(-1, 3)
-    found = jax.jit(jax.vmap(lambda row: ((matrix @ row) ** 2).sum()))(rows)
+    with jax.ensure_compile_time_eval():
+        found = jax.jit(jax.vmap(lambda row: ((matrix @ row) ** 2).sum()))(rows)
     return np.allclose(found, ((rows @ matrix.T) ** 2).sum(1), rtol=1e-10)
 
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import jax
 import numpy as np
 
-from esail_jax.compilation.options import COMPILER_OPTIONS
+from esail_jax.compilation.options import COMPILER_OPTIONS, compiled
 
 HOST_BYTES = 2**28
 """Memory for the results of one call on a CPU [B]."""
@@ -40,7 +40,7 @@ def batch_in_lockstep(result_bytes: int, members: int, lower: Callable[[int], ja
     if members <= PROBE_BATCH * len(devices) and members * result_bytes <= GPU_SHARE * room:
         return members
     # The analysis counts the memory of one device's share of the program.
-    memory = lower(PROBE_BATCH * len(devices)).compile(COMPILER_OPTIONS).memory_analysis()
+    memory = compiled(lower(PROBE_BATCH * len(devices)), COMPILER_OPTIONS).memory_analysis()
     measured = (memory.temp_size_in_bytes + memory.output_size_in_bytes) / PROBE_BATCH
     each = max(result_bytes, measured)
     return min(members, int(np.clip(GPU_SHARE * room / each, 1, MOST_ON_GPU)) * len(devices))

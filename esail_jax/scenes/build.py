@@ -10,7 +10,6 @@ import jax
 import jax.numpy as jnp
 
 from esail_jax.array_types import Array, PerTether, Rotation
-from esail_jax.compilation.options import START_OPTIONS
 from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.coordinates import Coordinates
 from esail_jax.elements.axial import AxialDissipation, AxialEnergy, TensionOnlyEnergy
@@ -286,6 +285,3 @@ def build_chain(structure: Structure, n: Numbers) -> tuple[RodChain, RodState]:
     chain = RodChain.of(system, hinges)
     zero = jnp.zeros(())
     return chain, RodState(x, v, Power(zero, zero) if chain.has_work else None)
-
-
-build_jitted = jax.jit(build, static_argnums=0, compiler_options=START_OPTIONS)

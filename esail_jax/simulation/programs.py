@@ -13,7 +13,7 @@ import numpy as np
 from esail_jax.array_types import Array, Scalar
 from esail_jax.compilation.announcements import announce
 from esail_jax.compilation.kept import program_of
-from esail_jax.compilation.options import CHAIN_OPTIONS, COMPILER_OPTIONS, LOOK_OPTIONS, START_OPTIONS
+from esail_jax.compilation.options import CHAIN_OPTIONS, LOOK_OPTIONS, START_OPTIONS, STEP_OPTIONS
 from esail_jax.scenes.stepper_choice import stepper_class
 from esail_jax.scenes.structure import Numbers, Structure
 from esail_jax.simulation.advance import Advanced, Window, advance
@@ -75,7 +75,7 @@ def _compiled(structure: Structure, tree: Any, types: tuple, names: tuple[str, .
     number, integer = jax.ShapeDtypeStruct((), float), jax.ShapeDtypeStruct((), int)
     kind = stepper_class(structure["integrator.method"]) if given[1] is None else type(given[1])
     rods = kind.relative_coordinates
-    of_sail = COMPILER_OPTIONS, LOOK_OPTIONS, START_OPTIONS
+    of_sail = STEP_OPTIONS, LOOK_OPTIONS, START_OPTIONS
     step_options, look_options, switch_options = (CHAIN_OPTIONS,) * 3 if rods else of_sail
 
     with ThreadPoolExecutor() as pool:

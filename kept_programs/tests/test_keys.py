@@ -1,6 +1,8 @@
 """Programs are kept between processes by everything that decides what they compute."""
 
 import functools
+import os
+from pathlib import Path
 from typing import NamedTuple
 
 import jax
@@ -95,3 +97,27 @@ def test_environment_holds_the_digest_of_jaxlib(keeper, tmp_path, monkeypatch):
     assert Environment("toy", tmp_path, keeper.store).text != before
     monkeypatch.setenv("TOY_CACHE", "off")
     assert keys.digest_of(binary, keeper.store) == "", "without a store nothing is read"
+
+
+def test_a_source_that_has_changed_since_has_no_key(tmp_path, folder):
+    """What has been imported may be another text than that of the file."""
+    source = tmp_path / "mine.py"
+    source.write_text("a = 1")
+    os.utime(source, (0.0, 0.0))
+    environment = Environment(
+        "toy", tmp_path, Store("toy/programs", "TOY_CACHE", b"toy"), machine=lambda: "one"
+    )
+    assert environment.key_of("a")
+    os.utime(source, (environment.made + 10.0,) * 2)
+    assert environment.key_of("a") is None
+    source.unlink()
+    assert environment.key_of("a") is None
+
+
+def test_what_shares_a_name_with_another_object_has_no_key(environment):
+    """A wrapped function has the name of the one inside, and a method does not name its object."""
+    assert environment.key_of(dot)
+    wrapped = functools.wraps(dot)(lambda a, b: 2.0 * dot(a, b))
+    assert environment.key_of(wrapped) is None
+    assert environment.key_of(jax.grad(dot)) is None
+    assert environment.key_of(Path("a").exists) is None

@@ -8,12 +8,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from kept_programs import Program, program_of
+from kept_programs import Program, call, program_of, tree_program, type_of
 from kept_programs.cache_hits import HITS
 from kept_programs.executables import compile_and_save, is_kept, load_executable
 from kept_programs.program import compile_plainly
 from kept_programs.store import SUFFIX
-from toy import dot
+from toy import cube, dot, inverse, power
 
 
 def test_a_program_is_loaded_without_tracing(new_keeper):
@@ -92,3 +92,48 @@ def test_a_program_from_the_cache_of_jax_is_not_kept(keeper):
     assert not is_kept(keeper.store, "a" * 64)
     compile_and_save(keeper.store, "a" * 64, lowered.compile)
     assert is_kept(keeper.store, "a" * 64)
+
+
+def test_equal_static_values_of_another_kind_are_other_programs(keeper):
+    """2 == 2.0 and 0.0 == -0.0, but results differ in type and in sign."""
+    one, two = (program_of(keeper, power, (x,), (np.asarray(3),))(np.asarray(3)) for x in (2, 2.0))
+    assert (one.dtype, two.dtype) == (int, float)
+    signs = (program_of(keeper, inverse, (x,), (np.asarray(1.0),))(np.asarray(1.0)) for x in (0.0, -0.0))
+    assert [float(x) for x in signs] == [np.inf, -np.inf]
+
+
+@pytest.mark.parametrize("given", [np.ones(5), np.ones(3, int), np.ones((1, 3))])
+@pytest.mark.parametrize("how", [lambda f: f, jax.jit])
+def test_arguments_of_other_types_are_refused(keeper, how, given):
+    program = program_of(keeper, cube, (), (np.ones(3),))
+    with pytest.raises(TypeError, match=r"must be float64\[3\], but is"):
+        how(lambda x: call(program, x))(given)
+
+
+def test_a_program_that_is_traced_with_other_settings_is_not_kept(keeper, folder):
+    """Its key is that of the settings with which it was asked for."""
+    with jax.default_matmul_precision("float32"):
+        program = program_of(keeper, cube, (), (np.ones(3),))
+    program(np.ones(3))
+    assert not list(folder.glob("*-executable*"))
+
+
+def test_the_first_program_may_be_called_while_another_one_is_traced(new_keeper):
+    """With an empty store the check of the operation runs then, and compiles in a thread. The two do not
+    wait for each other."""
+    keeper = new_keeper()
+    inner = program_of(keeper, cube, (), (np.ones(3),))
+    outer = tree_program(keeper, lambda x: call(inner, 2.0 * x), (type_of(np.ones(3)),), None)
+    found = []
+    worker = threading.Thread(target=lambda: found.append(outer(np.ones(3))), daemon=True)
+    worker.start()
+    worker.join(120.0)
+    np.testing.assert_array_equal(found[0], 8.0 * np.ones(3))
+
+
+def test_without_jit_a_program_is_its_function(keeper):
+    program = program_of(keeper, cube, (), (np.ones(3),))
+    with jax.disable_jit():
+        np.testing.assert_array_equal(program(2.0 * np.ones(3)), 8.0 * np.ones(3))
+        slope = jax.grad(lambda x: call(program, x).sum())(jax.numpy.ones(3))
+    np.testing.assert_array_equal(slope, 3.0 * np.ones(3))

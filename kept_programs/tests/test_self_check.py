@@ -43,14 +43,39 @@ TABLES = {
 }
 """Where JAX looks for the rules of an operation."""
 
+
+def over_the_first_axis(rule):
+    """A rule of batches that takes every axis as the first one."""
+
+    def wrong(arguments, axes, **parameters):
+        return rule(arguments, [None if axis is None else 0 for axis in axes], **parameters)
+
+    return wrong
+
+
+def wrong_at_last(rule):
+    """A rule of reverse mode that is wrong in the last of several cotangents."""
+
+    def wrong(*arguments, **parameters):
+        found = list(rule(*arguments, **parameters))
+        places = [k for k, x in enumerate(found) if x is not None]
+        if len(places) > 1:
+            found[places[-1]] = 2.0 * found[places[-1]]
+        return found
+
+    return wrong
+
+
 WRONG = {
-    "batch": lambda rule: scaled(rule, 0),
-    "forward mode": lambda rule: scaled(rule, 1),
-    "reverse mode": lambda rule: scaled(rule, None),
+    ("batch", "is wrong"): lambda rule: scaled(rule, 0),
+    ("batch", "is that of the first axis"): over_the_first_axis,
+    ("forward mode", "is wrong"): lambda rule: scaled(rule, 1),
+    ("reverse mode", "is wrong"): lambda rule: scaled(rule, None),
+    ("reverse mode", "is wrong at last"): wrong_at_last,
 }
 """Rules that give wrong numbers."""
 
-BROKEN = [*((name, "fails") for name in TABLES), *((name, "is wrong") for name in WRONG)]
+BROKEN = [*((name, "fails") for name in TABLES), *WRONG]
 
 
 def transformed(f):
@@ -65,7 +90,7 @@ def test_a_broken_rule_costs_time_and_no_derivative(new_keeper, request, name, h
     """As a new version of JAX may break it, by other arguments or in silence: results are right, and one
     line says what happened."""
     rule = BATCH if name == "batch" else TABLES[name][program_p]
-    broken = other_arguments if how == "fails" else WRONG[name](rule)
+    broken = other_arguments if how == "fails" else WRONG[name, how](rule)
     TABLES[name][program_p] = broken
     request.addfinalizer(lambda: operator.setitem(TABLES[name], program_p, rule))
     program = program_of(new_keeper(), square, (2.0,), (jnp.asarray(1.0),))

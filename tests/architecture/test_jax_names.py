@@ -15,7 +15,9 @@ FILES = [
     if path != INTERNALS and "tests" not in path.parts
 ]
 
-NOT_PUBLIC = re.compile(r"jax\.(_src|interpreters|extend|core)\b|_private_parameters")
+NOT_PUBLIC = re.compile(
+    r"(jax\.(_src|interpreters|extend|core|config\.values)|jaxlib)\b|_private_parameters"
+)
 """Modules about which JAX promises nothing, and arguments that it calls private."""
 
 TRACER = {"jax.core", "jax.core.Tracer"}
@@ -30,6 +32,8 @@ def names_in(path: Path) -> set[str]:
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             found |= {f"{node.module}.{alias.name}" for alias in node.names}
+            if node.module == "jax":
+                assert not {"core", "interpreters", "extend"} & {alias.name for alias in node.names}, path
         elif isinstance(node, ast.Attribute):
             found.add(ast.unparse(node))
         elif isinstance(node, ast.keyword) and node.arg:

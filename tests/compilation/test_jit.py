@@ -79,9 +79,9 @@ def test_fused_products_on_request():
     as each adds the terms of a product in an order of its own."""
     code = """
 import esail_jax as esail
-from esail_jax.compilation.options import COMPILER_OPTIONS, FUSION_TYPE
+from esail_jax.compilation.options import FUSION_TYPE, STEP_OPTIONS
 run = esail.simulate("baseline", {"tethers.count": 3, "tethers.elements": 1, "integrator.t_end": 11.0})
-print(COMPILER_OPTIONS[FUSION_TYPE], float(run["coning_angle"][-1, 0]).hex())
+print(STEP_OPTIONS[FUSION_TYPE], float(run["coning_angle"][-1, 0]).hex())
 """
     asked, usual = (output_of(code, ESAIL_FUSED_PRODUCTS=x).split() for x in ("on", "off"))
     assert (asked[0], usual[0]) == (PRODUCTS_FUSED, PRODUCTS_ALONE)
@@ -148,6 +148,14 @@ def test_programs_of_jit_have_the_options_of_the_package(without_jax_cache, tmp_
     np.testing.assert_allclose(compiled(LEFT, LEFT), LEFT @ LEFT, rtol=1e-13)
     (program,) = compiled._programs.values()
     assert program.as_text() == compiled.lower(LEFT, LEFT).compile(COMPILER_OPTIONS).as_text()
+
+
+def test_functions_that_use_other_arguments_are_other_programs(without_jax_cache, tmp_path, monkeypatch):
+    """JAX leaves unused arguments out of the text of a program, which is its key here."""
+    monkeypatch.setenv(STORE.variable, str(tmp_path / "programs"))
+    functions = (lambda x, y: jnp.sin(x), lambda x, y: jnp.sin(y), lambda x, y: jnp.sin(y.sum()))
+    found = [float(jit(f)(1.0, y)) for f, y in zip(functions, (2.0, 2.0, np.ones(3)), strict=True)]
+    np.testing.assert_allclose(found, np.sin([1.0, 2.0, 3.0]), rtol=1e-15)
 
 
 @pytest.mark.parametrize(

@@ -11,11 +11,10 @@ import esail_jax as esail
 from esail_jax.elements.axial import AxialEnergy
 from esail_jax.elements.bending import BendingEnergy
 from esail_jax.point_fields import PointFields
-from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.structure import split
 from esail_jax.steppers.energy_momentum import Secant
 from support.one_tether import integrate
-from support.quick import jit
+from support.quick import build_jitted, jit
 from support.soft_sail import SOFT, STEPS, orders, stepped
 from support.whole_runs import check_going_on
 

@@ -16,12 +16,11 @@ from esail_jax import iteration_matrix
 from esail_jax.coordinates import Coordinates
 from esail_jax.numerics import bordered
 from esail_jax.numerics.angles import rotation_by
-from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.scene import load_scene
 from esail_jax.scenes.structure import split
 from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
 from oracles.dense import Dense
-from support.quick import jit, quickly
+from support.quick import build_jitted, jit, quickly
 
 TOLERANCE = 1e-10
 """Relative error of every column. Measured: at most 1e-15."""

@@ -26,6 +26,21 @@ def square(factor, x):
     return factor * x**2
 
 
+def cube(x):
+    """One argument."""
+    return x**3
+
+
+def power(n, x):
+    """The type of the result depends on that of a static number."""
+    return n * x
+
+
+def inverse(zero, x):
+    """The sign of the result depends on that of a zero."""
+    return x / zero
+
+
 def dot(a, b):
     """Scalar products of rows."""
     return (a * b).sum(1)
