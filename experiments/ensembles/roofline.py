@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 
 import esail_jax as esail
-from esail_jax.compilation.options import COMPILER_OPTIONS, compiled
+from esail_jax.compilation import options
 from esail_jax.simulation.host import compile_scene
 from esail_jax.steppers.collocation import first_guess
 from esail_jax.steppers.collocation_solution import reshaped, stage_residuals
@@ -73,11 +73,11 @@ def measure_batch(size: int) -> tuple:
     if size > 1:
         now, kept, nodes = repeated((now, kept, nodes))
         once = jax.vmap(once)
-    program = compiled(jax.jit(once).lower(now, kept, nodes), COMPILER_OPTIONS)
+    program = options.compiled(jax.jit(once).lower(now, kept, nodes), options.COMPILER_OPTIONS)
     counted, memory = program.cost_analysis(), program.memory_analysis()
     works_on = memory.argument_size_in_bytes + memory.output_size_in_bytes + memory.temp_size_in_bytes
     many = jax.jit(lambda *x: jax.lax.fori_loop(0, LOOPS, lambda _, y: once(*x[:2], y), x[2]))
-    loop = compiled(many.lower(now, kept, nodes), COMPILER_OPTIONS)
+    loop = options.compiled(many.lower(now, kept, nodes), options.COMPILER_OPTIONS)
     return seconds(loop, now, kept, nodes), counted["flops"], counted["bytes accessed"], works_on
 
 
