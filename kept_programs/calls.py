@@ -74,5 +74,4 @@ def use_cache_of_jax(keeper: Keeper) -> None:
     """Lets JAX keep what it compiles, in a folder of the store, unless the user has chosen one."""
     folder = keeper.store.private_folder(create=True)
     if folder is not None and jax.config.jax_compilation_cache_dir is None:
-        jax.config.update("jax_compilation_cache_max_size", keeper.store.most_bytes)
         jax.config.update("jax_compilation_cache_dir", str(folder / CACHE_OF_JAX))

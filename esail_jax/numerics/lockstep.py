@@ -86,6 +86,30 @@ def _any_member(size, batched, condition):
     return any_member(condition.any(0) if batched[0] else condition), False
 
 
+def cond_of_members(
+    condition: Bool[Array, ""], yes: Callable[..., Result], no: Callable[..., Result], *operands: Any
+) -> Result:
+    """Returns `lax.cond(condition, yes, no, *operands)`, for functions whose derivative may be batched.
+
+    In a batch all members compute `yes` if any of them wants it, and the others drop the result. It must be
+    finite for their operands, too. JAX's own rule for a condition that differs between members stops the
+    gradient of the operands; within a batched rule of `jax.custom_jvp` these are tangents, and reverse mode
+    (`jax.grad` of `jax.vmap`) then ends in an error."""
+    found = lax.cond(any_member(condition), yes, no, *operands)
+    return select(true_or_of_members(condition), found, no(*operands))
+
+
+@custom_vmap
+def true_or_of_members(condition: Bool[Array, ""]) -> Bool[Array, ""]:
+    """Returns true, for which the compiler removes a selection; under `vmap`, the condition."""
+    return jnp.ones_like(condition)
+
+
+@true_or_of_members.def_vmap
+def _true_or_of_members(size, batched, condition):
+    return (condition, True) if batched[0] else (true_or_of_members(condition), False)
+
+
 @custom_vmap
 def select_under_vmap(is_active: Bool[Array, ""], new: Carry, old: Carry) -> Carry:
     """Returns `new`; under `vmap`, `new` for the active members and `old` for the others."""

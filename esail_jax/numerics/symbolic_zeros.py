@@ -107,7 +107,7 @@ def with_tangents(values: Any, of: Any) -> Any:
 
     JAX traces the derivative of a `lax.scan` again until the set of symbolic zeros in the carry no longer
     changes. If no part of the first carry is a symbolic zero, it is traced once."""
-    return values
+    return of_every_member(values, of)
 
 
 @with_tangents.defjvp
@@ -115,4 +115,13 @@ def _with_tangents_jvp(primals, tangents):
     leaves = jax.tree.leaves(tangents[1])
     moves = [jnp.asarray(t) for t in leaves if np.result_type(t) != jax.dtypes.float0]
     zero = linear_zero(moves)
-    return primals[0], jax.tree.map(lambda t: t + zero, tangents[0])
+    return of_every_member(*primals), jax.tree.map(lambda t: t + zero, tangents[0])
+
+
+def of_every_member(values: Any, of: Any) -> Any:
+    """Returns the values as numbers of every member, if `of` differs between the members of a batch: JAX
+    0.10 fails where tangents differ and values do not. The compiler removes the selection."""
+    token = linear_zero(
+        [x for x in jax.tree.leaves(of) if jnp.issubdtype(jnp.result_type(x), jnp.floating)]
+    )
+    return jax.tree.map(lambda x: jnp.where(token == token, x, x), values)

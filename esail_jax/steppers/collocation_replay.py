@@ -17,7 +17,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from esail_jax.array_types import Array, Bool, Float, Int, Scalar
-from esail_jax.numerics.lockstep import any_member, select
+from esail_jax.numerics.lockstep import any_member, cond_of_members, select, true_or_of_members
 from esail_jax.numerics.symbolic_zeros import nothing_of, with_tangent_of
 from esail_jax.steppers.collocation_solution import known_stages
 from esail_jax.steppers.collocation_stages import (
@@ -105,8 +105,9 @@ def replay_steps(
     def step(now, record):
         # A rejected step may be infinite, and infinity times zero is NaN.
         stages = jax.tree.map(lambda x: jnp.where(record.taken, x, 0.0), record.stages)
-        # The recorded start: the derivative of a step needs no earlier step to be computed again.
-        now = with_tangent_of(record.start, now)
+        # The recorded start: the derivative of a step needs no earlier step to be computed again. A member
+        # of a batch without this step goes on from where it is.
+        now = with_tangent_of(select(true_or_of_members(record.taken), record.start, now), now)
         unknowns = known_stages(system, now, h, stages, factors)
         q, v = end_of_step(system, now, h, unknowns, factors)
         end = now._replace(q=q, v=v, vdot=jax.tree.map(lambda x: x[-1], unknowns.vdot))
@@ -117,7 +118,11 @@ def replay_steps(
     def step_or_stay(now, record):
         now = now._replace(time=record.start.time)
         none = no_kick(system, now)
-        return lax.cond(record.taken, step, lambda now, record: (now, (record, none)), now, record)
+
+        def stay(now, record):
+            return now, (replace(record, start=now), none)
+
+        return cond_of_members(record.taken, step, stay, now, record)
 
     return lax.scan(step_or_stay, now, records)
 
@@ -169,7 +174,7 @@ def replay_work(
         record, begins, kick = row
         none = jax.tree.map(jnp.zeros_like, record.power)
         before = before[0], select(begins, record.start.power, before[1])
-        after, power = lax.cond(record.taken, step, lambda *x: (x[0], none), before, record)
+        after, power = cond_of_members(record.taken, step, lambda *x: (x[0], none), before, record)
         if kick is not None:
             after = jax.tree.map(jnp.add, after, tuple(kick))
         return after, (before, power)

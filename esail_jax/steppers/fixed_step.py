@@ -23,7 +23,7 @@ import numpy as np
 from jax import lax
 
 from esail_jax.array_types import Array, Float, Int, Scalar
-from esail_jax.numerics.lockstep import any_member, bounded_loop, select, while_active
+from esail_jax.numerics.lockstep import any_member, bounded_loop, cond_of_members, select, while_active
 from esail_jax.steppers import step_error
 from esail_jax.steppers.consistent import consistent_motion
 from esail_jax.steppers.fixed_step_method import FixedStepMethod
@@ -247,7 +247,7 @@ class FixedStep(FixedStepMethod):
                 def stay(carry):
                     return carry, (Node.of(carry[0]), no_info())
 
-                return lax.cond(index < tape.count, go, stay, carry)
+                return cond_of_members(index < tape.count, go, stay, carry)
 
             (now, *_), (ends, info) = lax.scan(step, beginning(start), jnp.arange(STEPS_PER_FACTORISATION))
             return self.finished(model, state, now, ends, info, tape, no_info())
@@ -265,7 +265,7 @@ class FixedStep(FixedStepMethod):
             return self.after_trial(start, end)
 
         def trial(start, number):
-            return lax.cond(number < count, go, lambda start: start, start), None
+            return cond_of_members(number < count, go, lambda start: start, start), None
 
         def with_trials(start):
             return lax.scan(trial, start, jnp.arange(self.trials))[0]

@@ -14,6 +14,7 @@ from jax import lax
 
 from esail_jax.array_types import Float, Int, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
+from esail_jax.numerics.lockstep import any_member
 from esail_jax.numerics.own_derivative import custom_jvp
 from esail_jax.numerics.symbolic_zeros import (
     bundled,
@@ -201,7 +202,9 @@ def jvp_if_wanted(function: Callable, primals: tuple, tangents: tuple) -> Any:
     def solve_transposed(_, both):
         moves, y = both
         wanted = jnp.stack([(x != 0.0).any() for x in jax.tree.leaves(y)]).any()
-        back = lax.cond(wanted, lambda y: jax.vjp(function, *at)[1](y), lambda _: nothing_of(at), y)
+        back = lax.cond(
+            any_member(wanted), lambda y: jax.vjp(function, *at)[1](y), lambda _: nothing_of(at), y
+        )
         return jax.tree.map(jnp.add, moves, back), y
 
     nothing = nothing_of(jax.eval_shape(function, *at))

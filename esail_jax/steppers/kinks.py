@@ -24,6 +24,7 @@ from jax import lax
 
 from esail_jax.array_types import Array, Float, PerTether, Scalar
 from esail_jax.coordinates import Coordinates
+from esail_jax.numerics.lockstep import cond_of_members
 from esail_jax.numerics.symbolic_zeros import nothing_of
 from esail_jax.numerics.vanishing import half_product, half_square, vanishing
 from esail_jax.steppers.consistent import consistent_motion
@@ -83,7 +84,7 @@ def kinks_passed(system: System, nodes: Nodes, until: Moment) -> Passed:
     still = lax.stop_gradient((system, nodes))
     there = jnp.stack([x.any() for x in (*knots_within(*still), *margins_passed(*still))]).any()
     nothing = nothing_of(passed_like(system, nodes, until))
-    return lax.cond(there, changes, lambda *_: nothing, system, nodes, until)
+    return cond_of_members(there, changes, lambda *_: nothing, system, nodes, until)
 
 
 def changes(system: System, nodes: Nodes, until: Moment) -> Passed:

@@ -20,7 +20,7 @@ import numpy as np
 from jax import lax
 
 from esail_jax.array_types import Array, Bool, Float, Int, Scalar
-from esail_jax.numerics.lockstep import any_member, select
+from esail_jax.numerics.lockstep import any_member, cond_of_members, select
 from esail_jax.rod_chain import RodChain, RodState
 from esail_jax.steppers.log import Log, Statistic
 from esail_jax.steppers.results import RESULTS, name_of
@@ -246,7 +246,7 @@ class RungeKutta(AbstractStepper):
                 new = self.step(model, now, h)[0]
                 return RungeKuttaSteps(now, h, new.time, jnp.asarray(True)), new
 
-            return lax.cond(h > 0.0, go, lambda carry: carry, carry), None
+            return cond_of_members(h > 0.0, go, lambda carry: carry, carry), None
 
         @jax.checkpoint
         def some(carry, sizes):
