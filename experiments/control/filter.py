@@ -24,7 +24,7 @@ from tables import write
 
 import esail_jax as esail
 from esail_jax.coordinates import Coordinates
-from esail_jax.scenes.build import build_jitted
+from esail_jax.scenes.build import build
 from esail_jax.scenes.structure import split
 from esail_jax.sensors import with_motion
 from esail_jax.steppers.consistent import project
@@ -44,7 +44,7 @@ DRIFT = (1e-6, 1e-8), (1e-3, 1e-3), (1e-4, 1e-4)
 PLACE = {"initial.heliocentric_position_au": [0.5**0.5, 0.5**0.5, 0.0]}
 SCENE = esail.load_scene("baseline", sail(PERIOD, 14.0, PERIOD, PLACE) | CONSTANT)
 STRUCTURE, NUMBERS = split(SCENE.replace({"integrator.method": "collocation"}))
-SYSTEM = build_jitted(STRUCTURE, NUMBERS).system
+SYSTEM = jax.jit(build, static_argnums=0)(STRUCTURE, NUMBERS).system
 LAW = Steering(*jnp.array([5.0, 0.0, 0.3]))
 
 

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 from esail_jax import Scene, constants
-from esail_jax.scenes.build import build_jitted
+from esail_jax.scenes.build import build
 from esail_jax.scenes.structure import split
 
 POINTS = 5
@@ -89,7 +89,7 @@ def sail_of(scene: Scene) -> Sail:
     if not structure.has("hub") or structure.has("gravity"):
         raise ValueError("the scene must have a hub and no gravity")
     n = {key: np.asarray(value) for key, value in numbers.items()}
-    start = build_jitted(structure, numbers)
+    start = jax.jit(build, static_argnums=0)(structure, numbers)
     p = structure["tethers.count"]
     height, radius = n["hub.height"], n["hub.radius"]
     mass = float(n["hub.density"] * np.pi * radius**2 * height)

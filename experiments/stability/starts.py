@@ -5,7 +5,7 @@ import numpy as np
 
 import esail_jax as esail
 from esail_jax.coordinates import Coordinates
-from esail_jax.scenes.build import build_jitted
+from esail_jax.scenes.build import build
 from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.structure import split
 from esail_jax.steppers.stepper import Point
@@ -18,7 +18,7 @@ def start_of(scene: esail.Scene, start: str) -> Point | None:
     if not start:
         return None
     kind, number = start.split()
-    model = build_jitted(*split(with_method(scene)))
+    model = jax.jit(build, static_argnums=0)(*split(with_method(scene)))
     system, zero = model.system, jnp.zeros(())
     # X_B is the spin axis.
     omega = system.rotation(zero, model.q)[:, 0] * scene.initial.spin_rate

@@ -13,7 +13,7 @@ import numpy as np
 
 import esail_jax as esail
 from esail_jax.commands.bench import Run, with_method
-from esail_jax.scenes.build import build_jitted
+from esail_jax.scenes.build import build
 from esail_jax.scenes.structure import split
 from esail_jax.simulation.host import compile_scene
 from esail_jax.simulation.look import look
@@ -69,7 +69,7 @@ def measure(scene: esail.Scene, h: float, span: float, runs: int = 2) -> Run:
     """Measures runs up to the last saved instant within `span` [s]; their times include the observables."""
     scene = with_method(scene, "collocation", "tolerance", 1e-9)
     compiled = compile_scene(scene)
-    problem, start = compiled.problem, build_jitted(*split(compiled.resolved))
+    problem, start = compiled.problem, jax.jit(build, static_argnums=0)(*split(compiled.resolved))
     interval = scene.output.interval
     rows, per_row = int(span / interval + 1e-9), round(interval / h)
     nothing = Power(jnp.zeros(()), jnp.zeros(()))

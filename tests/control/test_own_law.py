@@ -13,7 +13,6 @@ import esail_jax as esail
 import support.own_laws
 from esail_jax.cli import main
 from esail_jax.control import Delayed, Noisy
-from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.scene import load_scene, parse
 from esail_jax.scenes.structure import split
 from esail_jax.scenes.toml_text import to_toml
@@ -21,7 +20,7 @@ from esail_jax.sensors import with_motion
 from esail_jax.simulation.sampling import Control, hint_at_law
 from esail_jax.simulation.schedule import sampling_instants, switch_times
 from support.own_laws import PERIOD, SAIL, Clock, Swinging, Waves
-from support.quick import jit
+from support.quick import build_jitted, jit
 
 FIXED = {"integrator.method": "generalized-alpha", "integrator.step": 0.1}
 SHORT = FIXED | {"integrator.t_end": 60.0}

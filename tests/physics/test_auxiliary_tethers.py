@@ -153,10 +153,10 @@ def test_breathing_of_a_ring_of_point_masses(element, validate):
     The hub is heavy and turns on at the changed rate, so that the tethers lag a little: each keeps its
     angular momentum but for the moment N R / rho of the hub's radius R = 1 mm. The amplitude is 1e-6 of the
     radius; 2e-4 allows for the frequency from crossings of a sampled curve."""
-    from esail_jax.scenes.build import build_jitted
     from esail_jax.scenes.structure import split
     from esail_jax.steppers.stepper import Point
     from esail_jax.system import Power
+    from support.quick import build_jitted
 
     scene = ring_scene(EQUAL | {"auxiliary_tethers.element": element, "hub.radius": 1e-3})
     rho, _, rate = ring_of_points(scene)

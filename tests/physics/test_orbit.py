@@ -18,11 +18,10 @@ from esail_jax.loads.voltage_limits import Limits
 from esail_jax.measurements import Measurements
 from esail_jax.observables import elastic_energy
 from esail_jax.point_fields import PointFields
-from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.structure import split
 from esail_jax.steppers.consistent import consistent_motion
 from esail_jax.system import System
-from support.quick import jit
+from support.quick import build_jitted, jit
 from support.ring_sail import SAIL, TIGHT, reference, ring_scene
 
 REFERENCE = "independent NumPy code (`support/ring_reference.py`), Dormand & Prince 8(5,3)"

@@ -10,12 +10,11 @@ import pytest
 import esail_jax as esail
 from esail_jax.design import Design, Variable, objectives
 from esail_jax.ensembles import simulate_members
-from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.structure import split
 from esail_jax.scenes.toml_text import to_toml
 from esail_jax.steppers.consistent import consistent_motion
 from support.near_sun import NEAR_SUN, SCENE
-from support.quick import jit
+from support.quick import build_jitted, jit
 from support.whole_runs import check_resumed_bits
 
 VELOCITY = np.array(NEAR_SUN["orbit.velocity"])

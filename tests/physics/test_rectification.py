@@ -9,7 +9,6 @@ import pytest
 import esail_jax as esail
 from esail_jax.constants import ASTRONOMICAL_UNIT as AU
 from esail_jax.environment.kepler_orbit import KeplerOrbit
-from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.structure import split
 from esail_jax.scenes.toml_text import to_toml
@@ -18,7 +17,7 @@ from esail_jax.simulation.rectification import FAR, PointOnOrbit
 from esail_jax.steppers.stepper import Point
 from esail_jax.system import Power
 from support.near_sun import SCENE
-from support.quick import jit
+from support.quick import build_jitted, jit
 from support.whole_runs import check_resumed_bits
 
 TIGHT = SCENE.replace({"integrator.tolerance": 1e-13})

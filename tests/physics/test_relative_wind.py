@@ -11,11 +11,10 @@ import esail_jax as esail
 from esail_jax.environment.solar_wind import SteadyWind
 from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.loads.voltage import Constant
-from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.structure import split
 from esail_jax.steppers.transposable import Transposable
 from support.one_tether import STEPPERS, integrate, one_tether, straight, turning
-from support.quick import jit, quickly
+from support.quick import build_jitted, jit, quickly
 
 ROD, TIP, LENGTH = 0.6, 1.5, 2.0
 """Masses of rod and tip [kg], length [m]."""

@@ -5,11 +5,10 @@ import numpy as np
 import pytest
 
 import esail_jax as esail
-from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.scene import Scene, load_scene, parse
 from esail_jax.scenes.structure import split
 from esail_jax.scenes.toml_text import to_toml
-from support.quick import jit
+from support.quick import build_jitted, jit
 from support.whole_runs import check_going_on
 
 RELEASE = {"event.time": [100.3], "event.release": [2]}

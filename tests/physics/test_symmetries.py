@@ -11,9 +11,9 @@ import pytest
 
 import esail_jax as esail
 from esail_jax.design.objectives import NAMES, values
-from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.structure import split
 from support.laws_and_loads import CASES, SAIL, P
+from support.quick import build_jitted
 
 DEFAULT = ("harmonic",)
 EACH = [x if x in DEFAULT else pytest.param(x, marks=pytest.mark.nightly) for x in CASES]

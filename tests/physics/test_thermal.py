@@ -99,8 +99,8 @@ def test_steady_start_of_a_heated_spinning_cable(validate):
     With engineering strain, s'' = -k^2 s, k^2 = rho w^2/E, s(0) = R and EA (s'(L) - 1 - e) = m w^2 s(L),
     where e = a (T - T_0), hence s = R cos(k x) + B sin(k x). Five cubic elements miss it by 1e-12.
     """
-    from esail_jax.scenes.build import build_jitted
     from esail_jax.scenes.structure import split
+    from support.quick import build_jitted
 
     changes = {"tethers.count": 2, "tethers.strain": "engineering", "initial.spin_rate": 0.02}
     changes |= HEAT | {"thermal.temperature": [[150.0, 450.0], [300.0, 300.0]], "thermal.time": [0.0, 9.0]}

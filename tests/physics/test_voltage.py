@@ -25,7 +25,6 @@ from esail_jax.loads.voltage import (
 from esail_jax.loads.voltage_limits import Limits, smooth_positive_part, within_slew_rate
 from esail_jax.measurements import Measurements
 from esail_jax.numerics.smooth_step import smooth_step
-from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.build_loads import coulomb_thrust, starting_attitude, voltage_law, wind_of
 from esail_jax.scenes.builtin_scenes import builtin_text
 from esail_jax.scenes.scene import parse
@@ -33,7 +32,7 @@ from esail_jax.scenes.structure import split
 from esail_jax.scenes.toml_text import to_toml
 from esail_jax.steppers.transposable import Transposable
 from esail_jax.terms import Load, find_term
-from support.quick import jit
+from support.quick import build_jitted, jit
 from support.whole_runs import check_going_on
 
 SMALL = {

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 import esail_jax as esail
-from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.structure import split
 from esail_jax.steppers.consistent import consistent_acceleration
-from support.quick import jit
+from support.quick import build_jitted, jit
 from support.soft_sail import SOFT, STEPS, orders, stepped
 
 REFERENCE = STEPS[0] / 128

@@ -12,14 +12,13 @@ from esail_jax.coordinates import Coordinates
 from esail_jax.elements.axial import AxialEnergy
 from esail_jax.ensembles import simulate_members
 from esail_jax.observables.run_warning import run_warning, step_warning
-from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.structure import split
 from esail_jax.steppers.energy_momentum import EnergyMomentum
 from esail_jax.steppers.fixed_step import STEPS_PER_FACTORISATION
 from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
 from esail_jax.steppers.step_error import RunningError, StepErrors, updated
 from esail_jax.terms import find_term
-from support.quick import jit
+from support.quick import build_jitted, jit
 
 LONG, SHORT = 5.0, 0.5
 """Step sizes [s]. The sail's slowest axial vibration, 0.12 rad/s, advances by 0.6 and 0.06 rad per step."""

@@ -7,10 +7,9 @@ import esail_jax as esail
 from esail_jax.equilibria import equilibrium
 from esail_jax.equilibria import modes as dense_modes
 from esail_jax.modal.steady_load import with_mean_loads
-from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.structure import split
-from support.quick import jit
+from support.quick import build_jitted, jit
 
 SPIN = 4e-3
 SMALL = {"tethers.count": 4, "tethers.elements": 2}

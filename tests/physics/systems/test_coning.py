@@ -20,11 +20,10 @@ from esail_jax.equilibria.equilibrium import equilibrium
 from esail_jax.equilibria.steady_stretch import steady_line
 from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.loads.voltage import Constant
-from esail_jax.scenes.build import build_jitted
 from esail_jax.scenes.scene import load_scene
 from esail_jax.scenes.structure import split
 from support.one_tether import one_tether, straight
-from support.quick import jit
+from support.quick import build_jitted, jit
 
 LENGTH, DENSITY, TIP, SPIN = 1e4, 7653.0 * 4.28e-9, 1.5, 4e-3
 
