@@ -1,5 +1,6 @@
 """Makes initial states that no scene key describes: another shape of the tethers, with rigid rotation."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
