@@ -121,7 +121,6 @@ def _with_tangents_jvp(primals, tangents):
 def of_every_member(values: Any, of: Any) -> Any:
     """Returns the values as numbers of every member, if `of` differs between the members of a batch: JAX
     0.10 fails where tangents differ and values do not. The compiler removes the selection."""
-    token = linear_zero(
-        [x for x in jax.tree.leaves(of) if jnp.issubdtype(jnp.result_type(x), jnp.floating)]
-    )
+    numbers = [jnp.asarray(x) for x in jax.tree.leaves(of)]
+    token = linear_zero([x for x in numbers if jnp.issubdtype(x.dtype, jnp.floating)])
     return jax.tree.map(lambda x: jnp.where(token == token, x, x), values)
