@@ -64,8 +64,8 @@ class Derivative:
     """The derivative of a function of arrays as a linear map, D(x) d, and its transpose, D(x)^T w. Both are
     functions of the list of x and of the list of d or of w."""
 
-    along: Callable[[Sequence[Array], Sequence[Array]], Sequence[Array]]
-    back: Callable[[Sequence[Array], Sequence[Array]], Sequence[Array]]
+    along: Callable[[Sequence[Any], Sequence[Any]], Sequence[Any]]
+    back: Callable[[Sequence[Any], Sequence[Any]], Sequence[Any]]
 
     @classmethod
     @remembered(maxsize=64)
@@ -107,8 +107,8 @@ class Derivative:
 
 
 def zero_product(
-    derivative: Derivative, x: Sequence[Array], d: Sequence[Array], zero: Sequence[Any]
-) -> Sequence[Array]:
+    derivative: Derivative, x: Sequence[Any], d: Sequence[Any], zero: Sequence[Any]
+) -> Sequence[Any]:
     """Returns the product D(x) d of a derivative that is zero as one operation, which does not even trace
     D. zero: numbers of the types of the result."""
     types = tuple(jax.ShapeDtypeStruct(y.shape, y.dtype) for y in zero)
