@@ -32,9 +32,6 @@ from esail_jax.steppers.knots import near
 from esail_jax.steppers.stepper import Point
 from esail_jax.system import Power, System
 
-ROUNDING = 1e-12
-"""Rounding errors of an instant within a step, relative to the length of the step."""
-
 
 class Nodes(NamedTuple):
     """Instants [s] of a step, its start and its end among them, and positions and velocities there (first
@@ -97,7 +94,7 @@ def changes(system: System, nodes: Nodes, until: Moment) -> Passed:
     length = jnp.where(span > 0.0, span, 1.0)
 
     def three(x):
-        size = jnp.where(x.after <= span * (1.0 + ROUNDING), x.size, 0.0)
+        size = jnp.where(x.after <= span + 4.0 * near(time), x.size, 0.0)
         weights = 1.0 - x.after / length, x.after / length, span - x.after
         return jnp.stack([(size * weight).sum(0) for weight in weights])
 
