@@ -52,7 +52,7 @@ def jit(
     derivative with the options, write `jit(jax.grad(f))` and not `jax.grad(jit(f))`.
 
     Programs are kept in the program cache. A later process traces `f`, but not the runs inside: these are
-    represented by their keys (`call.py`).
+    represented by their keys (`kept_programs/calls.py`).
     """
     return CompiledFunction(f, static_argnums, static_argnames)
 
