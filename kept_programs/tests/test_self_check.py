@@ -1,6 +1,7 @@
 """The check of the operation, tried by breaking each of its rules."""
 
 import operator
+import sys
 import warnings
 
 import jax
@@ -112,5 +113,11 @@ def test_a_right_operation_is_checked_once(new_keeper, monkeypatch):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert not self_check.fault(new_keeper())
-    monkeypatch.setattr(self_check, "failed", lambda *_: pytest.fail("checked again"))
+    monkeypatch.setattr(self_check, "by_executables", lambda *_: pytest.fail("checked again"))
     assert not self_check.fault(new_keeper())
+
+
+def test_a_name_that_is_missing_is_found(new_keeper, monkeypatch):
+    """A version of JAX without a name that the operation imports."""
+    monkeypatch.setitem(sys.modules, "kept_programs.operation", None)
+    assert self_check.fault(new_keeper()) == "import: ModuleNotFoundError"
