@@ -13,21 +13,19 @@ from esail_jax.elements.axial import TensionOnlyEnergy
 from esail_jax.elements.rigid_body import RigidBody
 from esail_jax.elements.ring import Ring
 from esail_jax.elements.tether import TetherBatch
-from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.environment.kepler_orbit import KeplerOrbit, PlaceOnOrbit
 from esail_jax.joints.roots import FrameRoots, HubRoots
-from esail_jax.loads.tip_thrust import TipThrust
 from esail_jax.numerics.small_matrices import matmul
-from esail_jax.terms import Dissipation, Load, Term, has_law
+from esail_jax.terms import Dissipation, Field, HubLoad, Load, Term, TipLoad, has_law
 
 
 class Assembly(eqx.Module):
     """Tethers, the terms that act on them, and the roots that hold them.
 
-    roots: None if nothing holds the tethers. hub: None for a turning frame or a chain. gravity: uniform
-    acceleration [m/s^2]. orbit: field of a circular orbit, in whose axes the chain then moves. ring:
-    auxiliary tethers between the tips. tip_thrust: forces on the remote units. kepler_orbit: path about the
-    Sun of the origin of the coordinates, whose axes do not turn. Absent parts are None.
+    roots: None if nothing holds the tethers. hub: None for a turning frame or a chain. fields:
+    accelerations of everything that has mass. ring: auxiliary tethers between the tips. tip_loads: forces
+    on the remote units. hub_loads: forces and torques on the hub. kepler_orbit: path about the Sun of the
+    origin of the coordinates, whose axes do not turn. Absent parts are None, or empty.
     """
 
     tethers: TetherBatch
@@ -36,10 +34,10 @@ class Assembly(eqx.Module):
     energies: tuple[Term, ...]
     dissipations: tuple[Dissipation, ...]
     loads: tuple[Load, ...]
-    gravity: Vector | None
-    orbit: CircularOrbit | None = None
+    fields: tuple[Field, ...] = ()
     ring: Ring | None = None
-    tip_thrust: TipThrust | None = None
+    tip_loads: tuple[TipLoad, ...] = ()
+    hub_loads: tuple[HubLoad, ...] = ()
     kepler_orbit: KeplerOrbit | PlaceOnOrbit | None = None
 
     # ---- parts -----------------------------------------------------------------------------
@@ -48,11 +46,6 @@ class Assembly(eqx.Module):
     def clamped(self) -> bool:
         """Tells whether the roots are clamped."""
         return self.roots is not None and self.roots.normals is not None
-
-    @property
-    def has_field(self) -> bool:
-        """Tells whether there is an acceleration field: gravity or that of an orbit."""
-        return any(x is not None for x in (self.gravity, self.orbit, self.kepler_orbit))
 
     def place(self, time: Instants) -> PlaceOnOrbit | None:
         """Place of the moving origin of I at one or several instants [s]; None without an orbit."""
@@ -75,10 +68,8 @@ class Assembly(eqx.Module):
             names.append(f"auxiliary tethers ({self.ring.segments.kind}{', tension only' * slack})")
             names += [f"auxiliary {term.name}" for term in self.ring.dissipations]
         names += [load.law_name for load in self.loads if has_law(load)]
-        names += [] if self.tip_thrust is None else [self.tip_thrust.name]
-        names += ["gravity"] * (self.gravity is not None)
-        names += ["circular orbit"] * (self.orbit is not None)
-        return tuple(names + ["Kepler orbit about the Sun"] * (self.kepler_orbit is not None))
+        names += [term.name for term in self.tip_loads] + [term.name for term in self.hub_loads]
+        return (*names, *(field.name for field in self.fields))
 
     # ---- inertia ----------------------------------------------------------------------------
 

@@ -73,8 +73,9 @@ def tangent(
     fields, rates = tethers.interpolate(q.tether), tethers.interpolate(v.tether)
     jacobian = point_jacobian(system.with_commanded_loads(time, q, v), time, fields, rates, rate_factor)
     axes = np.eye(3)
-    if system.orbit is not None:
-        by_position, by_velocity = system.orbit.gradients
+    gradients = system.field_gradients(time, q, v)
+    if gradients is not None:
+        by_position, by_velocity = gradients
         axes = axes - stiffness_factor * (by_position + rate_factor * by_velocity)
     elements = stiffness_factor * tethers.tangent_elements(jacobian)
     elements = elements + tethers.mass_elements(axes)

@@ -33,6 +33,8 @@ class Measurements(NamedTuple):
     tip_position: of every tip relative to the hub centre, in B [m]. tip_velocity: the rate of tip_position
     [m/s]. root_tension: axial force in the first element of every tether [N]. voltage: of every tether, as
     applied since the last sample [V]; zero at the first sample, None for laws that are not sampled.
+    current: the electron current of every tether [A], for terms that users write (`physics.py`) in scenes
+    that describe the wires; None for laws, whose voltages it follows from.
     """
 
     time: Scalar
@@ -49,6 +51,7 @@ class Measurements(NamedTuple):
     tip_velocity: Float[Array, "3 tether"] | None = None
     root_tension: PerTether | None = None
     voltage: PerTether | None = None
+    current: PerTether | None = None
 
     @property
     def sun(self) -> Vector:

@@ -9,7 +9,7 @@ tridiagonal and constant, is the mass matrix in the joints' positions. Eq. 28-30
 where eta are the joints' accelerations. G is factored once. Eq. 29 forms sums over all rods beyond a joint
 (Q_F F), which cancel against the differences taken right after. Without both, `cumsum` is needed only where
 a load depends on position, and forces summed over 10^5 rods cannot cost digits. Accelerations are relative
-to a freely falling particle, as in `System.field`; the field of an orbit is linear in x.
+to a freely falling particle, as in `System.field`; a linear field acts on x as on positions.
 
 Energies, dissipations and loads are those of the system, evaluated on the same truss elements.
 """
@@ -26,9 +26,10 @@ from esail_jax.array_types import Array, Float, Scalar, VectorPerPoint
 from esail_jax.coordinates import Coordinates
 from esail_jax.elements.axial import AbstractAxialEnergy, AxialDissipation
 from esail_jax.elements.hinges import Hinges
+from esail_jax.loads.fields import OrbitalField, UniformGravity
 from esail_jax.point_fields import PointFields
 from esail_jax.system import Power, System
-from esail_jax.terms import find_term
+from esail_jax.terms import Field, LinearField, find_term
 
 Rods = Float[Array, "3 vector"]
 
@@ -90,8 +91,8 @@ class RodChain(eqx.Module):
 
     @property
     def has_work(self) -> bool:
-        """Tells whether loads or dissipations do work, which the state then includes."""
-        return bool(self.system.loads or self.system.dissipations)
+        """Tells whether anything does work, which the state then includes."""
+        return does_work(self.system)
 
     def rods(self, x: Rods) -> Float[Array, "3 rod"]:
         """The rod vectors among the coordinates."""
@@ -121,10 +122,15 @@ class RodChain(eqx.Module):
         stress, load, power = self.point_terms(time, x, v)
         if self.hinges is not None:
             stress = stress + jax.grad(self.hinges.energy)(self.rods(x))
-        return RodState(v, self.accelerate(x, v, stress, load), power)
+        return RodState(v, self.accelerate(time, x, v, stress, load), power)
 
     def accelerate(
-        self, x: Rods, v: Rods, stress: Float[Array, "3 rod"], load: Float[Array, "3 joint"] | None
+        self,
+        time: Scalar,
+        x: Rods,
+        v: Rods,
+        stress: Float[Array, "3 rod"],
+        load: Float[Array, "3 joint"] | None,
     ) -> Rods:
         """Accelerations x'' from the axial forces of the rods and the loads on the joints: Eq. 30.
 
@@ -132,6 +138,7 @@ class RodChain(eqx.Module):
         In freely falling axes the anchor accelerates by -g, the value with which the second loop starts.
         """
         system, mass = self.system, self.mass
+        gravity = find_term(system.fields, UniformGravity)
         force = jnp.diff(stress, axis=1, append=0.0)
         if self.free:
             force = jnp.concatenate([stress[:, :1], force], axis=1)
@@ -149,13 +156,18 @@ class RodChain(eqx.Module):
             return here, here
 
         rest = jnp.zeros(3)
-        start = rest if system.gravity is None else -system.gravity
+        start = rest if gravity is None else -gravity.vector
+        others = [field.acceleration(time, *map(self.joints, (x, v))) for field in nonlinear_fields(system)]
+        if others and not self.free:
+            start = start - sum(a[:, 0] for a in others)
         _, reduced = lax.scan(eliminate, rest, (force.T, mass.to_next), reverse=True, unroll=UNROLL)
         rows = (reduced, mass.pivot_inverse, mass.to_previous)
         eta = lax.scan(substitute, start, rows, unroll=UNROLL)[1].T
         acceleration = jnp.diff(eta, axis=1, prepend=start[:, None])
-        if system.orbit is not None:
-            acceleration = acceleration + system.orbit.acceleration(x, v)
+        for field in linear_fields(system):
+            acceleration = acceleration + field.acceleration(time, x, v)
+        for a in others:
+            acceleration = acceleration + (jnp.diff(a, axis=1, prepend=0.0) if self.free else jnp.diff(a))
         return acceleration
 
     def point_terms(
@@ -188,12 +200,27 @@ class RodChain(eqx.Module):
             )
             joint_force = jnp.pad(near, ((0, 0), (0, 1))) + jnp.pad(far, ((0, 0), (1, 0)))
             external = (joint_force * self.joints(v)).sum()
-        if system.has_field:
+        if system.fields:
             q, rate = self.coordinates(RodState(x, v, None))
             external = external + (system.field(time, q, rate).tether * system.momenta(rate).tether).sum()
         if system.dissipations:
             dissipated = ((weights @ dissipated_density) * length).sum()
         return stress, joint_force, Power(external, dissipated)
+
+
+def does_work(system: System) -> bool:
+    """Tells whether loads, dissipations, or fields without a potential do work on a chain."""
+    return bool(system.loads or system.dissipations or nonlinear_fields(system))
+
+
+def linear_fields(system: System) -> list[LinearField]:
+    """The acceleration fields that are linear in position and velocity."""
+    return [field for field in system.fields if isinstance(field, LinearField)]
+
+
+def nonlinear_fields(system: System) -> list[Field]:
+    """The acceleration fields that are neither uniform nor linear. They have no potential that is known."""
+    return [field for field in system.fields if not isinstance(field, LinearField | UniformGravity)]
 
 
 def between(shapes: np.ndarray, joints: Float[Array, "3 joint"]) -> VectorPerPoint:
@@ -256,11 +283,12 @@ def turning_rate(chain: RodChain, start: RodState) -> Scalar:
     system, length = chain.system, chain.system.tethers.lengths
     speed = jnp.sqrt((chain.rods(start.v) ** 2).sum(0).max())
     rate = speed / length.min()
-    if system.gravity is not None:
-        fall = jnp.sqrt((system.gravity**2).sum())
+    gravity, orbital = (find_term(system.fields, kind) for kind in (UniformGravity, OrbitalField))
+    if gravity is not None:
+        fall = jnp.sqrt((gravity.vector**2).sum())
         rate = jnp.maximum(rate, jnp.sqrt(fall / length.min()))
-    if system.orbit is not None:
-        rate = jnp.maximum(rate, 2.0 * system.orbit.mean_motion)
+    if orbital is not None:
+        rate = jnp.maximum(rate, 2.0 * orbital.orbit.mean_motion)
     return rate
 
 
@@ -269,9 +297,10 @@ def energy_floor(chain: RodChain) -> Scalar:
     system, tethers = chain.system, chain.system.tethers
     axial = find_term(system.energies, AbstractAxialEnergy)
     floor = 1e-20 * (axial.stiffness * tethers.lengths).sum()
-    if system.gravity is not None:
+    gravity = find_term(system.fields, UniformGravity)
+    if gravity is not None:
         mass = tethers.masses.sum() + tethers.tip_mass.sum()
-        fall = jnp.abs(system.gravity).sum() * tethers.lengths.sum()
+        fall = jnp.abs(gravity.vector).sum() * tethers.lengths.sum()
         floor = floor + 1e-13 * mass * fall
     return floor
 

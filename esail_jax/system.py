@@ -13,17 +13,27 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax.array_types import Array, Float, Instants, Nodal, PerPoint, PerTether, Scalar
+from esail_jax.array_types import (
+    Array,
+    Float,
+    HubPoints,
+    Instants,
+    Nodal,
+    PerPoint,
+    PerTether,
+    Scalar,
+    Vector,
+)
 from esail_jax.assembly import Assembly
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.elements.thermal import ThermalEnergy
-from esail_jax.environment.kepler_orbit import PlaceOnOrbit, at_place, nodal_tide, tide
+from esail_jax.environment.kepler_orbit import PlaceOnOrbit, at_place
 from esail_jax.measurements import Measurements
 from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import dot, stacked
 from esail_jax.point_fields import PointFields, add_fields
 from esail_jax.sensors import angular_velocity, with_motion
-from esail_jax.terms import ControlledLoad, Term, inner_terms_of, needs_command
+from esail_jax.terms import ControlledLoad, HubMotion, Term, inner_terms_of, needs_command
 
 
 class Power(NamedTuple):
@@ -69,7 +79,7 @@ class System(Assembly):
         None if there are none."""
         measured = self.measurements(time, q, v) if self.controlled else None
         found = [x for load in self.loads for x in load.knots(measured)]
-        found += [] if self.tip_thrust is None else self.tip_thrust.knots
+        found += [x for term in (*self.tip_loads, *self.hub_loads, *self.fields) for x in term.knots]
         return jnp.concatenate([jnp.ravel(x) for x in found]) if found else None
 
     # ---- forces ----------------------------------------------------------------------------
@@ -92,35 +102,33 @@ class System(Assembly):
         return inner_terms_of(self.energies, self.dissipations)
 
     def field(self, time: Scalar, q: Coordinates, v: Coordinates) -> Coordinates:
-        """Acceleration [m/s^2] of a free particle at every node and hub point, due to uniform gravity, the
-        field of an orbit, and the Sun's tide. They are linear in position, so that interpolation between
-        nodes is exact (the tide: to 1e-7 of the tide across an element)."""
-        hub = None if q.hub is None else jnp.zeros_like(q.hub)
-        tether, ring = jnp.zeros_like(q.tether), None if q.ring is None else jnp.zeros_like(q.ring)
-        if self.gravity is not None:
-            tether = tether + self.tethers.uniform(self.gravity)
-            ring = None if ring is None else ring + self.ring.uniform(self.gravity)
-            hub = None if hub is None else hub + self.gravity
-        if self.orbit is not None:
-            toward = jnp.moveaxis(
-                self.orbit.acceleration(*(jnp.moveaxis(x.tether, 1, 0) for x in (q, v))), 0, 1
-            )
-            tether = tether + toward
-            hub = None if hub is None else hub + self.orbit.acceleration(q.hub.T, v.hub.T).T
-            ring = None if ring is None else ring + self.orbit.acceleration(q.ring, v.ring)
-        if self.kepler_orbit is not None:
-            origin, _ = self.kepler_orbit.at(time)
-            tether = tether + nodal_tide(origin, q.tether)
-            hub = None if hub is None else hub + tide(origin, q.hub.T).T
-            if ring is not None:
-                ring = ring + self.ring.own_of_nodal(nodal_tide(origin, self.ring.nodal(q)))
+        """Acceleration [m/s^2] of a free particle at every node and hub point: the sum of the acceleration
+        fields. Between nodes it is interpolated, which is exact for fields that are linear in position."""
+        hub, ring = None if q.hub is None else jnp.zeros_like(q.hub), None
+        tether = jnp.zeros_like(q.tether)
+        if q.ring is not None:
+            ring = jnp.zeros_like(q.ring)
+            segments = self.ring.nodal(q), self.ring.nodal(v)
+        for field in self.fields:
+            tether = tether + field.at_nodes(time, q.tether, v.tether)
+            hub = None if hub is None else hub + field.acceleration(time, q.hub.T, v.hub.T).T
+            ring = None if ring is None else ring + self.ring.own_of_nodal(field.at_nodes(time, *segments))
         return Coordinates(tether, hub, ring)
+
+    def field_gradients(
+        self, time: Scalar, q: Coordinates, v: Coordinates
+    ) -> tuple[Float[Array, "3 3"], Float[Array, "3 3"]] | None:
+        """Gradients by position [1/s^2] and velocity [1/s] of the sum of the acceleration fields, at the
+        first root; None if there are none to speak of."""
+        at = time, q.tether[0, :, 0, 0], v.tether[0, :, 0, 0]
+        parts = [x for x in (field.gradients(*at) for field in self.fields) if x is not None]
+        return jax.tree.map(lambda *x: sum(x[1:], x[0]), *parts) if parts else None
 
     def relative_to_free_fall(
         self, time: Scalar, q: Coordinates, v: Coordinates, vdot: Coordinates
     ) -> Coordinates:
         """vdot minus the acceleration field, so that weight is part of the inertia forces."""
-        return vdot.axpy(-1.0, self.field(time, q, v)) if self.has_field else vdot
+        return vdot.axpy(-1.0, self.field(time, q, v)) if self.fields else vdot
 
     def residual(
         self, time: Scalar, q: Coordinates, v: Coordinates, vdot: Coordinates, lam: Multipliers
@@ -206,8 +214,11 @@ class System(Assembly):
 
     def holding(self, volts: PerTether) -> "System":
         """The system whose sampled voltage law holds other voltages [V]."""
-        loads = tuple(load.holding(volts, self.tethers.elements) for load in self.loads)
-        return eqx.tree_at(lambda system: system.loads, self, loads)
+        loads, tip_loads = (
+            tuple(load.holding(volts, self.tethers.elements) for load in part)
+            for part in (self.loads, self.tip_loads)
+        )
+        return eqx.tree_at(lambda system: (system.loads, system.tip_loads), self, (loads, tip_loads))
 
     def with_added_strength(self, added: dict[int, PerTether]) -> "System":
         """The system some of whose loads, by their places, are stronger than their law says [N/m]."""
@@ -267,26 +278,58 @@ class System(Assembly):
     ) -> tuple[Residual, Power]:
         """The residual, from the tethers' forces and the hub's accelerations in `forces`.
 
-        Adds the inertia of the hub, the forces on the remote units, the constraints and their forces, and
-        the power of the remote units' forces, of the turning frame and of the acceleration field.
+        Adds the inertia of the hub, the forces on remote units and hub, the constraints and their forces,
+        and the power of those forces, of the turning frame and of the acceleration fields.
         """
         if self.hub is not None:
             forces = forces._replace(hub=matmul(self.hub.mass_matrix, forces.hub))
         external = power.external
-        if self.tip_thrust is not None:
-            pushed = self.tip_thrust.at(self.directions(time, q, v))
+        if self.tip_loads:
+            pushed = self.tip_forces(time, q, v)
             forces = forces._replace(tether=forces.tether.at[0, :, -1].add(-pushed))
             external = external + (pushed * v.tether[0, :, -1]).sum()
+        if self.hub_loads:
+            pushed = self.hub_forces(time, q, v)
+            forces = forces._replace(hub=forces.hub - pushed)
+            external = external + (pushed * v.hub).sum()
         constraints = Multipliers(None, None)
         if self.has_constraints:
             constraints, pull_back = jax.vjp(lambda q: self.constraints(time, q), q)
             forces = jax.tree.map(jnp.add, forces, pull_back(lam)[0])
         external = external + self.frame_power(time, q, v, forces, lam)
-        if self.has_field:
+        if self.fields:
             momentum = self.momenta(v)
             parts = jax.tree.map(lambda a, p: (a * p).sum(), self.field(time, q, v), momentum)
             external = external + sum(jax.tree.leaves(parts))
         return Residual(forces, constraints), power._replace(external=external)
+
+    def tip_forces(self, time: Scalar, q: Coordinates, v: Coordinates) -> Float[Array, "3 tether"]:
+        """Forces [N] on the remote units: the sum of the loads on them."""
+        measured = self.directions(time, q, v)
+        if any(term.measures_motion for term in self.tip_loads):
+            measured = with_motion(self, time, q, v, measured)
+        parts = [term.force(measured) for term in self.tip_loads]
+        return sum(parts[1:], parts[0])
+
+    def hub_forces(self, time: Scalar, q: Coordinates, v: Coordinates) -> HubPoints:
+        """Forces [N] on the hub's points: those of the loads on the hub. For a force F and a torque T they
+        have the power F . v + T . omega of both in every motion."""
+        motion = self.hub_motion(time, q, v)
+        wrenches = [term.wrench(motion) for term in self.hub_loads]
+        wrench = jax.tree.map(lambda *x: sum(x[1:], x[0]), *wrenches)
+
+        def rates(velocities: HubPoints) -> tuple[Vector, Vector]:
+            return self.hub.centre(velocities), self.hub.angular_velocity(q.hub, velocities)
+
+        return jax.vjp(rates, v.hub)[1](wrench)[0]
+
+    def hub_motion(self, time: Scalar, q: Coordinates, v: Coordinates) -> HubMotion:
+        """The motion of the hub, for the loads on it."""
+        hub, heliocentric = self.hub, None
+        if self.kepler_orbit is not None:
+            heliocentric = self.kepler_orbit.at(time)[0] + hub.centre(q.hub)
+        rates = hub.angular_velocity(q.hub, v.hub), heliocentric
+        return HubMotion(time, hub.centre(q.hub), hub.centre(v.hub), hub.rotation(q.hub), *rates)
 
     def frame_power(
         self, time: Scalar, q: Coordinates, v: Coordinates, forces: Coordinates, lam: Multipliers

@@ -1,23 +1,38 @@
 """The kinds of terms of the equations of motion.
 
-    M q'' + Phi_q(q)^T lam = Q(t, q, q'),      Q = -dU/dq - dR/dq' + Q_load
+    M (q'' - a(t, q, q')) + Phi_q(q)^T lam = Q(t, q, q'),      Q = -dU/dq - dR/dq' + Q_load
 
 An energy is a density W(e) [J/m], with U the integral of W dx. A dissipation is a Rayleigh density R(e, e')
 [W/m]. Both are functions of a measure of deformation e, such as a strain, which is a function of the
 `Invariants`. A load is a force per undeformed length [N/m]. Each is written once, for one point: arrays
 have the component first and any batch after it, so that the same code acts on all quadrature points at
 once. Forces and tangents are derivatives of that code (`jax.grad`, `jax.jvp`); none is written by hand.
+
+Three kinds do not act along the tethers. A tip load is a force on every remote unit, a hub load a force and
+a torque on the hub, and a field an acceleration a of everything that has mass.
 """
 
 from abc import abstractmethod
 from collections.abc import Iterable
-from typing import Any, ClassVar, TypeGuard
+from typing import Any, ClassVar, NamedTuple, TypeGuard
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from esail_jax.array_types import Array, Float, Instants, PerElement, PerPoint, PerTether, VectorPerPoint
+from esail_jax.array_types import (
+    Array,
+    Float,
+    Instants,
+    Nodal,
+    PerElement,
+    PerPoint,
+    PerTether,
+    Rotation,
+    Scalar,
+    Vector,
+    VectorPerPoint,
+)
 from esail_jax.measurements import Measurements
 from esail_jax.numerics.vectors import stacked
 from esail_jax.point_fields import Invariants, PointFields, invariants_of
@@ -201,6 +216,11 @@ class Load(Term):
         there. measurements: None if no load needs a command."""
         return ()
 
+    def holding(self, volts: PerTether, elements: int) -> "Load":
+        """The load when a sampled voltage law holds other voltages [V], on tethers of `elements`
+        elements."""
+        return self
+
     @property
     def has_kinks(self) -> bool:
         """Tells whether the load has a strength per tether with kinks in time. It then has `strength`,
@@ -272,7 +292,123 @@ def has_law(load: Load) -> TypeGuard[ControlledLoad]:
     return isinstance(load, ControlledLoad) and (not load.constant or load.is_sampled)
 
 
-def find_term(terms: Iterable[Term], kind: type) -> Any:
+class TipLoad(eqx.Module):
+    """A force on every remote unit."""
+
+    name: eqx.AbstractClassVar[str]
+
+    @property
+    def knots(self) -> tuple[Array, ...]:
+        """Instants [s] at which the force changes its form in time. Steps end there."""
+        return ()
+
+    @property
+    def measures_motion(self) -> bool:
+        """Tells whether the force needs all measurements (`sensors.with_motion`)."""
+        return False
+
+    def holding(self, volts: PerTether, elements: int) -> "TipLoad":
+        """The load when a sampled voltage law holds other voltages [V]."""
+        return self
+
+    @abstractmethod
+    def force(self, measurements: Measurements) -> Float[Array, "3 tether"]:
+        """The forces [N] in inertial axes."""
+
+
+class HubMotion(NamedTuple):
+    """The motion of the hub: the input of the loads on it.
+
+    time [s]. position [m] and velocity [m/s] of the hub's centre, in I. rotation: C_B^I, which maps
+    components in B to components in I. angular_velocity: of B, in B [rad/s]. heliocentric_position: of the
+    hub's centre [m], None for a sail without an orbit. sun: unit vector towards the Sun in I; None until a
+    load that knows the Sun adds it.
+    """
+
+    time: Scalar
+    position: Vector
+    velocity: Vector
+    rotation: Rotation
+    angular_velocity: Vector
+    heliocentric_position: Vector | None = None
+    sun: Vector | None = None
+
+
+class HubLoad(eqx.Module):
+    """A force and a torque on the hub."""
+
+    name: eqx.AbstractClassVar[str]
+
+    @property
+    def knots(self) -> tuple[Array, ...]:
+        """Instants [s] at which the wrench changes its form in time. Steps end there."""
+        return ()
+
+    @abstractmethod
+    def wrench(self, hub: HubMotion) -> tuple[Vector, Vector]:
+        """The force [N] at the hub's centre, in I, and the torque [N m] about the centre, in B."""
+
+
+class Field(eqx.Module):
+    """An acceleration of everything that has mass: tethers, remote units, ring and hub."""
+
+    name: eqx.AbstractClassVar[str]
+
+    @property
+    def knots(self) -> tuple[Array, ...]:
+        """Instants [s] at which the field changes its form in time. Steps end there."""
+        return ()
+
+    @abstractmethod
+    def acceleration(
+        self, time: Scalar, position: VectorPerPoint, velocity: VectorPerPoint
+    ) -> VectorPerPoint:
+        """a [m/s^2] of free particles at positions [m] with velocities [m/s], all in inertial axes."""
+
+    def at_nodes(self, time: Scalar, q: Nodal, v: Nodal) -> Nodal:
+        """The nodal vectors of the field: its values at the positions of the nodes and, for slopes, its
+        derivative along them. Between nodes it is interpolated."""
+        if q.shape[0] == 1:
+            return self.acceleration(time, q[0], v[0])[None]
+        # All nodes are on one axis: the compiler's loops over short axes are slow.
+        (r, slope), (rate, slope_rate) = (x.reshape(2, 3, -1) for x in (q, v))
+        found = jax.jvp(lambda *x: self.acceleration(time, *x), (r, rate), (slope, slope_rate))
+        return jnp.stack(found).reshape(q.shape)
+
+    def gradients(
+        self, time: Scalar, position: Vector, velocity: Vector
+    ) -> tuple[Float[Array, "3 3"], Float[Array, "3 3"]] | None:
+        """The gradients da/dr [1/s^2] and da/dv [1/s] at a point, for the iteration matrix; None where it
+        leaves them out."""
+        return jax.jacfwd(lambda *x: self.acceleration(time, *x), (0, 1))(position, velocity)
+
+
+class LinearField(Field):
+    """A field that is linear in position and velocity, and does not change with time: it acts on slopes as
+    on positions."""
+
+    @property
+    @abstractmethod
+    def matrices(self) -> tuple[Float[Array, "3 3"], Float[Array, "3 3"]]:
+        """The gradients da/dr [1/s^2] and da/dv [1/s]."""
+
+    def acceleration(
+        self, time: Scalar, position: VectorPerPoint, velocity: VectorPerPoint
+    ) -> VectorPerPoint:
+        by_position, by_velocity = self.matrices
+        return jnp.tensordot(by_position, position, 1) + jnp.tensordot(by_velocity, velocity, 1)
+
+    def at_nodes(self, time: Scalar, q: Nodal, v: Nodal) -> Nodal:
+        q, v = (jnp.moveaxis(x, 1, 0) for x in (q, v))
+        return jnp.moveaxis(self.acceleration(time, q, v), 0, 1)
+
+    def gradients(
+        self, time: Scalar, position: Vector, velocity: Vector
+    ) -> tuple[Float[Array, "3 3"], Float[Array, "3 3"]]:
+        return self.matrices
+
+
+def find_term(terms: Iterable[eqx.Module], kind: type) -> Any:
     """The only term of a kind among `terms`; None if there is none.
 
     Raises ValueError if there are several."""

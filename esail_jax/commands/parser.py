@@ -70,6 +70,13 @@ def add_run(commands: Any) -> None:
         metavar="FILE.py:NAME",
         help="voltage law of your own: an object in a Python file, or a class or function that gives one",
     )
+    run.add_argument(
+        "--terms",
+        metavar="FILE.py:NAME",
+        action="append",
+        help="physics of your own: a term or a list of terms in a Python file, or a class or function that "
+        "gives one; may be repeated",
+    )
     run.add_argument("--quiet", action="store_true", help="print no progress bar and no summary")
 
 

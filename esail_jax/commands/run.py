@@ -19,6 +19,7 @@ from esail_jax.files.opening import RunFileError, intact, open_run, open_single
 from esail_jax.files.run_file import (
     Content,
     RunWriter,
+    names_of_terms,
     progress_of,
     save_stability,
     scene_of_run,
@@ -169,6 +170,7 @@ def check_output(scene: Scene, path: Path, resume: bool) -> str:
     with open_single(path) as file, intact(path):
         before = parse(file["scene"][()].decode(), str(path))
         check_law(scene, file.attrs.get("voltage_law"), path)
+        check_terms(scene, list(file.attrs.get("own_terms", ())), path)
         if scene_of_run(before) != scene_of_run(scene):
             raise another_scene(before, scene, path)
         done = file["time"].shape[0] and float(file["time"][-1]) == scene.integrator.t_end
@@ -211,6 +213,18 @@ def check_law(scene: Scene, before: str | None, path: Path) -> None:
         if law is not None and before is not None and law.split()[0] == before.split()[0]:
             got += ": the numbers or the methods of the law have changed"
         raise RunFileError(f"`--voltage-law` must {must} to go on with {path}, but {got}")
+
+
+def check_terms(scene: Scene, before: list[str], path: Path) -> None:
+    """Raises RunFileError unless a run goes on under the terms of a user that the file names, in their
+    order."""
+    terms = names_of_terms(scene)
+    if terms != before:
+        must, got = (", ".join(x) or "left out" for x in (before, terms))
+        got = "are missing" if not terms else f"are {got}"
+        if [x.split()[0] for x in terms] == [x.split()[0] for x in before]:
+            got += ": the numbers or the methods of a term have changed"
+        raise RunFileError(f"`--terms` must be {must} to go on with {path}, but {got}")
 
 
 def check_checkpoint(before: Scene, scene: Scene, state: h5py.Group, path: Path) -> None:

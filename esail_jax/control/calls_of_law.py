@@ -1,4 +1,5 @@
-"""Calls of the methods of a voltage law that a user wrote, with errors that say what is wrong in the law.
+"""Calls of the methods of a voltage law, or of a term, that a user wrote, with errors that say what is
+wrong in it.
 
 A law is traced: JAX calls its methods once, with placeholders for the numbers of a state.
 """
@@ -20,6 +21,10 @@ NEEDED = {
     "voltage": "a law with a `period`",
     "position": "[orbit]",
     "momentum_axis": "[hub]",
+    "current": "`tethers.wire_radius`, and a term that is no law",
+    "heliocentric_position": "[orbit]",
+    "r_xx": "`depends_on` of the term to name it",
+    "normal_squared": "`tethers.bending`",
 }
 """What a measurement needs that is None otherwise."""
 
@@ -50,35 +55,55 @@ def updated(law: Any, measurements: Measurements, memory: Any) -> tuple[Any, Any
     return volts, after
 
 
-def called(law: Any, method: str, measurements: Measurements, *more: Any) -> Any:
-    """What a method of a law returns.
+def called(law: Any, method: str, *given: Any, subject: str = "voltage_law", own: bool = False) -> Any:
+    """What a method of a law or of another object that a user wrote returns. subject: what it is called in
+    errors; own: whether any error of the method is one of the input.
 
     Raises InputError for a name that is no measurement, for the use of a measurement that the sail does not
     have, and for what JAX cannot trace. Other errors of the method stay as they are."""
+    named = [x for x in given if hasattr(x, "_fields")]
+    method_name = f"{subject}.{method}"
     try:
-        return getattr(law, method)(measurements, *more)
+        return getattr(law, method)(*given)
+    except InputError:
+        raise
     except (jax.errors.JAXTypeError, jax.errors.JAXIndexError) as error:
         must = "use `jnp.where` in place of `if`, and `jax.numpy` in place of numpy and `float`"
-        raise refused(method, must, error) from error
+        raise refused(method_name, must, error) from error
     except (AttributeError, TypeError) as error:
-        name = getattr(error, "name", None)
-        if name is not None and isinstance(getattr(error, "obj", None), Measurements):
-            hint = nearest(name, NAMES) or f"; there are {', '.join(NAMES)}"
-            must, got = "use measurements that exist", f"{place_of(error)} uses `{name}`{hint}"
-            raise InputError(f"`voltage_law.{method}` must {must}, but {got}") from error
-        absent = [x for x in Measurements._fields if getattr(measurements, x, None) is None]
+        name, asked = getattr(error, "name", None), getattr(error, "obj", None)
+        if name is not None and any(asked is x for x in named):
+            what, names = names_in(asked)
+            hint = nearest(name, names) or f"; there are {', '.join(names)}"
+            got = f"{place_of(error)} uses `{name}`{hint}"
+            raise InputError(f"`{method_name}` must use {what} that exist, but {got}") from error
+        absent = [name for x in named for name in x._fields if getattr(x, name) is None]
         if "NoneType" not in str(error) or not absent:
+            if own:
+                raise refused(method_name, "be a function that JAX can trace", error) from error
             raise
         listed = ", ".join(f"`{x}`" + (f" (needs {NEEDED[x]})" if x in NEEDED else "") for x in absent)
-        raise refused(method, f"not use measurements that are None here, {listed}", error) from error
+        what = names_in(named[0])[0]
+        raise refused(method_name, f"not use {what} that are None here, {listed}", error) from error
+    except Exception as error:
+        if own:
+            raise refused(method_name, "be a function that JAX can trace", error) from error
+        raise
+
+
+def names_in(given: Any) -> tuple[str, tuple[str, ...]]:
+    """What the fields of an argument are, in words, and their names."""
+    if isinstance(given, Measurements):
+        return "measurements", NAMES
+    return "fields", given._fields
 
 
 def refused(method: str, must: str, error: Exception) -> InputError:
-    """The error of a method of a law that JAX or Python raised, with the place in the law."""
+    """The error of a method that JAX or Python raised, with the place in the user's file."""
     reason = type(error).__name__
-    if type(error) in (AttributeError, TypeError):
+    if not isinstance(error, jax.errors.JAXTypeError | jax.errors.JAXIndexError):
         reason += f": {' '.join(str(error).split())}"
-    return InputError(f"`voltage_law.{method}` must {must}, but {place_of(error)} raises {reason}")
+    return InputError(f"`{method}` must {must}, but {place_of(error)} raises {reason}")
 
 
 def place_of(error: Exception) -> str:

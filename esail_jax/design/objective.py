@@ -14,6 +14,7 @@ from esail_jax.design import objectives
 from esail_jax.ensembles.member_program import observable_shapes
 from esail_jax.scenes.merging import check_overrides
 from esail_jax.scenes.own_law import KEY
+from esail_jax.scenes.own_terms import KEY as OWN_TERMS
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene, read_scene
 from esail_jax.simulation.simulate import simulate
@@ -38,7 +39,7 @@ class Objective:
     scene: a sail with a voltage, as a `Scene`, a name or a path; weights: by name of an objective
     (`objectives.py`), or by a function of a `Solution` that gives a number to be made small; circumstances:
     arrays by scene key, whose first axis counts circumstances (winds, errors of lengths) over which J is
-    averaged.
+    averaged. terms: physics of your own (`physics.py`); under the key `terms` they may be parameters, too.
 
     Raises SceneError for names that do not exist and for a scene without voltage, and when it is called for
     an objective that is zero at constant voltage. A run that fails raises SimulationError, or gives NaN
@@ -50,11 +51,13 @@ class Objective:
         scene: Scene | str | os.PathLike,
         weights: Mapping[str, float] | Mapping[objectives.Goal, float],
         circumstances: Mapping[str, Array | np.ndarray] | None = None,
+        terms: Any = None,
     ):
         for name in weights:
             objectives.function_of(name)
         # A file with `law = "python"` is a scene here: the law is among the parameters.
         scene = scene if isinstance(scene, Scene) else read_scene(scene, None)
+        scene = scene if terms is None else scene.replace({OWN_TERMS: terms})
         check_voltage(scene)
         self.scene, self.weights = scene, dict(weights)
         self.circumstances = dict(circumstances or {})

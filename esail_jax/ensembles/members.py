@@ -9,6 +9,7 @@ import numpy as np
 from esail_jax.ensembles.ensemble import Ensemble, concatenate
 from esail_jax.ensembles.member_runner import MemberRunner
 from esail_jax.ensembles.sampling import Vary, checked_inputs, draw
+from esail_jax.scenes.own_terms import KEY
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene, load_scene
 from esail_jax.simulation.arguments import check_max_steps
@@ -26,6 +27,7 @@ def simulate_members(
     seed: int = 0,
     sampling: str = "random",
     max_steps: int | None = None,
+    terms: Any = None,
 ) -> Ensemble:
     """Simulates a scene once for every member, in this process.
 
@@ -33,10 +35,11 @@ def simulate_members(
     as by `draw`: `simulate_members(scene, vary={"tethers.length": Normal(10e3, 10, per_tether=True)},
     members=256, seed=1)`. observables: names to keep, all if None; batch: members in one call, lockstep:
     whether they run in lockstep (None: what suits the device); max_steps: bound of the steps of a
-    member: one that needs more has failed, but the last block of steps (24 at most) is completed.
+    member: one that needs more has failed, but the last block of steps (24 at most) is completed; terms:
+    physics of your own (`physics.py`).
 
     Raises SceneError."""
-    scene = load_scene(scene)
+    scene = load_scene(scene, None if terms is None else {KEY: terms})
     if (inputs is None) == (vary is None and members is None):
         found = "neither is" if inputs is None else "both are"
         raise SceneError("inputs", "be given, or `vary` and `members`", found)

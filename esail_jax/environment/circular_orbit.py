@@ -8,10 +8,9 @@ to the orbit. Relative to a satellite at the origin, and to first order in dista
 """
 
 import equinox as eqx
-import jax.numpy as jnp
 import numpy as np
 
-from esail_jax.array_types import Array, Float, Scalar, VectorPerPoint
+from esail_jax.array_types import Array, Float, Scalar
 
 TIDE = np.diag([3.0, 0.0, -1.0])
 """Gradient of gravity and centrifugal acceleration, in units of n^2."""
@@ -29,8 +28,3 @@ class CircularOrbit(eqx.Module):
     def gradients(self) -> tuple[Float[Array, "3 3"], Float[Array, "3 3"]]:
         """Gradients da/dr [1/s^2] and da/dv [1/s] of the field."""
         return self.mean_motion**2 * TIDE, self.mean_motion * CORIOLIS
-
-    def acceleration(self, r: VectorPerPoint, v: VectorPerPoint) -> VectorPerPoint:
-        """Acceleration a [m/s^2] at positions r [m] for velocities v [m/s]."""
-        position, velocity = self.gradients
-        return jnp.tensordot(position, r, 1) + jnp.tensordot(velocity, v, 1)

@@ -110,16 +110,6 @@ def tide(origin: Vector, r: VectorPerPoint) -> VectorPerPoint:
     return -SOLAR_MU / (squared * jnp.sqrt(squared)) * (r + f * (place + r))
 
 
-def nodal_tide(origin: Vector, nodal: Float[Array, "coef 3 *node"]) -> Float[Array, "coef 3 *node"]:
-    """The field `tide` at nodes: the acceleration at every position and, for slopes, its derivative along
-    them. Between nodes it is interpolated, with an error of (element length / distance of the Sun)^2."""
-    if nodal.shape[0] == 1:
-        return tide(origin, nodal[0])[None]
-    # All nodes are on one axis: the compiler's loops over short axes are slow.
-    nodes = nodal.reshape(2, 3, -1)
-    return jnp.stack(jax.jvp(lambda r: tide(origin, r), (nodes[0],), (nodes[1],))).reshape(nodal.shape)
-
-
 # ---- Kepler's equation -------------------------------------------------------------------------
 
 

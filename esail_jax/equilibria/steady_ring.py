@@ -14,7 +14,7 @@ small multiple of the mass matrix is added to the stiffness: a ring at the centr
 turn about the axis without any force, and that motion must not be amplified.
 """
 
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -27,14 +27,13 @@ from esail_jax.array_types import Array, Bool, Float, Nodal, PerTether, Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.elements.axial import AbstractAxialEnergy
 from esail_jax.elements.ring import Ring
-from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.joints.roots import FrameRoots
 from esail_jax.numerics import structured
 from esail_jax.numerics.bordered import Bordered, Vector
 from esail_jax.numerics.known_solution import known_solution
 from esail_jax.numerics.segments import END
 from esail_jax.system import System
-from esail_jax.terms import find_term
+from esail_jax.terms import LinearField, find_term
 
 MAX_ITERATIONS = 60
 """Largest number of Newton steps."""
@@ -58,12 +57,16 @@ LEAST_RATE = 1e-10
 slowest axial vibration: a sail that does not spin needs one."""
 
 
-class CentrifugalField(CircularOrbit):
-    """Centrifugal acceleration about the x axis in axes that turn at the rate `mean_motion` [rad/s]."""
+class CentrifugalField(LinearField):
+    """Centrifugal acceleration about the x axis in axes that turn at a rate [rad/s]."""
+
+    rate: Scalar
+
+    name: ClassVar[str] = "centrifugal"
 
     @property
-    def gradients(self) -> tuple[Float[Array, "3 3"], Float[Array, "3 3"]]:
-        return self.mean_motion**2 * np.diag([0.0, 1.0, 1.0]), jnp.zeros((3, 3))
+    def matrices(self) -> tuple[Float[Array, "3 3"], Float[Array, "3 3"]]:
+        return self.rate**2 * np.diag([0.0, 1.0, 1.0]), jnp.zeros((3, 3))
 
 
 class Planes(NamedTuple):
@@ -202,7 +205,7 @@ def at_rest(system: System, outward: Float[Array, "3 tether"], radius: Scalar, s
         sideways = planes_of(outward, jnp.zeros(())).sideways
         normals = jnp.stack([jnp.zeros_like(sideways).at[0].set(1.0), sideways])
     roots = FrameRoots(jnp.eye(3), jnp.zeros(()), radius * outward, normals)
-    return System(system.tethers, roots, None, system.energies, (), (), None, CentrifugalField(spin), ring)
+    return System(system.tethers, roots, None, system.energies, (), (), (CentrifugalField(spin),), ring)
 
 
 def balance(frame: System, q: Coordinates, lam: Multipliers) -> tuple[Coordinates, Multipliers]:

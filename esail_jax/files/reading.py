@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 
 from esail_jax.files.opening import RunFileError, intact, open_run
+from esail_jax.scenes.own_terms import KEY, AbsentTerms
 from esail_jax.scenes.scene import Scene, parse
 
 
@@ -78,8 +79,16 @@ def read_rows(file: h5py.File, path: Path, member: int | None) -> SavedRun:
     if not known:
         of = "" if member is None else f" of member {member}"
         raise RunFileError(f"`{path}` must hold saved instants{of}, but has none")
-    scene = parse(file["scene"].asstr()[()], str(path))
+    scene = scene_in(file, path)
     return SavedRun(path, member, scene, time[:known], {k: x[:known] for k, x in rows.items()}, attributes)
+
+
+def scene_in(file: h5py.File, path: Path) -> Scene:
+    """Returns the scene of a file. Terms that a user wrote are not in it: the scene knows their names, and
+    is no scene to run without them."""
+    scene = parse(file["scene"].asstr()[()], str(path))
+    names = tuple(file.attrs.get("own_terms", ()))
+    return scene.replace({KEY: AbsentTerms(names)}) if names else scene
 
 
 def known_rows(rows: Mapping[str, np.ndarray], count: int) -> int:

@@ -26,12 +26,14 @@ from esail_jax.files.hdf5 import (
     versions,
 )
 from esail_jax.files.opening import SCHEMA_VERSION, intact, open_single, to_python
+from esail_jax.files.reading import scene_in
 from esail_jax.files.state import load_checkpoint, load_point, save_checkpoint, save_point
 from esail_jax.loads.law_structure import identity_of
 from esail_jax.observables import Observable, described
 from esail_jax.observables.run_warning import run_warning
 from esail_jax.scenes.method_choice import accuracy_of, with_method
-from esail_jax.scenes.scene import Scene, parse
+from esail_jax.scenes.own_terms import AbsentTerms
+from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.toml_text import to_toml
 from esail_jax.simulation.host import CompiledScene, HostRun
 from esail_jax.simulation.problem import require_64_bit
@@ -53,6 +55,13 @@ COPY_SHARE = 0.03
 def scene_of_run(scene: Scene) -> str:
     """Returns the scene's text with a fixed `t_end`. A run can be resumed if this text is the same."""
     return to_toml(scene.replace({"integrator.t_end": 1.0}))
+
+
+def names_of_terms(scene: Scene) -> list[str]:
+    """Returns module, name and checksum of every term that a user added to a scene, each as one text."""
+    if isinstance(scene.terms, AbsentTerms):
+        return list(scene.terms.names)
+    return [identity_of(term) for term in scene.terms]
 
 
 class Content(NamedTuple):
@@ -113,6 +122,8 @@ def create(file: h5py.File, content: Content) -> None:
     }
     if content.scene.voltage_law is not None:
         attributes["voltage_law"] = identity_of(content.scene.voltage_law)
+    if content.scene.terms:
+        attributes["own_terms"] = names_of_terms(content.scene)
     file.attrs.update(attributes)
     create_quantity(file, "time", (0,), ["time"], "s", "t", grows=True)
     create_observables(file, content.observables, content.scene.sizes, {"time": 0}, grows=True)
@@ -273,7 +284,7 @@ def load(path: str | os.PathLike) -> Solution:
     """
     require_64_bit()
     with open_single(path) as file, intact(path):
-        scene = parse(file["scene"][()].decode(), str(path))
+        scene = scene_in(file, path)
         rows = {name: data[()] for name, data in file["observables"].items()}
         numerics = {name: data[()] for name, data in file["numerics"].items()}
         stats: dict[str, Any] = {name: to_python(value) for name, value in file.attrs.items()}

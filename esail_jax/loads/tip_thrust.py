@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from esail_jax.array_types import Array, Float, PerTether, Scalar
 from esail_jax.measurements import Measurements
 from esail_jax.numerics.smooth_step import knots_of_pulse, pulse
+from esail_jax.terms import TipLoad
 
 DirectionName = Literal["tangential", "axial", "radial"]
 
@@ -21,7 +22,7 @@ class Switching(eqx.Module):
     rise_time: Scalar
 
 
-class TipThrust(eqx.Module):
+class TipThrust(TipLoad):
     """A force on every remote unit, F = F_i s(t) e with a unit vector e that follows the motion.
 
     Let d be the unit vector along the part of the chord from root to tip that is normal to the spin axis
@@ -29,12 +30,12 @@ class TipThrust(eqx.Module):
     tether that does not lag behind its root, a tangential force has the moment F_i times the distance of
     the tip from the spin axis.
 
-    force: F_i [N]; a negative one has the opposite direction. switching: s(t) rises from 0 to 1 and falls
+    size: F_i [N]; a negative one has the opposite direction. switching: s(t) rises from 0 to 1 and falls
     again; None for a force that always acts, s = 1. The iteration matrix leaves the derivative of this
     force out: F/L is far smaller than the stiffness of a tether under tension, and than its inertia.
     """
 
-    force: PerTether
+    size: PerTether
     switching: Switching | None
     direction: DirectionName = eqx.field(static=True)
 
@@ -42,13 +43,11 @@ class TipThrust(eqx.Module):
 
     @property
     def knots(self) -> tuple[Array, ...]:
-        """Instants [s] at which the force changes its form in time, and where steps therefore end."""
         if self.switching is None:
             return ()
         return knots_of_pulse(self.switching.on, self.switching.off, self.switching.rise_time, ())
 
-    def at(self, measurements: Measurements) -> Float[Array, "3 tether"]:
-        """The forces [N] in inertial axes, for the spin axis and chords that are measured at a state."""
+    def force(self, measurements: Measurements) -> Float[Array, "3 tether"]:
         axis, chords = measurements.spin_axis, measurements.chords
         if self.direction == "axial":
             along = jnp.broadcast_to(axis[:, None], chords.shape)
@@ -57,7 +56,7 @@ class TipThrust(eqx.Module):
             along = flat / jnp.linalg.norm(flat, axis=0)
             if self.direction == "tangential":
                 along = jnp.cross(axis[:, None], along, axis=0)
-        size = self.force
+        size = self.size
         if self.switching is not None:
             on, off, rise = self.switching.on, self.switching.off, self.switching.rise_time
             size = size * pulse(measurements.time, on, off, rise)

@@ -22,6 +22,7 @@ from esail_jax.modal.steady_load import check_has_modes, check_has_orbit, with_m
 from esail_jax.modal.table import ModeTable
 from esail_jax.scenes.build import Model, build
 from esail_jax.scenes.method_choice import with_method
+from esail_jax.scenes.own_terms import KEY
 from esail_jax.scenes.scene import Scene, load_scene
 from esail_jax.scenes.structure import Numbers, Structure, split
 from esail_jax.steppers.results import RESULTS
@@ -37,6 +38,7 @@ def modes(
     count: int | None = None,
     converge: bool = True,
     floquet: bool = False,
+    terms: Any = None,
 ) -> ModeTable:
     """Returns the modes of a sail about its spinning equilibrium, as seen in the frame B that turns with
     it.
@@ -50,12 +52,12 @@ def modes(
     frequencies; None: all, of large sails with unequal tethers the lowest LOWEST (`solving.py`). converge:
     also solve with twice as many elements, for `relative_change`. floquet: also find the periodic orbit at
     the scene's sailing angle and its multipliers (`Floquet`), which takes about two minutes for the
-    baseline; it needs a hub and wind.
+    baseline; it needs a hub and wind. terms: energies and dissipations of your own (`physics.py`).
 
     The result is not differentiable. Raises SceneError if the scene has no steady spinning state, and
     SimulationError if none is found.
     """
-    scene = load_scene(source, overrides)
+    scene = load_scene(source, overrides if terms is None else {**(overrides or {}), KEY: terms})
     check_has_modes(scene)
     if floquet:
         check_has_orbit(scene)

@@ -13,17 +13,19 @@ the integral of rho^2 along them, at any sailing angle.
 
 import dataclasses
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.array_types import Rotation
 from esail_jax.environment.solar_wind import SteadyWind
 from esail_jax.loads.coulomb import CoulombThrust
+from esail_jax.loads.fields import UniformGravity
+from esail_jax.scenes.own_terms import KEY, kind_of
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.tip_tables import TipThrust
 from esail_jax.system import System
+from esail_jax.terms import Field, find_term
 
 
 def check_has_modes(scene: Scene) -> None:
@@ -31,6 +33,10 @@ def check_has_modes(scene: Scene) -> None:
     for name in ("chain", "event", "orbit"):
         if getattr(scene, name) is not None:
             raise SceneError(name, "be left out of a scene whose modes are asked for", "is given")
+    for i, term in enumerate(scene.terms):
+        if kind_of(term) not in ("Energy", "Dissipation"):
+            must = "be an Energy or a Dissipation for modes, as they need a steady load"
+            raise SceneError(f"{KEY}[{i}]", must, f"{type(term).__name__} is a {kind_of(term)}")
     if scene.tip_thrust is not None:
         check_steady_push(scene.tip_thrust)
     if scene.solar_wind is not None and scene.solar_wind.relative:
@@ -86,9 +92,8 @@ def with_mean_loads(system: System, axes: Rotation) -> System:
         origin = jnp.where(cosine < 0.0, -distance, distance) * axis
         mean = SteadyWind(wind.speed * jnp.abs(cosine), wind.number_density, wind.cutoff_voltage, origin)
         loads.append(dataclasses.replace(load, wind=mean))
-    gravity = None
-    if system.gravity is not None and system.hub is None:
-        gravity = (system.gravity @ axis) * axis
-    return eqx.tree_at(
-        lambda s: (s.loads, s.gravity), system, (tuple(loads), gravity), is_leaf=lambda x: x is None
-    )
+    gravity = find_term(system.fields, UniformGravity)
+    fields: tuple[Field, ...] = ()
+    if gravity is not None and system.hub is None:
+        fields = (UniformGravity((gravity.vector @ axis) * axis),)
+    return dataclasses.replace(system, loads=tuple(loads), fields=fields)

@@ -8,9 +8,12 @@ import jax.numpy as jnp
 from esail_jax.array_types import Array, Float, Scalar
 from esail_jax.coordinates import Coordinates
 from esail_jax.elements.hinges import Hinges
+from esail_jax.loads.fields import UniformGravity
 from esail_jax.numerics.vectors import dot, norm
 from esail_jax.observables.entry import Observable, elastic_energy, kinetic_energy
+from esail_jax.rod_chain import does_work, linear_fields
 from esail_jax.system import Power, System
+from esail_jax.terms import find_term
 
 MAX_BALANCE_ERROR = 0.1
 """A run is stopped if the error of its energy balance exceeds this fraction of its energy. Explicit steps
@@ -58,11 +61,12 @@ def potential_energy(i: Instant) -> Scalar:
     system = i.system
     momenta = system.tethers.inertia(i.q.tether)  # M q, masses times positions
     energy = jnp.zeros(())
-    if system.gravity is not None:
-        energy = energy - system.gravity @ momenta[0].sum((1, 2))
-    if system.orbit is not None:
+    gravity = find_term(system.fields, UniformGravity)
+    if gravity is not None:
+        energy = energy - gravity.vector @ momenta[0].sum((1, 2))
+    for field in linear_fields(system):
         # The energy is quadratic in position: -q^T M A q / 2 with the gradient A of the field.
-        gradient = system.orbit.gradients[0]
+        gradient = field.matrices[0]
         energy = energy - 0.5 * (momenta[0] * jnp.tensordot(gradient, i.q.tether[0], 1)).sum()
     return energy
 
@@ -96,7 +100,7 @@ ENERGY_ERROR = Observable(
 
 def listed(system: System) -> list[Observable]:
     """Returns the observables of a chain; those of work only if there are loads or dissipation."""
-    works = system.loads or system.dissipations
+    works = does_work(system)
     return [*(entry for entry in OBSERVABLES if entry.needs == "" or works), ENERGY_ERROR]
 
 

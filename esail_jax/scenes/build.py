@@ -4,6 +4,7 @@
 also through the steady start.
 """
 
+from dataclasses import fields, replace
 from typing import NamedTuple
 
 import jax
@@ -25,19 +26,25 @@ from esail_jax.equilibria.steady_ring import hanging, steady_ring
 from esail_jax.equilibria.steady_stretch import Line, along, steady_line, unstretched_line
 from esail_jax.joints import roots as joints
 from esail_jax.loads.coulomb import CoulombThrust
+from esail_jax.loads.fields import OrbitalField, SolarTide, UniformGravity
+from esail_jax.loads.law_structure import NUMBER
+from esail_jax.loads.own_terms import OwnTerms, Surroundings, fields_needed, own_terms
 from esail_jax.loads.voltage import Constant
+from esail_jax.point_fields import PointFields
 from esail_jax.rod_chain import RodChain, RodState
 from esail_jax.scenes.build_loads import (
     coulomb_thrust,
     kepler_orbit_of,
+    origin_of,
     plasma_brake_of,
     starting_attitude,
     tip_thrust_of,
     wind_of,
 )
+from esail_jax.scenes.own_terms import KEY as OWN_TERMS
 from esail_jax.scenes.structure import Numbers, Structure
 from esail_jax.system import Power, System
-from esail_jax.terms import Dissipation, Energy
+from esail_jax.terms import Dissipation, Energy, Field
 
 
 class Model(NamedTuple):
@@ -62,6 +69,15 @@ def build(structure: Structure, numbers: Numbers) -> Model:
         chain, state = build_chain(structure, n)
         q, v = chain.coordinates(state)
         return Model(chain.system, q, v, jnp.zeros(1))
+    start, _ = starting_attitude(n)
+    azimuth = joints.even_azimuths(structure["tethers.count"])
+    system = system_of(structure, n)
+    q, v, unbalanced = initial_state(structure, n, system, azimuth, start)
+    return Model(system, q, v, unbalanced)
+
+
+def system_of(structure: Structure, n: Numbers) -> System:
+    """The system of a sail."""
     start, origin = starting_attitude(n)
     azimuth = joints.even_azimuths(structure["tethers.count"])
     hub = None
@@ -78,13 +94,34 @@ def build(structure: Structure, numbers: Numbers) -> Model:
         energies=terms[0],
         dissipations=terms[1],
         loads=loads,
-        gravity=n.get("gravity.acceleration"),
+        fields=fields_of(structure, n),
         ring=ring_of(structure, n) if structure.has("auxiliary_tethers") else None,
-        tip_thrust=tip_thrust_of(structure, n),
+        tip_loads=(tip_thrust_of(structure, n),) if structure.has("tip_thrust") else (),
         kepler_orbit=kepler_orbit_of(n),
     )
-    q, v, unbalanced = initial_state(structure, n, system, azimuth, start)
-    return Model(system, q, v, unbalanced)
+    return with_own_terms(structure, n, system)
+
+
+def with_own_terms(structure: Structure, n: Numbers, system: System) -> System:
+    """The system with the terms that a user added to the scene, after those of the package."""
+    if not structure.own_terms:
+        return system
+    own = terms_of_user(structure, n, system.tethers)
+    added = {field.name: (*getattr(system, field.name), *getattr(own, field.name)) for field in fields(own)}
+    return replace(system, **added)
+
+
+def terms_of_user(structure: Structure, n: Numbers, tethers: TetherBatch) -> OwnTerms:
+    """The terms that a user added to the scene, and what they may know."""
+    orbit, thrust, origin = kepler_orbit_of(n), None, origin_of(n)
+    if structure.has("solar_wind") and not structure.has("chain"):
+        thrust = coulomb_thrust(structure, n, origin, structure["tethers.elements"])
+    first = None if orbit is None else (orbit.position, orbit.velocity)
+    given = tuple(
+        (term, tuple(n[f"{OWN_TERMS}.{i}.{j}"] for j in range(term.others.count(NUMBER))))
+        for i, term in enumerate(structure.own_terms)
+    )
+    return own_terms(given, tethers, Surroundings(origin, orbit, first, thrust))
 
 
 def material_terms(structure: Structure, n: Numbers) -> tuple[tuple, tuple]:
@@ -123,11 +160,27 @@ def heated(structure: Structure, n: Numbers, axial: AxialEnergy) -> ThermalEnerg
     return ThermalEnergy(axial.stiffness, *numbers, axial.strain, structure["tethers.elements"])
 
 
+def fields_of(structure: Structure, n: Numbers) -> tuple[Field, ...]:
+    """The acceleration fields of the package."""
+    found: tuple[Field, ...] = ()
+    if structure.has("gravity"):
+        found = (UniformGravity(n["gravity.acceleration"]),)
+    if structure.has("orbit.mean_motion"):
+        found = (*found, OrbitalField(CircularOrbit(n["orbit.mean_motion"])))
+    orbit = kepler_orbit_of(n)
+    return found if orbit is None else (*found, SolarTide(orbit))
+
+
 def tethers_of(structure: Structure, n: Numbers, loaded: bool) -> TetherBatch:
     """The batch of tethers. It interpolates the fields that its terms need: r only if it is `loaded`."""
     elements = structure["tethers.elements"]
     length = n["tethers.length"]
-    fields = ("r",) * loaded + ("r_x",) + ("r_xx",) * structure["tethers.bending"]
+    needed = fields_needed(structure.own_terms)
+    if loaded:
+        needed |= {"r"}
+    if structure["tethers.bending"]:
+        needed |= {"r_xx"}
+    used = tuple(name for name in PointFields._fields if name == "r_x" or name in needed)
     mass = n.get("remote_units.mass", jnp.zeros_like(length))
     return TetherBatch(
         element_length=length / elements,
@@ -135,7 +188,7 @@ def tethers_of(structure: Structure, n: Numbers, loaded: bool) -> TetherBatch:
         tip_mass=mass,
         elements=elements,
         kind=structure["tethers.element"],
-        fields_used=fields,
+        fields_used=used,
     )
 
 
@@ -265,13 +318,13 @@ def build_chain(structure: Structure, n: Numbers) -> tuple[RodChain, RodState]:
         tip_mass=n["chain.tip_mass"][None],
         elements=rods,
         kind="rod",
-        fields_used=("r",) * bool(loads) + ("r_x",),
+        fields_used=("r",) * (bool(loads) or "r" in fields_needed(structure.own_terms)) + ("r_x",),
         base_mass=n.get("chain.base_mass", jnp.zeros(()))[None] if free else None,
     )
     held = joints.FrameRoots(jnp.eye(3), jnp.zeros(()), jnp.zeros((3, 1)), None)
-    orbit = CircularOrbit(n["orbit.mean_motion"]) if structure.has("orbit") else None
-    gravity = n.get("gravity.acceleration")
-    system = System(tethers, None if free else held, None, (energy,), dissipations, loads, gravity, orbit)
+    around = fields_of(structure, n)
+    system = System(tethers, None if free else held, None, (energy,), dissipations, loads, around)
+    system = with_own_terms(structure, n, system)
     x, v = n["initial.rod_vector"].T, n["initial.rod_rate"].T
     hinges = None
     if structure["chain.bending"]:

@@ -37,10 +37,8 @@ def coulomb_thrust(
     return CoulombThrust.of(wind, law, elements, structure["solar_wind.relative"], collector)
 
 
-def tip_thrust_of(structure: Structure, n: Numbers) -> TipThrust | None:
-    """The forces of [tip_thrust] on the remote units; None without that table."""
-    if not structure.has("tip_thrust"):
-        return None
+def tip_thrust_of(structure: Structure, n: Numbers) -> TipThrust:
+    """The forces of [tip_thrust] on the remote units."""
     switching = None
     if structure.has("tip_thrust.on"):
         switching = Switching(*(n[f"tip_thrust.{key}"] for key in ("on", "off", "rise_time")))

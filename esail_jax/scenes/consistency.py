@@ -10,6 +10,7 @@ from esail_jax.scenes.law_keys import LAWS, OPTIONAL_LAW_KEYS
 from esail_jax.scenes.methods import METHODS, SAIL_METHOD, SAIL_STEP_METHOD, takes
 from esail_jax.scenes.orbit_checks import check_off_axis, check_orbit
 from esail_jax.scenes.own_law import check_own_law
+from esail_jax.scenes.own_terms import check_own_terms
 from esail_jax.scenes.parts import Parts
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.tables import names_of, tables_of
@@ -52,6 +53,7 @@ def check_together(scene: Parts) -> None:
         raise SceneError(f"{lack}.{first}", f"be given with [{have}]", "is missing")
     if scene.voltage_law is not None:
         check_law_of_user(scene)
+    check_own_terms(scene)
     check_integrator(scene)
     check_off_axis("initial.heliocentric_position_au", scene.initial.heliocentric_position_au)
 

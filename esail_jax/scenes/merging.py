@@ -8,6 +8,7 @@ from esail_jax.scenes import rules
 from esail_jax.scenes.common_tables import Integrator
 from esail_jax.scenes.declarations import rule_of
 from esail_jax.scenes.own_law import KEY
+from esail_jax.scenes.own_terms import KEY as OWN_TERMS
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.tables import REPEATED, names_of, tables_of
 
@@ -15,9 +16,10 @@ from esail_jax.scenes.tables import REPEATED, names_of, tables_of
 def unknown(key: str, tables: Mapping[str, type]) -> SceneError:
     """The error for a key that these tables do not have; it names the nearest key that they do have."""
     known = [f"{table}.{name}" for table, content in tables.items() for name in names_of(content)]
-    if key.partition(".")[0] == KEY:
-        must = f"be a number of the law that `{KEY}` takes as a whole"
-        return SceneError(key, must, "is a key of its own")
+    for own, what in ((KEY, "law"), (OWN_TERMS, "terms")):
+        if key.partition(".")[0] == own:
+            must = f"be a number of the {what} that `{own}` takes as a whole"
+            return SceneError(key, must, "is a key of its own")
     if key in tables:
         return SceneError(key, "be followed by a key of the table", "is the table's name")
     return SceneError(key, "be a known key" + nearest(key, [*known, *tables]), "is not")

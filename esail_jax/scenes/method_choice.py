@@ -16,6 +16,7 @@ from esail_jax.array_types import Array
 from esail_jax.compilation.kept import program_of
 from esail_jax.compilation.options import START_OPTIONS
 from esail_jax.rod_chain import fastest_rate, turning_rate
+from esail_jax.scenes import own_terms
 from esail_jax.scenes.build import build_chain
 from esail_jax.scenes.build_loads import origin_of, wind_of
 from esail_jax.scenes.common_tables import Integrator
@@ -75,7 +76,8 @@ def with_method(scene: Scene) -> Scene:
 def sail_tolerance(scene: Scene) -> float | Array:
     """Default tolerance of a sail: COLLOCATION_TOLERANCE, or less for tethers that hardly stretch."""
     _, numbers = split(scene)
-    numbers = {key: x for key, x in numbers.items() if not key.startswith(f"{KEY}.")}
+    own = (f"{KEY}.", f"{own_terms.KEY}.")
+    numbers = {key: x for key, x in numbers.items() if not key.startswith(own)}
     program = program_of(tolerance_from_strain, (), (numbers,), START_OPTIONS)
     if any(isinstance(x, jax.core.Tracer) for x in numbers.values()):
         return call(program, lax.stop_gradient(numbers))

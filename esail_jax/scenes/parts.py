@@ -37,6 +37,7 @@ class Parts(Protocol):
     tip_thrust: TipThrust | None
     thermal: Thermal | None
     voltage_law: Any
+    terms: Any
 
     @property
     def members(self) -> rules.Members: ...

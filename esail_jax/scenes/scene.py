@@ -21,6 +21,8 @@ from esail_jax.scenes.declarations import rule_of
 from esail_jax.scenes.merging import check_overrides, merged, unknown
 from esail_jax.scenes.orbit_table import HeliocentricOrbit
 from esail_jax.scenes.own_law import KEY, check_has_law, with_own_law
+from esail_jax.scenes.own_terms import KEY as OWN_TERMS
+from esail_jax.scenes.own_terms import AbsentTerms, check_has_terms, checked_terms
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.sail_tables import (
     ORIGIN_AU,
@@ -51,7 +53,8 @@ class Scene:
     Every value is checked on construction. Raises SceneError with one line that names the key.
 
     voltage_law: a voltage law that the user wrote, an `equinox.Module`
-    (`loads/own_law.py` says what it must have), with `law = "python"` in [voltage]; no file holds it.
+    (`loads/own_law.py` says what it must have), with `law = "python"` in [voltage]. terms: physics that the
+    user wrote (`physics.py`). No file holds either.
     """
 
     initial: Initial | ChainInitial
@@ -71,8 +74,10 @@ class Scene:
     event: Event | None = None
     output: Output | None = None
     voltage_law: Any = None
+    terms: Any = ()
 
     def __post_init__(self):
+        object.__setattr__(self, "terms", checked_terms(self.terms))
         if (self.chain is None) == (self.tethers is None):
             raise SceneError(
                 "tethers", "be given, or `chain`", f"{'neither' if self.chain is None else 'both'} is"
@@ -124,7 +129,7 @@ class Scene:
         removes a key, or under a table's name the table. `voltage_law` is the key of a user's law: it takes
         the place of the law in [voltage], of which the keys `own_law.KEPT` stay. Raises SceneError."""
         tables = {name: given(content) for name, content in self.tables.items()}
-        return scene_of(tables, overrides, Path(), self.voltage_law)
+        return scene_of(tables, overrides, Path(), self.voltage_law, self.terms)
 
     def __repr__(self) -> str:
         table, method = self.integrator, method_name(self) or "chosen when the scene is run"
@@ -168,6 +173,7 @@ class Scene:
         )  # fmt: skip
         names += [name.replace("_", " ") for name in others if getattr(self, name) is not None]
         names += [] if self.voltage_law is None else [f"voltage law {type(self.voltage_law).__name__}"]
+        names += [] if isinstance(self.terms, AbsentTerms) else [type(x).__name__ for x in self.terms]
         if self.event is not None:
             names.append(count_of(len(self.event.time), "event"))
         return names
@@ -191,7 +197,7 @@ def checked(table: str, content: Any, members: rules.Members | None) -> Any:
     return type(content)(**values)
 
 
-def from_tables(tables: Mapping[str, Any], voltage_law: Any = None) -> Scene:
+def from_tables(tables: Mapping[str, Any], voltage_law: Any = None, terms: Any = ()) -> Scene:
     """A scene from nested mappings; a repeated table is one mapping of lists. Raises SceneError."""
     if "chain" in tables and "tethers" in tables:
         raise SceneError("chain", "be left out of a scene with [tethers]", "is given")
@@ -214,16 +220,23 @@ def from_tables(tables: Mapping[str, Any], voltage_law: Any = None) -> Scene:
     for table in ("tethers", "initial", "integrator"):
         if table in kinds and table not in parts:
             raise SceneError(f"{table}.{names_of(kinds[table])[0]}", "be given", "is missing")
-    return Scene(**parts, voltage_law=voltage_law)
+    return Scene(**parts, voltage_law=voltage_law, terms=terms)
 
 
 def scene_of(
-    tables: Mapping[str, Any], overrides: Mapping[str, Any], folder: Path, voltage_law: Any = None
+    tables: Mapping[str, Any],
+    overrides: Mapping[str, Any],
+    folder: Path,
+    voltage_law: Any = None,
+    terms: Any = (),
 ) -> Scene:
     """A scene from the tables of a file and overrides by key. The overrides come before any check, so that
     they may give what the file lacks; a table's name with the value None removes the table before anything
-    else. folder: where relative names of files in the tables start; voltage_law: the user's law of a scene
-    that has one. Raises SceneError."""
+    else. folder: where relative names of files in the tables start; voltage_law, terms: those of the user,
+    of a scene that has them. Raises SceneError."""
+    if OWN_TERMS in overrides:
+        terms = overrides[OWN_TERMS]
+        overrides = {key: x for key, x in overrides.items() if key != OWN_TERMS}
     if KEY in overrides:
         voltage_law = overrides[KEY]
         tables = with_own_law(dict(tables), voltage_law)
@@ -233,7 +246,7 @@ def scene_of(
         {key: value for key, value in values.items() if key not in removed}
         for values in (tables, overrides)
     )
-    return from_tables(merged(*with_wind_file(tables, overrides, folder)), voltage_law)
+    return from_tables(merged(*with_wind_file(tables, overrides, folder)), voltage_law, terms)
 
 
 def parse(text: str, source: str, overrides: Mapping[str, Any] | None = None) -> Scene:
@@ -256,6 +269,11 @@ def load_scene(source: "str | os.PathLike | Scene", overrides: Mapping[str, Any]
     check_size(scene)
     if scene.chain is None and scene.voltage is not None:
         check_has_law(scene.voltage.law, scene.voltage_law)
+    if scene.terms:
+        from esail_jax.scenes.trial_of_terms import try_terms
+
+        check_has_terms(scene)
+        try_terms(scene)
     return scene
 
 

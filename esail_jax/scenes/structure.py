@@ -11,7 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.array_types import Array, Float
-from esail_jax.loads.law_structure import divided
+from esail_jax.loads.law_structure import LawStructure, divided
+from esail_jax.scenes import own_terms
 from esail_jax.scenes.declarations import rule_of
 from esail_jax.scenes.own_law import KEY, PERIOD, period_of
 from esail_jax.scenes.scene import Scene
@@ -40,6 +41,11 @@ class Structure:
         """Tells whether the scene has a user's voltage law with a control period."""
         return any(key == PERIOD and value is not None for key, value in self.choices)
 
+    @property
+    def own_terms(self) -> tuple[LawStructure, ...]:
+        """The structures of the terms that a user wrote."""
+        return dict(self.choices).get(own_terms.KEY, ())
+
     def has(self, table: str) -> bool:
         """Tells whether the scene has this number, or any number of this table."""
         return any(key == table or key.startswith(table + ".") for key in self.numbers)
@@ -65,6 +71,12 @@ def split(scene: Scene) -> tuple[Structure, Numbers]:
         law, found = divided(scene.voltage_law)
         choices += [(KEY, law), (PERIOD, period_of(scene.voltage_law))]
         numbers |= {f"{KEY}.{i}": x for i, x in enumerate(found)}
+    if isinstance(scene.terms, tuple) and scene.terms:
+        parts = [divided(term) for term in scene.terms]
+        choices += [(own_terms.KEY, tuple(structure for structure, _ in parts))]
+        numbers |= {
+            f"{own_terms.KEY}.{i}.{j}": x for i, (_, found) in enumerate(parts) for j, x in enumerate(found)
+        }
     if scene.event is not None:
         numbers["event.release_time"] = release_times(scene)
     # One call for all arrays of NumPy takes a third of the time of one call each.

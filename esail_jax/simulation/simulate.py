@@ -14,6 +14,7 @@ from esail_jax.observables.run_warning import run_warning
 from esail_jax.scenes.keywords import refuse_keywords
 from esail_jax.scenes.merging import check_overrides
 from esail_jax.scenes.own_law import KEY, period_of
+from esail_jax.scenes.own_terms import KEY as OWN_TERMS
 from esail_jax.scenes.rules import SceneError, numbers_of
 from esail_jax.scenes.scene import Scene, load_scene
 from esail_jax.simulation.arguments import check_arguments
@@ -42,6 +43,7 @@ def simulate(
     stepper: AbstractStepper | None = None,
     stability: bool = False,
     voltage_law: Any = None,
+    terms: Any = None,
     **unknown: Any,
 ) -> Solution:
     """Integrates the equations of motion of a scene and returns the observables at the saved instants.
@@ -67,7 +69,8 @@ def simulate(
     agree; voltage_law: a voltage law of your own (`loads/own_law.py`) in place of the scene's. Its numbers
     may be tracers, too. With a control period it is sampled at the start and at every multiple of the
     period; a row at a sampling instant has the voltages before the sample. A run from `start` begins with
-    a new memory.
+    a new memory. terms: physics of your own, a list of terms (`physics.py`), which act beside those of the
+    scene; their numbers may be tracers, too.
 
     Under a trace nothing can raise: `result` is not `RESULTS.successful`, the observables are NaN from
     the failure on, and derivatives of them in reverse mode are NaN. A derivative records the steps in
@@ -79,7 +82,7 @@ def simulate(
 
     Raises SceneError for bad input, SimulationError for a failed run, RuntimeError in 32-bit mode."""
     refuse_keywords("simulate", unknown)
-    scene = load_scene(scene, with_law(overrides, voltage_law))
+    scene = load_scene(scene, with_own(overrides, voltage_law, terms))
     check_arguments(scene, save, times, start, max_steps)
     if stability and period_of(scene.voltage_law) is not None:
         raise SceneError("stability", "be False with a sampled `voltage_law`", "is True")
@@ -130,6 +133,7 @@ def run(
     max_steps: int | None = None,
     stepper: AbstractStepper | None = None,
     voltage_law: Any = None,
+    terms: Any = None,
     **unknown: Any,
 ) -> Iterator[Chunk]:
     """Integrates a scene and yields the results of consecutive saved instants as soon as they are known.
@@ -142,7 +146,7 @@ def run(
 
     Raises SceneError when it is called, and SimulationError after the last good chunk of a failed run."""
     refuse_keywords("run", unknown)
-    scene = load_scene(scene, with_law(overrides, voltage_law))
+    scene = load_scene(scene, with_own(overrides, voltage_law, terms))
     check_arguments(scene, save, times, start, max_steps)
     if under_trace(scene, start, stepper):
         raise SceneError(
@@ -151,13 +155,14 @@ def run(
     return begin(scene, save, times, start, max_steps, stepper).host.chunks()
 
 
-def with_law(overrides: Mapping[str, Any] | None, law: Any) -> Mapping[str, Any] | None:
-    """Returns the overrides of a scene with a user's voltage law, if one is given."""
-    if law is None:
+def with_own(overrides: Mapping[str, Any] | None, law: Any, terms: Any) -> Mapping[str, Any] | None:
+    """Returns the overrides of a scene with a user's voltage law and terms, if they are given."""
+    given = {name: x for name, x in ((KEY, law), (OWN_TERMS, terms)) if x is not None}
+    if not given:
         return overrides
     if overrides is not None:
         check_overrides("overrides", overrides, "`voltage_law=law`")
-    return {**(overrides or {}), KEY: law}
+    return {**(overrides or {}), **given}
 
 
 def raised(solution: Solution, throw: bool) -> Solution:

@@ -37,7 +37,7 @@ needs up to 45 blocks of steps in a turn, three windows."""
 def under_trace(scene: Scene, start: Any, stepper: Any) -> bool:
     """Tells whether any number is a tracer, or whether `jax.jit` or the like traces this call."""
     leaves = [x for table in scene.tables.values() for x in vars(table).values()]
-    leaves += jax.tree.leaves((start, stepper, scene.voltage_law))
+    leaves += jax.tree.leaves((start, stepper, scene.voltage_law, scene.terms))
     return any(isinstance(leaf, jax.core.Tracer) for leaf in (*leaves, jax.device_put(0.0)))
 
 

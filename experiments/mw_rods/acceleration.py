@@ -36,6 +36,7 @@ from esail_jax.compilation.options import CHAIN_OPTIONS
 from esail_jax.elements.axial import AxialEnergy
 from esail_jax.elements.tether import TetherBatch
 from esail_jax.joints.roots import FrameRoots
+from esail_jax.loads.fields import UniformGravity
 from esail_jax.rod_chain import RodChain, RodState
 from esail_jax.system import System
 
@@ -52,7 +53,9 @@ def chain_of(rods: int) -> RodChain:
     tethers = TetherBatch(ones * LENGTH, ones * MASS / LENGTH, jnp.zeros(1), rods, "rod", ("r_x",))
     roots = FrameRoots(jnp.eye(3), jnp.zeros(()), jnp.zeros((3, 1)), None)
     axial = AxialEnergy(ones[:, 0] * STIFFNESS, "engineering")
-    return RodChain.of(System(tethers, roots, None, (axial,), (), (), jnp.array(GRAVITY)))
+    return RodChain.of(
+        System(tethers, roots, None, (axial,), (), (), (UniformGravity(jnp.array(GRAVITY)),))
+    )
 
 
 def state_of(rods: int) -> RodState:

@@ -10,8 +10,9 @@ import pytest
 
 from esail_jax.constants import ASTRONOMICAL_UNIT as AU
 from esail_jax.constants import SOLAR_MU
-from esail_jax.environment.kepler_orbit import KeplerOrbit, anomaly, nodal_tide, tide
+from esail_jax.environment.kepler_orbit import KeplerOrbit, PlaceOnOrbit, anomaly, tide
 from esail_jax.environment.orbital_elements import orbital_elements
+from esail_jax.loads.fields import SolarTide
 from support.quick import jit
 
 ORBITS = {
@@ -162,7 +163,9 @@ def test_tide_on_slopes():
     """A slope gets the derivative of the tide along it: -(mu/R^3) (I - 3 k k^T) near the origin, k the unit
     vector from the Sun, to r/R = 1e-7."""
     origin, node = jnp.array([0.0, AU, 0.0]), jnp.array([[1e3, 2e3, 3e3], [0.6, 0.8, 0.0]])
-    found = nodal_tide(origin, node[:, :, None, None])[:, :, 0, 0]
+    field = SolarTide(PlaceOnOrbit(origin, jnp.zeros(3)))
+    nodal = node[:, :, None, None]
+    found = field.at_nodes(jnp.zeros(()), nodal, jnp.zeros_like(nodal))[:, :, 0, 0]
     gradient = -SOLAR_MU / AU**3 * np.diag([1.0, -2.0, 1.0])
     assert np.allclose(found, node @ gradient, rtol=1e-6, atol=1e-20)
 

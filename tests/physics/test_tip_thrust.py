@@ -30,7 +30,7 @@ def test_spin_up_of_a_stiff_tether(stepper, validate):
         kind="truss", elements=1, length=LENGTH, axial=1e5, line_density=ROD / LENGTH, tip_mass=TIP
     )
     switching = Switching(one(on), one(off), jnp.asarray(rise))
-    made = dataclasses.replace(made, tip_thrust=TipThrust(one(force), switching, "tangential"))
+    made = dataclasses.replace(made, tip_loads=(TipThrust(one(force), switching, "tangential"),))
     q = straight(made)
     _, q, v, _ = integrate(stepper, made, q, turning(q, [spin, 0.0, 0.0]), 0.01, 420)
     r, rate = q.tether[-1, 0, :, -1, 0], v.tether[-1, 0, :, -1, 0]
@@ -51,7 +51,7 @@ def test_directions():
     measured = Measurements(jnp.asarray(7.0), axis, chords, chords)
     force = jnp.array([2.0, 3.0])
     axial, radial, tangential = (
-        TipThrust(force, None, name).at(measured) for name in ("axial", "radial", "tangential")
+        TipThrust(force, None, name).force(measured) for name in ("axial", "radial", "tangential")
     )
     assert np.allclose(axial, axis[:, None] * force, rtol=0, atol=1e-15)
     assert np.allclose(axis @ radial, 0.0, atol=1e-15) and bool(((radial * chords).sum(0) > 0.0).all())
@@ -60,7 +60,7 @@ def test_directions():
     assert np.allclose(jnp.cross(radial, in_plane, axis=0), 0.0, atol=1e-15)
     assert np.allclose(jnp.cross(axis[:, None], radial, axis=0), tangential, rtol=0, atol=1e-15)
     switching = Switching(jnp.array([5.0, 6.5]), jnp.array([50.0, 7.0]), jnp.asarray(4.0))
-    pushed = TipThrust(force, switching, "axial").at(measured)
+    pushed = TipThrust(force, switching, "axial").force(measured)
     assert np.allclose(axis @ pushed, [1.0, 3.0 * 0.125**3 * (10 - 15 * 0.125 + 6 * 0.125**2)], rtol=1e-14)
 
 

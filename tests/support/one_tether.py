@@ -20,6 +20,7 @@ from esail_jax.elements.tether import TetherBatch
 from esail_jax.equilibria.steady_stretch import along, unstretched_line
 from esail_jax.iteration_matrix import factor_mass
 from esail_jax.joints.roots import FrameRoots, HubRoots, clamp_normals
+from esail_jax.loads.fields import UniformGravity
 from esail_jax.numerics.lockstep import select
 from esail_jax.steppers.collocation import Collocation
 from esail_jax.steppers.consistent import consistent_motion, project
@@ -70,8 +71,8 @@ def one_tether(
         roots = FrameRoots(jnp.eye(3), jnp.asarray(float(spin)), anchor, normals)
     else:
         roots = HubRoots(hub.weights(anchor), None)
-    gravity = None if gravity is None else jnp.asarray(gravity, float)
-    return System(tethers, roots, hub, tuple(energies), tuple(damping), tuple(loads), gravity)
+    fields = () if gravity is None else (UniformGravity(jnp.asarray(gravity, float)),)
+    return System(tethers, roots, hub, tuple(energies), tuple(damping), tuple(loads), fields)
 
 
 def straight(system, direction=(0.0, 1.0, 0.0), line=None):

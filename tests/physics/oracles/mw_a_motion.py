@@ -14,6 +14,7 @@ from esail_jax.coordinates import Coordinates
 from esail_jax.elements.axial import AxialEnergy
 from esail_jax.elements.tether import TetherBatch, per_element
 from esail_jax.joints.roots import FrameRoots
+from esail_jax.loads.fields import UniformGravity
 from esail_jax.steppers.consistent import consistent_acceleration
 from esail_jax.system import System
 from oracles.ledger import Errors, fails, holds, relative_error
@@ -252,7 +253,7 @@ def hanging_trusses() -> tuple[list[Rods], np.ndarray, np.ndarray, np.ndarray]:
         tethers = TetherBatch(length, density, 0.0 * length, n, "truss", ("r_x",))
         roots = FrameRoots(jnp.eye(3), jnp.zeros(()), jnp.zeros((3, count)), None)
         energy = AxialEnergy(per_element(axial, n), "engineering")
-        system = System(tethers, roots, None, (energy,), (), (), jnp.asarray(gravity))
+        system = System(tethers, roots, None, (energy,), (), (), (UniformGravity(jnp.asarray(gravity)),))
         q, v = Coordinates(nodal, None), Coordinates(0.0 * nodal, None)
         return consistent_acceleration(system, jnp.zeros(()), q, v)[0].tether
 

@@ -32,7 +32,7 @@ def rheonomic_constraints():
     azimuth = jnp.asarray([0.3, 1.9, 4.0])
     frame = FrameRoots(jnp.eye(3), jnp.asarray(0.7), jnp.zeros((3, P)), clamp_normals(azimuth))
     tethers = sail.sail().tethers
-    turning = System(tethers, frame, None, (), (), (), None)
+    turning = System(tethers, frame, None, (), (), ())
     random = np.random.default_rng(3)
     q, v, time = *random.normal(size=(2, 2 * 3 * N * P)), jnp.asarray(0.4)
 

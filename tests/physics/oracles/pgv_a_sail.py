@@ -80,7 +80,6 @@ def build() -> System:
         energies=(AxialEnergy(1.9 * ones, "green-lagrange"), BendingEnergy(0.7 * ones)),
         dissipations=(AxialDissipation(1.9 * ones, 0.6 * ones, "green-lagrange"),),
         loads=(CoulombThrust.of(wind, Constant(jnp.asarray(VOLTAGE)), N - 1),),
-        gravity=None,
     )
 
 

@@ -114,7 +114,7 @@ def system_of(length, axial, bending, axial_time, bending_time) -> System:
         BendingDissipation(bending * one, bending_time * one, 0.0 * one),
     )
     roots = FrameRoots(jnp.eye(3), jnp.zeros(()), jnp.zeros((3, 1)), None)
-    return System(tethers, roots, None, energies, dissipations, (), None)
+    return System(tethers, roots, None, energies, dissipations, ())
 
 
 def nodal(e):

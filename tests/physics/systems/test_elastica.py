@@ -59,7 +59,7 @@ def shooting(load, axial):
 @jit
 def tip_under(made, load):
     """Returns the tip (along, down) under a load P [N]."""
-    made = eqx.tree_at(lambda s: s.gravity, made, jnp.array([0.0, 0.0, -1.0]) * load)
+    made = eqx.tree_at(lambda s: s.fields[0].vector, made, jnp.array([0.0, 0.0, -1.0]) * load)
     found = equilibrium(made, straight(made), jnp.zeros(3))
     return found.q.tether[0, 1:, -1, 0] * jnp.array([1.0, -1.0])
 

@@ -17,6 +17,7 @@ from esail_jax.elements.hinges import Hinges
 from esail_jax.elements.tether import TetherBatch
 from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.joints.roots import FrameRoots
+from esail_jax.loads.fields import OrbitalField, UniformGravity
 from esail_jax.numerics import bordered
 from esail_jax.rod_chain import RodChain, RodState
 from esail_jax.steppers.consistent import consistent_acceleration
@@ -82,8 +83,10 @@ def package(data, ends, free, parts):
         energies=(AxialEnergy(axial, "engineering"),),
         dissipations=damping,
         loads=loads,
-        gravity=jnp.asarray(GRAVITY) if "gravity" in parts else None,
-        orbit=CircularOrbit(jnp.asarray(MOTION)) if "orbit" in parts else None,
+        fields=(
+            *([UniformGravity(jnp.asarray(GRAVITY))] if "gravity" in parts else []),
+            *([OrbitalField(CircularOrbit(jnp.asarray(MOTION)))] if "orbit" in parts else []),
+        ),
     )
     hinges = None
     if "hinges" in parts:

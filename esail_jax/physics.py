@@ -1,0 +1,157 @@
+"""Physics of your own: the kinds of term that a user may write and add to any scene.
+
+    from esail_jax.physics import HubLoad
+
+    class Thruster(HubLoad):
+        thrust: Array                                    # N, along X_B
+
+        def wrench(self, hub):
+            return hub.rotation[:, 0] * self.thrust, jnp.zeros(3)
+
+    esail.simulate("baseline", terms=[Thruster(0.01)])
+
+A term is an `equinox.Module` of one of these kinds, with one method that reads like its equation:
+
+| kind | method | gives |
+|---|---|---|
+| `Energy` | `deformation(invariants)`, `energy_density(e)` | elastic energy of the tethers [J/m] |
+| `Dissipation` | `deformation(invariants)`, `rayleigh_density(e, rate)` | half the dissipated power [W/m] |
+| `Load` | `force(time, fields, rates)` | force per undeformed length of the tethers [N/m] |
+| `TipLoad` | `force(measurements)` | force on every remote unit [N] |
+| `HubLoad` | `wrench(hub)` | force at the hub's centre [N] and torque about it [N m] |
+| `Field` | `acceleration(time, position, velocity)` | acceleration of everything that has mass [m/s^2] |
+
+The term is added to those of the scene. Arrays have the component first. Those of the tethers end with the
+axes (element, tether), so that a number per tether, of shape (tether,), needs no care; what stands between
+is a batch. Every floating-point number of a term is a parameter: other values need no compilation, and have
+derivatives. Integers and texts are part of the structure. `jnp` takes the place of numpy, `jnp.where` that
+of `if`.
+
+Instants [s] at which a term changes its form in time, such as the ends of a pulse, belong into the property
+`knots`, a sequence of numbers or arrays: steps then end there.
+"""
+
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+
+from esail_jax import terms
+from esail_jax.array_types import Array, Float
+from esail_jax.terms import HubMotion
+
+__all__ = ["Dissipation", "Energy", "Field", "HubLoad", "HubMotion", "Load", "LoadFields", "TipLoad"]
+
+
+class LoadFields(NamedTuple):
+    """The fields that a load may depend on, each of shape (3, point, .., element, tether), or their rates.
+
+    r: position [m] in I. r_x: slope dr/dx [-]. r_xx: second derivative [1/m], None unless the load names it
+    in `depends_on`. x: undeformed distance from the root [m], of shape (point, .., element, tether).
+    """
+
+    r: Float[Array, "3 *point"]
+    r_x: Float[Array, "3 *point"]
+    r_xx: Float[Array, "3 *point"] | None
+    x: Float[Array, "*point"]
+
+
+class Energy(terms.Energy):
+    """Elastic energy of the tethers per undeformed length.
+
+    `deformation(invariants)` is a measure of deformation e, a function of `invariants.stretch_squared`
+    |r_x|^2 and, for cables with bending, `invariants.normal_squared` [1/m^2]; `energy_density(e)` is W
+    [J/m].
+    """
+
+    @property
+    def name(self) -> str:
+        return type(self).__name__
+
+    @property
+    def depends_on(self) -> tuple[str, ...]:
+        return fields_of(self)
+
+
+class Dissipation(terms.Dissipation):
+    """Rayleigh dissipation of the tethers per undeformed length.
+
+    `deformation(invariants)` is that of `Energy`; `rayleigh_density(e, rate)` is R [W/m], quadratic in the
+    rate of e. The dissipated power is 2 R.
+    """
+
+    @property
+    def name(self) -> str:
+        return type(self).__name__
+
+    @property
+    def depends_on(self) -> tuple[str, ...]:
+        return fields_of(self)
+
+
+class Load(terms.Load):
+    """Force on the tethers per undeformed length.
+
+    `force(time, fields, rates)` is f [N/m], of the shape of `fields.r_x`; `fields` and `rates` are
+    `LoadFields`.
+
+    A load may also have `commanded(measurements)`, a number for every tether that depends on the state. Its
+    result is found in `self.command` within `force`. `measurements` is that of voltage laws; its `current`
+    is the electron current of every tether at the root [A], for scenes with `tethers.wire_radius`.
+    """
+
+    @property
+    def name(self) -> str:
+        return type(self).__name__
+
+    @property
+    def depends_on(self) -> tuple[str, ...]:
+        """The fields that the force depends on: position and slope."""
+        return ("r", "r_x")
+
+    @property
+    def knots(self) -> tuple[Any, ...]:  # type: ignore[override]
+        """Instants [s] at which the force changes its form in time. Steps end there."""
+        return ()
+
+
+class TipLoad(terms.TipLoad):
+    """Force on every remote unit: `force(measurements)` is of shape (3, tether) [N], in I.
+
+    `measurements` is that of voltage laws (`measurements.Measurements`).
+    """
+
+    @property
+    def name(self) -> str:
+        return type(self).__name__
+
+
+class HubLoad(terms.HubLoad):
+    """Force and torque on the hub: `wrench(hub)` is the force (3,) [N] at the hub's centre, in I, and the
+    torque (3,) [N m] about it, in B. `hub` is a `HubMotion`."""
+
+    @property
+    def name(self) -> str:
+        return type(self).__name__
+
+
+class Field(terms.Field):
+    """Acceleration of everything that has mass: `acceleration(time, position, velocity)` [m/s^2].
+
+    position [m] and velocity [m/s] are arrays with the component first, in I; so is the result.
+    """
+
+    @property
+    def name(self) -> str:
+        return type(self).__name__
+
+
+def fields_of(term: terms.Deformation) -> tuple[str, ...]:
+    """The fields that a measure of deformation depends on: the slope, and its derivative if the measure
+    cannot do without the curvature."""
+    try:
+        found = term.deformation(terms.Invariants(jnp.ones(()), None))
+    except (AttributeError, TypeError):
+        return ("r_x", "r_xx")
+    except Exception:  # an error of the method, which its call reports
+        return ("r_x",)
+    return ("r_x", "r_xx") if found is None else ("r_x",)
