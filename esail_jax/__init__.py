@@ -43,6 +43,7 @@ if TYPE_CHECKING:
         PlasmaBrake,
     )
     from esail_jax.scenes.common_tables import Gravity, Integrator, Output
+    from esail_jax.scenes.loading import load_scene
     from esail_jax.scenes.orbit_table import HeliocentricOrbit
     from esail_jax.scenes.rules import SceneError
     from esail_jax.scenes.sail_tables import (
@@ -53,7 +54,7 @@ if TYPE_CHECKING:
         Tethers,
         Voltage,
     )
-    from esail_jax.scenes.scene import Scene, load_scene
+    from esail_jax.scenes.scene import Scene
     from esail_jax.scenes.thermal_table import Thermal
     from esail_jax.scenes.tip_tables import AuxiliaryTethers, RemoteUnits, TipThrust
     from esail_jax.simulation.simulate import run, simulate
@@ -123,7 +124,8 @@ MODULES = {
         "Tethers",
         "Voltage",
     ),
-    "scenes.scene": ("Scene", "load_scene"),
+    "scenes.loading": ("load_scene",),
+    "scenes.scene": ("Scene",),
     "scenes.tip_tables": ("AuxiliaryTethers", "RemoteUnits", "TipThrust"),
     "scenes.thermal_table": ("Thermal",),
     "simulation.simulate": ("run", "simulate"),

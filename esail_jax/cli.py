@@ -38,10 +38,10 @@ if TYPE_CHECKING:
 def scene_of(options: argparse.Namespace) -> "Scene":
     """Reads and checks the scene of a command, before JAX is imported: an error is reported at once, and so
     is a number that may be in a wrong unit."""
+    from esail_jax.scenes.loading import load_scene
     from esail_jax.scenes.own_law import KEY, MissingLaw
     from esail_jax.scenes.own_terms import KEY as OWN_TERMS
     from esail_jax.scenes.plausibility import doubts, without_effect
-    from esail_jax.scenes.scene import load_scene
 
     overrides = settings(options)
     if getattr(options, "voltage_law", None) is not None:

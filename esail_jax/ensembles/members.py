@@ -9,9 +9,10 @@ import numpy as np
 from esail_jax.ensembles.ensemble import Ensemble, concatenate
 from esail_jax.ensembles.member_runner import MemberRunner
 from esail_jax.ensembles.sampling import Vary, checked_inputs, draw
+from esail_jax.scenes.loading import load_scene
 from esail_jax.scenes.own_terms import KEY
 from esail_jax.scenes.rules import SceneError
-from esail_jax.scenes.scene import Scene, load_scene
+from esail_jax.scenes.scene import Scene
 from esail_jax.simulation.arguments import check_max_steps
 
 

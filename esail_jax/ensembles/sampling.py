@@ -26,9 +26,10 @@ from esail_jax.ensembles.distributions import (
     parse_distribution,
 )
 from esail_jax.scenes.declarations import rule_of
+from esail_jax.scenes.loading import load_scene
 from esail_jax.scenes.merging import unknown
 from esail_jax.scenes.rules import Rule, SceneError, describe, numbers_of
-from esail_jax.scenes.scene import Scene, load_scene
+from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.tables import names_of, tables_of
 from esail_jax.scenes.value_types import Kind, Shape
 

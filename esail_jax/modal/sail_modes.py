@@ -21,9 +21,10 @@ from esail_jax.modal.solving import Solved, solve
 from esail_jax.modal.steady_load import check_has_modes, check_has_orbit, with_mean_loads
 from esail_jax.modal.table import ModeTable
 from esail_jax.scenes.build import Model, build
+from esail_jax.scenes.loading import load_scene
 from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.own_terms import KEY
-from esail_jax.scenes.scene import Scene, load_scene
+from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.structure import Numbers, Structure, split
 from esail_jax.steppers.results import RESULTS
 from esail_jax.system import System

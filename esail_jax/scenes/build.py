@@ -69,17 +69,19 @@ def build(structure: Structure, numbers: Numbers) -> Model:
         chain, state = build_chain(structure, n)
         q, v = chain.coordinates(state)
         return Model(chain.system, q, v, jnp.zeros(1))
-    start, _ = starting_attitude(n)
-    azimuth = joints.even_azimuths(structure["tethers.count"])
     system = system_of(structure, n)
-    q, v, unbalanced = initial_state(structure, n, system, azimuth, start)
+    q, v, unbalanced = initial_state(structure, n, system)
     return Model(system, q, v, unbalanced)
+
+
+def azimuths(structure: Structure) -> PerTether:
+    """Azimuths [rad] of the tethers from Y_B."""
+    return joints.even_azimuths(structure["tethers.count"])
 
 
 def system_of(structure: Structure, n: Numbers) -> System:
     """The system of a sail."""
-    start, origin = starting_attitude(n)
-    azimuth = joints.even_azimuths(structure["tethers.count"])
+    (start, origin), azimuth = starting_attitude(n), azimuths(structure)
     hub = None
     if structure.has("hub"):
         hub = RigidBody(n["hub.height"], n["hub.radius"], n["hub.density"])
@@ -234,10 +236,11 @@ def roots_of(
 
 
 def initial_state(
-    structure: Structure, n: Numbers, system: System, azimuth: PerTether, start: Rotation
+    structure: Structure, n: Numbers, system: System
 ) -> tuple[Coordinates, Coordinates, PerTether]:
     """Initial positions and velocities: straight tethers on their cone that turn rigidly with the hub. Also
     the largest force [N] of every tether that the steady elongation leaves unbalanced."""
+    (start, _), azimuth = starting_attitude(n), azimuths(structure)
     coning = jnp.deg2rad(n["initial.coning_angle_deg"])
     radius = n["hub.radius"] if system.hub is not None else jnp.zeros(())
     spin = n["initial.spin_rate"]

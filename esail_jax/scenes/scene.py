@@ -18,11 +18,11 @@ from esail_jax.scenes.chain_tables import Chain, ChainInitial, ChainVoltage, Cha
 from esail_jax.scenes.common_tables import Gravity, Integrator, Output
 from esail_jax.scenes.consistency import check_together, method_name
 from esail_jax.scenes.declarations import rule_of
-from esail_jax.scenes.merging import check_overrides, merged, unknown
+from esail_jax.scenes.merging import merged, unknown
 from esail_jax.scenes.orbit_table import HeliocentricOrbit
-from esail_jax.scenes.own_law import KEY, check_has_law, with_own_law
+from esail_jax.scenes.own_law import KEY, with_own_law
 from esail_jax.scenes.own_terms import KEY as OWN_TERMS
-from esail_jax.scenes.own_terms import AbsentTerms, check_has_terms, checked_terms
+from esail_jax.scenes.own_terms import AbsentTerms, checked_terms
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.sail_tables import (
     ORIGIN_AU,
@@ -33,7 +33,6 @@ from esail_jax.scenes.sail_tables import (
     Tethers,
     Voltage,
 )
-from esail_jax.scenes.size_limits import check_size
 from esail_jax.scenes.tables import TABLES, given, names_of, tables_of
 from esail_jax.scenes.thermal_table import Thermal
 from esail_jax.scenes.tip_tables import AuxiliaryTethers, RemoteUnits, TipThrust
@@ -257,24 +256,6 @@ def parse(text: str, source: str, overrides: Mapping[str, Any] | None = None) ->
     except (ValueError, RecursionError) as error:  # also numbers of thousands of digits
         raise SceneError(source, "be a TOML file", f"is not: {error}") from None
     return scene_of(tables, overrides or {}, Path(source).parent)
-
-
-def load_scene(source: "str | os.PathLike | Scene", overrides: Mapping[str, Any] | None = None) -> Scene:
-    """A built-in scene by name, a TOML file by path, or a `Scene` itself, with overrides by key, which may
-    also give what a file lacks. Raises SceneError, also for a scene that this machine cannot compute, and
-    for one that names a law in Python but does not have it."""
-    if overrides is not None:
-        check_overrides("overrides", overrides, "`voltage_law=law`")
-    scene = source.replace(overrides or {}) if isinstance(source, Scene) else read_scene(source, overrides)
-    check_size(scene)
-    if scene.chain is None and scene.voltage is not None:
-        check_has_law(scene.voltage.law, scene.voltage_law)
-    if scene.terms:
-        from esail_jax.scenes.trial_of_terms import try_terms
-
-        check_has_terms(scene)
-        try_terms(scene)
-    return scene
 
 
 def unread(source: str | os.PathLike, error: Exception) -> str:

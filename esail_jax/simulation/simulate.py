@@ -12,11 +12,12 @@ import numpy as np
 from esail_jax.errors import SimulationError
 from esail_jax.observables.run_warning import run_warning
 from esail_jax.scenes.keywords import refuse_keywords
+from esail_jax.scenes.loading import load_scene
 from esail_jax.scenes.merging import check_overrides
 from esail_jax.scenes.own_law import KEY, period_of
 from esail_jax.scenes.own_terms import KEY as OWN_TERMS
 from esail_jax.scenes.rules import SceneError, numbers_of
-from esail_jax.scenes.scene import Scene, load_scene
+from esail_jax.scenes.scene import Scene
 from esail_jax.simulation.arguments import check_arguments
 from esail_jax.simulation.host import HostRun, compile_scene
 from esail_jax.simulation.rectification import AnyPoint

@@ -15,7 +15,7 @@ PACKAGE = Path(__file__).parents[2] / "esail_jax"
 LAYERS = (
     ("constants", "array_types", "atomic_file", "compilation", "cores", "errors", "html"),
     ("numerics", "environment"),
-    ("coordinates", "measurements", "point_fields", "terms"),
+    ("coordinates", "measurements", "physics", "point_fields", "terms"),
     ("control", "elements", "loads", "joints"),
     ("assembly", "sensors", "system"),
     ("iteration_matrix", "rod_chain"),

@@ -1,8 +1,8 @@
 """A listener hears which program of a run is compiled or loaded."""
 
 from esail_jax.compilation.announcements import announced_to
+from esail_jax.scenes.loading import load_scene
 from esail_jax.scenes.method_choice import with_method
-from esail_jax.scenes.scene import load_scene
 from esail_jax.scenes.structure import split
 from esail_jax.simulation import programs
 

@@ -11,7 +11,7 @@ from esail_jax.elements.rigid_body import RigidBody
 from esail_jax.elements.tether import TetherBatch
 from esail_jax.numerics.vectors import dot
 from esail_jax.point_fields import PointFields, invariants_of
-from esail_jax.scenes.scene import load_scene
+from esail_jax.scenes.loading import load_scene
 from esail_jax.scenes.structure import split
 from support.quick import build_jitted, jit
 

@@ -7,7 +7,7 @@ import pytest
 from esail_jax.cli import main
 from esail_jax.commands import estimate
 from esail_jax.commands.estimate import Trial, estimate_text
-from esail_jax.scenes.scene import load_scene
+from esail_jax.scenes.loading import load_scene
 
 SMALL = [
     *("--set", "tethers.count=3", "--set", "tethers.elements=2", "--t-end", "20"),

@@ -11,8 +11,8 @@ import pytest
 
 import esail_jax as esail
 from esail_jax import cli
+from esail_jax.scenes.loading import load_scene
 from esail_jax.scenes.plausibility import doubts
-from esail_jax.scenes.scene import load_scene
 
 ROOT = Path(__file__).parents[2]
 

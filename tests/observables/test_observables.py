@@ -13,7 +13,7 @@ import pytest
 from esail_jax.numerics.angles import euler_angles, rotation_of, smallest_eigenvector
 from esail_jax.observables import chain, hint_at, sail
 from esail_jax.observables.meanings import MEANINGS
-from esail_jax.scenes.scene import load_scene
+from esail_jax.scenes.loading import load_scene
 from esail_jax.simulation.solution import Solution
 from esail_jax.steppers.results import RESULTS
 from oracles.ledger import relative_error

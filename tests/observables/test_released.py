@@ -6,7 +6,7 @@ import numpy as np
 from esail_jax.observables import make_instant, observe, sail
 from esail_jax.observables.meanings import COUNTED, LEFT_OUT, MEANINGS, RELEASED
 from esail_jax.scenes.build import build
-from esail_jax.scenes.scene import load_scene
+from esail_jax.scenes.loading import load_scene
 from esail_jax.scenes.structure import split
 from esail_jax.system import Power
 from support.quick import jit

@@ -11,8 +11,9 @@ import esail_jax as esail
 from esail_jax import cli
 from esail_jax.files import run_file
 from esail_jax.scenes.declarations import rule_of
+from esail_jax.scenes.loading import load_scene
 from esail_jax.scenes.sail_tables import Initial
-from esail_jax.scenes.scene import load_scene, parse
+from esail_jax.scenes.scene import parse
 from esail_jax.scenes.tables import CHAIN_TABLES
 from esail_jax.scenes.toml_text import to_toml
 from esail_jax.scenes.value_types import Shape

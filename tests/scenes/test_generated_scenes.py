@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 import esail_jax as esail
 from esail_jax.scenes.builtin_scenes import builtin_names, builtin_text
 from esail_jax.scenes.declarations import rule_of
-from esail_jax.scenes.scene import load_scene, parse
+from esail_jax.scenes.loading import load_scene
+from esail_jax.scenes.scene import parse
 from esail_jax.scenes.tables import CHAIN_TABLES, SAIL_TABLES, names_of
 from esail_jax.scenes.toml_text import to_toml
 from esail_jax.scenes.value_types import Kind

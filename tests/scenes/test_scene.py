@@ -11,8 +11,9 @@ import esail_jax as esail
 from esail_jax.elements.bending import BendingDissipation
 from esail_jax.scenes.build import material_terms
 from esail_jax.scenes.builtin_scenes import builtin_names, builtin_text, description
+from esail_jax.scenes.loading import load_scene
 from esail_jax.scenes.method_choice import with_method
-from esail_jax.scenes.scene import Scene, load_scene, parse
+from esail_jax.scenes.scene import Scene, parse
 from esail_jax.scenes.structure import split
 from esail_jax.scenes.tables import SAIL_TABLES, names_of
 from esail_jax.scenes.toml_text import to_toml

@@ -17,9 +17,10 @@ from esail_jax.scenes import consistency, method_choice, methods, value_types
 from esail_jax.scenes.declarations import rule_of
 from esail_jax.scenes.key_reference import describe_keys
 from esail_jax.scenes.law_keys import LAWS, LawName
+from esail_jax.scenes.loading import load_scene
 from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.methods import METHODS, MethodName, takes
-from esail_jax.scenes.scene import load_scene, parse
+from esail_jax.scenes.scene import parse
 from esail_jax.scenes.tables import CHAIN_TABLES, SAIL_TABLES
 from esail_jax.scenes.value_types import Kind, Shape
 from esail_jax.steppers.runge_kutta import REACH

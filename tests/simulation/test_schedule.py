@@ -9,7 +9,7 @@ import itertools
 import numpy as np
 import pytest
 
-from esail_jax.scenes.scene import load_scene
+from esail_jax.scenes.loading import load_scene
 from esail_jax.simulation.schedule import (
     SNAP,
     Schedule,

@@ -16,7 +16,7 @@ from esail_jax import iteration_matrix
 from esail_jax.coordinates import Coordinates
 from esail_jax.numerics import bordered
 from esail_jax.numerics.angles import rotation_by
-from esail_jax.scenes.scene import load_scene
+from esail_jax.scenes.loading import load_scene
 from esail_jax.scenes.structure import split
 from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
 from oracles.dense import Dense

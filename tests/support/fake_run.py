@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from esail_jax.scenes.scene import load_scene
+from esail_jax.scenes.loading import load_scene
 
 INTERVAL = 20.0
 PERIOD = 2.0 * np.pi / 4e-3

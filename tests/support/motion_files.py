@@ -5,7 +5,7 @@ import numpy as np
 from esail_jax.files.hdf5 import atomic_hdf5
 from esail_jax.files.opening import SCHEMA_VERSION
 from esail_jax.observables import described
-from esail_jax.scenes.scene import load_scene
+from esail_jax.scenes.loading import load_scene
 from esail_jax.scenes.toml_text import to_toml
 
 TIME = np.linspace(0.0, 1600.0, 41)

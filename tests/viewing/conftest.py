@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from esail_jax.scenes.scene import load_scene
+from esail_jax.scenes.loading import load_scene
 from esail_jax.viewing.motions import read_motions
 from esail_jax.viewing.page import page_of
 from support.motion_files import TIME, chain_rows, sail_rows, sail_scene, write_run

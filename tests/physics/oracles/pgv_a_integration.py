@@ -6,8 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.coordinates import Coordinates, Multipliers
+from esail_jax.scenes.loading import load_scene
 from esail_jax.scenes.method_choice import with_method
-from esail_jax.scenes.scene import load_scene
 from esail_jax.steppers.fixed_step_state import StepState
 from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
 from esail_jax.system import Power

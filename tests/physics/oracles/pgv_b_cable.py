@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.scenes.build import tethers_of
-from esail_jax.scenes.scene import load_scene
+from esail_jax.scenes.loading import load_scene
 from esail_jax.scenes.structure import split
 
 from . import pgv_a_forms as forms

@@ -14,7 +14,7 @@ from scipy.linalg import eigh
 from scipy.optimize import brentq
 
 from esail_jax.scenes.build import material_terms
-from esail_jax.scenes.scene import load_scene
+from esail_jax.scenes.loading import load_scene
 from esail_jax.scenes.structure import split
 from oracles.ledger import Errors, fails, holds, relative_error
 from oracles.pgv_c0_element import Cable, judged, shape_derivatives

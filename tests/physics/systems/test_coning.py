@@ -20,7 +20,7 @@ from esail_jax.equilibria.equilibrium import equilibrium
 from esail_jax.equilibria.steady_stretch import steady_line
 from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.loads.voltage import Constant
-from esail_jax.scenes.scene import load_scene
+from esail_jax.scenes.loading import load_scene
 from esail_jax.scenes.structure import split
 from support.one_tether import one_tether, straight
 from support.quick import build_jitted, jit
