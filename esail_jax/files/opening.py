@@ -114,5 +114,5 @@ def intact(path: str | os.PathLike) -> Iterator[None]:
 
 
 def to_python(value: Any) -> Any:
-    """An HDF5 attribute as a plain Python value."""
-    return value.item() if hasattr(value, "item") else value
+    """An HDF5 attribute as a plain Python value, a list of several."""
+    return value.tolist() if hasattr(value, "tolist") else value

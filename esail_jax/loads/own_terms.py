@@ -315,8 +315,15 @@ class OwnCommandedLoad(AlongTethers, ControlledLoad):
 
     def commanded(self, measurements: Measurements) -> PerTether:
         count = measurements.chords.shape[1]
-        found = self.call("commanded", self.around.measured(measurements))
-        if jnp.ndim(found) == 0:
+        given = self.around.measured(measurements)
+        found = self.call("commanded", given)
+        if found is None and given.current is None:
+            raise InputError(
+                f"`{subject_of(self.term, self.place)}.commanded` must return numbers, but "
+                f"{line_of(self.term, 'commanded')} returns None, as `current` is None without "
+                "`tethers.wire_radius`"
+            )
+        if isinstance(found, float | int) or getattr(found, "shape", None) == ():
             found = jnp.full(count, found)
         return self.like("commanded", found, (count,), "a number for every tether,")
 
