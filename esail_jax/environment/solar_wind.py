@@ -15,7 +15,8 @@ class SteadyWind(eqx.Module):
 
     speed: u [m/s]. number_density: n_0 [1/m^3]. cutoff_voltage: V_1 [V], bulk kinetic energy of a proton
     over its charge. origin: R_0 [m], heliocentric position of the inertial frame's origin. sheath: the law
-    of thrust if it is not the linear one ([PGV] Eq. 29), which then needs no cutoff voltage.
+    of thrust if it is not the linear one ([PGV] Eq. 29), which then needs no cutoff voltage. thrust_factor:
+    the factor [-] of the linear law; None for that of the paper, 0.18.
     """
 
     speed: Instants
@@ -23,6 +24,7 @@ class SteadyWind(eqx.Module):
     cutoff_voltage: Scalar | None
     origin: Vector
     sheath: DebyeSheath | None = None
+    thrust_factor: Scalar | None = None
 
     @property
     def knots(self) -> tuple[Array, ...]:
@@ -53,16 +55,21 @@ class SteadyWind(eqx.Module):
 
     def thrust_per_speed(self, voltage: Float[Array, "*member"]) -> Float[Array, "*load"]:
         """Thrust per length and wind speed, sigma / u = 0.18 max(0, V_0 - V_1) sqrt(eps_0 m_i n_0) [N
-        s/m^2] ([PGV] Eq. 29), or that of the sheath's law."""
+        s/m^2] ([PGV] Eq. 29, with the factor of the scene), or that of the sheath's law."""
         if self.sheath is not None:
             return self.sheath.thrust_per_speed(self.speed, self.number_density, voltage)
-        return THRUST_FACTOR * jnp.maximum(0.0, voltage - self.cutoff_voltage) * self.plasma
+        return self.factor * jnp.maximum(0.0, voltage - self.cutoff_voltage) * self.plasma
 
     def voltage(self, thrust_per_speed: Float[Array, "*member"]) -> Float[Array, "*member"]:
         """The voltage [V] of a positive sigma / u [N s/m^2]: the inverse of `thrust_per_speed`."""
         if self.sheath is not None:
             return self.sheath.voltage(self.speed, self.number_density, thrust_per_speed)
-        return self.cutoff_voltage + thrust_per_speed / (THRUST_FACTOR * self.plasma)
+        return self.cutoff_voltage + thrust_per_speed / (self.factor * self.plasma)
+
+    @property
+    def factor(self) -> Scalar | float:
+        """The factor [-] of the linear law of thrust."""
+        return THRUST_FACTOR if self.thrust_factor is None else self.thrust_factor
 
     @property
     def plasma(self) -> Instants:
@@ -84,6 +91,7 @@ class WindSeries(eqx.Module):
     cutoff_voltage: Scalar | None
     origin: Vector
     sheath: DebyeSheath | None = None
+    thrust_factor: Scalar | None = None
 
     @property
     def knots(self) -> tuple[Array, ...]:
@@ -98,7 +106,8 @@ class WindSeries(eqx.Module):
     def at(self, time: Instants, r: VectorPerPoint | None = None) -> SteadyWind:
         """The wind at one or several instants, the same at all points r."""
         speed, density = (jnp.interp(time, self.time, x) for x in (self.speed, self.number_density))
-        return SteadyWind(speed, density, self.cutoff_voltage, self.origin, self.sheath)
+        about = self.cutoff_voltage, self.origin, self.sheath, self.thrust_factor
+        return SteadyWind(speed, density, *about)
 
     def at_sail(self, time: Scalar, position: Vector | None) -> SteadyWind:
         """The wind at an instant, at the heliocentric position of a sail: the same at all positions."""
@@ -150,7 +159,7 @@ class WindOnOrbit(eqx.Module):
         nearness = reciprocal(norm(place))
         density = wind.number_density * (self.reference_distance * nearness) ** 2
         plasma = wind.plasma * (self.reference_distance * nearness)
-        about = wind.cutoff_voltage, place, wind.sheath
+        about = wind.cutoff_voltage, place, wind.sheath, wind.thrust_factor
         return LocalWind(wind.speed, density, *about, velocity, nearness=nearness, local_plasma=plasma)
 
     def direction(self, position: Vector) -> Vector:

@@ -90,7 +90,8 @@ def with_mean_loads(system: System, axes: Rotation) -> System:
         distance = jnp.linalg.norm(wind.origin)
         cosine = axis @ wind.origin / distance
         origin = jnp.where(cosine < 0.0, -distance, distance) * axis
-        mean = SteadyWind(wind.speed * jnp.abs(cosine), wind.number_density, wind.cutoff_voltage, origin)
+        about = wind.number_density, wind.cutoff_voltage, origin
+        mean = SteadyWind(wind.speed * jnp.abs(cosine), *about, thrust_factor=wind.thrust_factor)
         loads.append(dataclasses.replace(load, wind=mean))
     gravity = find_term(system.fields, UniformGravity)
     fields: tuple[Field, ...] = ()

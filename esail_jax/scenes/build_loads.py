@@ -75,11 +75,12 @@ def wind_at(n: Numbers, origin: Float[Array, "3"]) -> SteadyWind | WindSeries:
     cutoff, sheath = n.get("solar_wind.cutoff_voltage"), None
     if "solar_wind.electron_temperature_ev" in n:
         sheath = DebyeSheath(n["solar_wind.electron_temperature_ev"], n["solar_wind.tether_radius"])
+    about = cutoff, origin, sheath, n.get("solar_wind.thrust_factor")
     if "solar_wind.time" not in n:
-        return SteadyWind(speed, density, cutoff, origin, sheath)
+        return SteadyWind(speed, density, *about)
     time = n["solar_wind.time"]
     speed, density = (jnp.broadcast_to(x, time.shape) for x in (speed, density))
-    return WindSeries(time, speed, density, cutoff, origin, sheath)
+    return WindSeries(time, speed, density, *about)
 
 
 def voltage_law(structure: Structure, n: Numbers, wind: Wind) -> voltage.VoltageLaw:

@@ -74,6 +74,7 @@ class ChainWind:
     cutoff_voltage: Number = declare(
         any_number, unit="V", doc="Voltage V_1 below which a rod has no thrust."
     )
+    thrust_factor: Number | None = declarations.factor_of_thrust()
     relative: bool = declarations.wind_relative_to_point()
 
 

@@ -82,6 +82,12 @@ def density_of_wind(shape: Shape) -> Any:
     return declare(non_negative, shape=shape, unit="1/m^3", doc="Number density n_0 of the wind.")
 
 
+def factor_of_thrust() -> Any:
+    """Declares the factor of the linear law of thrust."""
+    doc = "Law linear: factor of the thrust ([PGV] Eq. 29), 0.18 if left out."
+    return declare(positive, unit="-", doc=doc, default=None)
+
+
 def wind_relative_to_point() -> Any:
     """Declares whether the wind is felt relative to the moving tether or rod."""
     doc = "Whether the wind is felt relative to each moving point, u - dr/dt in place of u."

@@ -119,6 +119,7 @@ class SolarWind:
         doc="Law of the thrust: that of [PGV], or that of the electron sheath's size.",
         default="linear",
     )
+    thrust_factor: Number | None = declarations.factor_of_thrust()
     electron_temperature_ev: Number | None = declare(
         positive, unit="eV", doc="Law debye-sheath: temperature of the wind's electrons.", default=None
     )

@@ -23,6 +23,9 @@ def check_wind(scene: Parts) -> None:
             if law != table.thrust_law and getattr(table, name) is not None:
                 must = f"be left out with the law {table.thrust_law}"
                 raise SceneError(f"solar_wind.{name}", must, "is given")
+    if table.thrust_law != "linear" and table.thrust_factor is not None:
+        must = f"be left out with the law {table.thrust_law}"
+        raise SceneError("solar_wind.thrust_factor", must, "is given")
     least, most = table.electron_temperature_ev, table.number_density
     check_thin("solar_wind", table.tether_radius, least, most, DEBYE_LENGTHS)
     if table.time is not None:

@@ -164,7 +164,8 @@ def test_a_wrench_changes_momentum_and_angular_momentum(validate):
 
 def test_lorentz_force_on_the_electron_current():
     """On straight tethers the whole force is the integral of I (1 - x/L) t x B dx = I L/2 t x B with the
-    current I of the observable `electron_current`; `command` and `x` are therefore right."""
+    current I of the observable `electron_current`; `command` is therefore right, and with the integral of
+    x^2, L^3/3, so is `x`."""
     field = jnp.array([3e-9, -4e-9, 5e-9])
     model = made({"tethers.wire_radius": 2e-5}, [Lorentz(field)])
     system, q, v = model.system, model.q, model.v
@@ -178,6 +179,8 @@ def test_lorentz_force_on_the_electron_current():
     total = system.tethers.of_tethers(
         jnp.tensordot(system.tethers.weights, force, (0, 1)) * system.tethers.lengths
     )
+    squares = system.tethers.of_tethers((system.tethers.weights @ own.distance**2) * system.tethers.lengths)
+    np.testing.assert_allclose(squares.sum(0), 10e3**3 / 3.0, rtol=1e-12)
     exact = 0.5 * current * 10e3 * jnp.cross(measured.chords, field[:, None], axis=0)
     np.testing.assert_allclose(total.sum(1), exact, rtol=1e-9)
 

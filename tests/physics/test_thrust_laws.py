@@ -11,6 +11,8 @@ from esail_jax.constants import PROTON_MASS
 from esail_jax.environment.gusts import gamma_wind
 from esail_jax.environment.solar_wind import SteadyWind
 from esail_jax.environment.thrust_laws import DebyeSheath
+from esail_jax.scenes.build_loads import origin_of, wind_of
+from esail_jax.scenes.structure import split
 from support.derivatives import check_both_modes
 from support.quick import quickly
 
@@ -41,6 +43,31 @@ def test_published_thrust_of_the_sheath(validate):
         "THRUST-1", "thrust of the Debye sheath at 15 kV", "published simulations, 50 nN/m +- 20 %",
         "relative difference", abs(load[3] / 50e-9 - 1.0), 0.2,
     )  # fmt: skip
+
+
+@pytest.mark.parametrize("wind", ["steady", "series", "orbit"])
+def test_thrust_is_proportional_to_its_factor(wind):
+    """`solar_wind.thrust_factor` in place of the 0.18 of the paper, in every kind of wind; the voltage of a
+    thrust is that of the inverse law. The law of the sheath has no factor and refuses it."""
+    more = {
+        "steady": {},
+        "series": {"solar_wind.time": [0.0, 1e4], "solar_wind.speed": [4e5, 5e5]},
+        "orbit": {"orbit.position_au": [1.0, 0.0, 0.0], "orbit.velocity": [0.0, 3e4, 0.0],
+                  "initial.heliocentric_position_au": None},
+    }[wind]  # fmt: skip
+
+    def at(factor):
+        scene = esail.load_scene("baseline", more | {"solar_wind.thrust_factor": factor})
+        _, numbers = split(scene)
+        return wind_of(numbers, origin_of(numbers)).at_sail(jnp.asarray(10.0), origin_of(numbers))
+
+    plain, other, paper = at(None), at(0.27), at(0.18)
+    volts = jnp.asarray(2e4)
+    assert float(paper.thrust_per_speed(volts)) == float(plain.thrust_per_speed(volts))
+    assert float(other.thrust_per_speed(volts) / plain.thrust_per_speed(volts)) == pytest.approx(1.5, 1e-14)
+    assert float(other.voltage(other.thrust_per_speed(volts))) == pytest.approx(2e4, 1e-14)
+    with pytest.raises(esail.SceneError, match="must be left out with the law debye-sheath, but is given"):
+        esail.load_scene("baseline", SHEATH | {"solar_wind.thrust_factor": 0.2})
 
 
 @pytest.mark.parametrize("name", LAWS)

@@ -41,7 +41,7 @@ NEEDS = {
     "integrator.spectral_radius": {"integrator.method": "generalized-alpha"},
     "solar_wind.speed": {"voltage.value": 1e3}, "solar_wind.number_density": {"voltage.value": 1e3},
     "solar_wind.cutoff_voltage": {"voltage.value": 1e3}, "voltage.value": {},
-    "solar_wind.relative": {"voltage.value": 1e3},
+    "solar_wind.relative": {"voltage.value": 1e3}, "solar_wind.thrust_factor": {"voltage.value": 1e3},
     "initial.heliocentric_position_au": {"voltage.value": 1e3},
     **{f"plasma_brake.{x}": {"orbit.mean_motion": 1e-3, "plasma_brake.speed": 7.5e3,
        "plasma_brake.voltage": -1e3, "plasma_brake.number_density": 3e10,
