@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from esail_jax.array_types import Instants, Rotation, Scalar, Vector
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.elements.axial import TensionOnlyEnergy
-from esail_jax.elements.rigid_body import RigidBody
+from esail_jax.elements.rigid_body import Body
 from esail_jax.elements.ring import Ring
 from esail_jax.elements.tether import TetherBatch
 from esail_jax.environment.kepler_orbit import KeplerOrbit, PlaceOnOrbit
@@ -30,7 +30,7 @@ class Assembly(eqx.Module):
 
     tethers: TetherBatch
     roots: HubRoots | FrameRoots | None
-    hub: RigidBody | None
+    hub: Body | None
     energies: tuple[Term, ...]
     dissipations: tuple[Dissipation, ...]
     loads: tuple[Load, ...]

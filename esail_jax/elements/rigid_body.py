@@ -5,9 +5,12 @@ C = (0, R, 0) and D = (0, 0, R): the d(0) printed before Eq. 79. The vectors fro
 belong to other points; see the errata.
 """
 
+from abc import abstractmethod
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
 
 from esail_jax.array_types import Array, Float, HubPoints, Rotation, Scalar, Vector
 from esail_jax.numerics.small_matrices import matmul
@@ -30,25 +33,31 @@ HALVES = np.array([[0, 0, 0, 0.5], [0, 0, 0, 0.5], [0, 0, 0, 0], [0, 0, 0, 0]])
 height, those divided by the radius, and the constant ones."""
 
 
-class RigidBody(eqx.Module):
-    """Homogeneous solid cylinder about X_B.
+class Body(eqx.Module):
+    """A rigid body in natural coordinates.
 
-    height: h_r [m]. radius: R_r [m]. density: [kg/m^3].
+    height: h_r [m] and radius: R_r [m] place the base points.
     """
 
-    height: Scalar
-    radius: Scalar
-    density: Scalar
+    height: eqx.AbstractVar[Scalar]
+    radius: eqx.AbstractVar[Scalar]
+
+    @property
+    @abstractmethod
+    def second_moments(self) -> Float[Array, "4 4"]:
+        """The integral of rho (x, y, z, 1) (x, y, z, 1)^T dV in the body frame [kg m^2, kg m, kg]."""
+
+    @property
+    def inertia(self) -> Float[Array, "3 3"]:
+        """Inertia tensor about the hub centre in the body frame [kg m^2]: tr(S) I - S of the second moments
+        S."""
+        second = self.second_moments[:3, :3]
+        return jnp.trace(second) * jnp.eye(3) - second
 
     @property
     def base_points(self) -> Float[Array, "4 3"]:
         """Base points A, B, C, D in the body frame [m]."""
         return OF_HEIGHT * self.height + OF_RADIUS * self.radius
-
-    @property
-    def mass(self) -> Scalar:
-        """Mass m [kg]."""
-        return self.density * jnp.pi * self.radius**2 * self.height
 
     def weights(self, x: Float[Array, "3 *point"]) -> Float[Array, "4 *point"]:
         """Weights g of body-fixed points x: r(x) = sum_k g_k r_k, with sum g = 1 ([PGV] Eq. 131-132)."""
@@ -67,10 +76,8 @@ class RigidBody(eqx.Module):
     def mass_matrix(self) -> Float[Array, "4 4"]:
         """Mass matrix [kg]: the integral of rho g g^T dV. The 12 x 12 matrix is its Kronecker product with
         I_3 ([PGV] Eq. 52)."""
-        axial, radial = self.height**2 / 12.0, self.radius**2 / 4.0
-        second = self.mass * jnp.diag(jnp.stack([axial, radial, radial, jnp.ones_like(axial)]))
         inverse = self._affine_inverse()
-        return inverse @ second @ inverse.T
+        return inverse @ self.second_moments @ inverse.T
 
     def edges(self, points: HubPoints) -> Float[Array, "3 3"]:
         """Edges r_AB, r_AC, r_AD as rows [m] ([PGV] Eq. 42)."""
@@ -106,3 +113,51 @@ class RigidBody(eqx.Module):
         rotation, rate = self.rotation(points), self.rotation(velocities)
         skew = rotation.T @ rate
         return 0.5 * jnp.stack([skew[2, 1] - skew[1, 2], skew[0, 2] - skew[2, 0], skew[1, 0] - skew[0, 1]])
+
+
+class RigidBody(Body):
+    """Homogeneous solid cylinder about X_B ([PGV] Table 1).
+
+    height: h_r [m]. radius: R_r [m]. density: [kg/m^3].
+    """
+
+    height: Scalar
+    radius: Scalar
+    density: Scalar
+
+    @property
+    def mass(self) -> Scalar:
+        """Mass m [kg]."""
+        return self.density * jnp.pi * self.radius**2 * self.height
+
+    @property
+    def second_moments(self) -> Float[Array, "4 4"]:
+        axial, radial = self.height**2 / 12.0, self.radius**2 / 4.0
+        return self.mass * jnp.diag(jnp.stack([axial, radial, radial, jnp.ones_like(axial)]))
+
+
+class Spacecraft(Body):
+    """A rigid body of any shape, by its mass, its inertia tensor and its centre of mass.
+
+    height, radius: lengths [m] that place the base points; the motion does not depend on them. mass: m
+    [kg]. central_inertia: J [kg m^2] about the centre of mass, in the body frame. offset: c [m] of the
+    centre of mass from the hub centre. The second moments about the hub centre are tr(J)/2 I - J + m c c^T.
+    """
+
+    height: Scalar
+    radius: Scalar
+    mass: Scalar
+    central_inertia: Float[Array, "3 3"]
+    offset: Vector
+
+    @classmethod
+    def of(cls, mass: Scalar, inertia: Float[Array, "3 3"], offset: Vector) -> "Spacecraft":
+        """The body, with base points as far apart as its mass is: at the radius of gyration."""
+        size = lax.stop_gradient(jnp.sqrt(0.5 * jnp.trace(inertia) / mass))
+        return cls(size, size, mass, inertia, offset)
+
+    @property
+    def second_moments(self) -> Float[Array, "4 4"]:
+        inertia, c, m = self.central_inertia, self.offset, self.mass
+        second = 0.5 * jnp.trace(inertia) * jnp.eye(3) - inertia + m * jnp.outer(c, c)
+        return jnp.block([[second, m * c[:, None]], [m * c[None], m[None, None]]])

@@ -47,7 +47,7 @@ class Straight(NamedTuple):
 
     tethers: TetherBatch
     energies: tuple[Energy, ...]
-    radius: Scalar
+    radius: Scalar | PerTether
     spin_squared: Scalar
     cosine: Scalar
 
@@ -100,7 +100,7 @@ class Straight(NamedTuple):
 def steady_line(
     tethers: TetherBatch,
     energies: tuple[Energy, ...],
-    radius: Scalar,
+    radius: Scalar | PerTether,
     spin: Scalar,
     coning: Scalar,
 ) -> tuple[Line, PerTether]:

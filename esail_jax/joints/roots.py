@@ -26,6 +26,14 @@ def even_azimuths(count: int) -> PerTether:
     return 2.0 * jnp.pi * jnp.arange(count) / count
 
 
+def azimuths_of(positions: Float[Array, "3 tether"]) -> PerTether:
+    """Azimuths [rad] of roots at these body-fixed positions; that of a root on the spin axis is even."""
+    _, y, z = positions
+    on_axis = y**2 + z**2 == 0.0
+    found = jnp.arctan2(z, jnp.where(on_axis, 1.0, y))
+    return jnp.where(on_axis, even_azimuths(positions.shape[-1]), found)
+
+
 def clamp_normals(azimuth: PerTether) -> Float[Array, "2 3 tether"]:
     """Two body-fixed unit vectors normal to each root direction: X_B and the azimuthal one."""
     zero, one = jnp.zeros_like(azimuth), jnp.ones_like(azimuth)
@@ -62,16 +70,19 @@ class HubRoots(eqx.Module):
     """Roots on the hub.
 
     weights: g with root_i = sum_k g_k,i r_k of the base points r_k. normals: weights of the clamp normals
-    on the base points; None if the roots are pinned.
+    on the base points; None if the roots are pinned. azimuth: of the roots [rad]; None for even ones.
     """
 
     weights: Float[Array, "4 tether"]
     normals: Float[Array, "2 4 tether"] | None
     releases: Releases = Releases()
+    azimuth: PerTether | None = None
 
     @property
     def radial_directions(self) -> Float[Array, "3 tether"]:
         """Unit vectors from the spin axis through the roots, in the body frame B."""
+        if self.azimuth is not None:
+            return radial_directions(self.azimuth)
         return radial_directions(even_azimuths(self.weights.shape[-1]))
 
     def positions(self, points: HubPoints) -> Float[Array, "3 tether"]:

@@ -55,16 +55,21 @@ def nodal(system: System, local: Host, hub: Host) -> Host:
     free = local[: 3 * n].reshape(n, 3, count, modes)
     root = np.zeros((1, 3, count, modes), local.dtype)
     if system.hub is not None:
-        radius = float(system.hub.radius)
+        arms = arms_of(system)
         for i in range(count):
             turned = rotation_about_x(-2.0 * np.pi * i / tethers.count)
-            arm = radius * turned.T @ np.array([0.0, 1.0, 0.0])
+            arm = arms[:, i]
             root[0, :, i] = turned @ (hub[:3] + np.cross(hub[3:], arm, axis=0))
     found = np.concatenate([root, free])[None]
     if k == 1:
         return found
     slopes = local[3 * n : 3 * (2 * n + 1)]
     return np.concatenate([found, slopes.reshape(1, n + 1, 3, count, modes)])
+
+
+def arms_of(system: System) -> Host:
+    """Returns the positions of the roots from the hub's centre, in B [m], (3, tether)."""
+    return np.asarray(system.hub.base_points.T @ system.roots.weights)
 
 
 def places_of(system: System, steady: Host) -> Places:
@@ -78,12 +83,13 @@ def places_of(system: System, steady: Host) -> Places:
     share = np.asarray(tethers.line_density) * length / POINTS
     mass = np.concatenate([np.zeros((1, count)), np.tile(share, (n * POINTS, 1)), [tethers.tip_mass]])
     inertia = np.zeros(6)
-    radius = 0.0
+    roots = np.zeros((3, count))
     if system.hub is not None:
-        m, radius, height = (float(x) for x in (system.hub.mass, system.hub.radius, system.hub.height))
-        across = m * (3.0 * radius**2 + height**2) / 12.0
-        inertia = np.array([m, m, m, 0.5 * m * radius**2, across, across])
-    tip = steady[3 * (n - 1) : 3 * n] - np.array([[0.0], [radius], [0.0]])
+        m = float(system.hub.second_moments[3, 3])
+        inertia = np.concatenate([[m, m, m], np.diag(system.hub.inertia)])
+        turns = [rotation_about_x(-2.0 * np.pi * i / count) for i in range(count)]
+        roots = np.stack([turn @ arm for turn, arm in zip(turns, arms_of(system).T, strict=True)], axis=1)
+    tip = steady[3 * (n - 1) : 3 * n] - roots
     chord = tip / np.linalg.norm(tip, axis=0)
     azimuthal = np.cross(np.array([[1.0], [0.0], [0.0]]), chord, axis=0)
     azimuthal /= np.linalg.norm(azimuthal, axis=0)

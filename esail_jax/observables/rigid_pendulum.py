@@ -34,6 +34,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from esail_jax.observables.saved_rows import leading_finite, observable, per_tether
+from esail_jax.scenes.hub import azimuths, root_positions
 
 STEPS_PER_TURN = 50
 """Smallest number of integration steps per revolution. It prevents that the step grows during a quiet start
@@ -48,7 +49,7 @@ def inertia(scene: Any, tether: int) -> tuple[float, float]:
         per_tether(value, count)[tether] for value in (tethers.length, tethers.area, tethers.density)
     )
     unit = 0.0 if scene.remote_units is None else per_tether(scene.remote_units.mass, count)[tether]
-    radius = 0.0 if scene.hub is None else float(scene.hub.radius)
+    radius = float(np.linalg.norm(root_positions(scene.hub, count)[1:, tether]))
     mass = density * area * length
     reduced = unit + mass / 3.0
     return reduced * length**2, radius / length * (unit + mass / 2.0) / reduced
@@ -119,6 +120,6 @@ def rigid_pendulum(run: Any, tether: int = 0) -> tuple[np.ndarray, np.ndarray, n
         return None
     times = np.asarray(run.time)[:known]
     total, eps = inertia(scene, tether)
-    azimuth = 2.0 * np.pi * tether / scene.tethers.count
+    azimuth = azimuths(scene.hub, scene.tethers.count)[tether]
     forcing = CubicSpline(times, np.stack(hinge_moments(moment[:known], azimuth), axis=1) / total)
     return times, *swing(times, rate, eps, forcing, (coning[0], lagging[0]))

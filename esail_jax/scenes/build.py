@@ -10,13 +10,13 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from esail_jax.array_types import Array, PerTether, Rotation
+from esail_jax.array_types import Array, Float, PerTether, Rotation, Scalar
 from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.coordinates import Coordinates
 from esail_jax.elements.axial import AxialDissipation, AxialEnergy, TensionOnlyEnergy
 from esail_jax.elements.bending import STRAIGHT_TURN, BendingDissipation, BendingEnergy
 from esail_jax.elements.hinges import Hinges
-from esail_jax.elements.rigid_body import RigidBody
+from esail_jax.elements.rigid_body import Body, RigidBody, Spacecraft
 from esail_jax.elements.ring import Ring
 from esail_jax.elements.tether import TetherBatch, per_element
 from esail_jax.elements.thermal import ThermalEnergy
@@ -74,24 +74,57 @@ def build(structure: Structure, numbers: Numbers) -> Model:
     return Model(system, q, v, unbalanced)
 
 
-def azimuths(structure: Structure) -> PerTether:
-    """Azimuths [rad] of the tethers from Y_B."""
-    return joints.even_azimuths(structure["tethers.count"])
+def hub_of(structure: Structure, n: Numbers) -> Body | None:
+    """The hub: a cylinder, or a body with a mass and an inertia tensor."""
+    if structure.has("hub.mass"):
+        return Spacecraft.of(n["hub.mass"], n["hub.inertia"], n.get("hub.centre", jnp.zeros(3)))
+    return RigidBody(n["hub.height"], n["hub.radius"], n["hub.density"]) if structure.has("hub") else None
+
+
+class RootPlaces(NamedTuple):
+    """Places of the roots on the hub.
+
+    azimuth: [rad] of the tethers about X_B from Y_B. radius: distances [m] from the axis, one of all or one
+    each. positions: in B [m]; None where the radius says all."""
+
+    azimuth: PerTether
+    radius: Scalar | PerTether
+    positions: Float[Array, "3 tether"] | None
+
+    @property
+    def outward(self) -> Float[Array, "3 tether"]:
+        """Unit vectors from the spin axis through the roots, in B."""
+        return joints.radial_directions(self.azimuth)
+
+    @property
+    def arms(self) -> Float[Array, "3 tether"]:
+        """Positions in B [m]."""
+        return self.radius * self.outward if self.positions is None else self.positions
+
+
+def root_places(structure: Structure, n: Numbers) -> RootPlaces:
+    """The places of the roots: those of `hub.roots`, or at the azimuths 2 pi i/p in the hub's mid-plane, at
+    `hub.radius` from its axis; without a hub at the centre of a turning frame."""
+    if structure.has("hub.roots"):
+        positions = n["hub.roots"].T
+        azimuth = joints.azimuths_of(positions)
+        radius = (positions * joints.radial_directions(azimuth)).sum(0)
+        return RootPlaces(azimuth, radius, positions)
+    radius = n["hub.radius"] if structure.has("hub") else jnp.zeros(())
+    return RootPlaces(joints.even_azimuths(structure["tethers.count"]), radius, None)
 
 
 def system_of(structure: Structure, n: Numbers) -> System:
     """The system of a sail."""
-    (start, origin), azimuth = starting_attitude(n), azimuths(structure)
-    hub = None
-    if structure.has("hub"):
-        hub = RigidBody(n["hub.height"], n["hub.radius"], n["hub.density"])
+    start, origin = starting_attitude(n)
+    hub = hub_of(structure, n)
     terms = material_terms(structure, n)
     loads = ()
     if structure.has("solar_wind"):
         loads = (coulomb_thrust(structure, n, origin, structure["tethers.elements"]),)
     system = System(
         tethers=tethers_of(structure, n, bool(loads)),
-        roots=roots_of(structure, n, hub, azimuth, start),
+        roots=roots_of(structure, n, hub, start),
         hub=hub,
         energies=terms[0],
         dissipations=terms[1],
@@ -220,19 +253,19 @@ def ring_of(structure: Structure, n: Numbers) -> Ring:
 
 
 def roots_of(
-    structure: Structure, n: Numbers, hub: RigidBody | None, azimuth: PerTether, start: Rotation
+    structure: Structure, n: Numbers, hub: Body | None, start: Rotation
 ) -> joints.HubRoots | joints.FrameRoots:
-    """Spherical or clamped roots at the azimuths 2 pi i/p from Y_B, in the hub's mid-plane; without a hub,
-    at the centre of a turning frame."""
+    """Spherical or clamped roots at their places."""
+    places = root_places(structure, n)
     clamped = structure["tethers.root"] == "clamped"
-    normals = joints.clamp_normals(azimuth) if clamped else None
-    outward = joints.radial_directions(azimuth)
+    normals = joints.clamp_normals(places.azimuth) if clamped else None
     releases = joints.Releases(n.get("event.release_time")).with_events_until(jnp.zeros(()))
     if hub is None:
-        return joints.FrameRoots(start, n["initial.spin_rate"], 0.0 * outward, normals, releases)
+        return joints.FrameRoots(start, n["initial.spin_rate"], 0.0 * places.outward, normals, releases)
     if clamped:
         normals = jnp.moveaxis(hub.direction_weights(jnp.moveaxis(normals, 1, 0)), 0, 1)
-    return joints.HubRoots(hub.weights(hub.radius * outward), normals, releases)
+    azimuth = None if places.positions is None else places.azimuth
+    return joints.HubRoots(hub.weights(places.arms), normals, releases, azimuth)
 
 
 def initial_state(
@@ -240,19 +273,18 @@ def initial_state(
 ) -> tuple[Coordinates, Coordinates, PerTether]:
     """Initial positions and velocities: straight tethers on their cone that turn rigidly with the hub. Also
     the largest force [N] of every tether that the steady elongation leaves unbalanced."""
-    (start, _), azimuth = starting_attitude(n), azimuths(structure)
+    (start, _), places = starting_attitude(n), root_places(structure, n)
     coning = jnp.deg2rad(n["initial.coning_angle_deg"])
-    radius = n["hub.radius"] if system.hub is not None else jnp.zeros(())
+    radius, outward = places.radius, places.outward
     spin = n["initial.spin_rate"]
     if structure["initial.elongation"] == "paper":
-        line, unbalanced = printed_line(n, system.tethers, radius), jnp.zeros_like(azimuth)
+        line, unbalanced = printed_line(n, system.tethers, radius), jnp.zeros_like(places.azimuth)
     else:
         line, unbalanced = steady_line(system.tethers, system.energies, radius, spin, coning)
-    outward = joints.radial_directions(azimuth)
     x_axis = jnp.array([[1.0], [0.0], [0.0]])
     direction = jnp.cos(coning) * outward + jnp.sin(coning) * x_axis
     body = along(line, direction)
-    body = body.at[0].add(radius * outward[:, None])
+    body = body.at[0].add(places.arms[:, None])
     ring = None
     if system.ring is not None and structure["initial.elongation"] == "paper":
         ring = hanging(system.ring, body[0, :, -1])

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from esail_jax.scenes import rules
+from esail_jax.scenes.hub import check_hub
 from esail_jax.scenes.law_keys import LAWS, OPTIONAL_LAW_KEYS
 from esail_jax.scenes.methods import METHODS, SAIL_METHOD, SAIL_STEP_METHOD, takes
 from esail_jax.scenes.orbit_checks import check_off_axis, check_orbit
@@ -111,6 +112,12 @@ def check_sail(scene: Parts) -> None:
         raise SceneError(
             "integrator.spectral_radius", "be below 1 with constraints", rules.describe(radius)
         )
+    if scene.hub is not None:
+        check_hub(scene.hub)
+        if scene.hub.roots is not None and scene.auxiliary_tethers is not None:
+            raise SceneError("hub.roots", "be left out with [auxiliary_tethers]", "is given")
+        if scene.hub.roots is not None and scene.initial.elongation == "paper":
+            raise SceneError("hub.roots", 'be left out with `initial.elongation` = "paper"', "is given")
     if scene.event is not None:
         check_events(scene)
     if tethers.wire_radius is not None and scene.solar_wind is None:

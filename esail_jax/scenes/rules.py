@@ -234,6 +234,8 @@ def known(value: Any) -> np.ndarray | None:
 
 def other_forms(rule: Rule, members: Members | None) -> str:
     """Words what a key takes beside or instead of one number, for `must be a number ...`."""
+    if rule.shape is Shape.MATRIX:
+        return " for each entry of a 3 x 3 tensor"
     if rule.shape in (Shape.VECTOR, Shape.VECTORS):
         return " for each of x, y, z"
     if rule.shape in (Shape.SERIES, Shape.GRID, Shape.HISTORY):
@@ -249,6 +251,9 @@ def check_shape(key: str, value: Any, rule: Rule, members: Members | None) -> An
     if rule.shape is Shape.VECTOR:
         if shape != (3,):
             raise SceneError(key, "be a list of three numbers", wrong_shape(value))
+    elif rule.shape is Shape.MATRIX:
+        if shape != (3, 3):
+            raise SceneError(key, "be a list of three lists of three numbers", wrong_shape(value))
     elif rule.shape is Shape.LIST:
         if len(shape) != 1:
             raise SceneError(key, "be a list of numbers", wrong_shape(value))

@@ -25,7 +25,7 @@ from esail_jax.scenes.rules import (
     positive_integer,
     true_or_false,
 )
-from esail_jax.scenes.value_types import Grid, Number, PerMember, Series, Shape, Vector
+from esail_jax.scenes.value_types import Grid, Matrix, Number, PerMember, Series, Shape, Vector, Vectors
 
 ElongationName = Literal["steady", "paper"]
 MeasuredAxisName = Literal["hub", "angular-momentum"]
@@ -39,11 +39,33 @@ def amplitudes(function: str) -> Any:
 
 @table
 class Hub:
-    """Rigid cylinder about X_B ([PGV] Table 1)."""
+    """Rigid hub: a cylinder about X_B ([PGV] Table 1), by `height`, `radius` and `density`, or a spacecraft
+    of any shape, by `mass` and `inertia`. Roots lie at `radius` from the axis, evenly in the plane through
+    the hub centre, or where `roots` says."""
 
-    height: Number = declare(positive, unit="m", doc="Height of the cylinder.")
-    radius: Number = declare(positive, unit="m", doc="Radius of the cylinder.")
-    density: Number = declare(positive, unit="kg/m^3", doc="Density of the cylinder.")
+    height: Number | None = declare(positive, unit="m", doc="Height of the cylinder.", default=None)
+    radius: Number | None = declare(
+        positive, unit="m", doc="Radius of the cylinder, or of the circle of the roots.", default=None
+    )
+    density: Number | None = declare(positive, unit="kg/m^3", doc="Density of the cylinder.", default=None)
+    mass: Number | None = declare(positive, unit="kg", doc="Mass of a spacecraft.", default=None)
+    inertia: Matrix | None = declare(
+        any_number,
+        shape=Shape.MATRIX,
+        unit="kg m^2",
+        doc="Inertia tensor of a spacecraft about its centre of mass, in B.",
+        default=None,
+    )
+    centre: Vector | None = vector(
+        unit="m", doc="Centre of mass of a spacecraft from the hub centre, in B.", default=None
+    )
+    roots: Vectors | None = declare(
+        any_number,
+        shape=Shape.VECTORS,
+        unit="m",
+        doc="Positions of the roots on a spacecraft from the hub centre, in B, in place of `radius`.",
+        default=None,
+    )
 
 
 @table

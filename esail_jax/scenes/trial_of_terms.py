@@ -86,7 +86,7 @@ def straight_start(system: System, n: Numbers) -> tuple[Coordinates, Coordinates
     if system.hub is not None:
         hub = system.hub.base_points @ axes.T
         hub_velocity = jnp.cross(omega, hub)
-        tether = tether.at[0].add(system.hub.radius * outward[:, None])
+        tether = tether.at[0].add(system.roots.positions(hub)[:, None])
     velocity = jnp.cross(omega, tether, axisb=1, axisc=1)
     return Coordinates(tether, hub), Coordinates(velocity, hub_velocity)
 

@@ -38,6 +38,9 @@ Vector = NumberList
 Vectors = NumberList | Sequence[NumberList]
 """One vector for all members, or a list with one vector per member."""
 
+Matrix = SupportsArray | Sequence[NumberList]
+"""Three rows of three numbers."""
+
 Grid = NumberList | Sequence[NumberList]
 """A list with one number per row, or a list of rows with one number per member."""
 
@@ -60,6 +63,9 @@ class Shape(enum.Enum):
 
     VECTORS = "list of three numbers, or list with one such list per member"
     """One vector for all members, or a list with one vector per member."""
+
+    MATRIX = "list of three lists of three numbers"
+    """A tensor: three rows of three numbers."""
 
     LIST = "list of numbers"
     """A list of any length."""

@@ -6,6 +6,7 @@ import numpy as np
 
 from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.files.reading import SavedRun
+from esail_jax.scenes.hub import azimuths, root_positions
 from esail_jax.scenes.releases import released
 from esail_jax.viewing.motion import Motion, Quantity, chosen_exaggeration
 from esail_jax.viewing.signals import signals_of
@@ -41,20 +42,20 @@ def sail_motion(run: SavedRun, frames: np.ndarray) -> Motion:
     run.need("tip_position_I", "rotation_IB", *(["hub_position_I"] if scene.hub is not None else []))
     rotation = rows["rotation_IB"][frames]
     centre = rows["hub_position_I"][frames] if scene.hub is not None else np.zeros((len(frames), 3))
-    count, radius = scene.tethers.count, float(scene.hub.radius) if scene.hub is not None else 0.0
+    count = scene.tethers.count
 
     def to_body(positions: np.ndarray) -> np.ndarray:
         from_hub = positions.reshape(len(frames), -1, 3) - centre[:, None]
         return (from_hub @ rotation).reshape(positions.shape)
 
     tips = to_body(rows["tip_position_I"][frames])
-    roots = radius * outward(count)
+    roots, directions = root_positions(scene.hub, count).T, outward(azimuths(scene.hub, count))
     free = released(scene, run.time[frames])
     if NODES in rows:
         shape, lines = "nodes", to_body(rows[NODES][frames])
     elif {"root_coning_angle", "root_lagging_angle"} <= rows.keys():
-        angles = (rows[name][frames] for name in ("root_coning_angle", "root_lagging_angle"))
-        shape, lines = "slope", parabolas(roots, tips, root_directions(*angles))
+        coning, lagging = (rows[name][frames] for name in ("root_coning_angle", "root_lagging_angle"))
+        shape, lines = "slope", parabolas(roots, tips, root_directions(coning, lagging, directions))
     else:
         shape = "straight"
         lines = np.stack([np.broadcast_to(roots, tips.shape), tips], axis=2)
@@ -62,9 +63,9 @@ def sail_motion(run: SavedRun, frames: np.ndarray) -> Motion:
         lines[free, :-1] = np.nan
     points = lines.shape[2]
     vertices = lines.reshape(len(frames), count * points, 3)
-    straight = np.repeat(outward(count), points, axis=0)
+    straight = np.repeat(directions, points, axis=0)
     held = np.where(free[..., None, None], np.nan, lines).reshape(vertices.shape)
-    reach = radius + float(np.max(scene.tethers.length))
+    reach = float(np.linalg.norm(roots, axis=1).max()) + float(np.max(scene.tethers.length))
     ends = tuple(i * points + points - 1 for i in range(count))
     return Motion(
         title=run.name,
@@ -97,17 +98,15 @@ def sail_motion(run: SavedRun, frames: np.ndarray) -> Motion:
     )
 
 
-def outward(count: int) -> np.ndarray:
-    """Returns the unit vectors (tether, 3) in B from the spin axis to the roots."""
-    azimuth = 2.0 * np.pi * np.arange(count) / count
-    return np.stack([np.zeros(count), np.cos(azimuth), np.sin(azimuth)], axis=1)
+def outward(azimuth: np.ndarray) -> np.ndarray:
+    """Returns the unit vectors (tether, 3) in B from the spin axis to roots at these azimuths [rad]."""
+    return np.stack([0.0 * azimuth, np.cos(azimuth), np.sin(azimuth)], axis=1)
 
 
-def root_directions(coning: np.ndarray, lagging: np.ndarray) -> np.ndarray:
+def root_directions(coning: np.ndarray, lagging: np.ndarray, radial: np.ndarray) -> np.ndarray:
     """Returns the unit vectors (time, tether, 3) in B along the tethers at their roots, from the root
-    angles (time, tether) [rad] ([PGV] Eq. 60-61)."""
-    count = coning.shape[1]
-    radial = outward(count)
+    angles (time, tether) [rad] ([PGV] Eq. 60-61). radial: unit vectors (tether, 3) in B from the axis to
+    the roots."""
     sideways = np.cross([1.0, 0.0, 0.0], radial)
     flat = np.cos(lagging)[..., None] * radial + np.sin(lagging)[..., None] * sideways
     return np.sin(coning)[..., None] * [1.0, 0.0, 0.0] + np.cos(coning)[..., None] * flat
