@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.array_types import Array, Bool, Float, HubPoints, PerTether, Rotation, Scalar, Vector
+from esail_jax.numerics.own_derivative import custom_jvp
 from esail_jax.numerics.small_matrices import matmul
 
 
@@ -85,6 +86,10 @@ class HubRoots(eqx.Module):
             return radial_directions(self.azimuth)
         return radial_directions(even_azimuths(self.weights.shape[-1]))
 
+    def moved_reactions(self, reactions: Float[Array, "3 tether"]) -> HubPoints:
+        """`moved_reactions` of the roots that are held."""
+        return moved_reactions(self.releases.where_released(jnp.zeros(()), self.weights), reactions)
+
     def positions(self, points: HubPoints) -> Float[Array, "3 tether"]:
         """Root positions from those of the base points. The map is linear: velocities give velocities, and
         accelerations give accelerations."""
@@ -93,6 +98,22 @@ class HubRoots(eqx.Module):
     def clamp_directions(self, points: HubPoints) -> Float[Array, "2 3 tether"]:
         """Clamp normals c_j of every tether in the inertial frame."""
         return jnp.einsum("kx,jkt->jxt", points, self.normals)
+
+
+@custom_jvp
+def moved_reactions(weights: Float[Array, "4 tether"], reactions: Float[Array, "3 tether"]) -> HubPoints:
+    """Zero, with the derivative dW f of the weights W of the roots on the hub's points.
+
+    The equations of the hub contain W f with the reactions f of the roots. The solvers add it to a residual
+    that does not contain it, so that the derivative of that residual lacks dW f; the derivative of the
+    solution, W df, they have. Roots at a radius need no such term: their weights do not depend on it."""
+    return jnp.zeros((4, 3)) + 0.0 * reactions[0, 0]
+
+
+@moved_reactions.defjvp
+def _moved_reactions_jvp(primals, tangents):
+    (weights, reactions), (moved, _) = primals, tangents
+    return moved_reactions(weights, reactions), moved @ reactions.T
 
 
 class FrameRoots(eqx.Module):
@@ -107,6 +128,11 @@ class FrameRoots(eqx.Module):
     anchors: Float[Array, "3 tether"]
     normals: Float[Array, "2 3 tether"] | None
     releases: Releases = Releases()
+
+    @property
+    def azimuth(self) -> None:
+        """Azimuths of the roots: even ones."""
+        return None
 
     @property
     def radial_directions(self) -> Float[Array, "3 tether"]:

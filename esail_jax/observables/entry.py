@@ -78,5 +78,6 @@ def thermal_energy(system: System, time: Scalar, q: Coordinates) -> Scalar | Non
 
 def shape_of(axes: tuple[str, ...], sizes: Mapping[str, int]) -> tuple[int, ...]:
     """Returns the sizes of an observable's axes after time. sizes: by name (`Scene.sizes`); all other axes
-    have three entries, but an orbit has six elements."""
-    return tuple({"element": 6, **sizes}.get(axis, 3) for axis in axes)
+    have three entries, but an orbit has six elements, and the spin rates are those of two bodies, the hub
+    and the sail."""
+    return tuple({"element": 6, "body": 2, **sizes}.get(axis, 3) for axis in axes)

@@ -3,12 +3,14 @@
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from esail_jax.array_types import Array, Float, Rotation, Scalar, Vector, VectorPerPoint
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.environment.kepler_orbit import KeplerOrbit, PlaceOnOrbit, at_place, tide
 from esail_jax.environment.orbit import orbital_frame
 from esail_jax.iteration_matrix import FactoredMass
+from esail_jax.joints.roots import radial_directions
 from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.measurements import Measurements
 from esail_jax.numerics.angles import smallest_eigenvector
@@ -174,7 +176,10 @@ class Instant(eqx.Module):
         """Returns the components of vectors in the frame Z of each tether's root, with the axes X_B,
         outward and azimuthal ([PGV] Eq. 57-58)."""
         body = matmul(self.rotation.T, vectors)
-        outward = self.system.roots.radial_directions
+        azimuth = self.system.roots.azimuth
+        if azimuth is None:
+            azimuth = jnp.asarray(2.0 * np.pi * np.arange(self.p) / self.p)
+        outward = radial_directions(azimuth)
         sideways = jnp.stack([0 * outward[0], -outward[2], outward[1]])
         return jnp.stack([body[0], dot(outward, body), dot(sideways, body)])
 

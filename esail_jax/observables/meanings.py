@@ -69,6 +69,12 @@ FIRST_SENTENCES = {
     ),
     "temperature": "Temperature of a tether.",
     "voltage": "Voltage that the law commands for a tether, positive for a positively charged tether.",
+    "total_momentum_I": "Momentum of tethers, remote units, ring and hub in the frame I.",
+    "angular_momentum_I": "Angular momentum about the centre of mass.",
+    "spin_rate": (
+        "Spin rates of two bodies: of the hub about X_B, and of the sail as a whole, its angular momentum "
+        "over its moment of inertia about the axis of that momentum; positive in the right-handed sense."
+    ),
     "electron_current": "Current of the electrons that a tether collects.",
     "electric_power": "Power that keeps all tethers at their voltages.",
     "heliocentric_position": "Position of the centre of the hub relative to the Sun.",
@@ -107,6 +113,9 @@ COUNTED = (
     "external_work",
     "energy_balance_error",
     "smallest_tether_distance",
+    "total_momentum_I",
+    "angular_momentum_I",
+    "spin_rate",
     "electric_power",
     "flat_sail_thrust_O",
     "flat_sail_thrust_moment_O",

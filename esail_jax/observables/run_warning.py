@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from esail_jax.observables.balance import balance_warning
+from esail_jax.observables.lost_sail import lost_warning
 from esail_jax.scenes.plausibility import doubts
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.thermal_table import Thermal
@@ -35,7 +36,8 @@ def run_warning(
     parts = [float(numerics[name][-1]) for name in STEP_ERRORS if name in numerics]
     if scene is None:
         return joined_warnings(rows, parts)
-    found = (*doubts(scene), idle_warning(rows, scene), joined_warnings(rows, parts, scene.thermal))
+    lost = "" if scene.chain is not None else lost_warning(rows, scene)
+    found = (*doubts(scene), idle_warning(rows, scene), lost, joined_warnings(rows, parts, scene.thermal))
     return " ".join(filter(None, found))
 
 

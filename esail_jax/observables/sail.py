@@ -12,6 +12,7 @@ from esail_jax.array_types import Array, Float, Rotation, Scalar, Vector
 from esail_jax.elements.axial import AbstractAxialEnergy, axial_strain
 from esail_jax.elements.thermal import ThermalEnergy
 from esail_jax.environment.orbital_elements import orbital_elements
+from esail_jax.equilibria.moving_frame import MovingFrame
 from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.numerics.angles import euler_angles, safe_angle, safe_length, where_defined
 from esail_jax.numerics.small_matrices import matmul
@@ -19,6 +20,7 @@ from esail_jax.numerics.vectors import dot
 from esail_jax.observables import reduced_models as reduced
 from esail_jax.observables.entry import Observable, elastic_energy, kinetic_energy, thermal_energy
 from esail_jax.observables.instant import Instant
+from esail_jax.sensors import angular_velocity
 from esail_jax.system import System
 from esail_jax.terms import find_term
 
@@ -166,6 +168,32 @@ def precession(orbital: Rotation, normal: Vector) -> Scalar:
     return where_defined(safe_angle(y, x), safe_length(x, y), 1.0)
 
 
+def sail_spin(i: Instant) -> Scalar:
+    """Returns the rate [rad/s] at which the sail turns as a whole: L/I, with the angular momentum L about
+    the centre of mass and the moment of inertia I of all masses about its axis, positive about X_B. It is
+    zero without angular momentum."""
+    q = i.system.centred(i.q)
+    momentum = i.system.angular_momentum(q, i.v)
+    size = safe_length(safe_length(momentum[0], momentum[1]), momentum[2])
+    axis = momentum / jnp.where(size > 0.0, size, 1.0)
+    turning = MovingFrame(axis, jnp.zeros(3)).turned(q)
+    parts = jax.tree.map(lambda a, b: (a * b).sum(), turning, i.system.momenta(turning))
+    inertia = sum(jax.tree.leaves(parts))
+    sign = jnp.where(axis @ i.rotation[:, 0] < 0.0, -1.0, 1.0)
+    return jnp.where(size > 0.0, sign * size / jnp.where(size > 0.0, inertia, 1.0), 0.0)
+
+
+def total_momentum(i: Instant) -> Vector:
+    """Returns the momentum of the sail [kg m/s] in the frame I."""
+    momentum = i.system.momentum(i.v)
+    return momentum if i.shift is None else momentum + i.mass * i.shift.velocity
+
+
+def spin_rates(i: Instant) -> Float[Array, "2"]:
+    """Returns the spin rates [rad/s] of the hub about X_B and of the sail as a whole."""
+    return jnp.stack([angular_velocity(i.system, i.q, i.v)[0], sail_spin(i)])
+
+
 # ---- the list ---------------------------------------------------------------------------------
 
 
@@ -232,6 +260,12 @@ OBSERVABLES = (
                lambda i: i.system.ring.tension(i.q, i.v), needs="ring"),
     Observable("temperature", "K", "T_i", TETHER, "`[thermal]`", temperature, needs="heat"),
     Observable("voltage", "V", "V_i", TETHER, "voltage law", voltage, needs="wind"),
+    Observable("total_momentum_I", "kg m/s", "P", XYZ, "sum of M v, in the frame I", total_momentum,
+               needs="hub"),
+    Observable("angular_momentum_I", "kg m^2/s", "L", XYZ, "about the centre of mass",
+               lambda i: i.system.angular_momentum(i.system.centred(i.q), i.v), needs="hub"),
+    Observable("spin_rate", "rad/s", "omega", ("body",), "of the hub about X_B, and L/I of the sail",
+               spin_rates, needs="hub"),
     Observable("electron_current", "A", "I_i", TETHER, "2 r_w e n_0 sqrt(2 e V/m_e) per length of a wire",
                electron_current, needs="wires"),
     Observable("electric_power", "W", "P_el", (), "sum of V_i I_i", electric_power, needs="wires"),

@@ -33,7 +33,7 @@ def check_hub(hub: Hub) -> None:
             raise SceneError(f"hub.{name}", f"be given with `hub.{given[0]}`", "is missing")
     if (hub.radius is None) == (hub.roots is None):
         found = "neither is" if hub.radius is None else "both are"
-        raise SceneError("hub.roots", "be given, or `hub.radius`,", found)
+        raise SceneError("hub.roots", "be given, or `hub.radius`", found)
     check_inertia(hub.inertia)
 
 
@@ -45,6 +45,17 @@ def root_positions(hub: Hub | None, count: int) -> np.ndarray:
     azimuth = 2.0 * np.pi * np.arange(count) / count
     radius = 0.0 if hub is None else float(hub.radius)
     return radius * np.stack([0.0 * azimuth, np.cos(azimuth), np.sin(azimuth)])
+
+
+def inertia_of(hub: Hub) -> np.ndarray:
+    """The inertia tensor [kg m^2] about the centre of mass in B. All numbers of the hub must have a
+    value."""
+    if hub.inertia is not None:
+        return np.asarray(hub.inertia, float)
+    height, radius, density = (float(getattr(hub, name)) for name in CYLINDER)
+    mass = density * np.pi * radius**2 * height
+    across = mass * (3.0 * radius**2 + height**2) / 12.0
+    return np.diag([0.5 * mass * radius**2, across, across])
 
 
 def azimuths(hub: Hub | None, count: int) -> np.ndarray:

@@ -11,6 +11,7 @@ import numpy as np
 
 from esail_jax.constants import SLOW_SPIN
 from esail_jax.scenes import rules
+from esail_jax.scenes.hub import inertia_of, root_positions
 from esail_jax.scenes.scene import Scene
 
 
@@ -46,6 +47,13 @@ STRAINED = 0.01
 
 
 def doubts(scene: Scene) -> tuple[str, ...]:
+    """Sentences about numbers that may be in a wrong unit, and about a hub that spins about an axis that is
+    not stable."""
+    # An axis follows from other numbers, which may be doubted already.
+    return doubts_of_units(scene) or tuple(filter(None, [doubt_of_axis(scene)]))
+
+
+def doubts_of_units(scene: Scene) -> tuple[str, ...]:
     """Sentences about numbers that may be in a wrong unit."""
     if scene.chain is not None or scene.solar_wind is None:
         return ()
@@ -138,6 +146,36 @@ def doubt_of_strain(scene: Scene) -> str:
         return ""
     strained = f"which strains a tether by {strain:.2g}"
     return f"`initial.spin_rate` is {spin:g} rad/s, {strained}: is it in this unit?"
+
+
+def doubt_of_axis(scene: Scene) -> str:
+    """A sentence if a small tilt of the hub grows. In the turning frame, tethers of the tensions T_i whose
+    roots are rho_i from the axis, and the hub's moments of inertia J, give the tilt the stiffness
+
+        K = sum_i T_i rho_i/2 + (J_x - J_max) omega^2,     T_i = (m_u + rho A L/2) omega^2 L,
+
+    with the largest moment J_max across the axis. It is negative for a long hub that hardly holds to its
+    tethers."""
+    if scene.chain is not None or scene.hub is None:
+        return ""
+    keys = ("length", "area", "density")
+    parts = [rules.known(getattr(scene.tethers, key)) for key in keys]
+    hub = [rules.known(x) for x in vars(scene.hub).values() if x is not None]
+    tip = 0.0 if scene.remote_units is None else rules.known(scene.remote_units.mass)
+    if any(x is None for x in (*parts, *hub, tip)):
+        return ""
+    length, area, density = parts
+    arms = np.linalg.norm(root_positions(scene.hub, scene.tethers.count)[1:], axis=0)
+    pull = (tip + 0.5 * density * area * length) * length
+    inertia = inertia_of(scene.hub)
+    across = np.linalg.eigvalsh(inertia[1:, 1:])[1]
+    if 0.5 * np.sum(pull * arms) + inertia[0, 0] - across >= 0.0 or not np.any(scene.initial.spin_rate):
+        return ""
+    moments = f"{inertia[0, 0]:.3g} kg m^2, is less than that across, {across:.3g}"
+    return (
+        f"The hub spins about an axis that is not stable: its moment of inertia about X_B, {moments}, and "
+        "the tethers do not hold it (`esail modes` tells how fast a tilt grows)."
+    )
 
 
 def doubt_of_step(scene: Scene) -> str:

@@ -119,14 +119,26 @@ def _known_stages_jvp(primals, tangents):
         return StageStates(*stage_states(start, h, unknowns.vdot)[1:])
 
     def at_rest(system, time, h):
-        return residuals_at(system, time + h * TABLE.nodes, q, v, unknowns)
+        at = with_moved_roots(system, unknowns)
+        states = (q, v) if at is unknowns else stage_states(start, primals[2], at.vdot)[1:]
+        return residuals_at(system, time + h * TABLE.nodes, *states, at)
 
     _, moved = jvp_of_perturbed(carried, (start, h), tangents[1:3])
     given = (system, start.time, h)
     _, short = jvp_of_perturbed(at_rest, given, (tangents[0], tangents[1].time, tangents[2]))
     axes = jax.vmap(lambda time, q: axes_of(system, time, q))(times, q)
     linear = Linearised(system, times, h, StageStates(q, v), unknowns)
-    return unknowns, linear_solution(linear, moved, short, turns_to(axes, factors), factors)
+    change = linear_solution(linear, moved, short, turns_to(axes, factors), factors)
+    by_places = jvp_of_perturbed(lambda system: with_moved_roots(system, unknowns), (system,), tangents[:1])
+    return unknowns, jax.tree.map(jnp.add, change, by_places[1])
+
+
+def with_moved_roots(system: System, unknowns: StageUnknowns) -> StageUnknowns:
+    """Returns the unknowns, as functions of the places of the roots on the hub where these are numbers of
+    their own: the accelerations of the roots follow from them."""
+    if system.hub is None or system.roots.azimuth is None:
+        return unknowns
+    return unknowns._replace(vdot=jax.vmap(lambda a: on_roots(system, a))(unknowns.vdot))
 
 
 class StageStates(NamedTuple):

@@ -147,8 +147,11 @@ class GeneralizedAlpha(FixedStep):
     ) -> tuple[Residual, Power]:
         """Returns the residual of the equations at the end of the step, and the power of the forces
         there."""
-        q, v = self.end_of_step(system, end, q0, v0, unknowns.vdot)
-        return system.residual(end, q, v, unknowns.vdot, unknowns.lam)
+        vdot = unknowns.vdot
+        if system.hub is not None and system.roots.azimuth is not None:
+            vdot = system.place_roots(end, vdot, derivative=2)  # for derivatives by the places of the roots
+        q, v = self.end_of_step(system, end, q0, v0, vdot)
+        return system.residual(end, q, v, vdot, unknowns.lam)
 
     def correct(
         self, system: System, residual: Residual, factors: FrozenFactors, turned: Rotation

@@ -36,7 +36,9 @@ def shapes(kind, length):
 class Sail:
     """A sail. tethers, ring: mappings with `kind, elements, length, area, density, modulus, damping`, each
     number an array with one entry per member; `slack` of the ring is the width of the tension-only law or
-    None; ring is None without one. mass, voltage: arrays. hub: (height, radius, density). strain: of
+    None; ring is None without one. mass, voltage: arrays. hub: (height, radius, density) of a cylinder, or
+    a mapping `mass, inertia, centre, roots`: the tensor about the centre of mass, and positions from the
+    hub centre in B. The state holds the centre of mass. strain: of
     tethers and ring. natural: None, or (time, table): the strain of free thermal expansion of the tethers
     at increasing instants, (instant, tether). orbit: heliocentric position [m], velocity [m/s] and the
     distance [m] at which the wind's density is given, or None. relative: whether the wind is felt relative
@@ -58,11 +60,18 @@ class Sail:
     ):
         self.p, self.spin, self.alpha, self.strain = len(mass), spin, alpha, strain
         self.natural = natural
-        height, self.radius, density = hub
-        self.hub_mass = density * np.pi * self.radius**2 * height
-        cross = (3 * self.radius**2 + height**2) / 12
-        self.inertia = self.hub_mass * np.array([self.radius**2 / 2, cross, cross])
         angle = 2 * np.pi * np.arange(self.p) / self.p
+        if isinstance(hub, dict):
+            self.hub_mass, self.inertia = hub["mass"], np.array(hub["inertia"])
+            self.offset, self.arms = np.array(hub["centre"]), np.array(hub["roots"])
+            angle = np.arctan2(self.arms[:, 2], self.arms[:, 1])
+        else:
+            height, radius, density = hub
+            self.hub_mass = density * np.pi * radius**2 * height
+            cross = (3 * radius**2 + height**2) / 12
+            self.inertia = self.hub_mass * np.diag([radius**2 / 2, cross, cross])
+            self.offset = np.zeros(3)
+            self.arms = radius * np.stack([0 * angle, np.cos(angle), np.sin(angle)], 1)
         self.outward = np.stack([0 * angle, np.cos(angle), np.sin(angle)], 1)
         self.count = 0
         chains = [
@@ -214,7 +223,7 @@ class Sail:
             [2 * (b * c + a * d), a * a - b * b + c * c - d * d, 2 * (c * d - a * b)],
             [2 * (b * d - a * c), 2 * (c * d + a * b), a * a - b * b - c * c + d * d],
         ])  # fmt: skip
-        arms, spin = self.radius * self.outward @ turn.T, turn @ omega
+        arms, spin = (self.arms - self.offset) @ turn.T, turn @ omega
         full, rate = np.zeros((self.count, 3)), np.zeros((self.count, 3))
         full[self.free], rate[self.free] = q, v
         full[self.roots], rate[self.roots] = centre + arms, velocity + np.cross(spin, arms)
@@ -246,17 +255,17 @@ class Sail:
         force = load[roots] - across.T @ alone - self.mass[np.ix_(roots, roots)] @ bias
         matrix = np.einsum("ika,ij,jkb->ab", rows, own, rows)
         matrix[:3, :3] += self.hub_mass * np.eye(3)
-        matrix[3:, 3:] += turn @ np.diag(self.inertia) @ turn.T
+        matrix[3:, 3:] += turn @ self.inertia @ turn.T
         right = np.einsum("ika,ik->a", rows, force)
         omega = y[10:13]
-        right[3:] -= turn @ np.cross(omega, self.inertia * omega)
+        right[3:] -= turn @ np.cross(omega, self.inertia @ omega)
         tail = []
         if self.moving:
             place = self.origin + self.drift * time + y[:3]
             size = np.linalg.norm(place)
             along = turn.T @ place / size
             right[:3] += self.hub_mass * self.attracted(time, y[:3])
-            right[3:] += 3.0 * SUN / size**3 * turn @ np.cross(along, self.inertia * along)
+            right[3:] += 3.0 * SUN / size**3 * turn @ np.cross(along, self.inertia @ along)
             tail = [y[-3:], self.attracted(time, y[-6:-3])]
         u = np.linalg.solve(matrix, right)
         root = np.einsum("ika,a->ik", rows, u)
@@ -275,12 +284,13 @@ class Sail:
     def start(self):
         """The steady shape, by Newton's method with differences, in the spin plane; then the attitude."""
         q = np.zeros((self.count, 3))
-        for chain, out, (weight, length) in zip(
-            self.chains, self.outward, self.spans(self.groups[0], len(self.chains[0]) - 1), strict=True
+        spans = self.spans(self.groups[0], len(self.chains[0]) - 1)
+        for chain, arm, out, (weight, length) in zip(
+            self.chains, self.arms, self.outward, spans, strict=True
         ):
             del weight
             for k, node in enumerate(chain):
-                q[node[0]] = (self.radius + k * length) * out
+                q[node[0]] = arm + k * length * out
                 q[node[1:]] = out
         spans = self.spans(self.groups[1], len(self.segments[0]) - 1) if self.segments else []
         for nodes, (_, length) in zip(self.segments, spans, strict=True):
@@ -333,7 +343,9 @@ class Sail:
         w = np.sqrt(max(0.0, 1 + np.trace(turn))) / 2
         skew = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
         quaternion = np.concatenate([[w], skew / (4 * w)])
-        rest = np.concatenate([np.zeros(3), quaternion, np.zeros(3), [self.spin, 0.0, 0.0]])
+        centre = turn @ self.offset
+        moving = np.cross(turn[:, 0] * self.spin, centre)
+        rest = np.concatenate([centre, quaternion, moving, [self.spin, 0.0, 0.0]])
         tail = np.zeros(6 if self.moving else 0)
         return np.concatenate([rest, q[free].reshape(-1), v[free].reshape(-1), tail])
 
@@ -352,11 +364,11 @@ class Sail:
         v = v.copy()
         v[[node[0] for chain in (*self.chains, *self.segments) for node in chain]] -= moving
         kinetic = 0.5 * np.einsum("ax,ab,bx->", v, self.mass, v)
-        kinetic += 0.5 * self.hub_mass * hub @ hub + 0.5 * (self.inertia * y[10:13]) @ y[10:13]
+        kinetic += 0.5 * self.hub_mass * hub @ hub + 0.5 * (self.inertia @ y[10:13]) @ y[10:13]
         per = [group.l for group in self.groups]
         signals = {
             "tip_position_I": q[self.tips] - beside,
-            "hub_position_I": y[:3] - beside,
+            "hub_position_I": y[:3] - turn @ self.offset - beside,
             "rotation_IB": turn,
             "angular_velocity_B": y[10:13],
             "tether_length": np.bincount(per[0], found[0].length),
@@ -369,7 +381,7 @@ class Sail:
         if not self.moving:
             signals["external_power"] = sum(x.power for x in found)
         if self.moving:
-            signals["heliocentric_position"] = self.origin + self.drift * time + y[:3]
+            signals["heliocentric_position"] = self.origin + self.drift * time + y[:3] - turn @ self.offset
             signals["heliocentric_velocity"] = self.drift + y[7:10]
         return signals
 

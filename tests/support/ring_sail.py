@@ -111,12 +111,15 @@ def reference(scene):
     if orbit is not None:
         distance = AU * (scene.solar_wind.reference_distance_au or 1.0)
         orbit = (AU * np.array(orbit.position_au), np.array(orbit.velocity), distance)
+    body = hub.height, hub.radius, hub.density
+    if hub.mass is not None:
+        body = {name: getattr(hub, name) for name in ("mass", "inertia", "centre", "roots")}
     return Sail(
         chain(scene.tethers),
         ring,
         each(scene.remote_units.mass),
         each(scene.voltage.value),
-        (hub.height, hub.radius, hub.density),
+        body,
         scene.initial.spin_rate,
         np.deg2rad(scene.initial.sailing_angle_deg),
         scene.tethers.strain,
