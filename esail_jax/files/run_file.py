@@ -284,7 +284,7 @@ def load(path: str | os.PathLike) -> Solution:
     """
     require_64_bit()
     with open_single(path) as file, intact(path):
-        scene = scene_in(file, path)
+        scene = scene_in(file, Path(path))
         rows = {name: data[()] for name, data in file["observables"].items()}
         numerics = {name: data[()] for name, data in file["numerics"].items()}
         stats: dict[str, Any] = {name: to_python(value) for name, value in file.attrs.items()}

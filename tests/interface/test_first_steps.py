@@ -69,7 +69,7 @@ def test_keywords_that_are_keys_of_a_scene(function):
     """The message shows the key as overrides name it; if several tables have it, all of them."""
     for name, shown in (
         ("t_end", r'{"integrator.t_end": ...}'),
-        ("mass", r'{"remote_units.mass": ...} or {"chain.mass": ...}'),
+        ("mass", r'{"hub.mass": ...} or {"remote_units.mass": ...} or {"chain.mass": ...}'),
         ("tend", r'{"integrator.t_end": 100.0}'),
     ):
         with pytest.raises(TypeError) as caught:

@@ -29,7 +29,7 @@ SIGNS = {
     "angular_velocity_B": AXIAL, "euler_hub": np.array([-1.0, 1.0, -1.0]),
     "precession_angle": -1.0, "rotation_IB": np.outer(POLAR, POLAR), "thrust_O": POLAR, "reaction_O": POLAR,
     "thrust_B": POLAR, "reaction_B": POLAR, "thrust_moment_O": AXIAL, "reaction_moment_O": AXIAL,
-    "thrust_moment_B": AXIAL,
+    "thrust_moment_B": AXIAL, "spin_rate": -1.0, "angular_momentum_I": -1.0,
 }  # fmt: skip
 """What becomes of an observable; the others stay the same, positions in I aside."""
 
@@ -54,11 +54,7 @@ def reflected(name: str, rows: np.ndarray, origin: np.ndarray) -> np.ndarray:
     """An observable of the image."""
     axes = esail.observables.described(name).axes
     if name.endswith("_I") and name != "rotation_IB":
-        return (
-            rows - 2.0 * (rows @ origin)[..., None] * origin
-            if "tether" not in axes
-            else (rows - 2.0 * (rows @ origin)[..., None] * origin)[:, IMAGE]
-        )
+        rows = rows - 2.0 * (rows @ origin)[..., None] * origin
     rows = rows * SIGNS.get(name, 1.0)
     return rows[:, IMAGE] if "tether" in axes else rows
 

@@ -71,11 +71,21 @@ ORBIT |= {"initial.heliocentric_position_au": None}
 """An orbit about the Sun; a position in its place must then be absent."""
 
 
+SPACECRAFT = {
+    "hub.height": None, "hub.radius": None, "hub.density": None, "hub.mass": 5.0, "hub.centre": (0.1, 0.0, 0.0),
+    "hub.inertia": ((3.0, 0.0, 0.0), (0.0, 4.0, 0.0), (0.0, 0.0, 5.0)),
+    "hub.roots": ((0.0, 1.0, 0.0), (0.0, -1.0, 0.0)),
+}  # fmt: skip
+"""A hub that is no cylinder. The keys of the cylinder are tried without it."""
+
+
 def beside(key: str) -> dict:
     """Returns the overrides that a key requires."""
     table, name = key.split(".")
     if table == "event":
         return EVENT
+    if SPACECRAFT.get(key) is not None:
+        return SPACECRAFT
     if table == "auxiliary_tethers":
         return RING
     if table == "tip_thrust":
@@ -224,7 +234,7 @@ def test_every_key_can_be_overridden(key, sail):
         "solar_wind.thrust_law": "debye-sheath", "voltage.measured_axis": "hub",
         "orbit.position_au": (0.0, 1.0, 0.5), "orbit.velocity": (1e3, 2e4, 0.0),
     }  # fmt: skip
-    value = values.get(key, 0.125)
+    value = values.get(key) or SPACECRAFT.get(key) or 0.125
     extra = {"tethers.second_moment": 2e-18} if key == "tethers.bending" else {}
     extra |= beside(key)
     scene = sail.replace(extra | {key: value})
@@ -321,6 +331,7 @@ def test_a_tracer_is_refused_for_structure_by_name(key, sail):
 def test_a_tracer_is_accepted_for_every_number(key, sail):
     shapes = {"gravity.acceleration": 3, "initial.heliocentric_position_au": 3, "voltage.cosine": 1}
     shapes |= {"orbit.position_au": 3, "orbit.velocity": 3, "thermal.time": 2}
+    shapes |= {"hub.centre": 3, "hub.inertia": (3, 3), "hub.roots": (2, 3)}
     shapes |= {"voltage.sine": 1, "voltage.time": 2, "voltage.table": 2, "solar_wind.time": 2}
     example = jnp.ones(shapes[key]) if key in shapes else 1.0
     seen = []

@@ -33,7 +33,7 @@ FIELDS = {
 }
 
 UNITS = {
-    "-", "m", "m^2", "m^4", "kg", "kg/m^3", "Pa", "s", "V", "V/s", "m/s", "m/s^2", "1/m^3", "deg",
+    "-", "m", "m^2", "m^4", "kg", "kg m^2", "kg/m^3", "Pa", "s", "V", "V/s", "m/s", "m/s^2", "1/m^3", "deg",
     "rad", "rad/s", "au", "N", "W", "eV", "u", "K", "1/K",
 }  # fmt: skip
 
@@ -237,7 +237,7 @@ def test_a_description_says_what_a_key_takes():
 ALIASES = {
     Shape.SCALAR: value_types.Number, Shape.MEMBER: value_types.PerMember, Shape.VECTOR: value_types.Vector,
     Shape.VECTORS: value_types.Vectors, Shape.SERIES: value_types.Series, Shape.GRID: value_types.Grid,
-    Shape.HISTORY: value_types.History,
+    Shape.HISTORY: value_types.History, Shape.MATRIX: value_types.Matrix,
 }  # fmt: skip
 """Annotation of physical numbers of each shape."""
 

@@ -261,8 +261,8 @@ def test_an_observable_of_an_ensemble_is_drawn_as_a_fan(ensemble):
 
 def test_an_unknown_name_is_refused_with_a_hint(ensemble):
     for find in (ensemble.__getitem__, lambda name: esail.plot(ensemble, name)):
-        with pytest.raises((KeyError, ValueError), match=r"angular_velocity_B\[:, 0\]"):
-            find("spin_rate")
+        with pytest.raises((KeyError, ValueError), match="spin_rate"):
+            find("spin_rates")
     none = dataclasses.replace(ensemble, complete=np.zeros(len(ensemble), bool))
     with pytest.raises(ValueError, match="must have a member that reached its end, but has none"):
         esail.plot(none, "coning_angle")
