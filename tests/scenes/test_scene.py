@@ -72,7 +72,8 @@ ORBIT |= {"initial.heliocentric_position_au": None}
 
 
 SPACECRAFT = {
-    "hub.height": None, "hub.radius": None, "hub.density": None, "hub.mass": 5.0, "hub.centre": (0.1, 0.0, 0.0),
+    "hub.height": None, "hub.radius": None, "hub.density": None, "hub.mass": 5.0,
+    "hub.centre": (0.1, 0.0, 0.0),
     "hub.inertia": ((3.0, 0.0, 0.0), (0.0, 4.0, 0.0), (0.0, 0.0, 5.0)),
     "hub.roots": ((0.0, 1.0, 0.0), (0.0, -1.0, 0.0)),
 }  # fmt: skip
