@@ -85,6 +85,7 @@ def test_places_of_roots():
     places = root_places(structure, numbers)
     positions, angles = np.array(on_axis["hub.roots"]).T, azimuths(scene.hub, 3)
     np.testing.assert_allclose(places.arms, positions, atol=1e-15)
+    np.testing.assert_allclose(places.radius, np.hypot(*positions[1:]), atol=1e-15)
     np.testing.assert_allclose(root_positions(scene.hub, 3), positions, atol=1e-15)
     np.testing.assert_allclose(places.azimuth, angles, atol=1e-15)
     assert angles[1] == pytest.approx(2.0 * np.pi / 3.0)
