@@ -27,8 +27,8 @@ is a batch. Every floating-point number of a term is a parameter: other values n
 derivatives. Integers and texts are part of the structure. `jnp` takes the place of numpy, `jnp.where` that
 of `if`.
 
-Instants [s] at which a term changes its form in time, such as the ends of a pulse, belong into the property
-`knots`, a sequence of numbers or arrays: steps then end there.
+A term should be continuous in time. Instants [s] at which it changes its form, such as the ends of a ramp,
+belong into the property `knots`, a sequence of numbers or arrays: steps with error control end there.
 """
 
 from typing import Any, NamedTuple
