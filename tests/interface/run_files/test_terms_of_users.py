@@ -64,6 +64,7 @@ def test_a_run_goes_on_under_the_same_terms_bit_for_bit(scene, tmp_path, capsys)
         (f"{FILE}:Wrench", "`--terms` must name a term, or a list of terms, but "),
         (f"{FILE}:SAIL", "`terms[0]` must be of one of the kinds of `esail_jax.physics`"),
     ],
+    ids=["no colon", "no file", "absent name", "needs arguments", "no term"],
 )
 def test_what_is_no_term_is_refused_in_one_line(given, message, scene, tmp_path, capsys):
     assert esail_run(scene, tmp_path / "a.h5", "--terms", given) == 2
