@@ -33,6 +33,7 @@ belong into the property `knots`, a sequence of numbers or arrays: steps with er
 
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax.numpy as jnp
 
 from esail_jax import terms
@@ -55,7 +56,15 @@ class LoadFields(NamedTuple):
     x: Float[Array, "*point"]
 
 
-class Energy(terms.Energy):
+class Named(eqx.Module):
+    """A term whose name is that of its class."""
+
+    @property
+    def name(self) -> str:
+        return type(self).__name__
+
+
+class Energy(Named, terms.Energy):
     """Elastic energy of the tethers per undeformed length.
 
     `deformation(invariants)` is a measure of deformation e, a function of `invariants.stretch_squared`
@@ -64,15 +73,11 @@ class Energy(terms.Energy):
     """
 
     @property
-    def name(self) -> str:
-        return type(self).__name__
-
-    @property
     def depends_on(self) -> tuple[str, ...]:
         return fields_of(self)
 
 
-class Dissipation(terms.Dissipation):
+class Dissipation(Named, terms.Dissipation):
     """Rayleigh dissipation of the tethers per undeformed length.
 
     `deformation(invariants)` is that of `Energy`; `rayleigh_density(e, rate)` is R [W/m], quadratic in the
@@ -80,15 +85,11 @@ class Dissipation(terms.Dissipation):
     """
 
     @property
-    def name(self) -> str:
-        return type(self).__name__
-
-    @property
     def depends_on(self) -> tuple[str, ...]:
         return fields_of(self)
 
 
-class Load(terms.Load):
+class Load(Named, terms.Load):
     """Force on the tethers per undeformed length.
 
     `force(time, fields, rates)` is f [N/m], of the shape of `fields.r_x`; `fields` and `rates` are
@@ -98,10 +99,6 @@ class Load(terms.Load):
     result is found in `self.command` within `force`. `measurements` is that of voltage laws; its `current`
     is the electron current of every tether at the root [A], for scenes with `tethers.wire_radius`.
     """
-
-    @property
-    def name(self) -> str:
-        return type(self).__name__
 
     @property
     def depends_on(self) -> tuple[str, ...]:
@@ -114,35 +111,23 @@ class Load(terms.Load):
         return ()
 
 
-class TipLoad(terms.TipLoad):
+class TipLoad(Named, terms.TipLoad):
     """Force on every remote unit: `force(measurements)` is of shape (3, tether) [N], in I.
 
     `measurements` is that of voltage laws (`measurements.Measurements`).
     """
 
-    @property
-    def name(self) -> str:
-        return type(self).__name__
 
-
-class HubLoad(terms.HubLoad):
+class HubLoad(Named, terms.HubLoad):
     """Force and torque on the hub: `wrench(hub)` is the force (3,) [N] at the hub's centre, in I, and the
     torque (3,) [N m] about it, in B. `hub` is a `HubMotion`."""
 
-    @property
-    def name(self) -> str:
-        return type(self).__name__
 
-
-class Field(terms.Field):
+class Field(Named, terms.Field):
     """Acceleration of everything that has mass: `acceleration(time, position, velocity)` [m/s^2].
 
     position [m] and velocity [m/s] are arrays with the component first, in I; so is the result.
     """
-
-    @property
-    def name(self) -> str:
-        return type(self).__name__
 
 
 def fields_of(term: terms.Deformation) -> tuple[str, ...]:

@@ -138,7 +138,8 @@ class System(Assembly):
         inertial = system.relative_to_free_fall(time, q, v, vdot)
         commanded = system.with_commanded_loads(time, q, v)
         forces, power = commanded.member_forces(time, q, v, inertial)
-        return system.implicit_residual(time, q, v, forces, lam, power)
+        found, power = system.complete_residual(time, q, v, forces, lam, power)
+        return self.with_moved_reactions(found), power
 
     def residuals(
         self,
@@ -168,7 +169,8 @@ class System(Assembly):
         found, power = system.member_forces(times[:, None], *motion)
         ring = None if found.ring is None else jnp.moveaxis(found.ring, 1, 0)
         forces = Coordinates(jnp.moveaxis(found.tether, 2, 0), inertial.hub, ring)
-        return of_every_state("implicit_residual", times, q, v, forces, lam, power)
+        rows, power = of_every_state("complete_residual", times, q, v, forces, lam, power)
+        return jax.vmap(self.with_moved_reactions)(rows), power
 
     @property
     def controlled(self) -> bool:
@@ -303,22 +305,13 @@ class System(Assembly):
             external = external + sum(jax.tree.leaves(parts))
         return Residual(forces, constraints), power._replace(external=external)
 
-    def implicit_residual(
-        self,
-        time: Scalar,
-        q: Coordinates,
-        v: Coordinates,
-        forces: Coordinates,
-        lam: Multipliers,
-        power: Power,
-    ) -> tuple[Residual, Power]:
-        """`complete_residual`, for the derivative of an implicit function: where the places of the roots
-        are numbers of their own, with the derivative of what a solver adds to it (`moved_reactions`)."""
-        found, power = self.complete_residual(time, q, v, forces, lam, power)
-        if self.hub is not None and self.roots.azimuth is not None:
-            added = self.roots.moved_reactions(found.forces.tether[0, :, 0])
-            found = found._replace(forces=found.forces._replace(hub=found.forces.hub + added))
-        return found, power
+    def with_moved_reactions(self, found: Residual) -> Residual:
+        """A residual for the derivative of an implicit function: where the places of the roots are numbers
+        of their own, with the derivative of what a solver adds to it (`roots.moved_reactions`)."""
+        if self.hub is None or self.roots.azimuth is None:
+            return found
+        added = self.roots.moved_reactions(found.forces.tether[0, :, 0])
+        return found._replace(forces=found.forces._replace(hub=found.forces.hub + added))
 
     def tip_forces(self, time: Scalar, q: Coordinates, v: Coordinates) -> Float[Array, "3 tether"]:
         """Forces [N] on the remote units: the sum of the loads on them."""

@@ -292,15 +292,19 @@ def has_law(load: Load) -> TypeGuard[ControlledLoad]:
     return isinstance(load, ControlledLoad) and (not load.constant or load.is_sampled)
 
 
-class TipLoad(eqx.Module):
-    """A force on every remote unit."""
+class BodyTerm(eqx.Module):
+    """A term that does not act along the tethers."""
 
     name: eqx.AbstractClassVar[str]
 
     @property
     def knots(self) -> tuple[Array, ...]:
-        """Instants [s] at which the force changes its form in time. Steps end there."""
+        """Instants [s] at which the term changes its form in time. Steps with error control end there."""
         return ()
+
+
+class TipLoad(BodyTerm):
+    """A force on every remote unit."""
 
     @property
     def measures_motion(self) -> bool:
@@ -334,30 +338,16 @@ class HubMotion(NamedTuple):
     sun: Vector | None = None
 
 
-class HubLoad(eqx.Module):
+class HubLoad(BodyTerm):
     """A force and a torque on the hub."""
-
-    name: eqx.AbstractClassVar[str]
-
-    @property
-    def knots(self) -> tuple[Array, ...]:
-        """Instants [s] at which the wrench changes its form in time. Steps end there."""
-        return ()
 
     @abstractmethod
     def wrench(self, hub: HubMotion) -> tuple[Vector, Vector]:
         """The force [N] at the hub's centre, in I, and the torque [N m] about the centre, in B."""
 
 
-class Field(eqx.Module):
+class Field(BodyTerm):
     """An acceleration of everything that has mass: tethers, remote units, ring and hub."""
-
-    name: eqx.AbstractClassVar[str]
-
-    @property
-    def knots(self) -> tuple[Array, ...]:
-        """Instants [s] at which the field changes its form in time. Steps end there."""
-        return ()
 
     @abstractmethod
     def acceleration(

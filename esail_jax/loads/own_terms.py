@@ -50,9 +50,9 @@ from esail_jax.terms import (
 class Own(eqx.Module):
     """A user's term: its structure, its numbers, and its place in the list of terms."""
 
-    structure: eqx.AbstractVar[LawStructure]
-    numbers: eqx.AbstractVar[tuple[Array, ...]]
-    place: eqx.AbstractVar[int]
+    structure: LawStructure = eqx.field(static=True)
+    numbers: tuple[Array, ...]
+    place: int = eqx.field(static=True)
 
     @property
     def term(self) -> Any:
@@ -157,12 +157,9 @@ class Surroundings(eqx.Module):
         return dataclasses.replace(self, thrust=self.thrust.holding(volts, elements))
 
 
-class OwnEnergy(Own, Energy):
-    """A user's energy. elements: number of elements of a tether."""
+class OwnDeformation(Own):
+    """What a user's energy and a user's dissipation share. elements: number of elements of a tether."""
 
-    structure: LawStructure = eqx.field(static=True)
-    numbers: tuple[Array, ...]
-    place: int = eqx.field(static=True)
     elements: int = eqx.field(static=True)
 
     @property
@@ -170,7 +167,16 @@ class OwnEnergy(Own, Energy):
         return self.term.depends_on
 
     def deformation(self, invariants: Invariants) -> PerPoint:
-        return deformation(self, invariants)
+        """The measure of deformation. It sees the curvature only if it depends on it."""
+        if "r_xx" not in self.depends_on:
+            invariants = invariants._replace(normal_squared=None)
+        given = jax.tree.map(lambda x: divided(x, self.elements), invariants)
+        found = self.call("deformation", given)
+        return joined(self.like("deformation", found, given.stretch_squared.shape, "numbers"))
+
+
+class OwnEnergy(OwnDeformation, Energy):
+    """A user's energy."""
 
     def energy_density(self, e: PerPoint) -> PerPoint:
         given = divided(e, self.elements)
@@ -178,34 +184,13 @@ class OwnEnergy(Own, Energy):
         return joined(self.like("energy_density", found, given.shape, "energies [J/m]"))
 
 
-class OwnDissipation(Own, Dissipation):
-    """A user's dissipation. elements: number of elements of a tether."""
-
-    structure: LawStructure = eqx.field(static=True)
-    numbers: tuple[Array, ...]
-    place: int = eqx.field(static=True)
-    elements: int = eqx.field(static=True)
-
-    @property
-    def depends_on(self) -> tuple[str, ...]:
-        return self.term.depends_on
-
-    def deformation(self, invariants: Invariants) -> PerPoint:
-        return deformation(self, invariants)
+class OwnDissipation(OwnDeformation, Dissipation):
+    """A user's dissipation."""
 
     def rayleigh_density(self, e: PerPoint, rate: PerPoint) -> PerPoint:
         given = divided(e, self.elements)
         found = self.call("rayleigh_density", given, divided(rate, self.elements))
         return joined(self.like("rayleigh_density", found, given.shape, "powers [W/m]"))
-
-
-def deformation(own: OwnEnergy | OwnDissipation, invariants: Invariants) -> PerPoint:
-    """The measure of deformation of a user's term. It sees the curvature only if it depends on it."""
-    if "r_xx" not in own.depends_on:
-        invariants = invariants._replace(normal_squared=None)
-    given = jax.tree.map(lambda x: divided(x, own.elements), invariants)
-    found = own.call("deformation", given)
-    return joined(own.like("deformation", found, given.stretch_squared.shape, "numbers"))
 
 
 def divided(x: Float[Array, "*batch element"], elements: int) -> Float[Array, "*batch elem tether"]:
@@ -224,9 +209,9 @@ class AlongTethers(Own):
     elements: number of elements of a tether; distance: x [m] of the points (point, element); around: what
     the load may know."""
 
-    elements: eqx.AbstractVar[int]
-    distance: eqx.AbstractVar[Float[Array, "point element"]]
-    around: eqx.AbstractVar[Surroundings]
+    elements: int = eqx.field(static=True)
+    distance: Float[Array, "point element"]
+    around: Surroundings
 
     @property
     def depends_on(self) -> tuple[str, ...]:
@@ -269,13 +254,6 @@ def expanded(x: Float[Array, "3 ..."], ndim: int) -> Array:
 class OwnLoad(AlongTethers, Load):
     """A user's load without a command."""
 
-    structure: LawStructure = eqx.field(static=True)
-    numbers: tuple[Array, ...]
-    place: int = eqx.field(static=True)
-    elements: int = eqx.field(static=True)
-    distance: Float[Array, "point element"]
-    around: Surroundings
-
     def knots(self, measurements: Measurements | None) -> tuple[Array, ...]:
         return self.instants
 
@@ -286,12 +264,6 @@ class OwnLoad(AlongTethers, Load):
 class OwnCommandedLoad(AlongTethers, ControlledLoad):
     """A user's load with a number per tether that depends on the state. value: that number."""
 
-    structure: LawStructure = eqx.field(static=True)
-    numbers: tuple[Array, ...]
-    place: int = eqx.field(static=True)
-    elements: int = eqx.field(static=True)
-    distance: Float[Array, "point element"]
-    around: Surroundings
     value: PerElement | None = None
 
     @property
@@ -343,9 +315,6 @@ class OwnCommandedLoad(AlongTethers, ControlledLoad):
 class OwnTipLoad(Own, TipLoad):
     """A user's force on the remote units."""
 
-    structure: LawStructure = eqx.field(static=True)
-    numbers: tuple[Array, ...]
-    place: int = eqx.field(static=True)
     around: Surroundings
 
     @property
@@ -367,9 +336,6 @@ class OwnTipLoad(Own, TipLoad):
 class OwnHubLoad(Own, HubLoad):
     """A user's force and torque on the hub."""
 
-    structure: LawStructure = eqx.field(static=True)
-    numbers: tuple[Array, ...]
-    place: int = eqx.field(static=True)
     around: Surroundings
 
     @property
@@ -396,9 +362,6 @@ class OwnHubLoad(Own, HubLoad):
 class OwnField(Own, Field):
     """A user's acceleration field."""
 
-    structure: LawStructure = eqx.field(static=True)
-    numbers: tuple[Array, ...]
-    place: int = eqx.field(static=True)
     around: Surroundings
 
     @property
