@@ -45,6 +45,10 @@ def image_of(scene: dict[str, Any]) -> dict[str, Any]:
             found[key] = np.asarray(x)[..., IMAGE].tolist()
     if scene.get("tip_thrust.direction") == "tangential":  # along X_B x d, which is no vector
         found["tip_thrust.force"] = (-np.asarray(found["tip_thrust.force"])).tolist()
+    if "hub.roots" in scene:
+        found["hub.inertia"] = np.outer(POLAR, POLAR) * scene["hub.inertia"]
+        found["hub.centre"] = POLAR * scene["hub.centre"]
+        found["hub.roots"] = (POLAR * scene["hub.roots"])[IMAGE]
     if "event.release" in scene:
         found["event.release"] = [int(IMAGE[i - 1]) + 1 for i in scene["event.release"]]
     return found
@@ -61,6 +65,17 @@ def reflected(name: str, rows: np.ndarray, origin: np.ndarray) -> np.ndarray:
 
 DEFAULT = ("harmonic", "feedback")
 
+AROUND = 2.0 * np.pi * np.arange(P) / P + 0.1 * np.sin(1.0 + np.arange(P))
+SPACECRAFT = {
+    "hub.height": None, "hub.radius": None, "hub.density": None, "hub.mass": 200.0,
+    "hub.inertia": np.array([[300.0, 10.0, 20.0], [10.0, 200.0, -15.0], [20.0, -15.0, 250.0]]),
+    "hub.centre": np.array([0.05, -0.1, 0.02]), "integrator.tolerance": 1e-9,
+    "hub.roots": np.stack([0.1 * np.cos(3.0 * AROUND), np.cos(AROUND), np.sin(AROUND)], axis=1),
+}  # fmt: skip
+"""A hub without symmetry. Its base points, by which errors are estimated, are not those of its image."""
+
+CASES = CASES | {"spacecraft": SPACECRAFT}
+
 
 @pytest.mark.parametrize(
     "case", [x if x in DEFAULT else pytest.param(x, marks=pytest.mark.nightly) for x in CASES]
@@ -71,7 +86,10 @@ def test_the_image_moves_as_the_image_of_the_motion(case):
     observable by 1e-3 or more."""
     scene = SAIL | CASES[case]
     run, image = esail.simulate("baseline", scene), esail.simulate("baseline", image_of(scene))
-    assert abs(image.steps - run.steps) <= P  # rounding may divide the time to a tether's knot once more
+    if case != "spacecraft":
+        assert (
+            abs(image.steps - run.steps) <= P
+        )  # rounding may divide the time to a tether's knot once more
     orbital = run["rotation_IB"][0]  # Y_B is Y_O at the start
     for name in run:
         if name in UNRELATED:
