@@ -10,10 +10,10 @@ from pathlib import Path
 
 from esail_jax import observables
 from esail_jax.commands.parser import parser
-from esail_jax.observables.entry import NEEDS
-from esail_jax.scenes.builtin_scenes import builtin_names, builtin_text
-from esail_jax.scenes.commented_scene import commented
+from esail_jax.observables.entry import in_words
 from esail_jax.scenes.key_reference import describe_keys
+from esail_jax.scenes.loading import builtin_names, builtin_text
+from esail_jax.scenes.toml_text import commented
 
 ROOT = Path(__file__).parents[1]
 PAGES = Path(__file__).parent / "generated"
@@ -91,7 +91,7 @@ def observables_page() -> str:
         lines += ["", f"## Observables of {title}", ""]
         lines += header("name, symbol", "unit", "axes after time", "meaning, equation")
         for entry in entries:
-            needs = f" Only with {NEEDS[entry.needs]}." if entry.needs else ""
+            needs = f" Only with {in_words(entry.needs)}." if entry.needs else ""
             lines.append(
                 row(
                     f"`{entry.name}`<br>`{entry.symbol}`",

@@ -34,29 +34,16 @@ if TYPE_CHECKING:
     from esail_jax.modal.sail_modes import modes
     from esail_jax.modal.table import ModeTable
     from esail_jax.plotting import plot
-    from esail_jax.scenes.chain_tables import (
-        Chain,
-        ChainInitial,
-        ChainVoltage,
-        ChainWind,
-        Orbit,
-        PlasmaBrake,
-    )
-    from esail_jax.scenes.common_tables import Gravity, Integrator, Output
+    from esail_jax.scenes.chain import Chain
+    from esail_jax.scenes.hub import Hub
+    from esail_jax.scenes.integration import Integrator, Output
     from esail_jax.scenes.loading import load_scene
-    from esail_jax.scenes.orbit_table import HeliocentricOrbit
+    from esail_jax.scenes.plasma import ChainWind, PlasmaBrake, SolarWind
     from esail_jax.scenes.rules import SceneError
-    from esail_jax.scenes.sail_tables import (
-        Event,
-        Hub,
-        Initial,
-        SolarWind,
-        Tethers,
-        Voltage,
-    )
     from esail_jax.scenes.scene import Scene
-    from esail_jax.scenes.thermal_table import Thermal
-    from esail_jax.scenes.tip_tables import AuxiliaryTethers, RemoteUnits, TipThrust
+    from esail_jax.scenes.start_and_place import ChainInitial, Gravity, HeliocentricOrbit, Initial, Orbit
+    from esail_jax.scenes.tethers import AuxiliaryTethers, Event, RemoteUnits, Tethers, Thermal, TipThrust
+    from esail_jax.scenes.voltage import ChainVoltage, Voltage
     from esail_jax.simulation.simulate import run, simulate
     from esail_jax.simulation.solution import Solution
     from esail_jax.steppers.results import RESULTS
@@ -112,22 +99,16 @@ MODULES = {
     "modal.sail_modes": ("modes",),
     "modal.table": ("ModeTable",),
     "plotting": ("plot",),
-    "scenes.chain_tables": ("Chain", "ChainInitial", "ChainVoltage", "ChainWind", "Orbit", "PlasmaBrake"),
-    "scenes.common_tables": ("Gravity", "Integrator", "Output"),
+    "scenes.chain": ("Chain",),
+    "scenes.hub": ("Hub",),
+    "scenes.integration": ("Integrator", "Output"),
+    "scenes.plasma": ("ChainWind", "PlasmaBrake", "SolarWind"),
     "scenes.rules": ("SceneError",),
-    "scenes.orbit_table": ("HeliocentricOrbit",),
-    "scenes.sail_tables": (
-        "Event",
-        "Hub",
-        "Initial",
-        "SolarWind",
-        "Tethers",
-        "Voltage",
-    ),
     "scenes.loading": ("load_scene",),
     "scenes.scene": ("Scene",),
-    "scenes.tip_tables": ("AuxiliaryTethers", "RemoteUnits", "TipThrust"),
-    "scenes.thermal_table": ("Thermal",),
+    "scenes.start_and_place": ("ChainInitial", "Gravity", "HeliocentricOrbit", "Initial", "Orbit"),
+    "scenes.tethers": ("AuxiliaryTethers", "Event", "RemoteUnits", "Tethers", "Thermal", "TipThrust"),
+    "scenes.voltage": ("ChainVoltage", "Voltage"),
     "simulation.simulate": ("run", "simulate"),
     "simulation.solution": ("Solution",),
     "steppers.results": ("RESULTS",),

@@ -25,7 +25,8 @@ class Assembly(eqx.Module):
     roots: None if nothing holds the tethers. hub: None for a turning frame or a chain. fields:
     accelerations of everything that has mass. ring: auxiliary tethers between the tips. tip_loads: forces
     on the remote units. hub_loads: forces and torques on the hub. kepler_orbit: path about the Sun of the
-    origin of the coordinates, whose axes do not turn. Absent parts are None, or empty.
+    origin of the coordinates, whose axes do not turn. Absent parts are None, or empty. parts: names of the
+    tables and keys of the scene, on which depends what is observed.
     """
 
     tethers: TetherBatch
@@ -39,6 +40,7 @@ class Assembly(eqx.Module):
     tip_loads: tuple[TipLoad, ...] = ()
     hub_loads: tuple[HubLoad, ...] = ()
     kepler_orbit: KeplerOrbit | PlaceOnOrbit | None = None
+    parts: tuple[str, ...] = eqx.field(static=True, default=())
 
     # ---- parts -----------------------------------------------------------------------------
 

@@ -39,15 +39,15 @@ def scene_of(options: argparse.Namespace) -> "Scene":
     """Reads and checks the scene of a command, before JAX is imported: an error is reported at once, and so
     is a number that may be in a wrong unit."""
     from esail_jax.scenes.loading import load_scene
-    from esail_jax.scenes.own_law import KEY, MissingLaw
-    from esail_jax.scenes.own_terms import KEY as OWN_TERMS
+    from esail_jax.scenes.own_terms import OWN_TERMS
     from esail_jax.scenes.plausibility import doubts, without_effect
+    from esail_jax.scenes.voltage import OWN_LAW, MissingLaw
 
     overrides = settings(options)
     if getattr(options, "voltage_law", None) is not None:
         from esail_jax.commands.own_objects import read_law
 
-        overrides[KEY] = read_law(options.voltage_law)
+        overrides[OWN_LAW] = read_law(options.voltage_law)
     if getattr(options, "terms", None):
         from esail_jax.commands.own_objects import read_terms
 

@@ -398,6 +398,20 @@ class LinearField(Field):
         return self.matrices
 
 
+class Terms(eqx.Module):
+    """What acts, by kind; kinds that are absent are empty. The sum of two has the terms of both."""
+
+    energies: tuple[Energy, ...] = ()
+    dissipations: tuple[Dissipation, ...] = ()
+    loads: tuple[Load, ...] = ()
+    tip_loads: tuple[TipLoad, ...] = ()
+    hub_loads: tuple[HubLoad, ...] = ()
+    fields: tuple[Field, ...] = ()
+
+    def __add__(self, other: "Terms") -> "Terms":
+        return Terms(**{kind: (*terms, *getattr(other, kind)) for kind, terms in vars(self).items()})
+
+
 def find_term(terms: Iterable[eqx.Module], kind: type) -> Any:
     """The only term of a kind among `terms`; None if there is none.
 

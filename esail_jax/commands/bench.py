@@ -40,7 +40,7 @@ CHAIN: tuple[Curve, ...] = (
 """The curves of `esail bench`, for sails and for chains. The baseline takes one to two minutes, half of
 them for compiling."""
 
-REFERENCE = {"tethers": ("collocation", 1e-13), "chain": ("dopri8", 1e-13)}
+REFERENCE = {"sail": ("collocation", 1e-13), "chain": ("dopri8", 1e-13)}
 """Method and tolerance of the reference, for sails (`tethers`) and for chains."""
 
 MOST_UNCERTAIN = 1e-4
@@ -218,7 +218,7 @@ def reference_line(scene: Scene) -> tuple[Reference, dict[str, Any]]:
     """The reference of a scene and its JSON line, whose errors are those of the second run.
 
     Raises NoReference if no observable is accurate enough."""
-    method, tolerance = REFERENCE[scene.main]
+    method, tolerance = REFERENCE[scene.model]
     best, second = (measure(scene, method, "tolerance", t, 1) for t in (tolerance, 10.0 * tolerance))
     reference = reference_of(best, second)
     if not reference.names:

@@ -6,7 +6,7 @@ from pathlib import Path
 import shtab
 
 from esail_jax.commands.parser import parser
-from esail_jax.scenes.builtin_scenes import builtin_names
+from esail_jax.scenes.loading import builtin_names
 
 FUNCTIONS = {
     "bash": '_esail_scene() {{ compgen -W "{names}" -- "$1"; compgen -f -- "$1"; }}',

@@ -9,8 +9,8 @@ import h5py
 import numpy as np
 
 from esail_jax.files.opening import intact, open_run, to_python
-from esail_jax.scenes.releases import releases
-from esail_jax.scenes.scene import Scene, parse
+from esail_jax.scenes.loading import parse
+from esail_jax.scenes.scene import Scene, releases
 
 
 def describe(path: Path, said: Sequence[str] = ()) -> str:

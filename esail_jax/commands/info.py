@@ -5,7 +5,7 @@ from pathlib import Path
 
 from esail_jax.commands.description import describe
 from esail_jax.files.opening import DESIGN, files_of, holds_ensemble
-from esail_jax.scenes.builtin_scenes import builtin_names
+from esail_jax.scenes.loading import builtin_names
 
 
 def print_info(paths: Sequence[Path]) -> None:
@@ -50,8 +50,8 @@ def is_scene(path: Path) -> bool:
 def scene_text(path: Path) -> str:
     """The description of a scene, which is checked but not run, and sentences on what in it may be meant
     otherwise. Raises SceneError."""
+    from esail_jax.scenes.loading import read_scene
     from esail_jax.scenes.plausibility import doubts, without_effect
-    from esail_jax.scenes.scene import read_scene
 
     scene = read_scene(path, {})
     cost = f"  cost      steps, time, memory and file size: esail run {path} --estimate"

@@ -6,9 +6,9 @@ from pathlib import Path
 from esail_jax.atomic_file import atomic_file
 from esail_jax.commands.options import refuse_existing
 from esail_jax.errors import nearest
-from esail_jax.scenes.builtin_scenes import builtin_names, builtin_text
-from esail_jax.scenes.commented_scene import commented
+from esail_jax.scenes.loading import builtin_names, builtin_text
 from esail_jax.scenes.rules import SceneError
+from esail_jax.scenes.toml_text import commented
 
 
 def write_scene(name: str, path: Path | None) -> None:

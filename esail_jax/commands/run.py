@@ -26,10 +26,11 @@ from esail_jax.files.run_file import (
 )
 from esail_jax.files.state import load_checkpoint
 from esail_jax.loads.law_structure import identity_of
-from esail_jax.scenes.differences import ABSENT, differing_keys
+from esail_jax.scenes.key_reference import ABSENT, differing_keys
+from esail_jax.scenes.loading import parse
 from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.plausibility import doubts
-from esail_jax.scenes.scene import Scene, parse
+from esail_jax.scenes.scene import Scene
 from esail_jax.simulation.host import CompiledScene, HostRun, compile_scene
 from esail_jax.simulation.simulate import stability_along
 from esail_jax.steppers.results import RESULTS

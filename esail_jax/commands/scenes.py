@@ -1,6 +1,6 @@
 """`esail scenes`."""
 
-from esail_jax.scenes.builtin_scenes import builtin_names, description
+from esail_jax.scenes.loading import builtin_names, description
 
 
 def list_scenes() -> None:

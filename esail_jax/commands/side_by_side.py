@@ -8,8 +8,9 @@ import numpy as np
 
 from esail_jax.commands.description import size_of
 from esail_jax.files.opening import intact, open_single, to_python
-from esail_jax.scenes.differences import differing_keys
-from esail_jax.scenes.scene import Scene, parse
+from esail_jax.scenes.key_reference import differing_keys
+from esail_jax.scenes.loading import parse
+from esail_jax.scenes.scene import Scene
 
 ERRORS = ("energy_balance_error", "energy_error")
 """Observables whose largest value tells the error of a run: [J] of a sail, relative of a free chain."""

@@ -12,11 +12,12 @@ from jax import lax
 from esail_jax.array_types import Array, Float, Scalar
 from esail_jax.design import objectives
 from esail_jax.ensembles.member_program import observable_shapes
-from esail_jax.scenes.merging import check_overrides
-from esail_jax.scenes.own_law import KEY
-from esail_jax.scenes.own_terms import KEY as OWN_TERMS
+from esail_jax.scenes.loading import read_scene
+from esail_jax.scenes.overrides import check_overrides
+from esail_jax.scenes.own_terms import OWN_TERMS
 from esail_jax.scenes.rules import SceneError
-from esail_jax.scenes.scene import Scene, read_scene
+from esail_jax.scenes.scene import Scene
+from esail_jax.scenes.voltage import OWN_LAW
 from esail_jax.simulation.simulate import simulate
 from esail_jax.simulation.solution import RESULTS, Solution
 
@@ -129,7 +130,7 @@ class Objective:
     def constant_voltage(self) -> Scene:
         """The scene with constant voltage."""
         law = {f"voltage.{x}": None for x in vars(self.scene.voltage) if x not in KEPT}
-        return self.scene.replace(law | {"voltage.law": "constant", KEY: None})
+        return self.scene.replace(law | {"voltage.law": "constant", OWN_LAW: None})
 
 
 def check_voltage(scene: Scene) -> None:

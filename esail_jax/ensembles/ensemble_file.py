@@ -23,7 +23,8 @@ from esail_jax.ensembles.ensemble import Ensemble
 from esail_jax.ensembles.sampling import Inputs
 from esail_jax.files.hdf5 import atomic_hdf5_in_memory
 from esail_jax.files.opening import WHOLE, RunFileError, intact, open_run, to_python
-from esail_jax.scenes.scene import Scene, parse
+from esail_jax.scenes.loading import parse
+from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.toml_text import to_toml
 
 COMPLETE, FAILED, MISSING = "complete", "failed", "missing"

@@ -30,7 +30,7 @@ from esail_jax.observables.balance import TERMS
 from esail_jax.observables.run_warning import joined_warnings
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
-from esail_jax.scenes.thermal_table import Thermal
+from esail_jax.scenes.tethers import Thermal
 from esail_jax.simulation.problem import require_64_bit
 from esail_jax.simulation.schedule import save_times
 from esail_jax.simulation.simulate import simulate
@@ -38,7 +38,7 @@ from esail_jax.simulation.voltage_jumps import JUMPS
 from esail_jax.steppers.results import RESULTS
 from kept_programs.program import TreeProgram
 
-BALANCE = {"tethers": TERMS, "chain": ("energy_error", *TERMS)}
+BALANCE = {"sail": TERMS, "chain": ("energy_error", *TERMS)}
 """Observables that show whether a member's energy is balanced, for sails and for chains."""
 
 
@@ -69,7 +69,7 @@ class MemberRunner:
         self.lockstep = jax.default_backend() != "cpu" if lockstep is None else lockstep
         self.shapes = observable_shapes(scene)
         self.observables = select_observables(self.shapes, observables)
-        balance = tuple(name for name in BALANCE[scene.main] if name in self.shapes)
+        balance = tuple(name for name in BALANCE[scene.model] if name in self.shapes)
         self._computed = tuple(dict.fromkeys((*self.observables, *balance)))
         self._program: TreeProgram | None = None
         devices = len(jax.local_devices()) if self.lockstep else 1

@@ -10,7 +10,7 @@ from esail_jax.ensembles.ensemble import Ensemble, concatenate
 from esail_jax.ensembles.member_runner import MemberRunner
 from esail_jax.ensembles.sampling import Vary, checked_inputs, draw
 from esail_jax.scenes.loading import load_scene
-from esail_jax.scenes.own_terms import KEY
+from esail_jax.scenes.own_terms import OWN_TERMS
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
 from esail_jax.simulation.arguments import check_max_steps
@@ -40,7 +40,7 @@ def simulate_members(
     physics of your own (`physics.py`).
 
     Raises SceneError."""
-    scene = load_scene(scene, None if terms is None else {KEY: terms})
+    scene = load_scene(scene, None if terms is None else {OWN_TERMS: terms})
     if (inputs is None) == (vary is None and members is None):
         found = "neither is" if inputs is None else "both are"
         raise SceneError("inputs", "be given, or `vary` and `members`", found)

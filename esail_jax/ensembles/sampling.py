@@ -27,11 +27,10 @@ from esail_jax.ensembles.distributions import (
 )
 from esail_jax.scenes.declarations import rule_of
 from esail_jax.scenes.loading import load_scene
-from esail_jax.scenes.merging import unknown
-from esail_jax.scenes.rules import Rule, SceneError, describe, numbers_of
+from esail_jax.scenes.overrides import unknown
+from esail_jax.scenes.parts import names_of, tables_of
+from esail_jax.scenes.rules import Kind, Rule, SceneError, Shape, describe, numbers_of
 from esail_jax.scenes.scene import Scene
-from esail_jax.scenes.tables import names_of, tables_of
-from esail_jax.scenes.value_types import Kind, Shape
 
 Inputs = dict[str, Float[np.ndarray, "member ..."]]
 """Values by scene key, member first."""
@@ -161,10 +160,10 @@ def columns_of(scene: Scene, variation: Variation) -> int:
 
 def varied_rule(scene: Scene, key: str) -> Rule:
     """The rule of a key that can be varied. Raises SceneError for any other key."""
-    kinds = tables_of([scene.main])
+    kinds = tables_of(scene.model)
     table, _, name = key.partition(".")
     if table not in kinds or name not in names_of(kinds[table]):
-        raise unknown(key, kinds)
+        raise unknown(key, scene.model)
     rule = rule_of(kinds[table].__dataclass_fields__[name])
     if rule.structure or rule.kind is not Kind.NUMBER:
         raise SceneError(key, "be a physical number to be varied", "is structure")

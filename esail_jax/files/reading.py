@@ -9,8 +9,9 @@ import h5py
 import numpy as np
 
 from esail_jax.files.opening import RunFileError, intact, open_run
-from esail_jax.scenes.own_terms import KEY, AbsentTerms
-from esail_jax.scenes.scene import Scene, parse
+from esail_jax.scenes.loading import parse
+from esail_jax.scenes.own_terms import OWN_TERMS, AbsentTerms
+from esail_jax.scenes.scene import Scene
 
 
 @dataclasses.dataclass(frozen=True)
@@ -88,7 +89,7 @@ def scene_in(file: h5py.File, path: Path) -> Scene:
     is no scene to run without them."""
     scene = parse(file["scene"].asstr()[()], str(path))
     names = tuple(file.attrs.get("own_terms", ()))
-    return scene.replace({KEY: AbsentTerms(names)}) if names else scene
+    return scene.replace({OWN_TERMS: AbsentTerms(names)}) if names else scene
 
 
 def known_rows(rows: Mapping[str, np.ndarray], count: int) -> int:

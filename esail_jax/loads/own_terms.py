@@ -43,6 +43,7 @@ from esail_jax.terms import (
     HubMotion,
     Load,
     Term,
+    Terms,
     TipLoad,
 )
 
@@ -379,23 +380,12 @@ class OwnField(Own, Field):
         return self.like("acceleration", found, position.shape, "accelerations [m/s^2]")
 
 
-class OwnTerms(eqx.Module):
-    """The terms of a user, by kind."""
-
-    energies: tuple[Energy, ...] = ()
-    dissipations: tuple[Dissipation, ...] = ()
-    loads: tuple[Load, ...] = ()
-    tip_loads: tuple[TipLoad, ...] = ()
-    hub_loads: tuple[HubLoad, ...] = ()
-    fields: tuple[Field, ...] = ()
-
-
 Divided = tuple[LawStructure, tuple[Array, ...]]
 
 
-def own_terms(terms: tuple[Divided, ...], tethers: TetherBatch, around: Surroundings) -> OwnTerms:
+def own_terms(terms: tuple[Divided, ...], tethers: TetherBatch, around: Surroundings) -> Terms:
     """The wrappers of terms that are divided into structure and numbers."""
-    elements, found = tethers.elements, OwnTerms()
+    elements, found = tethers.elements, Terms()
 
     def add(kind: str, term: Any) -> None:
         nonlocal found

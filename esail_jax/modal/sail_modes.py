@@ -23,7 +23,7 @@ from esail_jax.modal.table import ModeTable
 from esail_jax.scenes.build import Model, build
 from esail_jax.scenes.loading import load_scene
 from esail_jax.scenes.method_choice import with_method
-from esail_jax.scenes.own_terms import KEY
+from esail_jax.scenes.own_terms import OWN_TERMS
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.structure import Numbers, Structure, split
 from esail_jax.steppers.results import RESULTS
@@ -58,7 +58,7 @@ def modes(
     The result is not differentiable. Raises SceneError if the scene has no steady spinning state, and
     SimulationError if none is found.
     """
-    scene = load_scene(source, overrides if terms is None else {**(overrides or {}), KEY: terms})
+    scene = load_scene(source, overrides if terms is None else {**(overrides or {}), OWN_TERMS: terms})
     check_has_modes(scene)
     if floquet:
         check_has_orbit(scene)

@@ -20,10 +20,10 @@ from esail_jax.array_types import Rotation
 from esail_jax.environment.solar_wind import SteadyWind
 from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.loads.fields import UniformGravity
-from esail_jax.scenes.own_terms import KEY, kind_of
+from esail_jax.scenes.own_terms import OWN_TERMS, kind_of
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
-from esail_jax.scenes.tip_tables import TipThrust
+from esail_jax.scenes.tethers import TipThrust
 from esail_jax.system import System
 from esail_jax.terms import Field, find_term
 
@@ -36,7 +36,7 @@ def check_has_modes(scene: Scene) -> None:
     for i, term in enumerate(scene.terms):
         if kind_of(term) not in ("Energy", "Dissipation"):
             must = "be an Energy or a Dissipation for modes, as they need a steady load"
-            raise SceneError(f"{KEY}[{i}]", must, f"{type(term).__name__} is a {kind_of(term)}")
+            raise SceneError(f"{OWN_TERMS}[{i}]", must, f"{type(term).__name__} is a {kind_of(term)}")
     if scene.tip_thrust is not None:
         check_steady_push(scene.tip_thrust)
     if scene.solar_wind is not None and scene.solar_wind.relative:

@@ -6,9 +6,9 @@ from esail_jax.array_types import Array
 from esail_jax.errors import nearest
 from esail_jax.observables import chain, sail
 from esail_jax.observables.entry import (
-    NEEDS,
     Observable,
     elastic_energy,
+    in_words,
     kinetic_energy,
     shape_of,
     thermal_energy,
@@ -57,7 +57,7 @@ def hint_at(name: str, present: Iterable[str], of_chain: bool) -> str:
     name needs, otherwise the nearest name of those that are present; empty if there is none."""
     if name in known_names(of_chain):
         need = described(name).needs
-        return f" (only with {NEEDS[need]})" if need else " (saved on request, with `save`)"
+        return f" (only with {in_words(need)})" if need else " (saved on request, with `save`)"
     if name == "spin_rate" and not of_chain:  # the key of a scene, [initial] spin_rate
         return " (it is `angular_velocity_B[:, 0]`)"
     return nearest(name, present)

@@ -10,7 +10,7 @@ from esail_jax.coordinates import Coordinates
 from esail_jax.elements.hinges import Hinges
 from esail_jax.loads.fields import UniformGravity
 from esail_jax.numerics.vectors import dot, norm
-from esail_jax.observables.entry import Observable, elastic_energy, kinetic_energy
+from esail_jax.observables.entry import WORK, Observable, elastic_energy, kinetic_energy
 from esail_jax.rod_chain import does_work, linear_fields
 from esail_jax.system import Power, System
 from esail_jax.terms import find_term
@@ -86,10 +86,10 @@ OBSERVABLES = (
     Observable("elastic_energy", "J", "U", (), "[MW] 6", lambda i: stored_energy(i.system, i.hinges, i.q)),
     Observable("potential_energy", "J", "V", (), "zero at the origin", potential_energy),
     Observable("external_work", "J", "W_ext", (), "integral of the power of loads and fields",
-               lambda i: i.work.external, needs="work"),
+               lambda i: i.work.external, needs=WORK),
     Observable("dissipated_energy", "J", "E_d", (), "integral of 2 P_d",
-               lambda i: i.work.dissipated, needs="work"),
-    Observable("energy_balance_error", "J", "dE - W + E_d", (), "energy theorem", balance, needs="work"),
+               lambda i: i.work.dissipated, needs=WORK),
+    Observable("energy_balance_error", "J", "dE - W + E_d", (), "energy theorem", balance, needs=WORK),
 )  # fmt: skip
 
 ENERGY_ERROR = Observable(
@@ -101,7 +101,7 @@ ENERGY_ERROR = Observable(
 def listed(system: System) -> list[Observable]:
     """Returns the observables of a chain; those of work only if there are loads or dissipation."""
     works = does_work(system)
-    return [*(entry for entry in OBSERVABLES if entry.needs == "" or works), ENERGY_ERROR]
+    return [*(entry for entry in OBSERVABLES if not entry.needs or works), ENERGY_ERROR]
 
 
 def observe(instant: Instant) -> dict[str, Array]:

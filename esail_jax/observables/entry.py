@@ -12,27 +12,24 @@ from esail_jax.observables.meanings import MEANINGS
 from esail_jax.system import System
 from esail_jax.terms import find_term
 
-NEEDS = {
-    "hub": "a hub",
-    "ring": "auxiliary tethers",
-    "wind": "solar wind",
-    "wires": "`tethers.wire_radius`",
-    "heat": "`[thermal]`",
-    "orbit": "an orbit about the Sun",
-    "work": "loads or damping",
-}
-"""The part of a scene that an observable needs, in words."""
+WORK = "work"
+"""What the observables of work of a chain need: loads or damping."""
+
+
+def in_words(need: str) -> str:
+    """What an observable needs, in words: a table, or a key."""
+    if need == WORK:
+        return "loads or damping"
+    return f"`{need}`" if "." in need else f"[{need}]"
 
 
 @dataclasses.dataclass(frozen=True)
 class Observable:
     """One observable: its description, which run files store as attributes, and its function of an instant.
 
-    name, unit, symbol: as in run files and figures
-    axes: names of the axes after time
-    equation: source of the formula
-    function: the observable of an `Instant`
-    needs: attribute of the system that must not be None for the observable to exist; empty if always
+    name, unit, symbol: as in run files and figures axes: names of the axes after time equation: source of
+    the formula function: the observable of an `Instant` needs: the table or the key that a scene must have
+    for the observable to exist, or WORK; empty if it always exists
     """
 
     name: str

@@ -9,7 +9,7 @@ from esail_jax.observables.balance import balance_warning
 from esail_jax.observables.lost_sail import lost_warning
 from esail_jax.scenes.plausibility import doubts
 from esail_jax.scenes.scene import Scene
-from esail_jax.scenes.thermal_table import Thermal
+from esail_jax.scenes.tethers import Thermal
 
 WARN_ABOVE = 7e-3
 """A warning is given if the estimated error of tips or forces exceeds this fraction of their range. The

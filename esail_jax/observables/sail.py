@@ -257,9 +257,9 @@ OBSERVABLES = (
     Observable("smallest_tether_distance", "m", "d_min", (), "remote units to other tethers",
                tether_distance),
     Observable("auxiliary_tension", "N", "T_aux", TETHER, "mean axial force of a segment",
-               lambda i: i.system.ring.tension(i.q, i.v), needs="ring"),
-    Observable("temperature", "K", "T_i", TETHER, "`[thermal]`", temperature, needs="heat"),
-    Observable("voltage", "V", "V_i", TETHER, "voltage law", voltage, needs="wind"),
+               lambda i: i.system.ring.tension(i.q, i.v), needs="auxiliary_tethers"),
+    Observable("temperature", "K", "T_i", TETHER, "`[thermal]`", temperature, needs="thermal"),
+    Observable("voltage", "V", "V_i", TETHER, "voltage law", voltage, needs="solar_wind"),
     Observable("total_momentum_I", "kg m/s", "P", XYZ, "sum of M v, in the frame I", total_momentum,
                needs="hub"),
     Observable("angular_momentum_I", "kg m^2/s", "L", XYZ, "about the centre of mass",
@@ -267,8 +267,9 @@ OBSERVABLES = (
     Observable("spin_rate", "rad/s", "omega", ("body",), "of the hub about X_B, and L/I of the sail",
                spin_rates, needs="hub"),
     Observable("electron_current", "A", "I_i", TETHER, "2 r_w e n_0 sqrt(2 e V/m_e) per length of a wire",
-               electron_current, needs="wires"),
-    Observable("electric_power", "W", "P_el", (), "sum of V_i I_i", electric_power, needs="wires"),
+               electron_current, needs="tethers.wire_radius"),
+    Observable("electric_power", "W", "P_el", (), "sum of V_i I_i", electric_power,
+               needs="tethers.wire_radius"),
     Observable("heliocentric_position", "m", "R", XYZ, "Kepler orbit plus r_OB",
                lambda i: i.heliocentric[0], needs="orbit"),
     Observable("heliocentric_velocity", "m/s", "V", XYZ, "time derivative of R",
@@ -282,25 +283,18 @@ ON_REQUEST = (
     Observable("node_position_I", "m", "r_j", ("tether", "node", "xyz"), "[PGV] 4, nodes from root to tip",
                lambda i: i.from_origin(i.q.tether[0]).transpose(2, 1, 0)),
     Observable("flat_sail_thrust_O", "N", "F_flat", XYZ, "Huo et al. 2018, flat sail",
-               reduced.flat_sail_thrust, needs="wind"),
+               reduced.flat_sail_thrust, needs="solar_wind"),
     Observable("flat_sail_thrust_moment_O", "N m", "M_flat", XYZ, "moment about the roots of a flat sail",
-               reduced.flat_sail_moment, needs="wind"),
+               reduced.flat_sail_moment, needs="solar_wind"),
     Observable("axisymmetric_thrust_O", "N", "F_axi", XYZ, "Bassetto et al. 2018, mean shape of the sail",
-               reduced.shaped_sail_thrust, needs="wind"),
+               reduced.shaped_sail_thrust, needs="solar_wind"),
     Observable("axisymmetric_thrust_moment_O", "N m", "M_axi", XYZ,
                "Bassetto et al. 2018, mean shape, about the roots", reduced.shaped_sail_moment,
-               needs="wind"),
+               needs="solar_wind"),
 )  # fmt: skip
 """Observables that are saved only where they are named: they are large, or are those of reduced models."""
 
 
 def listed(system: System) -> list[Observable]:
-    """The observables of a sail. Those that need a hub, a ring, an orbit about the Sun, the wind, its wires
-    or heat are left out without them."""
-    present = {"": True, "hub": system.hub is not None, "ring": system.ring is not None}
-    thrust = find_term(system.loads, CoulombThrust)
-    present["wind"] = thrust is not None
-    present["heat"] = find_term(system.energies, ThermalEnergy) is not None
-    present["orbit"] = system.kepler_orbit is not None
-    present["wires"] = thrust is not None and thrust.collector is not None
-    return [entry for entry in OBSERVABLES if present[entry.needs]]
+    """The observables of a sail. Those that need a table or a key of the scene are left out without it."""
+    return [entry for entry in OBSERVABLES if not entry.needs or entry.needs in system.parts]

@@ -19,7 +19,7 @@ from esail_jax.plotting.figure_files import Told, write_figures
 from esail_jax.plotting.panels import Curve, Panel, against_time, assemble, time_unit, unwrapped_degrees
 from esail_jax.plotting.sail import norm
 from esail_jax.plotting.tether import of_tether
-from esail_jax.scenes.differences import differing_keys
+from esail_jax.scenes.key_reference import differing_keys
 
 Runs = Mapping[str, Any]
 """Solutions or loaded run files, by the name that the legend shows."""
@@ -58,11 +58,11 @@ def compare(runs: Runs) -> dict[str, Figure]:
     """
     if not runs:
         raise InputError("`runs` must have at least one run, but is empty")
-    kinds = {name: run.scene.main for name, run in runs.items()}
+    kinds = {name: run.scene.model for name, run in runs.items()}
     first = next(iter(kinds))
     for name, kind in kinds.items():
         if kind != kinds[first]:
-            words = {"tethers": "a sail", "chain": "a rod chain"}
+            words = {"sail": "a sail", "chain": "a rod chain"}
             raise InputError(
                 f"`{name}` must be of {words[kinds[first]]} like `{first}`, but is of {words[kind]}"
             )

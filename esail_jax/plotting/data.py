@@ -6,7 +6,7 @@ import numpy as np
 from scipy.signal import periodogram
 
 from esail_jax.observables.saved_rows import leading_finite
-from esail_jax.scenes.releases import releases
+from esail_jax.scenes.scene import releases
 
 DEGREES = 180.0 / np.pi
 """Degrees in a radian."""

@@ -11,7 +11,7 @@ from esail_jax.observables.saved_rows import leading_finite, observable
 from esail_jax.plotting.data import KILOMETRE, spin_period
 from esail_jax.plotting.panels import LEAST_WIDTH, tether_colours
 from esail_jax.plotting.style import RED
-from esail_jax.scenes.releases import released
+from esail_jax.scenes.scene import released
 
 VIEW_OFF_WIND_DEG, VIEW_ELEVATION_DEG = 25.0, 25.0
 """Direction of the view: close to the wind, so that the sail's disc is visible, but not along it, which

@@ -1,17 +1,17 @@
-"""Builds the system of a scene and its initial state. This is the only module that knows every part.
+"""Builds the system of a scene and its initial state: tethers, hub, ring and roots, and the sum of what
+acts. What a part of the scene brings, it names itself (`parts.py`).
 
 `build` uses jax.numpy only, so that results have derivatives with respect to every number of the scene,
 also through the steady start.
 """
 
-from dataclasses import fields, replace
+from importlib import import_module
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 
 from esail_jax.array_types import Array, Float, PerTether, Rotation, Scalar
-from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.coordinates import Coordinates
 from esail_jax.elements.axial import AxialDissipation, AxialEnergy, TensionOnlyEnergy
 from esail_jax.elements.bending import STRAIGHT_TURN, BendingDissipation, BendingEnergy
@@ -20,31 +20,21 @@ from esail_jax.elements.rigid_body import Body, RigidBody, Spacecraft
 from esail_jax.elements.ring import Ring
 from esail_jax.elements.tether import TetherBatch, per_element
 from esail_jax.elements.thermal import ThermalEnergy
-from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.environment.temperature import SteadyTemperature, TemperatureSeries
 from esail_jax.equilibria.steady_ring import hanging, steady_ring
 from esail_jax.equilibria.steady_stretch import Line, along, steady_line, unstretched_line
 from esail_jax.joints import roots as joints
 from esail_jax.loads.coulomb import CoulombThrust
-from esail_jax.loads.fields import OrbitalField, SolarTide, UniformGravity
 from esail_jax.loads.law_structure import NUMBER
-from esail_jax.loads.own_terms import OwnTerms, Surroundings, fields_needed, own_terms
-from esail_jax.loads.voltage import Constant
+from esail_jax.loads.own_terms import Surroundings, fields_needed, own_terms
 from esail_jax.point_fields import PointFields
 from esail_jax.rod_chain import RodChain, RodState
-from esail_jax.scenes.build_loads import (
-    coulomb_thrust,
-    kepler_orbit_of,
-    origin_of,
-    plasma_brake_of,
-    starting_attitude,
-    tip_thrust_of,
-    wind_of,
-)
-from esail_jax.scenes.own_terms import KEY as OWN_TERMS
+from esail_jax.scenes.build_parts import kepler_orbit_of, origin_of, starting_attitude
+from esail_jax.scenes.own_terms import OWN_TERMS
+from esail_jax.scenes.parts import SAIL, parts_of
 from esail_jax.scenes.structure import Numbers, Structure
 from esail_jax.system import Power, System
-from esail_jax.terms import Dissipation, Energy, Field
+from esail_jax.terms import Dissipation, Energy, Terms, find_term
 
 
 class Model(NamedTuple):
@@ -116,50 +106,47 @@ def root_places(structure: Structure, n: Numbers) -> RootPlaces:
 
 def system_of(structure: Structure, n: Numbers) -> System:
     """The system of a sail."""
-    start, origin = starting_attitude(n)
-    hub = hub_of(structure, n)
-    terms = material_terms(structure, n)
-    loads = ()
-    if structure.has("solar_wind"):
-        loads = (coulomb_thrust(structure, n, origin, structure["tethers.elements"]),)
-    system = System(
-        tethers=tethers_of(structure, n, bool(loads)),
+    start, _ = starting_attitude(n)
+    hub, acting = hub_of(structure, n), terms_of_parts(structure, n)
+    tethers = tethers_of(structure, n, bool(acting.loads))
+    acting = material_terms(structure, n) + acting + terms_of_user(structure, n, tethers, acting)
+    return System(
+        tethers=tethers,
         roots=roots_of(structure, n, hub, start),
         hub=hub,
-        energies=terms[0],
-        dissipations=terms[1],
-        loads=loads,
-        fields=fields_of(structure, n),
+        **vars(acting),
         ring=ring_of(structure, n) if structure.has("auxiliary_tethers") else None,
-        tip_loads=(tip_thrust_of(structure, n),) if structure.has("tip_thrust") else (),
         kepler_orbit=kepler_orbit_of(n),
+        parts=structure.parts,
     )
-    return with_own_terms(structure, n, system)
 
 
-def with_own_terms(structure: Structure, n: Numbers, system: System) -> System:
-    """The system with the terms that a user added to the scene, after those of the package."""
+def terms_of_parts(structure: Structure, n: Numbers) -> Terms:
+    """What the parts of the scene bring, in the order of the parts (`Part.terms`)."""
+    acting = Terms()
+    for part in parts_of(structure.model).values():
+        if part.terms and structure.has(part.name):
+            module, _, function = part.terms.partition(":")
+            acting += getattr(import_module(module), function)(structure, n)
+    return acting
+
+
+def terms_of_user(structure: Structure, n: Numbers, tethers: TetherBatch, acting: Terms) -> Terms:
+    """The terms that a user added to the scene, and what they may know. acting: what the parts bring."""
     if not structure.own_terms:
-        return system
-    own = terms_of_user(structure, n, system.tethers)
-    added = {field.name: (*getattr(system, field.name), *getattr(own, field.name)) for field in fields(own)}
-    return replace(system, **added)
-
-
-def terms_of_user(structure: Structure, n: Numbers, tethers: TetherBatch) -> OwnTerms:
-    """The terms that a user added to the scene, and what they may know."""
-    orbit, thrust, origin = kepler_orbit_of(n), None, origin_of(n)
-    if structure.has("solar_wind") and not structure.has("chain"):
-        thrust = coulomb_thrust(structure, n, origin, structure["tethers.elements"])
+        return Terms()
+    orbit, thrust = kepler_orbit_of(n), None
+    if structure.model == SAIL:
+        thrust = find_term(acting.loads, CoulombThrust)
     first = None if orbit is None else (orbit.position, orbit.velocity)
     given = tuple(
         (term, tuple(n[f"{OWN_TERMS}.{i}.{j}"] for j in range(term.others.count(NUMBER))))
         for i, term in enumerate(structure.own_terms)
     )
-    return own_terms(given, tethers, Surroundings(origin, orbit, first, thrust))
+    return own_terms(given, tethers, Surroundings(origin_of(n), orbit, first, thrust))
 
 
-def material_terms(structure: Structure, n: Numbers) -> tuple[tuple, tuple]:
+def material_terms(structure: Structure, n: Numbers) -> Terms:
     """Energies and dissipations of the tethers, for the keys that are given."""
     strain = structure["tethers.strain"]
     axial = n["tethers.youngs_modulus"] * n["tethers.area"]
@@ -179,7 +166,7 @@ def material_terms(structure: Structure, n: Numbers) -> tuple[tuple, tuple]:
     if structure.has("thermal"):
         (axial_energy, *others), dissipations = terms
         terms = ((heated(structure, n, axial_energy), *others), dissipations)
-    return terms
+    return Terms(*terms)
 
 
 def heated(structure: Structure, n: Numbers, axial: AxialEnergy) -> ThermalEnergy:
@@ -193,17 +180,6 @@ def heated(structure: Structure, n: Numbers, axial: AxialEnergy) -> ThermalEnerg
         temperature = SteadyTemperature(jnp.broadcast_to(table, (p,)))
     numbers = n["thermal.expansion"], n["thermal.reference_temperature"], temperature
     return ThermalEnergy(axial.stiffness, *numbers, axial.strain, structure["tethers.elements"])
-
-
-def fields_of(structure: Structure, n: Numbers) -> tuple[Field, ...]:
-    """The acceleration fields of the package."""
-    found: tuple[Field, ...] = ()
-    if structure.has("gravity"):
-        found = (UniformGravity(n["gravity.acceleration"]),)
-    if structure.has("orbit.mean_motion"):
-        found = (*found, OrbitalField(CircularOrbit(n["orbit.mean_motion"])))
-    orbit = kepler_orbit_of(n)
-    return found if orbit is None else (*found, SolarTide(orbit))
 
 
 def tethers_of(structure: Structure, n: Numbers, loaded: bool) -> TetherBatch:
@@ -259,7 +235,7 @@ def roots_of(
     places = root_places(structure, n)
     clamped = structure["tethers.root"] == "clamped"
     normals = joints.clamp_normals(places.azimuth) if clamped else None
-    releases = joints.Releases(n.get("event.release_time")).with_events_until(jnp.zeros(()))
+    releases = joints.Releases(n.get("event.time")).with_events_until(jnp.zeros(()))
     if hub is None:
         return joints.FrameRoots(start, n["initial.spin_rate"], 0.0 * places.outward, normals, releases)
     if clamped:
@@ -336,30 +312,23 @@ def build_chain(structure: Structure, n: Numbers) -> tuple[RodChain, RodState]:
     energy = AxialEnergy(axial, strain)
     if structure.has("chain.slack_strain"):
         energy = TensionOnlyEnergy(axial, n["chain.slack_strain"], strain)
-    dissipations, loads = (), ()
+    dissipations: tuple[Dissipation, ...] = ()
     if structure.has("chain.axial_damping_time"):
         time = per_element(column["chain.axial_damping_time"], rods)
         dissipations = (AxialDissipation(axial, time, strain),)
-    if structure.has("solar_wind"):
-        origin = n["initial.heliocentric_position_au"] * ASTRONOMICAL_UNIT
-        # A chain has a voltage for every rod.
-        law, relative = Constant(n["voltage.value"]), structure["solar_wind.relative"]
-        loads = (CoulombThrust.of(wind_of(n, origin), law, 1, relative),)
-    if structure.has("plasma_brake"):
-        loads = (*loads, plasma_brake_of(n))
+    acting = terms_of_parts(structure, n)
     tethers = TetherBatch(
         element_length=length,
         line_density=column["chain.mass"] / length,
         tip_mass=n["chain.tip_mass"][None],
         elements=rods,
         kind="rod",
-        fields_used=("r",) * (bool(loads) or "r" in fields_needed(structure.own_terms)) + ("r_x",),
+        fields_used=("r",) * (bool(acting.loads) or "r" in fields_needed(structure.own_terms)) + ("r_x",),
         base_mass=n.get("chain.base_mass", jnp.zeros(()))[None] if free else None,
     )
     held = joints.FrameRoots(jnp.eye(3), jnp.zeros(()), jnp.zeros((3, 1)), None)
-    around = fields_of(structure, n)
-    system = System(tethers, None if free else held, None, (energy,), dissipations, loads, around)
-    system = with_own_terms(structure, n, system)
+    acting = Terms((energy,), dissipations) + acting + terms_of_user(structure, n, tethers, acting)
+    system = System(tethers, None if free else held, None, **vars(acting), parts=structure.parts)
     x, v = n["initial.rod_vector"].T, n["initial.rod_rate"].T
     hinges = None
     if structure["chain.bending"]:

@@ -8,8 +8,7 @@ import dataclasses
 import typing
 from typing import Any, Literal, TypeVar
 
-from esail_jax.scenes.rules import Rule, any_number, choice, non_negative, positive, true_or_false
-from esail_jax.scenes.value_types import Shape
+from esail_jax.scenes.rules import Rule, Shape, any_number, choice, non_negative, positive, true_or_false
 
 T = TypeVar("T")
 

@@ -1,23 +1,79 @@
-"""The hub, a cylinder or a spacecraft with a mass and an inertia tensor: its checks, and the places of its
-roots."""
+"""The table [hub], a cylinder or a spacecraft with a mass and an inertia tensor: its checks, and the places
+of its roots."""
+
+from typing import Any
 
 import numpy as np
 
 from esail_jax.scenes import rules
-from esail_jax.scenes.rules import SceneError
-from esail_jax.scenes.sail_tables import Hub
+from esail_jax.scenes.declarations import declare, table, vector
+from esail_jax.scenes.rules import (
+    Matrix,
+    Number,
+    SceneError,
+    Shape,
+    Vector,
+    Vectors,
+    any_number,
+    positive,
+)
+
+
+@table
+class Hub:
+    """Rigid hub: a cylinder about X_B ([PGV] Table 1), by `height`, `radius` and `density`, or a spacecraft
+    of any shape, by `mass` and `inertia`. Roots lie at `radius` from the axis, evenly in the plane through
+    the hub centre, or where `roots` says."""
+
+    height: Number | None = declare(positive, unit="m", doc="Height of the cylinder.", default=None)
+    radius: Number | None = declare(
+        positive, unit="m", doc="Radius of the cylinder, or of the circle of the roots.", default=None
+    )
+    density: Number | None = declare(positive, unit="kg/m^3", doc="Density of the cylinder.", default=None)
+    mass: Number | None = declare(positive, unit="kg", doc="Mass of a spacecraft.", default=None)
+    inertia: Matrix | None = declare(
+        any_number,
+        shape=Shape.MATRIX,
+        unit="kg m^2",
+        doc="Inertia tensor of a spacecraft about its centre of mass, in B.",
+        default=None,
+    )
+    centre: Vector | None = vector(
+        unit="m", doc="Centre of mass of a spacecraft from the hub centre, in B.", default=None
+    )
+    roots: Vectors | None = declare(
+        any_number,
+        shape=Shape.VECTORS,
+        unit="m",
+        doc="Positions of the roots on a spacecraft from the hub centre, in B, in place of `radius`.",
+        default=None,
+    )
+
 
 CYLINDER = ("height", "radius", "density")
 """Keys of a cylinder."""
 
+
 SPACECRAFT = ("mass", "inertia", "centre", "roots")
 """Keys of a spacecraft; it may also have the radius of the circle of its roots."""
+
 
 SYMMETRY = 1e-12
 """Largest difference of two entries of a tensor that count as equal, as a fraction of its trace."""
 
 
-def check_hub(hub: Hub) -> None:
+def check_hub(scene: Any) -> None:
+    """Checks that a hub is a cylinder or a spacecraft, with all its keys, and that the scene can have its
+    roots. Raises SceneError."""
+    hub = scene.hub
+    check_shape(hub)
+    if hub.roots is not None and scene.auxiliary_tethers is not None:
+        raise SceneError("hub.roots", "be left out with [auxiliary_tethers]", "is given")
+    if hub.roots is not None and scene.initial.elongation == "paper":
+        raise SceneError("hub.roots", 'be left out with `initial.elongation` = "paper"', "is given")
+
+
+def check_shape(hub: Hub) -> None:
     """Checks that a hub is a cylinder or a spacecraft, with all its keys. Raises SceneError."""
     given = [name for name in SPACECRAFT if getattr(hub, name) is not None]
     if not given:

@@ -1,16 +1,18 @@
-"""Descriptions of all keys of a scene: the source of its documentation."""
+"""Descriptions of all keys of a scene, the source of its documentation; what a user may have meant by a
+keyword that a function does not have; and the keys in which several scenes differ."""
 
 import dataclasses
+from collections.abc import Iterable, Sequence
 from typing import Any
 
-from esail_jax.scenes import wind_file
+from esail_jax.scenes import plasma
 from esail_jax.scenes.declarations import rule_of
-from esail_jax.scenes.rules import Rule
-from esail_jax.scenes.tables import CHAIN_TABLES, SAIL_TABLES, TABLES
-from esail_jax.scenes.value_types import Kind, Shape
+from esail_jax.scenes.parts import CHAIN, PARTS, SAIL, given, table_names
+from esail_jax.scenes.rules import Kind, Rule, Shape, describe
+from esail_jax.scenes.scene import Scene
 
-MODELS = {"sail": (SAIL_TABLES, "tether"), "chain": (CHAIN_TABLES, "rod")}
-"""Tables of each model, and what one of its members is called."""
+MEMBERS = {SAIL: "tether", CHAIN: "rod"}
+"""What a member of each model is called."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,15 +44,13 @@ class KeyDescription:
 def describe_keys() -> tuple[KeyDescription, ...]:
     """Describes all keys, in the order of the tables and their keys. A key whose table differs between the
     models has one description per model."""
-    found = []
-    for table in TABLES:
-        kinds = {model: tables[table] for model, (tables, _) in MODELS.items() if table in tables}
-        for kind in dict.fromkeys(kinds.values()):
-            models = tuple(model for model in kinds if kinds[model] is kind)
-            found += [describe_key(table, field, models) for field in dataclasses.fields(kind)]
+    keys = []
+    for table in table_names():
+        for part in (part for part in PARTS if part.name == table):
+            keys += [describe_key(table, field, part.models) for field in dataclasses.fields(part.table)]
         if table == "solar_wind":
-            found.append(wind_file_key())
-    return tuple(found)
+            keys.append(wind_file_key())
+    return tuple(keys)
 
 
 def describe_key(table: str, field: dataclasses.Field, models: tuple[str, ...]) -> KeyDescription:
@@ -60,7 +60,7 @@ def describe_key(table: str, field: dataclasses.Field, models: tuple[str, ...]) 
         table=table,
         name=field.name,
         models=models,
-        type=type_in_words(rule, MODELS[models[0]][1]),
+        type=type_in_words(rule, MEMBERS[models[0]]),
         unit=field.metadata["unit"],
         default=None if required else field.default,
         required=required,
@@ -83,7 +83,7 @@ def type_in_words(rule: Rule, member: str) -> str:
 
 def wind_file_key() -> KeyDescription:
     """Describes `solar_wind.file`, which no table has: its file's numbers take its place."""
-    table, _, name = wind_file.KEY.partition(".")
+    table, _, name = plasma.WIND_FILE.partition(".")
     return KeyDescription(
         table=table,
         name=name,
@@ -92,7 +92,66 @@ def wind_file_key() -> KeyDescription:
         unit="-",
         default=None,
         required=False,
-        rule=f"must {wind_file.MUST}",
+        rule=f"must {plasma.MUST}",
         traceable=False,
         doc="File that gives `time`, `speed` and `number_density` in place of these keys.",
     )
+
+
+def refuse_keywords(function: str, unknown: Iterable[str]) -> None:
+    """Raises TypeError for the first keyword that is no argument of a function of a scene. Values of a
+    scene's keys go by their whole names in `overrides`: the message shows those that end in the keyword."""
+    for name in unknown:
+        keys = dict.fromkeys(key.key for key in describe_keys() if key.name == name)
+        shown = " or ".join(f'{{"{key}": ...}}' for key in keys) or '{"integrator.t_end": 100.0}'
+        raise TypeError(
+            f"`{function}` has no argument `{name}`: values of scene keys are given by key, as in "
+            f"{function}(scene, {shown})"
+        )
+
+
+ABSENT = "-"
+"""Text for a key that a scene does not have."""
+
+
+LONGEST = 60
+"""Largest number of characters of a value."""
+
+
+LARGE = 1e7
+"""Whole numbers from here on are written with an exponent."""
+
+
+def differing_keys(scenes: Sequence[Scene]) -> dict[str, tuple[str, ...]]:
+    """Returns the keys whose values are not the same in all scenes, each with its value in every scene as a
+    short text. Keys have the order of the scenes' tables."""
+    values = [values_by_key(scene) for scene in scenes]
+    keys = dict.fromkeys(key for one in values for key in one)
+    differ = (key for key in keys if any(one.get(key) != values[0].get(key) for one in values))
+    return {key: tuple(text_of(one.get(key)) for one in values) for key in differ}
+
+
+def values_by_key(scene: Scene) -> dict[str, Any]:
+    """Returns the values that a scene has, by `table.key`."""
+    tables = scene.tables.items()
+    return {f"{table}.{name}": x for table, content in tables for name, x in given(content).items()}
+
+
+def text_of(value: Any) -> str:
+    """Returns a value as a text of at most about sixty characters: numbers as people write them, lists
+    without brackets."""
+    if value is None:
+        return ABSENT
+    value = value.tolist() if hasattr(value, "tolist") else value
+    items = value if isinstance(value, (list, tuple)) else [value]
+    if not items or not all(isinstance(item, (str, bool, int, float)) for item in items):
+        return describe(value).removeprefix("is ")
+    text = ", ".join(in_plain_words(item) for item in items)
+    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
+
+
+def in_plain_words(item: str | bool | int | float) -> str:
+    """Returns an entry of a list, or a single value, as a text: 1000 in place of 1000.0."""
+    if isinstance(item, float) and item.is_integer() and abs(item) < LARGE:
+        return str(int(item))
+    return describe(item).removeprefix("is ").strip("'")

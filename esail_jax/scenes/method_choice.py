@@ -1,12 +1,15 @@
-"""Choice of the method of time integration, and of its step or tolerance, where a scene leaves them out.
+"""Choice of the method of time integration, and of its step or tolerance, where a scene leaves them out;
+and the stepper of a method. No other module depends on the names of methods.
 
 An explicit method needs about t_end * (fastest rate) / `REACH` steps, whatever accuracy is asked for,
-because the axial vibrations of the rods bound its step. A chain that needs at most `MOST_STEPS` of them is
-run by the eighth-order explicit method with error control: it gives ten correct digits at the cost at which
-the implicit method gives four to six (`experiments/mw_rods`). A stiffer chain is run by the implicit
-method, whose step follows the visible motion instead."""
+because the axial vibrations of the rods bound its step. A chain that needs at most `MOST_EXPLICIT_STEPS` of
+them is run by the eighth-order explicit method with error control: it gives ten correct digits at the cost
+at which the implicit method gives four to six (`experiments/mw_rods`). A stiffer chain is run by the
+implicit method, whose step follows the visible motion instead."""
 
 import dataclasses
+from collections.abc import Callable
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -15,22 +18,27 @@ from jax import lax
 from esail_jax.array_types import Array
 from esail_jax.compilation.kept import program_of
 from esail_jax.compilation.options import START_OPTIONS
-from esail_jax.rod_chain import fastest_rate, turning_rate
-from esail_jax.scenes import own_terms
+from esail_jax.rod_chain import RodChain, RodState, error_scale, fastest_rate, turning_rate
 from esail_jax.scenes.build import build_chain
-from esail_jax.scenes.build_loads import origin_of, wind_of
-from esail_jax.scenes.common_tables import Integrator
-from esail_jax.scenes.consistency import method_name
-from esail_jax.scenes.methods import (
+from esail_jax.scenes.build_parts import origin_of, wind_of
+from esail_jax.scenes.integration import (
     CHAIN_METHOD,
     COLLOCATION_TOLERANCE,
     METHODS,
     STIFF_CHAIN_METHOD,
+    Integrator,
+    method_name,
 )
-from esail_jax.scenes.own_law import KEY
+from esail_jax.scenes.own_terms import OWN_TERMS
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.structure import Numbers, Structure, split
-from esail_jax.steppers.runge_kutta import REACH
+from esail_jax.scenes.voltage import OWN_LAW
+from esail_jax.steppers import runge_kutta as explicit
+from esail_jax.steppers.collocation import Collocation
+from esail_jax.steppers.energy_momentum import EnergyMomentum
+from esail_jax.steppers.generalized_alpha import GeneralizedAlpha
+from esail_jax.steppers.stepper import AbstractStepper
+from esail_jax.system import System
 from kept_programs.calls import call
 
 STRAIN_FRACTION = 1e-5
@@ -38,11 +46,14 @@ STRAIN_FRACTION = 1e-5
 positions. Reactions are then accurate to about 1e-3 of their range up to a million times the baseline's
 stiffness."""
 
+
 FINEST_TOLERANCE = 1e-13
 """Smallest tolerance of a sail: positions have rounding errors of this size."""
 
-MOST_STEPS = 1e7
+
+MOST_EXPLICIT_STEPS = 1e7
 """Largest acceptable number of explicit steps: some minutes for a chain of twenty rods."""
+
 
 STEPS_PER_RADIAN = 1000.0
 """Implicit steps in the time in which a rod turns by one radian, as estimated from its initial rate,
@@ -76,7 +87,7 @@ def with_method(scene: Scene) -> Scene:
 def sail_tolerance(scene: Scene) -> float | Array:
     """Default tolerance of a sail: COLLOCATION_TOLERANCE, or less for tethers that hardly stretch."""
     _, numbers = split(scene)
-    own = (f"{KEY}.", f"{own_terms.KEY}.")
+    own = (f"{OWN_LAW}.", f"{OWN_TERMS}.")
     numbers = {key: x for key, x in numbers.items() if not key.startswith(own)}
     program = program_of(tolerance_from_strain, (), (numbers,), START_OPTIONS)
     if any(isinstance(x, jax.core.Tracer) for x in numbers.values()):
@@ -111,17 +122,17 @@ def chain_method(scene: Scene) -> dict[str, str | float]:
     with bending or a given tolerance. Traced numbers have no value to choose by: the explicit method is
     taken, as it controls its own error."""
     table = scene.integrator
-    explicit: dict[str, str | float] = {"method": CHAIN_METHOD}
+    by_default: dict[str, str | float] = {"method": CHAIN_METHOD}
     numbers = [x for part in scene.tables.values() for x in vars(part).values()]
     if any(isinstance(x, jax.core.Tracer) for x in numbers) or table.tolerance is not None:
-        return explicit
+        return by_default
     structure, numbers = split(scene)
     program = program_of(rates, (structure,), (numbers,), START_OPTIONS)
     fastest, turning = (float(rate) for rate in program(numbers))
-    step = REACH[CHAIN_METHOD] / fastest
-    too_fine = table.t_end / step > MOST_STEPS if table.step is None else table.step > step
+    step = explicit.REACH[CHAIN_METHOD] / fastest
+    too_fine = table.t_end / step > MOST_EXPLICIT_STEPS if table.step is None else table.step > step
     if not too_fine or (not METHODS[STIFF_CHAIN_METHOD].chain_bending and scene.chain.bending):
-        return explicit
+        return by_default
     implicit = {}
     if table.step is None:
         implicit["step"] = 1.0 / (STEPS_PER_RADIAN * max(turning, 1.0 / table.t_end))
@@ -133,3 +144,64 @@ def accuracy_of(table: Integrator) -> str:
     if table.step is not None:
         return f"step {table.step:g} s"
     return "" if table.tolerance is None else f"tolerance {table.tolerance:g}"
+
+
+class Given(NamedTuple):
+    """The data from which a stepper is made: the name of the method, the numbers of the scene, the model,
+    and the start of a chain (None for a sail)."""
+
+    method: str
+    numbers: Numbers
+    model: System | RodChain
+    rods: RodState | None
+
+
+def stepper_of(
+    structure: Structure, numbers: Numbers, model: System | RodChain, rods: RodState | None
+) -> AbstractStepper:
+    """Returns the stepper of a resolved scene (`method_choice.with_method`). rods: the start of a chain."""
+    method = structure["integrator.method"]
+    return STEPPERS[method](Given(method, numbers, model, rods))
+
+
+def collocation(given: Given) -> AbstractStepper:
+    n = given.numbers
+    tolerance = n.get("integrator.tolerance", jnp.asarray(COLLOCATION_TOLERANCE))
+    return Collocation(n.get("integrator.step"), tolerance)
+
+
+def generalized_alpha(given: Given) -> AbstractStepper:
+    n = given.numbers
+    return GeneralizedAlpha(n["integrator.step"], n["integrator.spectral_radius"])
+
+
+def energy_momentum(given: Given) -> AbstractStepper:
+    return EnergyMomentum(given.numbers["integrator.step"])
+
+
+def runge_kutta(given: Given) -> AbstractStepper:
+    n = given.numbers
+    step = n.get("integrator.step")
+    scale = error_scale(given.model, given.rods) if step is None else None
+    return explicit.RungeKutta(step, n.get("integrator.tolerance"), scale, given.method)
+
+
+STEPPERS: dict[str, Callable[[Given], AbstractStepper]] = {
+    "collocation": collocation,
+    "generalized-alpha": generalized_alpha,
+    "energy-momentum": energy_momentum,
+    **dict.fromkeys(explicit.METHODS, runge_kutta),
+}
+
+
+def stepper_class(method: str) -> type[AbstractStepper]:
+    """Returns the class of the stepper of a method."""
+    return CLASSES[method]
+
+
+CLASSES: dict[str, type[AbstractStepper]] = {
+    "collocation": Collocation,
+    "generalized-alpha": GeneralizedAlpha,
+    "energy-momentum": EnergyMomentum,
+    **dict.fromkeys(explicit.METHODS, explicit.RungeKutta),
+}

@@ -7,7 +7,7 @@ from typing import Any
 
 from esail_jax.scenes.rules import SceneError
 
-KEY = "terms"
+OWN_TERMS = "terms"
 """Key of the terms among the overrides of a scene. It is no table, and no file can have it."""
 
 KINDS = ("Energy", "Dissipation", "Load", "TipLoad", "HubLoad", "Field")
@@ -27,13 +27,13 @@ def checked_terms(terms: Any) -> tuple[Any, ...] | AbsentTerms:
         return terms or ()
     if not isinstance(terms, list | tuple):
         hint = " (write [term])" if kind_of(terms) else ""
-        raise SceneError(KEY, "be a list of terms", f"is a {type(terms).__name__}{hint}")
+        raise SceneError(OWN_TERMS, "be a list of terms", f"is a {type(terms).__name__}{hint}")
     for i, term in enumerate(terms):
         if kind_of(term) is None:
             got = "is the class: write its parentheses" if isinstance(term, type) else "is of none"
             name = term.__name__ if isinstance(term, type) else type(term).__name__
             must = f"be of one of the kinds of `esail_jax.physics`, {', '.join(KINDS)}"
-            raise SceneError(f"{KEY}[{i}]", must, f"{name} {got}")
+            raise SceneError(f"{OWN_TERMS}[{i}]", must, f"{name} {got}")
     return tuple(terms)
 
 
@@ -50,7 +50,7 @@ def check_own_terms(scene: Any) -> None:
     if isinstance(scene.terms, AbsentTerms):
         return
     for i, term in enumerate(scene.terms):
-        kind, name = kind_of(term), f"{KEY}[{i}]"
+        kind, name = kind_of(term), f"{OWN_TERMS}[{i}]"
         got = f"{type(term).__name__} is a {kind}"
         if kind == "HubLoad" and scene.hub is None:
             raise SceneError(name, "be no HubLoad without [hub]", got)
@@ -68,4 +68,4 @@ def check_has_terms(scene: Any) -> None:
     """Raises SceneError for a scene of terms in Python without the terms, such as that of a run file."""
     if isinstance(scene.terms, AbsentTerms):
         names = ", ".join(x.split()[0] for x in scene.terms.names)
-        raise SceneError(KEY, f"be given, as the run had {names}", "is missing")
+        raise SceneError(OWN_TERMS, f"be given, as the run had {names}", "is missing")

@@ -1,19 +1,123 @@
-"""Rules for the values of a scene, and the messages that a user reads when a value breaks one.
+"""Rules for the values of a scene, the types of these values, and the messages that a user reads when a
+value breaks a rule.
 
-Every message reads: `key` must ..., but is ... .
+Every message reads: `key` must ..., but is ... . The aliases of types are the annotations of the tables'
+fields: what a key may be given. `Shape` and `Kind` are their counterparts for the checks at run time.
 """
 
 import bisect
 import dataclasses
+import enum
 import sys
 import typing
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from esail_jax.errors import InputError
-from esail_jax.scenes.value_types import Kind, Shape, is_jax_array, is_traced
+
+
+@runtime_checkable
+class SupportsArray(Protocol):
+    """An array of NumPy or JAX, traced or not. A scene is read and checked without importing JAX, which
+    takes longer than the rest."""
+
+    def __array__(self) -> np.ndarray: ...
+
+
+Number = float | SupportsArray
+"""One number: an int, a float, or an array of shape ()."""
+
+
+NumberList = Sequence[float] | SupportsArray
+"""A list, tuple or array of numbers."""
+
+
+PerMember = Number | NumberList
+"""One number for all members (tethers or rods), or a list with one number per member."""
+
+
+Series = Number | NumberList
+"""One number, or a list with one number per instant."""
+
+
+Vector = NumberList
+"""Three numbers: x, y, z."""
+
+
+Vectors = NumberList | Sequence[NumberList]
+"""One vector for all members, or a list with one vector per member."""
+
+
+Matrix = SupportsArray | Sequence[NumberList]
+"""Three rows of three numbers."""
+
+
+Grid = NumberList | Sequence[NumberList]
+"""A list with one number per row, or a list of rows with one number per member."""
+
+
+History = NumberList | Sequence[NumberList] | Number
+"""One number, a list with one number per member, or a list with one of these per instant."""
+
+
+class Shape(enum.Enum):
+    """How many numbers a key takes. *Members* are the tethers of a sail or the rods of a chain."""
+
+    SCALAR = "number"
+    """One number."""
+
+    MEMBER = "number, or list with one number per member"
+    """One number for all members, or a list with one number per member."""
+
+    VECTOR = "list of three numbers"
+    """Three numbers: x, y, z."""
+
+    VECTORS = "list of three numbers, or list with one such list per member"
+    """One vector for all members, or a list with one vector per member."""
+
+    MATRIX = "list of three lists of three numbers"
+    """A tensor: three rows of three numbers."""
+
+    LIST = "list of numbers"
+    """A list of any length."""
+
+    SERIES = "number, or list of numbers"
+    """One number, or a list of any length."""
+
+    GRID = "list of numbers, or list of lists with one number per member"
+    """A list with one number per row, or a list of rows with one number per member."""
+
+    HISTORY = "number, or list with one number per member, or list with one of these per instant"
+    """One number, a list with one number per member, or a list with one of these per instant. Whether a
+    list of numbers belongs to members or instants, other keys tell."""
+
+
+class Kind(enum.Enum):
+    """What sort of value a key takes."""
+
+    NUMBER = "number"
+    """Real numbers: the only kind that may be a JAX array."""
+
+    INTEGER = "integer"
+    """Positive integers."""
+
+    CHOICE = "choice"
+    """One of a few names."""
+
+    SWITCH = "switch"
+    """True or false."""
+
+
+def is_traced(value: Any) -> bool:
+    """Tells whether a value is a tracer: a number under `jit`, `grad` or `vmap`."""
+    return "jax" in sys.modules and isinstance(value, sys.modules["jax"].core.Tracer)
+
+
+def is_jax_array(value: Any) -> bool:
+    """Tells whether a value is a JAX array, traced or not."""
+    return "jax" in sys.modules and isinstance(value, sys.modules["jax"].Array)
 
 
 class SceneError(InputError):
@@ -56,12 +160,26 @@ class Rule:
 
 
 positive = Rule("be positive", lambda x: bool((x > 0).all()))
+
+
 non_negative = Rule("not be negative", lambda x: bool((x >= 0).all()))
+
+
 non_positive = Rule("not be positive", lambda x: bool((x <= 0).all()))
+
+
 nonzero_vector = Rule("not be zero", lambda x: bool((np.linalg.norm(x, axis=-1) > 0).all()))
+
+
 any_number = Rule("be a finite number")
+
+
 increasing = Rule("increase", lambda x: x.ndim == 1 and bool((np.diff(x) > 0).all()))
+
+
 positive_integer = Rule("be a positive integer", structure=True, kind=Kind.INTEGER)
+
+
 true_or_false = Rule("be true or false", structure=True, kind=Kind.SWITCH)
 
 
@@ -298,3 +416,15 @@ def wrong_shape(value: Any) -> str:
     known."""
     traced = is_traced(value)
     return f"is traced, of shape {np.shape(value)}" if traced else describe(value)
+
+
+def count_of(number: int, name: str) -> str:
+    """A number of things in words: `1 rod`, `2 rods`."""
+    return f"{number} {name}" + "s" * (number != 1)
+
+
+def check_list(key: str, time: Any) -> None:
+    """Refuses a single traced number in place of a list of instants; of other values the rule has seen the
+    shape. Raises SceneError."""
+    if np.ndim(time) == 0:
+        raise SceneError(key, "increase", wrong_shape(time))

@@ -5,42 +5,59 @@ not; values that decide which program is compiled must be plain Python values.
 """
 
 import dataclasses
-import os
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from esail_jax.errors import nearest
+import numpy as np
+
 from esail_jax.html import html_table
 from esail_jax.scenes import rules
-from esail_jax.scenes.chain_tables import Chain, ChainInitial, ChainVoltage, ChainWind, Orbit, PlasmaBrake
-from esail_jax.scenes.common_tables import Gravity, Integrator, Output
-from esail_jax.scenes.consistency import check_together, method_name
 from esail_jax.scenes.declarations import rule_of
-from esail_jax.scenes.merging import merged, unknown
-from esail_jax.scenes.orbit_table import HeliocentricOrbit
-from esail_jax.scenes.own_law import KEY, with_own_law
-from esail_jax.scenes.own_terms import KEY as OWN_TERMS
-from esail_jax.scenes.own_terms import AbsentTerms, checked_terms
+from esail_jax.scenes.integration import Output, method_name
+from esail_jax.scenes.overrides import EXPANDERS, Request, unknown
+from esail_jax.scenes.own_terms import AbsentTerms, check_own_terms, checked_terms
+from esail_jax.scenes.parts import CHAIN, SAIL, field_of, given, model_of, names_of, parts_of, table_names
 from esail_jax.scenes.rules import SceneError
-from esail_jax.scenes.sail_tables import (
-    ORIGIN_AU,
-    Event,
-    Hub,
-    Initial,
-    SolarWind,
-    Tethers,
-    Voltage,
-)
-from esail_jax.scenes.tables import TABLES, given, names_of, tables_of
-from esail_jax.scenes.thermal_table import Thermal
-from esail_jax.scenes.tip_tables import AuxiliaryTethers, RemoteUnits, TipThrust
-from esail_jax.scenes.wind_file import with_wind_file
+from esail_jax.scenes.start_and_place import ORIGIN_AU
+from esail_jax.scenes.tethers import Tethers
+from esail_jax.scenes.voltage import Voltage, check_law_of_user
+
+if TYPE_CHECKING:  # what `field_of` says of every table; a test compares the two
+    from esail_jax.scenes.chain import Chain
+    from esail_jax.scenes.hub import Hub
+    from esail_jax.scenes.integration import Integrator
+    from esail_jax.scenes.plasma import ChainWind, PlasmaBrake, SolarWind
+    from esail_jax.scenes.start_and_place import ChainInitial, Gravity, HeliocentricOrbit, Initial, Orbit
+    from esail_jax.scenes.tethers import AuxiliaryTethers, Event, RemoteUnits, Thermal, TipThrust
+    from esail_jax.scenes.voltage import ChainVoltage
+
+    @dataclasses.dataclass(frozen=True, kw_only=True)
+    class Tables:
+        """The tables of a scene, with their types."""
+
+        hub: Hub | None = None
+        tethers: Tethers | None = None
+        auxiliary_tethers: AuxiliaryTethers | None = None
+        remote_units: RemoteUnits | None = None
+        chain: Chain | None = None
+        solar_wind: SolarWind | ChainWind | None = None
+        voltage: Voltage | ChainVoltage | None = None
+        tip_thrust: TipThrust | None = None
+        thermal: Thermal | None = None
+        gravity: Gravity | None = None
+        orbit: Orbit | HeliocentricOrbit | None = None
+        initial: Initial | ChainInitial
+        integrator: Integrator
+        event: Event | None = None
+        output: Output | None = None
+        plasma_brake: PlasmaBrake | None = None
+else:
+    Tables = dataclasses.make_dataclass("Tables", map(field_of, table_names()), frozen=True, kw_only=True)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, repr=False)
-class Scene:
+class Scene(Tables):
     """Everything that a run of a sail (`tethers`) or of a chain of rods (`chain`) needs.
 
         esail.Scene(
@@ -56,65 +73,29 @@ class Scene:
     user wrote (`physics.py`). No file holds either.
     """
 
-    initial: Initial | ChainInitial
-    integrator: Integrator
-    tethers: Tethers | None = None
-    chain: Chain | None = None
-    hub: Hub | None = None
-    auxiliary_tethers: AuxiliaryTethers | None = None
-    remote_units: RemoteUnits | None = None
-    solar_wind: SolarWind | ChainWind | None = None
-    voltage: Voltage | ChainVoltage | None = None
-    tip_thrust: TipThrust | None = None
-    thermal: Thermal | None = None
-    gravity: Gravity | None = None
-    orbit: Orbit | HeliocentricOrbit | None = None
-    plasma_brake: PlasmaBrake | None = None
-    event: Event | None = None
-    output: Output | None = None
     voltage_law: Any = None
     terms: Any = ()
 
     def __post_init__(self):
-        object.__setattr__(self, "terms", checked_terms(self.terms))
-        if (self.chain is None) == (self.tethers is None):
-            raise SceneError(
-                "tethers", "be given, or `chain`", f"{'neither' if self.chain is None else 'both'} is"
-            )
-        if self.voltage_law is not None and self.voltage is None and self.solar_wind is not None:
-            object.__setattr__(self, "voltage", Voltage(law="python"))
-        object.__setattr__(self, self.main, checked(self.main, vars(self)[self.main], None))
-        for table in self.tables:
-            if table not in tables_of([self.main]):
-                raise SceneError(table, f"be left out of a scene with [{self.main}]", "is given")
-            kind, content = tables_of([self.main])[table], getattr(self, table)
-            if not isinstance(content, kind):
-                raise SceneError(table, f"be a {kind.__name__}", f"is a {type(content).__name__}")
-            object.__setattr__(self, table, checked(table, getattr(self, table), self.members))
-        if self.output is None:
-            interval = self.integrator.t_end / 1000.0
-            object.__setattr__(self, "output", Output(interval=interval))
+        # The class is frozen; this is the one place where its values are replaced by what is checked.
+        vars(self).update(terms=checked_terms(self.terms), **checked_tables(self))
         check_together(self)
-        if self.chain is None and self.orbit is None and self.initial.heliocentric_position_au is None:
-            start = dataclasses.replace(self.initial, heliocentric_position_au=ORIGIN_AU)
-            object.__setattr__(self, "initial", start)
+        vars(self).update(initial=with_place(self))
 
     @property
     def tables(self) -> dict[str, Any]:
         """The tables that the scene has, by name."""
-        return {name: x for name, x in vars(self).items() if name in TABLES and x is not None}
+        return {name: getattr(self, name) for name in table_names() if self.has(name)}
 
     @property
-    def main(self) -> str:
-        """Name of the table that all scenes of this model have: `tethers` or `chain`."""
-        return "tethers" if self.chain is None else "chain"
+    def model(self) -> str:
+        """What is computed: a sail, or a chain of rods."""
+        return SAIL if self.chain is None else CHAIN
 
     @property
     def members(self) -> rules.Members:
         """The tethers or rods for each of which a list may have one number."""
-        if self.chain is None:
-            return rules.Members(self.tethers.count, "tether", "tethers.count")
-        return rules.Members(self.chain.rods, "rod", "chain.rods")
+        return members_of(self.tethers if self.chain is None else self.chain)
 
     @property
     def sizes(self) -> dict[str, int]:
@@ -126,9 +107,15 @@ class Scene:
     def replace(self, overrides: Mapping[str, Any]) -> "Scene":
         """The scene with other values, by key. A key of an absent table adds the table; the value None
         removes a key, or under a table's name the table. `voltage_law` is the key of a user's law: it takes
-        the place of the law in [voltage], of which the keys `own_law.KEPT` stay. Raises SceneError."""
+        the place of the law in [voltage], of which the keys `voltage.KEPT` stay. Raises SceneError."""
         tables = {name: given(content) for name, content in self.tables.items()}
-        return scene_of(tables, overrides, Path(), self.voltage_law, self.terms)
+        return scene_of(Request(tables, overrides, Path(), self.voltage_law, self.terms))
+
+    def has(self, need: str) -> bool:
+        """Tells whether the scene has this table, or a value of this key."""
+        table, _, name = need.partition(".")
+        content = getattr(self, table, None)
+        return content is not None and (not name or getattr(content, name, None) is not None)
 
     def __repr__(self) -> str:
         table, method = self.integrator, method_name(self) or "chosen when the scene is run"
@@ -160,27 +147,41 @@ class Scene:
 
     def parts(self) -> list[str]:
         """The parts of the model in words, the moving ones first."""
-        if self.chain is not None:
-            names = [f"{self.chain.anchor} chain of {count_of(self.chain.rods, 'rod')}"]
-        else:
-            tethers = self.tethers
-            elements = count_of(tethers.elements, f"{tethers.element} element")
-            names = [f"{count_of(tethers.count, 'tether')} of {elements}"]
-        others = (
-            "hub", "auxiliary_tethers", "remote_units", "solar_wind", "voltage", "tip_thrust", "thermal",
-            "gravity", "orbit", "plasma_brake",
-        )  # fmt: skip
-        names += [name.replace("_", " ") for name in others if getattr(self, name) is not None]
+        main = "tethers" if self.chain is None else "chain"
+        parts = sorted(parts_of(self.model).values(), key=lambda part: part.name != main)
+        names = [part.named(getattr(self, part.name)) for part in parts if self.has(part.name)]
         names += [] if self.voltage_law is None else [f"voltage law {type(self.voltage_law).__name__}"]
         names += [] if isinstance(self.terms, AbsentTerms) else [type(x).__name__ for x in self.terms]
-        if self.event is not None:
-            names.append(count_of(len(self.event.time), "event"))
-        return names
+        return [name for name in names if name]
 
 
-def count_of(number: int, name: str) -> str:
-    """A number of things in words: `1 rod`, `2 rods`."""
-    return f"{number} {name}" + "s" * (number != 1)
+def members_of(main: Any) -> rules.Members:
+    """The tethers or rods of the table that all scenes of a model have."""
+    if isinstance(main, Tethers):
+        return rules.Members(main.count, "tether", "tethers.count")
+    return rules.Members(main.rods, "rod", "chain.rods")
+
+
+def checked_tables(scene: Scene) -> dict[str, Any]:
+    """The tables of a scene with every value in the form that the scene stores, and with those that follow
+    from others: the voltage of a user's law, and the saved instants. Raises SceneError."""
+    if (scene.chain is None) == (scene.tethers is None):
+        neither = f"{'neither' if scene.chain is None else 'both'} is"
+        raise SceneError("tethers", "be given, or `chain`", neither)
+    tables, kinds = scene.tables, parts_of(scene.model)
+    if scene.voltage_law is not None and scene.solar_wind is not None:
+        tables.setdefault("voltage", Voltage(law="python"))
+    main = "tethers" if scene.chain is None else "chain"
+    members = members_of(checked(main, tables[main], None))
+    for table, content in tables.items():
+        if table not in kinds:
+            raise SceneError(table, f"be left out of a scene with [{main}]", "is given")
+        kind = kinds[table].table
+        if not isinstance(content, kind):
+            raise SceneError(table, f"be a {kind.__name__}", f"is a {type(content).__name__}")
+        tables[table] = checked(table, content, members)
+    tables.setdefault("output", Output(interval=tables["integrator"].t_end / 1000.0))
+    return tables
 
 
 def checked(table: str, content: Any, members: rules.Members | None) -> Any:
@@ -196,91 +197,88 @@ def checked(table: str, content: Any, members: rules.Members | None) -> Any:
     return type(content)(**values)
 
 
+def check_together(scene: Scene) -> None:
+    """Checks all conditions that several keys of a scene must satisfy together. Raises SceneError for the
+    first one that does not hold."""
+    for part in parts_of(scene.model).values():
+        if part.check is not None and scene.has(part.name):
+            part.check(scene)
+    if scene.voltage_law is not None:
+        check_law_of_user(scene)
+    check_own_terms(scene)
+
+
+def with_place(scene: Scene) -> Any:
+    """The table [initial]: that of a sail which has neither a position nor an orbit says where it is."""
+    if scene.chain is not None or scene.orbit is not None:
+        return scene.initial
+    if scene.initial.heliocentric_position_au is not None:
+        return scene.initial
+    return dataclasses.replace(scene.initial, heliocentric_position_au=ORIGIN_AU)
+
+
 def from_tables(tables: Mapping[str, Any], voltage_law: Any = None, terms: Any = ()) -> Scene:
     """A scene from nested mappings; a repeated table is one mapping of lists. Raises SceneError."""
+    model, parts = model_of(tables), {}
     if "chain" in tables and "tethers" in tables:
         raise SceneError("chain", "be left out of a scene with [tethers]", "is given")
-    parts, kinds = {}, tables_of(tables)
+    kinds = parts_of(model)
     for table, content in tables.items():
-        if table in TABLES and table not in kinds:
+        if table in table_names() and table not in kinds:
             main = "chain" if "chain" in tables else "tethers"
             raise SceneError(table, f"be left out of a scene with [{main}]", "is given")
         if table not in kinds:
-            raise unknown(table, kinds)
+            raise unknown(table, model)
         if not isinstance(content, Mapping):
             raise SceneError(table, "be a table", rules.describe(content))
+        kind = kinds[table].table
         for name in content:
-            if name not in names_of(kinds[table]):
-                raise unknown(f"{table}.{name}", kinds)
-        for field in dataclasses.fields(kinds[table]):
+            if name not in names_of(kind):
+                raise unknown(f"{table}.{name}", model)
+        for field in dataclasses.fields(kind):
             if field.default is dataclasses.MISSING and field.name not in content:
                 raise SceneError(f"{table}.{field.name}", "be given", "is missing")
-        parts[table] = kinds[table](**content)
-    for table in ("tethers", "initial", "integrator"):
-        if table in kinds and table not in parts:
-            raise SceneError(f"{table}.{names_of(kinds[table])[0]}", "be given", "is missing")
+        parts[table] = kind(**content)
+    for part in kinds.values():
+        if (part.required or part.name == "tethers") and part.name not in parts:
+            raise SceneError(f"{part.name}.{names_of(part.table)[0]}", "be given", "is missing")
     return Scene(**parts, voltage_law=voltage_law, terms=terms)
 
 
-def scene_of(
-    tables: Mapping[str, Any],
-    overrides: Mapping[str, Any],
-    folder: Path,
-    voltage_law: Any = None,
-    terms: Any = (),
-) -> Scene:
-    """A scene from the tables of a file and overrides by key. The overrides come before any check, so that
-    they may give what the file lacks; a table's name with the value None removes the table before anything
-    else. folder: where relative names of files in the tables start; voltage_law, terms: those of the user,
-    of a scene that has them. Raises SceneError."""
-    if OWN_TERMS in overrides:
-        terms = overrides[OWN_TERMS]
-        overrides = {key: x for key, x in overrides.items() if key != OWN_TERMS}
-    if KEY in overrides:
-        voltage_law = overrides[KEY]
-        tables = with_own_law(dict(tables), voltage_law)
-        overrides = {key: x for key, x in overrides.items() if key != KEY}
-    removed = {key for key, value in overrides.items() if key in TABLES and value is None}
+def scene_of(request: Request) -> Scene:
+    """The scene that is asked for. A table's name with the value None removes the table before anything
+    else. Raises SceneError."""
+    removed = {name for name in table_names() if request.overrides.get(name, ...) is None}
     tables, overrides = (
         {key: value for key, value in values.items() if key not in removed}
-        for values in (tables, overrides)
+        for values in (request.tables, request.overrides)
     )
-    return from_tables(merged(*with_wind_file(tables, overrides, folder)), voltage_law, terms)
+    request = request._replace(tables=tables, overrides=overrides)
+    for expand in EXPANDERS:
+        request = expand(request)
+    return from_tables(request.tables, request.voltage_law, request.terms)
 
 
-def parse(text: str, source: str, overrides: Mapping[str, Any] | None = None) -> Scene:
-    """A scene from TOML text and overrides by key. source: path of the text, which names it in errors.
-    Raises SceneError."""
-    try:
-        tables = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # also numbers of thousands of digits
-        raise SceneError(source, "be a TOML file", f"is not: {error}") from None
-    return scene_of(tables, overrides or {}, Path(source).parent)
+# ---- releases ---------------------------------------------------------------------------------
 
 
-def unread(source: str | os.PathLike, error: Exception) -> str:
-    """Says why a scene could not be read, and what its user may have meant."""
-    from esail_jax.scenes.builtin_scenes import builtin_names
-
-    if isinstance(error, FileNotFoundError):
-        hint = nearest(str(source), builtin_names()) or " (`esail scenes` lists the built-in scenes)"
-        return f"cannot be read: {error.strerror}{hint}"
-    if isinstance(error, UnicodeDecodeError) and str(source).endswith(".h5"):
-        return "cannot be read: is not text but a file of results"
-    return f"cannot be read: {getattr(error, 'strerror', None) or 'is not text'}"
+def released(scene: Scene, time: np.ndarray) -> np.ndarray:
+    """Tells which tethers of a sail are released at saved instants [s] (instant, tether)."""
+    found = np.zeros((len(time), scene.tethers.count), bool)
+    event = scene.event
+    if event is not None:
+        for begin, number in zip(np.atleast_1d(event.time), np.atleast_1d(event.release), strict=True):
+            found[:, int(number) - 1] |= time >= begin
+    return found
 
 
-def read_scene(source: str | os.PathLike, overrides: Mapping[str, Any] | None) -> Scene:
-    """A built-in scene by name or a TOML file by path, with overrides by key. Raises SceneError."""
-    from esail_jax.scenes.builtin_scenes import builtin_text
-
-    text = builtin_text(str(source))
-    if text is None:
-        try:
-            with open(source, encoding="utf-8-sig") as file:  # some editors write a byte-order mark
-                text = file.read()
-        except (OSError, ValueError) as error:
-            raise SceneError(
-                str(source), "be a built-in scene or a TOML file", unread(source, error)
-            ) from None
-    return parse(text, str(source), overrides)
+def releases(scene: Scene) -> dict[float, list[int]]:
+    """Returns the numbers of the tethers that are released, from 1, by the instant [s] of their release, in
+    the order of the instants."""
+    found: dict[float, list[int]] = {}
+    event = scene.event
+    if event is not None:
+        pairs = zip(np.atleast_1d(event.time), np.atleast_1d(event.release), strict=True)
+        for begin, number in sorted((float(time), int(tether)) for time, tether in pairs):
+            found.setdefault(begin, []).append(number)
+    return found

@@ -12,12 +12,12 @@ import numpy as np
 
 from esail_jax.array_types import Array, Float
 from esail_jax.loads.law_structure import LawStructure, divided
-from esail_jax.scenes import own_terms
 from esail_jax.scenes.declarations import rule_of
-from esail_jax.scenes.own_law import KEY, PERIOD, period_of
+from esail_jax.scenes.own_terms import OWN_TERMS
+from esail_jax.scenes.parts import model_of, parts_of, table_names
+from esail_jax.scenes.rules import Shape
 from esail_jax.scenes.scene import Scene
-from esail_jax.scenes.tables import TABLES
-from esail_jax.scenes.value_types import Shape
+from esail_jax.scenes.voltage import OWN_LAW, PERIOD, period_of
 
 SCHEDULE = ("integrator.t_end", "integrator.step", "output.interval", "event.time", "event.release")
 """Keys that decide which instants a run computes, but not which program is compiled."""
@@ -37,6 +37,24 @@ class Structure:
         return dict(self.choices)[key]
 
     @property
+    def model(self) -> str:
+        """What is computed: a sail, or a chain of rods."""
+        return model_of([key.partition(".")[0] for key in self.numbers])
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """Names of the tables and keys of which the scene has numbers, sorted."""
+        return tuple(sorted({*self.numbers, *(key.partition(".")[0] for key in self.numbers)}))
+
+    @property
+    def is_switched(self) -> bool:
+        """Tells whether the stepper may start anew during a run: at the instants of a part, or at those of
+        a sampled voltage law."""
+        parts = [part for part in parts_of(self.model).values() if self.has(part.name)]
+        switches = any(self.has(f"{part.name}.{name}") for part in parts for name in part.switches)
+        return self.is_sampled or switches or any(part.every is not None for part in parts)
+
+    @property
     def is_sampled(self) -> bool:
         """Tells whether the scene has a user's voltage law with a control period."""
         return any(key == PERIOD and value is not None for key, value in self.choices)
@@ -44,7 +62,7 @@ class Structure:
     @property
     def own_terms(self) -> tuple[LawStructure, ...]:
         """The structures of the terms that a user wrote."""
-        return dict(self.choices).get(own_terms.KEY, ())
+        return dict(self.choices).get(OWN_TERMS, ())
 
     def has(self, table: str) -> bool:
         """Tells whether the scene has this number, or any number of this table."""
@@ -56,12 +74,13 @@ def split(scene: Scene) -> tuple[Structure, Numbers]:
     each."""
     choices: list[tuple[str, Any]] = []
     numbers: dict[str, Any] = {}
-    for table in TABLES:
+    for table in table_names():
         content = getattr(scene, table)
         for field in dataclasses.fields(content) if content is not None else ():
             key, value, rule = f"{table}.{field.name}", getattr(content, field.name), rule_of(field)
             if rule.structure:
-                choices += [(key, value)] if key not in SCHEDULE else []
+                if key not in SCHEDULE:
+                    choices.append((key, value))
             elif value is not None:
                 tail = {Shape.MEMBER: (), Shape.VECTORS: (3,)}.get(rule.shape)
                 numbers[key] = array_of(value, None if tail is None else (scene.members.count, *tail))
@@ -69,16 +88,16 @@ def split(scene: Scene) -> tuple[Structure, Numbers]:
         numbers["integrator.step"] = array_of(scene.integrator.step)
     if scene.voltage_law is not None:
         law, found = divided(scene.voltage_law)
-        choices += [(KEY, law), (PERIOD, period_of(scene.voltage_law))]
-        numbers |= {f"{KEY}.{i}": x for i, x in enumerate(found)}
+        choices += [(OWN_LAW, law), (PERIOD, period_of(scene.voltage_law))]
+        numbers |= {f"{OWN_LAW}.{i}": x for i, x in enumerate(found)}
     if isinstance(scene.terms, tuple) and scene.terms:
         parts = [divided(term) for term in scene.terms]
-        choices += [(own_terms.KEY, tuple(structure for structure, _ in parts))]
+        choices += [(OWN_TERMS, tuple(structure for structure, _ in parts))]
         numbers |= {
-            f"{own_terms.KEY}.{i}.{j}": x for i, (_, found) in enumerate(parts) for j, x in enumerate(found)
+            f"{OWN_TERMS}.{i}.{j}": x for i, (_, found) in enumerate(parts) for j, x in enumerate(found)
         }
     if scene.event is not None:
-        numbers["event.release_time"] = release_times(scene)
+        numbers["event.time"] = release_times(scene)
     # One call for all arrays of NumPy takes a third of the time of one call each.
     numbers |= jax.device_put({key: x for key, x in numbers.items() if isinstance(x, np.ndarray)})
     return Structure(tuple(choices), frozenset(numbers)), numbers

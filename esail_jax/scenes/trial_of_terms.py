@@ -16,7 +16,7 @@ from esail_jax.joints import roots
 from esail_jax.loads.law_structure import is_number
 from esail_jax.loads.own_terms import Own, line_of, subject_of
 from esail_jax.scenes.build import build_chain, system_of
-from esail_jax.scenes.build_loads import starting_attitude
+from esail_jax.scenes.build_parts import starting_attitude
 from esail_jax.scenes.own_terms import kind_of
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene

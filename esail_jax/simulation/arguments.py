@@ -7,16 +7,11 @@ import numpy as np
 
 from esail_jax.errors import nearest
 from esail_jax.observables import described, known_names
-from esail_jax.scenes.rules import SceneError, has_traced, known, numbers_of
+from esail_jax.observables.entry import WORK, in_words
+from esail_jax.scenes.rules import SceneError, has_traced, is_traced, known, numbers_of
 from esail_jax.scenes.scene import Scene
-from esail_jax.scenes.value_types import is_traced
 from esail_jax.simulation.rectification import AnyPoint, PointOnOrbit
 from esail_jax.steppers.stepper import Point
-
-NEEDED_TABLES = {
-    "hub": "hub", "ring": "auxiliary_tethers", "wind": "solar_wind", "heat": "thermal", "orbit": "orbit",
-}  # fmt: skip
-"""The table that a scene must have for observables that need a part of the system."""
 
 
 def check_arguments(
@@ -104,10 +99,8 @@ def check_names(scene: Scene, save: Sequence[str] | None) -> None:
         if name not in names:
             raise SceneError("save", f"hold names of observables{nearest(name, names)}", f"has {name!r}")
         need = described(name).needs
-        if scene.chain is None and need in NEEDED_TABLES and getattr(scene, NEEDED_TABLES[need]) is None:
-            raise SceneError("save", f"hold no {name!r} without [{NEEDED_TABLES[need]}]", "does")
-        if need == "wires" and scene.tethers.wire_radius is None:
-            raise SceneError("save", f"hold no {name!r} without `tethers.wire_radius`", "does")
+        if need not in ("", WORK) and not scene.has(need):
+            raise SceneError("save", f"hold no {name!r} without {in_words(need)}", "does")
 
 
 def check_max_steps(max_steps: int | None) -> None:

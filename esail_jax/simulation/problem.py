@@ -16,10 +16,10 @@ from esail_jax.iteration_matrix import Inertia, inertia_of
 from esail_jax.numerics.lockstep import select
 from esail_jax.rod_chain import RodChain, energy_floor
 from esail_jax.scenes.build import build, build_chain
-from esail_jax.scenes.build_loads import origin_of
+from esail_jax.scenes.build_parts import origin_of
+from esail_jax.scenes.method_choice import stepper_of
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
-from esail_jax.scenes.stepper_choice import stepper_of
 from esail_jax.scenes.structure import Numbers, Structure
 from esail_jax.simulation.rectification import AnyPoint, PointOnOrbit, rectified
 from esail_jax.simulation.sampling import Control, sample, sampled_load

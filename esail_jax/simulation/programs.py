@@ -14,7 +14,7 @@ from esail_jax.array_types import Array, Scalar
 from esail_jax.compilation.announcements import announce
 from esail_jax.compilation.kept import program_of
 from esail_jax.compilation.options import CHAIN_OPTIONS, LOOK_OPTIONS, START_OPTIONS, STEP_OPTIONS
-from esail_jax.scenes.stepper_choice import stepper_class
+from esail_jax.scenes.method_choice import stepper_class
 from esail_jax.scenes.structure import Numbers, Structure
 from esail_jax.simulation.advance import Advanced, Window, advance
 from esail_jax.simulation.look import look_at_window
@@ -31,9 +31,6 @@ MAX_ATTEMPTS = 16384
 
 MAX_INSTANTS, NUMBERS_PER_CALL = 256, 2**22
 """Largest number of saved instants in one call, and of numbers in their points (32 MB)."""
-
-SWITCHED = ("event", "voltage.on", "tip_thrust.on", "thermal.time", "orbit.position_au")
-"""Tables and keys of a scene with switch times (`schedule.switch_times`)."""
 
 WORK_PER_CALL = 400_000
 """Steps times coordinates in one call: some tenths of a second, between which the host may stop."""
@@ -108,7 +105,7 @@ def _compiled(structure: Structure, tree: Any, types: tuple, names: tuple[str, .
         arguments = begun, points, integer
         looking, looks = ready("the observables", look_at_points, (names,), arguments, look_options)
         restarting = None
-        if structure.is_sampled or any(structure.has(key) for key in SWITCHED):
+        if structure.is_switched:
             one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), points)
             due = None if carried.control is None else jax.ShapeDtypeStruct((), bool)
             arguments = begun, motion, one, number, carried, due

@@ -7,18 +7,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from esail_jax.array_types import Array, Bool, Float, Int
-from esail_jax.scenes.own_law import PERIOD, period_of
+from esail_jax.scenes.parts import parts_of
 from esail_jax.scenes.rules import SceneError, known
 from esail_jax.scenes.scene import Scene
+from esail_jax.scenes.voltage import PERIOD, period_of
 
 SNAP = 1e-9
 """Fraction of an interval by which a time may miss a multiple of it: multiples of decimal fractions are
 rounded in binary."""
-
-RECTIFIED_EVERY = 86400.0
-"""Time [s] between two rectifications of the orbit of a sail (`rectification.py`): a day, in which an
-acceleration of 3e-4 m/s^2 moves a light sail by 1e6 m. The error of rounding is then 1e-7 of the range of
-coning (`docs/theory.md`). A rectification takes some milliseconds, a day of the baseline 3 s."""
 
 MOST_SAMPLES = 10**6
 """Largest number of samples of a voltage law in a run: two years of one a minute."""
@@ -40,18 +36,18 @@ def switch_times(scene: Scene, end: float | None = None) -> tuple[float, ...]:
     """Returns the switch times [s] in increasing order, at which the stepper is initialised again. end: of
     the run [s], that of the scene if None.
 
-    They are the times of all events, the times `on` and `off` of the voltage and of the thrust at the tips,
-    the instants of the temperatures, where these have kinks, every multiple of RECTIFIED_EVERY of a sail on
-    an orbit about the Sun, and the sampling instants of a user's voltage law, if they are positive. A time
-    that is a tracer has no value yet: see `divided_at`. The voltage of a chain is constant and has no such
-    time."""
-    times = set() if scene.event is None else set(scene.event.time)
+    They are the instants at which the motion has a kink by a part of the scene (`Part.switches`), such as
+    those of events, every multiple of the interval after which a part starts the stepper anew
+    (`Part.every`), and the sampling instants of a user's voltage law, if they are positive. A time that is
+    a tracer has no value yet: see `divided_at`."""
+    times = set()
     for instants in instants_of(scene).values():
         if known(instants) is not None:
             times |= set(known(instants).ravel().tolist())
     end = scene.integrator.t_end if end is None else end
-    if scene.chain is None and scene.orbit is not None:
-        times |= set(np.arange(RECTIFIED_EVERY, end, RECTIFIED_EVERY).tolist())
+    for part in parts_of(scene.model).values():
+        if part.every is not None and scene.has(part.name):
+            times |= set(np.arange(part.every, end, part.every).tolist())
     samples = sampling_instants(scene, end)
     if samples:
         period = period_of(scene.voltage_law)
@@ -79,14 +75,12 @@ def divided_at(scene: Scene) -> tuple[str, ...]:
 
 
 def instants_of(scene: Scene) -> dict[str, Any]:
-    """Returns the switch times that are numbers of a scene, by key."""
-    tables = {"voltage": ("on", "off"), "tip_thrust": ("on", "off"), "thermal": ("time",)}
-    given = {
-        f"{table}.{name}": getattr(getattr(scene, table), name, None)
-        for table, names in tables.items()
-        for name in names
-    }
-    return {key: x for key, x in given.items() if x is not None}
+    """Returns the switch times that the scene's tables give, by key."""
+    parts = parts_of(scene.model).values()
+    keys = [
+        (part.name, name) for part in parts for name in part.switches if scene.has(f"{part.name}.{name}")
+    ]
+    return {f"{table}.{name}": getattr(getattr(scene, table), name) for table, name in keys}
 
 
 @dataclasses.dataclass(frozen=True)

@@ -11,13 +11,13 @@ import numpy as np
 
 from esail_jax.errors import SimulationError
 from esail_jax.observables.run_warning import run_warning
-from esail_jax.scenes.keywords import refuse_keywords
+from esail_jax.scenes.key_reference import refuse_keywords
 from esail_jax.scenes.loading import load_scene
-from esail_jax.scenes.merging import check_overrides
-from esail_jax.scenes.own_law import KEY, period_of
-from esail_jax.scenes.own_terms import KEY as OWN_TERMS
+from esail_jax.scenes.overrides import check_overrides
+from esail_jax.scenes.own_terms import OWN_TERMS
 from esail_jax.scenes.rules import SceneError, numbers_of
 from esail_jax.scenes.scene import Scene
+from esail_jax.scenes.voltage import OWN_LAW, period_of
 from esail_jax.simulation.arguments import check_arguments
 from esail_jax.simulation.host import HostRun, compile_scene
 from esail_jax.simulation.rectification import AnyPoint
@@ -158,7 +158,7 @@ def run(
 
 def with_own(overrides: Mapping[str, Any] | None, law: Any, terms: Any) -> Mapping[str, Any] | None:
     """Returns the overrides of a scene with a user's voltage law and terms, if they are given."""
-    given = {name: x for name, x in ((KEY, law), (OWN_TERMS, terms)) if x is not None}
+    given = {name: x for name, x in ((OWN_LAW, law), (OWN_TERMS, terms)) if x is not None}
     if not given:
         return overrides
     if overrides is not None:

@@ -9,10 +9,9 @@ import numpy as np
 
 from esail_jax.array_types import Array, Bool, Scalar
 from esail_jax.observables.run_warning import STEP_ERRORS
-from esail_jax.scenes.method_choice import with_method
+from esail_jax.scenes.method_choice import stepper_class, with_method
 from esail_jax.scenes.rules import known
 from esail_jax.scenes.scene import Scene
-from esail_jax.scenes.stepper_choice import stepper_class
 from esail_jax.scenes.structure import split
 from esail_jax.simulation.arguments import known_time
 from esail_jax.simulation.problem import require_64_bit

@@ -13,8 +13,8 @@ block, and `stepper.replay` takes the same steps again as a differentiable funct
 derivative.
 
 To add a method, write a subclass of `AbstractStepper` and pass an instance to `simulate(scene,
-stepper=...)`, or give it a name in `scenes/methods.py` and `scenes/stepper_choice.py`. CONTRIBUTING.md has
-an example."""
+stepper=...)`, or give it a name in `scenes/integration.py` and `scenes/method_choice.py`. CONTRIBUTING.md
+has an example."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Mapping

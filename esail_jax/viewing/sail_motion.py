@@ -7,7 +7,7 @@ import numpy as np
 from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.files.reading import SavedRun
 from esail_jax.scenes.hub import azimuths, root_positions
-from esail_jax.scenes.releases import released
+from esail_jax.scenes.scene import released
 from esail_jax.viewing.motion import Motion, Quantity, chosen_exaggeration
 from esail_jax.viewing.signals import signals_of
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import esail_jax as esail
 from esail_jax.commands import bench
-from esail_jax.scenes.builtin_scenes import builtin_names
+from esail_jax.scenes.loading import builtin_names
 from esail_jax.scenes.method_choice import with_method
 
 TABLE = Path(__file__).with_name("defaults.csv")

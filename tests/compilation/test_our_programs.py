@@ -66,7 +66,7 @@ def test_a_second_process_loads_a_run_bit_for_bit(folder):
 
 def test_a_dataclass_counts_by_its_fields():
     """Every field of a scene's table is part of a key."""
-    from esail_jax.scenes.common_tables import Integrator
+    from esail_jax.scenes.integration import Integrator
 
     table = Integrator(t_end=1.0)
     texts = {ENVIRONMENT.text_of(table), ENVIRONMENT.text_of(dataclasses.replace(table, t_end=2.0))}

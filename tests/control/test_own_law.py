@@ -13,8 +13,7 @@ import esail_jax as esail
 import support.own_laws
 from esail_jax.cli import main
 from esail_jax.control import Delayed, Noisy
-from esail_jax.scenes.loading import load_scene
-from esail_jax.scenes.scene import parse
+from esail_jax.scenes.loading import load_scene, parse
 from esail_jax.scenes.structure import split
 from esail_jax.scenes.toml_text import to_toml
 from esail_jax.sensors import with_motion

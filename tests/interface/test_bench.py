@@ -7,7 +7,7 @@ import pytest
 
 from esail_jax.cli import main
 from esail_jax.commands import bench
-from esail_jax.scenes.scene import parse
+from esail_jax.scenes.loading import parse
 from support import small_sail
 
 

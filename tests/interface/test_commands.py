@@ -17,8 +17,7 @@ from esail_jax.commands.interrupts import Interrupts
 from esail_jax.commands.progress import Progress
 from esail_jax.commands.run_progress import RunProgress
 from esail_jax.files.hdf5 import atomic_hdf5
-from esail_jax.scenes.builtin_scenes import builtin_names
-from esail_jax.scenes.loading import load_scene
+from esail_jax.scenes.loading import builtin_names, load_scene
 from esail_jax.simulation.results import Chunk
 
 

@@ -7,9 +7,9 @@ import pytest
 
 from esail_jax.errors import InputError
 from esail_jax.plotting import compare
-from esail_jax.scenes.differences import differing_keys
+from esail_jax.scenes.key_reference import differing_keys
 from esail_jax.scenes.loading import load_scene
-from esail_jax.scenes.sail_tables import Event
+from esail_jax.scenes.tethers import Event
 from support.fake_run import PERIOD, FakeRun, make_run, scene_of
 from support.figures import check_axes, panels
 

@@ -7,7 +7,7 @@ import pytest
 
 from esail_jax import cli
 from esail_jax.commands.parser import SHELLS
-from esail_jax.scenes.builtin_scenes import builtin_names
+from esail_jax.scenes.loading import builtin_names
 from support.new_process import heavy_imports_of
 
 PRESS_TAB = """

@@ -20,7 +20,7 @@ from esail_jax.observables.rigid_pendulum import rigid_pendulum
 from esail_jax.plotting.figure_files import DOTS_PER_INCH, write_figures
 from esail_jax.plotting.single import mathtext
 from esail_jax.scenes.loading import load_scene
-from esail_jax.scenes.scene import RemoteUnits
+from esail_jax.scenes.tethers import RemoteUnits
 from support.fake_run import PERIOD, TIME, FakeRun, make_run, scene_of
 from support.figures import check_axes, panels
 

@@ -10,7 +10,7 @@ import esail_jax
 from esail_jax import plotting
 from esail_jax.commands import plot
 from esail_jax.plotting.figure_files import write_figures
-from esail_jax.scenes.sail_tables import Event
+from esail_jax.scenes.tethers import Event
 from support.fake_run import PERIOD, TIME, make_run, scene_of
 from support.figures import panels
 

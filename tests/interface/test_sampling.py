@@ -10,9 +10,8 @@ import pytest
 import esail_jax as esail
 from esail_jax.ensembles import Grid, LogNormal, Normal, Uniform, VariationError, draw, parse_variation
 from esail_jax.scenes.declarations import rule_of
-from esail_jax.scenes.rules import SceneError
-from esail_jax.scenes.tables import CHAIN_TABLES, SAIL_TABLES
-from esail_jax.scenes.value_types import Kind, Shape
+from esail_jax.scenes.parts import tables_of
+from esail_jax.scenes.rules import Kind, SceneError, Shape
 
 
 @pytest.fixture(scope="module")
@@ -150,7 +149,7 @@ def test_the_guide_lists_the_keys_with_a_number_per_tether():
     guide = (Path(__file__).parents[2] / "docs" / "guide" / "ensembles.md").read_text(encoding="utf-8")
     listed = re.findall(r"`(\w+\.\w+)`", guide.split("\n`[*]` is for ")[1].split("\n\n")[0])
     found = set()
-    for kinds in (SAIL_TABLES, CHAIN_TABLES):
+    for kinds in (tables_of("sail"), tables_of("chain")):
         for table, kind in kinds.items():
             rules = {field.name: rule_of(field) for field in dataclasses.fields(kind)}
             found |= {

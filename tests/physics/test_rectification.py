@@ -1,6 +1,8 @@
 """Rectification of the orbit of a sail: when the origin of the coordinates moves to the hub, the motion,
 the output in the frame I, and derivatives stay what they are."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,10 +11,10 @@ import pytest
 import esail_jax as esail
 from esail_jax.constants import ASTRONOMICAL_UNIT as AU
 from esail_jax.environment.kepler_orbit import KeplerOrbit
+from esail_jax.scenes import parts
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.structure import split
 from esail_jax.scenes.toml_text import to_toml
-from esail_jax.simulation import schedule
 from esail_jax.simulation.rectification import FAR, PointOnOrbit
 from esail_jax.steppers.stepper import Point
 from esail_jax.system import Power
@@ -64,10 +66,16 @@ def drifting():
     return PointOnOrbit.of(point, orbit)
 
 
+def rectify_every(monkeypatch, interval):
+    """Replaces the interval [s] after which the orbit of a sail may be rectified."""
+    changed = [replace(part, every=interval) if part.every else part for part in parts.PARTS]
+    monkeypatch.setattr(parts, "PARTS", changed)
+
+
 @pytest.fixture
 def often(monkeypatch):
     """Runs may be rectified every PERIOD, not every day."""
-    monkeypatch.setattr(schedule, "RECTIFIED_EVERY", PERIOD)
+    rectify_every(monkeypatch, PERIOD)
 
 
 SIGNALS = ("coning_angle", "tether_length", "rotation_IB", "reaction_O", "thrust_O", "voltage",
@@ -165,7 +173,7 @@ def test_days_are_those_of_a_run_without_rectification(monkeypatch):
     changes the sizes of the steps, and these are the differences of two runs at the default tolerance."""
     found = esail.simulate(SCENE, LIGHT)
     assert float(found.final_state.orbit.epoch) == 2 * 86400.0
-    monkeypatch.setattr(schedule, "RECTIFIED_EVERY", 1e9)
+    rectify_every(monkeypatch, 1e9)
     expected = esail.simulate(SCENE, LIGHT)
     assert float(expected.final_state.orbit.epoch) == 0.0
     assert np.linalg.norm(expected["hub_position_I"][-1]) > 1.5 * FAR

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 import esail_jax as esail
-from esail_jax.scenes.loading import load_scene
-from esail_jax.scenes.scene import Scene, parse
+from esail_jax.scenes.loading import load_scene, parse
+from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.structure import split
 from esail_jax.scenes.toml_text import to_toml
 from support.quick import build_jitted, jit

@@ -8,8 +8,7 @@ import pytest
 import esail_jax as esail
 from esail_jax.scenes.build import root_places
 from esail_jax.scenes.hub import azimuths, root_positions
-from esail_jax.scenes.loading import load_scene
-from esail_jax.scenes.scene import parse
+from esail_jax.scenes.loading import load_scene, parse
 from esail_jax.scenes.structure import split
 from esail_jax.scenes.toml_text import to_toml
 from support.derivatives import check_both_modes

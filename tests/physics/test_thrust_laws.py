@@ -11,7 +11,7 @@ from esail_jax.constants import PROTON_MASS
 from esail_jax.environment.gusts import gamma_wind
 from esail_jax.environment.solar_wind import SteadyWind
 from esail_jax.environment.thrust_laws import DebyeSheath
-from esail_jax.scenes.build_loads import origin_of, wind_of
+from esail_jax.scenes.build_parts import origin_of, wind_of
 from esail_jax.scenes.structure import split
 from support.derivatives import check_both_modes
 from support.quick import quickly

@@ -25,9 +25,8 @@ from esail_jax.loads.voltage import (
 from esail_jax.loads.voltage_limits import Limits, smooth_positive_part, within_slew_rate
 from esail_jax.measurements import Measurements
 from esail_jax.numerics.smooth_step import smooth_step
-from esail_jax.scenes.build_loads import coulomb_thrust, starting_attitude, voltage_law, wind_of
-from esail_jax.scenes.builtin_scenes import builtin_text
-from esail_jax.scenes.scene import parse
+from esail_jax.scenes.build_parts import solar_wind, starting_attitude, voltage_law, wind_of
+from esail_jax.scenes.loading import builtin_text, parse
 from esail_jax.scenes.structure import split
 from esail_jax.scenes.toml_text import to_toml
 from esail_jax.steppers.transposable import Transposable
@@ -76,8 +75,8 @@ def commanded(overrides, times):
     """Returns the voltages [V] that the load of a scene commands at instants [s], (time, tether), on a sail
     that turns rigidly at its initial spin rate about its initial axis. The tethers are radial."""
     structure, numbers = split(esail.load_scene("baseline", FIXED | overrides))
-    attitude, origin = starting_attitude(numbers)
-    load = coulomb_thrust(structure, numbers, origin, structure["tethers.elements"])
+    attitude, _ = starting_attitude(numbers)
+    (load,) = solar_wind(structure, numbers).loads
 
     def at(time):
         turned = AZIMUTH + numbers["initial.spin_rate"] * time

@@ -11,12 +11,11 @@ import esail_jax as esail
 from esail_jax import cli
 from esail_jax.files import run_file
 from esail_jax.scenes.declarations import rule_of
-from esail_jax.scenes.loading import load_scene
-from esail_jax.scenes.sail_tables import Initial
-from esail_jax.scenes.scene import parse
-from esail_jax.scenes.tables import CHAIN_TABLES
+from esail_jax.scenes.loading import load_scene, parse
+from esail_jax.scenes.parts import tables_of
+from esail_jax.scenes.rules import Shape
+from esail_jax.scenes.start_and_place import Initial
 from esail_jax.scenes.toml_text import to_toml
-from esail_jax.scenes.value_types import Shape
 from esail_jax.simulation.host import HostRun
 from support import small_chain
 from support.bits import check_same, esail_run, status_of
@@ -24,7 +23,7 @@ from support.quick import jit
 
 FIELDS = {
     f"{table}.{field}": rule_of(content.__dataclass_fields__[field])
-    for table, content in CHAIN_TABLES.items()
+    for table, content in tables_of("chain").items()
     for field in content.__dataclass_fields__
 }
 

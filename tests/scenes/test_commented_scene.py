@@ -5,11 +5,9 @@ import re
 import pytest
 
 from esail_jax import cli
-from esail_jax.scenes.builtin_scenes import builtin_names, builtin_text
-from esail_jax.scenes.commented_scene import commented
 from esail_jax.scenes.key_reference import describe_keys
-from esail_jax.scenes.loading import load_scene
-from esail_jax.scenes.scene import parse
+from esail_jax.scenes.loading import builtin_names, builtin_text, load_scene, parse
+from esail_jax.scenes.toml_text import commented
 
 
 @pytest.mark.parametrize("name", builtin_names())

@@ -14,18 +14,16 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import esail_jax as esail
-from esail_jax.scenes.builtin_scenes import builtin_names, builtin_text
 from esail_jax.scenes.declarations import rule_of
-from esail_jax.scenes.loading import load_scene
-from esail_jax.scenes.scene import parse
-from esail_jax.scenes.tables import CHAIN_TABLES, SAIL_TABLES, names_of
+from esail_jax.scenes.loading import builtin_names, builtin_text, load_scene, parse
+from esail_jax.scenes.parts import names_of, tables_of
+from esail_jax.scenes.rules import Kind
 from esail_jax.scenes.toml_text import to_toml
-from esail_jax.scenes.value_types import Kind
 
 KEYS = sorted(
     {
         f"{table}.{name}"
-        for tables in (SAIL_TABLES, CHAIN_TABLES)
+        for tables in (tables_of("sail"), tables_of("chain"))
         for table, content in tables.items()
         for name in names_of(content)
     }
@@ -33,7 +31,7 @@ KEYS = sorted(
 NAMES = sorted(
     {
         name
-        for tables in (SAIL_TABLES, CHAIN_TABLES)
+        for tables in (tables_of("sail"), tables_of("chain"))
         for content in tables.values()
         for field in content.__dataclass_fields__.values()
         if rule_of(field).kind is Kind.CHOICE
@@ -61,7 +59,7 @@ values = st.one_of(
     st.binary(max_size=4),
 )
 overrides = st.dictionaries(
-    st.one_of(st.sampled_from(KEYS), st.text(max_size=8), st.sampled_from(sorted(SAIL_TABLES))),
+    st.one_of(st.sampled_from(KEYS), st.text(max_size=8), st.sampled_from(sorted(tables_of("sail")))),
     values,
     max_size=4,
 )

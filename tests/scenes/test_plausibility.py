@@ -7,10 +7,8 @@ import pytest
 from esail_jax import cli
 from esail_jax.commands.parser import parser
 from esail_jax.observables.run_warning import run_warning
-from esail_jax.scenes.builtin_scenes import builtin_names
-from esail_jax.scenes.loading import load_scene
+from esail_jax.scenes.loading import builtin_names, load_scene, read_scene
 from esail_jax.scenes.plausibility import USUAL, doubts, without_effect
-from esail_jax.scenes.scene import read_scene
 
 pytestmark = pytest.mark.usefixtures("nothing_compiles")
 

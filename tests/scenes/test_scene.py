@@ -10,17 +10,17 @@ import pytest
 import esail_jax as esail
 from esail_jax.elements.bending import BendingDissipation
 from esail_jax.scenes.build import material_terms
-from esail_jax.scenes.builtin_scenes import builtin_names, builtin_text, description
-from esail_jax.scenes.loading import load_scene
+from esail_jax.scenes.loading import builtin_names, builtin_text, description, load_scene, parse
 from esail_jax.scenes.method_choice import with_method
-from esail_jax.scenes.scene import Scene, parse
+from esail_jax.scenes.parts import names_of, tables_of
+from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.structure import split
-from esail_jax.scenes.tables import SAIL_TABLES, names_of
 from esail_jax.scenes.toml_text import to_toml
 from esail_jax.terms import find_term
 from support import small_sail
 
-SAIL_KEYS = [f"{table}.{name}" for table, content in SAIL_TABLES.items() for name in names_of(content)]
+SAIL_TABLES = tables_of("sail").items()
+SAIL_KEYS = [f"{table}.{name}" for table, content in SAIL_TABLES for name in names_of(content)]
 SAIL_KEYS.remove("integrator.tolerance")  # a key of the explicit methods, which run only chains
 
 STRUCTURE = (
@@ -164,7 +164,7 @@ def test_toml_keeps_every_digit_and_every_key(sail):
             }
         )
         again = parse(to_toml(scene), "again")
-        for table in SAIL_TABLES:
+        for table in tables_of("sail"):
             assert getattr(again, table) == getattr(scene, table)
         assert to_toml(again) == to_toml(scene)
 
@@ -240,7 +240,7 @@ def test_every_key_can_be_overridden(key, sail):
     extra |= beside(key)
     scene = sail.replace(extra | {key: value})
     assert getattr(getattr(scene, table), name) == value
-    for other in SAIL_TABLES:
+    for other in tables_of("sail"):
         if other != table and not any(x.startswith(other + ".") for x in extra):
             assert getattr(scene, other) == getattr(sail, other)
 
@@ -265,7 +265,7 @@ def test_straight_turn_sets_the_curvature_below_which_bending_is_not_damped():
     scene = load_scene("baseline")
     assert "straight_turn" not in to_toml(scene)
     for overrides, turn in (({}, 1e-4), ({"tethers.straight_turn": 1e-3}, 1e-3)):
-        _, dissipations = material_terms(*split(scene.replace(overrides)))
+        dissipations = material_terms(*split(scene.replace(overrides))).dissipations
         damping = find_term(dissipations, BendingDissipation)
         assert np.array_equal(damping.straight_curvature, np.full(60, turn / 10e3))
 

@@ -13,22 +13,21 @@ import numpy as np
 import pytest
 
 import esail_jax as esail
-from esail_jax.scenes import consistency, method_choice, methods, value_types
+from esail_jax.scenes import integration, method_choice, rules
 from esail_jax.scenes.declarations import rule_of
+from esail_jax.scenes.integration import METHODS, MethodName, takes
 from esail_jax.scenes.key_reference import describe_keys
-from esail_jax.scenes.law_keys import LAWS, LawName
-from esail_jax.scenes.loading import load_scene
+from esail_jax.scenes.loading import load_scene, parse
 from esail_jax.scenes.method_choice import with_method
-from esail_jax.scenes.methods import METHODS, MethodName, takes
-from esail_jax.scenes.scene import parse
-from esail_jax.scenes.tables import CHAIN_TABLES, SAIL_TABLES
-from esail_jax.scenes.value_types import Kind, Shape
+from esail_jax.scenes.parts import tables_of
+from esail_jax.scenes.rules import Kind, Shape
+from esail_jax.scenes.voltage import LAWS, LawName
 from esail_jax.steppers.runge_kutta import REACH
 from support import small_sail
 
 FIELDS = {
     f"{kind.__name__}.{field.name}": field
-    for kind in {*SAIL_TABLES.values(), *CHAIN_TABLES.values()}
+    for kind in {*tables_of("sail").values(), *tables_of("chain").values()}
     for field in dataclasses.fields(kind)
 }
 
@@ -76,7 +75,7 @@ def test_a_chain_made_in_python_equals_that_of_a_file():
 
 
 def test_every_table_is_exported():
-    for kind in {*SAIL_TABLES.values(), *CHAIN_TABLES.values()}:
+    for kind in {*tables_of("sail").values(), *tables_of("chain").values()}:
         assert getattr(esail, kind.__name__) is kind and kind.__name__ in esail.__all__
 
 
@@ -217,7 +216,7 @@ def test_every_key_has_one_description_per_model():
     found = [(model, key.key) for key in describe_keys() for model in key.models]
     keys = [
         (model, f"{table}.{field.name}")
-        for model, tables in (("sail", SAIL_TABLES), ("chain", CHAIN_TABLES))
+        for model, tables in (("sail", tables_of("sail")), ("chain", tables_of("chain")))
         for table, kind in tables.items()
         for field in dataclasses.fields(kind)
     ]
@@ -235,9 +234,9 @@ def test_a_description_says_what_a_key_takes():
 
 
 ALIASES = {
-    Shape.SCALAR: value_types.Number, Shape.MEMBER: value_types.PerMember, Shape.VECTOR: value_types.Vector,
-    Shape.VECTORS: value_types.Vectors, Shape.SERIES: value_types.Series, Shape.GRID: value_types.Grid,
-    Shape.HISTORY: value_types.History, Shape.MATRIX: value_types.Matrix,
+    Shape.SCALAR: rules.Number, Shape.MEMBER: rules.PerMember, Shape.VECTOR: rules.Vector,
+    Shape.VECTORS: rules.Vectors, Shape.SERIES: rules.Series, Shape.GRID: rules.Grid,
+    Shape.HISTORY: rules.History, Shape.MATRIX: rules.Matrix,
 }  # fmt: skip
 """Annotation of physical numbers of each shape."""
 
@@ -275,7 +274,7 @@ def with_methods(monkeypatch):
     """Puts another table in place of METHODS."""
 
     def put(table):
-        for module in (methods, consistency, method_choice):
+        for module in (integration, method_choice):
             monkeypatch.setattr(module, "METHODS", table)
 
     return put

@@ -6,7 +6,7 @@ import pytest
 
 import esail_jax as esail
 from esail_jax.cli import main
-from esail_jax.scenes import size_limits
+from esail_jax.scenes import integration
 
 
 @pytest.mark.parametrize(
@@ -29,7 +29,7 @@ def test_an_absurd_size_is_refused(scene, overrides, message, nothing_compiles):
 def test_the_limit_of_memory_is_that_of_the_machine(monkeypatch):
     """60 elements need some 3 MB of arrays; a machine of 1 MB has no room for them."""
     esail.load_scene("baseline")
-    monkeypatch.setattr(size_limits, "memory_of_machine", lambda: 1e6)
+    monkeypatch.setattr(integration, "memory_of_machine", lambda: 1e6)
     with pytest.raises(esail.SceneError, match=r"makes 60 elements, some 0\.003 GB"):
         esail.load_scene("baseline")
 

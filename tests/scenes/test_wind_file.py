@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import esail_jax as esail
-from esail_jax.scenes.builtin_scenes import builtin_text
-from esail_jax.scenes.wind_file import read_columns
+from esail_jax.scenes.loading import builtin_text
+from esail_jax.scenes.plasma import read_columns
 
 HEAD = "time,speed,number_density"
 ROWS = ["0,4e5,7e6", "100,4.1e5,6e6", "200,3.9e5,5e6"]

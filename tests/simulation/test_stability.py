@@ -9,7 +9,7 @@ import pytest
 import esail_jax as esail
 from esail_jax.cli import main
 from esail_jax.coordinates import Coordinates
-from esail_jax.scenes.scene import parse
+from esail_jax.scenes.loading import parse
 from esail_jax.simulation.stability import INSTANTS, WARN_GROWTH, measured, perturbation, stability_of
 from esail_jax.steppers.stepper import Point
 from esail_jax.system import Power

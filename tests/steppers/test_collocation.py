@@ -11,7 +11,7 @@ import esail_jax as esail
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.errors import SimulationError
 from esail_jax.numerics.lobatto import Lobatto
-from esail_jax.scenes.scene import parse
+from esail_jax.scenes.loading import parse
 from esail_jax.steppers.collocation_stages import StageUnknowns, StepEnd
 from esail_jax.steppers.collocation_steps import CollocationSteps, IterationInfo
 from esail_jax.system import Power

@@ -20,7 +20,8 @@ from esail_jax.ensembles.member_runner import MemberRunner
 from esail_jax.ensembles.members import simulate_members
 from esail_jax.rod_chain import error_scale
 from esail_jax.scenes.build import build_chain
-from esail_jax.scenes.scene import Scene, parse
+from esail_jax.scenes.loading import parse
+from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.structure import split
 from esail_jax.simulation.advance import Window, advance, move
 from esail_jax.simulation.host import HostRun, compile_scene

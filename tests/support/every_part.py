@@ -6,7 +6,7 @@ import numpy as np
 
 import esail_jax as esail
 from esail_jax.scenes.build import build
-from esail_jax.scenes.build_loads import origin_of
+from esail_jax.scenes.build_parts import origin_of
 from esail_jax.scenes.structure import split
 from esail_jax.simulation.look import look
 from esail_jax.simulation.problem import Problem

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from esail_jax import cli
-from esail_jax.scenes.scene import parse
+from esail_jax.scenes.loading import parse
 from esail_jax.steppers.fixed_step import STEPS_PER_FACTORISATION
 from support import small_sail
 from support.bits import esail_run

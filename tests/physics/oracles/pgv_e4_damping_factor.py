@@ -33,7 +33,8 @@ HALF_DIGIT = 0.005 / 2.30
 @functools.cache
 def package_numbers() -> tuple[float, ...]:
     """EA, EI, gamma_x and gamma_b of the terms that the package makes of the baseline."""
-    (stretching, bending), (viscous, turning) = material_terms(*split(load_scene("baseline")))
+    terms = material_terms(*split(load_scene("baseline")))
+    (stretching, bending), (viscous, turning) = terms.energies, terms.dissipations
     numbers = stretching.stiffness, bending.stiffness, viscous.time, turning.time
     return tuple(float(number[0]) for number in numbers)
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from esail_jax.observables import rigid_pendulum
-from esail_jax.scenes.scene import parse
+from esail_jax.scenes.loading import parse
 from oracles.ledger import Errors, fails, holds, relative_error
 from oracles.sail_states import (
     LENGTH,

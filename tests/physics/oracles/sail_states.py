@@ -18,7 +18,7 @@ from esail_jax.constants import ASTRONOMICAL_UNIT, PROTON_MASS, VACUUM_PERMITTIV
 from esail_jax.coordinates import Coordinates
 from esail_jax.observables import make_instant, observe
 from esail_jax.scenes.build import Model, build
-from esail_jax.scenes.scene import parse
+from esail_jax.scenes.loading import parse
 from esail_jax.scenes.structure import split
 from esail_jax.system import Power, System
 from oracles.ledger import Errors

@@ -10,7 +10,7 @@ from esail_jax.elements.axial import AxialEnergy, TensionOnlyEnergy
 from esail_jax.point_fields import PointFields
 from esail_jax.rod_chain import RodState, fastest_rate
 from esail_jax.scenes.build import build_chain
-from esail_jax.scenes.scene import parse
+from esail_jax.scenes.loading import parse
 from esail_jax.scenes.structure import split
 from support.quick import jit
 

@@ -1,9 +1,14 @@
-"""Builds the Coulomb load of a scene (wind and voltage law) and the initial attitude."""
+"""Builds what the parts of a scene bring (`parts.py`, `Part.terms`), one function per part, with the wind
+and the voltage law, and the initial attitude.
+
+The functions use jax.numpy only, so that results have derivatives with respect to every number of the
+scene."""
 
 import jax.numpy as jnp
 
 from esail_jax.array_types import Array, Float, PerTether, Rotation
 from esail_jax.constants import ASTRONOMICAL_UNIT
+from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.environment.kepler_orbit import KeplerOrbit
 from esail_jax.environment.orbit import orbital_frame
 from esail_jax.environment.solar_wind import SteadyWind, Wind, WindOnOrbit, WindSeries
@@ -13,43 +18,66 @@ from esail_jax.loads import voltage
 from esail_jax.loads.constant_thrust import ConstantThrust
 from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.loads.electron_current import Collector, power_limited
+from esail_jax.loads.fields import OrbitalField, SolarTide, UniformGravity
 from esail_jax.loads.law_structure import NUMBER
 from esail_jax.loads.own_law import ContinuousLaw, SampledLaw
 from esail_jax.loads.phase_window import PhaseWindow
 from esail_jax.loads.plasma_brake import PlasmaBrake, ions
 from esail_jax.loads.tip_thrust import Switching, TipThrust
 from esail_jax.loads.voltage_limits import Limits, within_slew_rate
-from esail_jax.scenes.own_law import KEY, PERIOD
 from esail_jax.scenes.structure import Numbers, Structure
+from esail_jax.scenes.voltage import OWN_LAW, PERIOD
+from esail_jax.terms import Terms
 
 
-def coulomb_thrust(
-    structure: Structure, n: Numbers, origin: Float[Array, "3"], elements: int
-) -> CoulombThrust:
-    """The load of [solar_wind] and [voltage]. origin: R_0 [m]; elements: number of elements of a tether."""
-    wind = wind_of(n, origin)
+def solar_wind(structure: Structure, n: Numbers) -> Terms:
+    """The thrust of [solar_wind] and [voltage] on a sail."""
+    wind = wind_of(n, origin_of(n))
     law, collector = voltage_law(structure, n, wind), None
     if structure.has("tethers.wire_radius"):
         width = 2.0 * n["tethers.wire_radius"] * (structure["tethers.wires"] or 1)
         collector = Collector(width * n["tethers.length"], wind)
     if collector is not None and structure.has("voltage.power_limit"):
         law = power_limited(law, collector, n["voltage.power_limit"])
-    return CoulombThrust.of(wind, law, elements, structure["solar_wind.relative"], collector)
+    elements, relative = structure["tethers.elements"], structure["solar_wind.relative"]
+    return Terms(loads=(CoulombThrust.of(wind, law, elements, relative, collector),))
 
 
-def tip_thrust_of(structure: Structure, n: Numbers) -> TipThrust:
+def solar_wind_at_chain(structure: Structure, n: Numbers) -> Terms:
+    """The thrust of [solar_wind] and [voltage] on a chain, which has a voltage for every rod."""
+    law, relative = voltage.Constant(n["voltage.value"]), structure["solar_wind.relative"]
+    return Terms(loads=(CoulombThrust.of(wind_of(n, origin_of(n)), law, 1, relative),))
+
+
+def tip_thrust(structure: Structure, n: Numbers) -> Terms:
     """The forces of [tip_thrust] on the remote units."""
     switching = None
     if structure.has("tip_thrust.on"):
         switching = Switching(*(n[f"tip_thrust.{key}"] for key in ("on", "off", "rise_time")))
-    return TipThrust(n["tip_thrust.force"], switching, structure["tip_thrust.direction"])
+    direction = structure["tip_thrust.direction"]
+    return Terms(tip_loads=(TipThrust(n["tip_thrust.force"], switching, direction),))
 
 
-def plasma_brake_of(n: Numbers) -> PlasmaBrake:
+def plasma_brake(structure: Structure, n: Numbers) -> Terms:
     """The load of [plasma_brake] on a chain."""
     names = ("speed", "number_density", "ion_mass_u", "tether_radius", "voltage")
     speed, density, mass, radius, voltage = (n[f"plasma_brake.{name}"] for name in names)
-    return PlasmaBrake(speed, density, ions(mass), radius, voltage)
+    return Terms(loads=(PlasmaBrake(speed, density, ions(mass), radius, voltage),))
+
+
+def gravity(structure: Structure, n: Numbers) -> Terms:
+    """The field of [gravity]."""
+    return Terms(fields=(UniformGravity(n["gravity.acceleration"]),))
+
+
+def circular_orbit(structure: Structure, n: Numbers) -> Terms:
+    """The field in the axes of the [orbit] of a chain."""
+    return Terms(fields=(OrbitalField(CircularOrbit(n["orbit.mean_motion"])),))
+
+
+def heliocentric_orbit(structure: Structure, n: Numbers) -> Terms:
+    """The tide of the Sun on a sail with an [orbit]."""
+    return Terms(fields=(SolarTide(KeplerOrbit(*state_on_orbit(n))),))
 
 
 def wind_of(n: Numbers, origin: Float[Array, "3"]) -> Wind:
@@ -65,7 +93,12 @@ def kepler_orbit_of(n: Numbers) -> KeplerOrbit | None:
     """The orbit of a sail about the Sun; None without one."""
     if "orbit.position_au" not in n:
         return None
-    return KeplerOrbit(n["orbit.position_au"] * ASTRONOMICAL_UNIT, n["orbit.velocity"])
+    return KeplerOrbit(*state_on_orbit(n))
+
+
+def state_on_orbit(n: Numbers) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
+    """Heliocentric position [m] and velocity [m/s] of a sail on its orbit at t = 0."""
+    return n["orbit.position_au"] * ASTRONOMICAL_UNIT, n["orbit.velocity"]
 
 
 def wind_at(n: Numbers, origin: Float[Array, "3"]) -> SteadyWind | WindSeries:
@@ -125,8 +158,8 @@ def limits_of(n: Numbers) -> Limits:
 
 def users_law(structure: Structure, n: Numbers) -> voltage.VoltageLaw:
     """The voltage law that a user wrote, within the limits of [voltage]."""
-    found, period = structure[KEY], structure[PERIOD]
-    law = found, tuple(n[f"{KEY}.{i}"] for i in range(found.others.count(NUMBER)))
+    found, period = structure[OWN_LAW], structure[PERIOD]
+    law = found, tuple(n[f"{OWN_LAW}.{i}"] for i in range(found.others.count(NUMBER)))
     limits, slew = limits_of(n), n.get("voltage.slew_rate")
     if period is None:
         return ContinuousLaw(*law, limits)

@@ -1,0 +1,146 @@
+"""What a scene is asked to be, from tables and overrides by key to the tables of one scene.
+
+`EXPANDERS` says it in order: each takes a `Request` and returns one in which something that stood for
+something else is written out. At the end the tables say everything; they are checked when the `Scene` is
+made of them."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from esail_jax.errors import nearest
+from esail_jax.scenes import rules
+from esail_jax.scenes.declarations import rule_of
+from esail_jax.scenes.integration import Integrator
+from esail_jax.scenes.own_terms import OWN_TERMS
+from esail_jax.scenes.parts import model_of, names_of, parts_of, tables_of
+from esail_jax.scenes.plasma import COLUMNS, WIND_FILE, read_columns
+from esail_jax.scenes.rules import SceneError
+from esail_jax.scenes.voltage import KEPT, OWN_LAW
+
+
+class Request(NamedTuple):
+    """A scene that is asked for.
+
+    tables: of the file, or of the scene that is changed; overrides: other values, by key; folder: where
+    relative names of files in the tables start; voltage_law, terms: those of the user."""
+
+    tables: Mapping[str, Any]
+    overrides: Mapping[str, Any]
+    folder: Path
+    voltage_law: Any = None
+    terms: Any = ()
+
+
+def unknown(key: str, model: str) -> SceneError:
+    """The error for a key that the tables of a model do not have; it names the nearest key that they do
+    have."""
+    tables = tables_of(model)
+    known = [f"{table}.{name}" for table, content in tables.items() for name in names_of(content)]
+    for own, what in ((OWN_LAW, "law"), (OWN_TERMS, "terms")):
+        if key.partition(".")[0] == own:
+            must = f"be a number of the {what} that `{own}` takes as a whole"
+            return SceneError(key, must, "is a key of its own")
+    if key in tables:
+        return SceneError(key, "be followed by a key of the table", "is the table's name")
+    return SceneError(key, "be a known key" + nearest(key, [*known, *tables]), "is not")
+
+
+def check_overrides(name: str, given: Any, with_law: str) -> None:
+    """Raises SceneError unless an argument is a dictionary of values by scene key. with_law: how a voltage
+    law is given, which is what somebody may have put there."""
+    if not isinstance(given, Mapping):
+        law = hasattr(given, "commanded") or hasattr(given, "update")
+        hint = f" (a law is given as {with_law})" if law else ""
+        raise SceneError(name, "be a dictionary by scene key", f"is a {type(given).__name__}{hint}")
+
+
+# ---- the expanders ----------------------------------------------------------------------------
+
+
+def with_lists(request: Request) -> Request:
+    """A table that stands in a file several times becomes one table whose keys are lists. Raises
+    SceneError."""
+    tables = dict(request.tables)
+    for part in parts_of(model_of(tables)).values():
+        entries = tables.get(part.name)
+        if not part.repeated or not isinstance(entries, list):
+            continue
+        if not all(isinstance(x, Mapping) for x in entries):
+            continue  # refused by later checks
+        names = list(dict.fromkeys(name for entry in entries for name in entry))
+        for name in names:
+            if not all(name in entry for entry in entries):
+                must = f"be given in every [[{part.name}]]"
+                raise SceneError(f"{part.name}.{name}", must, "is missing in one")
+        tables[part.name] = {name: [entry[name] for entry in entries] for name in names}
+    return request._replace(tables=tables)
+
+
+def with_wind_file(request: Request) -> Request:
+    """The numbers of a wind file take the place of its name. The name in an override replaces that in the
+    tables, and starts from the working folder. Raises SceneError."""
+    tables, overrides = dict(request.tables), dict(request.overrides)
+    wind = tables.get("solar_wind")
+    if isinstance(wind, Mapping) and "file" in wind:
+        others = {key: value for key, value in wind.items() if key != "file"}
+        given_twice = [key for key in COLUMNS if key in others]
+        if given_twice:
+            raise SceneError(f"solar_wind.{given_twice[0]}", f"be left out with `{WIND_FILE}`", "is given")
+        columns = {} if WIND_FILE in overrides else read_columns(wind["file"], request.folder)
+        tables["solar_wind"] = others | columns
+    if WIND_FILE in overrides:
+        columns = read_columns(overrides.pop(WIND_FILE), Path())
+        overrides |= {f"solar_wind.{key}": value for key, value in columns.items()}
+    return request._replace(tables=tables, overrides=overrides)
+
+
+def with_own_code(request: Request) -> Request:
+    """Terms and a voltage law of a user among the overrides take the place of those before. A law also
+    takes that of the law in [voltage], of which the keys KEPT stay; None takes a user's law away."""
+    overrides = dict(request.overrides)
+    request = request._replace(terms=overrides.pop(OWN_TERMS, request.terms), overrides=overrides)
+    if OWN_LAW not in overrides:
+        return request
+    law, tables = overrides.pop(OWN_LAW), dict(request.tables)
+    table = tables.pop("voltage", {})
+    if "chain" in tables or not isinstance(table, Mapping):
+        return request._replace(voltage_law=law)  # refused by later checks
+    if law is None:
+        kept = {name: x for name, x in table.items() if name != "law" or x != "python"}
+    else:
+        kept = {name: table[name] for name in KEPT if name in table} | {"law": "python"}
+    return request._replace(tables=tables | ({"voltage": kept} if kept else {}), voltage_law=law)
+
+
+def merged(request: Request) -> Request:
+    """The overrides take the place of the tables' values; they may add a table.
+
+    None removes a key, and with its last key the table. An interval that neither gives stays that of the
+    tables' own t_end, so that a run can be continued to a later one. Raises SceneError."""
+    result = {name: dict(x) if isinstance(x, Mapping) else x for name, x in request.tables.items()}
+    model = model_of([*result, *(key.partition(".")[0] for key in request.overrides)])
+    kinds = tables_of(model)
+    for key, value in request.overrides.items():
+        table, _, name = key.partition(".")
+        if table not in kinds or name not in names_of(kinds[table]):
+            raise unknown(key, model)
+        content = result.setdefault(table, {})
+        if not isinstance(content, dict):
+            raise SceneError(table, "be a table", rules.describe(content))
+        content[name] = value
+        if value is None:
+            del content[name]
+        if not content:
+            del result[table]
+    schedule = request.tables.get("integrator")
+    if "output" not in result and isinstance(schedule, Mapping) and "t_end" in schedule:
+        rule = rule_of(Integrator.__dataclass_fields__["t_end"])
+        t_end = rules.check_value("integrator.t_end", schedule["t_end"], rule, None)
+        result["output"] = {"interval": t_end / 1000.0}
+    return request._replace(tables=result, overrides={})
+
+
+EXPANDERS: tuple[Callable[[Request], Request], ...] = (with_own_code, with_wind_file, with_lists, merged)
+"""What is written out, in order. Overrides are taken before any check, so that they may give what a file
+lacks."""
