@@ -9,7 +9,7 @@ import shutil
 from pathlib import Path
 
 from esail_jax import observables
-from esail_jax.commands.parser import parser
+from esail_jax.cli import parser
 from esail_jax.observables.entry import in_words
 from esail_jax.scenes.key_reference import describe_keys
 from esail_jax.scenes.loading import builtin_names, builtin_text

@@ -15,11 +15,10 @@ import jax
 import numpy as np
 from jax.experimental import multihost_utils
 
-from esail_jax.commands.ensemble import check_folder, publish_pieces, report, still_missing
+from esail_jax.commands.command_line import ExitCode, UsageError
+from esail_jax.commands.ensemble_here import check_folder, publish_pieces, report, still_missing
 from esail_jax.commands.ensemble_work import Work, end_process, wait_for
-from esail_jax.commands.exit_codes import ExitCode
-from esail_jax.commands.interrupts import Interrupts
-from esail_jax.commands.options import UsageError
+from esail_jax.commands.progress import Interrupts
 from esail_jax.ensembles.ensemble_file import (
     Task,
     computed_members,

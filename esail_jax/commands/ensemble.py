@@ -1,160 +1,115 @@
-"""`esail ensemble`: an ensemble computed by several processes of this machine.
+"""`esail ensemble`: simulates a scene for many members, each with its own random numbers."""
 
-All processes do the same: they take a piece of the task that no other process has taken, compute it, and
-write it to the folder (`commands/ensemble_work.py`). This process starts the others and puts the pieces
-together. `commands/cluster.py` is for processes that a cluster has started.
-"""
-
-import subprocess
+import argparse
 import sys
-from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
-import jax
-import numpy as np
-
-from esail_jax.commands.ensemble_report import describe_ensemble
-from esail_jax.commands.ensemble_work import NO_SPACE, Work, end_process, wait_for
-from esail_jax.commands.exit_codes import ExitCode
-from esail_jax.commands.interrupts import Interrupts
-from esail_jax.commands.progress import Progress
-from esail_jax.cores import cores
-from esail_jax.ensembles.ensemble_file import (
-    Task,
-    computed_members,
-    parts_of,
-    pieces_in,
-    publish,
-)
-from esail_jax.ensembles.member_program import observable_shapes, select_observables
-from esail_jax.ensembles.member_runner import MemberRunner
-from esail_jax.ensembles.merging import merge_pieces
-from esail_jax.ensembles.sampling import Vary, draw, variations_of
-from esail_jax.errors import NoSpaceError
-from esail_jax.files.locks import FolderLock
-from esail_jax.files.opening import WHOLE, RunFileError
-from esail_jax.scenes.scene import Scene
-
-PIECES_PER_PROCESS = 4
-"""Least number of pieces per process, if there are enough members. Fast processes then take more pieces."""
+from esail_jax.commands.command_line import ExitCode, UsageError, add_command, add_scene, scene_of
 
 
-def task_of(
-    scene: Scene,
-    members: int,
-    vary: Vary,
-    seed: int,
-    sampling: str,
-    observables: Sequence[str] | None,
-    max_steps: int | None = None,
-) -> Task:
-    """The task, with the inputs of all members drawn. Raises SceneError, VariationError."""
-    inputs = draw(scene, vary, members, seed, sampling)
-    texts = tuple(variation.text for variation in variations_of(vary))
-    names = select_observables(observable_shapes(scene), observables)
-    return Task(scene, members, inputs, texts, sampling, seed, names, max_steps)
+def add(commands: Any) -> None:
+    """Adds `esail ensemble`."""
+    ensemble = add_command(
+        commands, "ensemble", "simulate a scene for many members, each with its own random numbers"
+    )
+    add_scene(ensemble)
+    ensemble.add_argument(
+        "-o", "--output", required=True, type=Path, metavar="DIR", help="folder for ensemble.h5"
+    )
+    ensemble.add_argument("--members", type=int, required=True, metavar="N", help="number of members")
+    ensemble.add_argument(
+        "--seed", type=int, default=0, metavar="K", help="seed of the random numbers (default: %(default)s)"
+    )
+    ensemble.add_argument(
+        "--vary", action="append", default=[], metavar="KEY=DIST", dest="variations",
+        help="scene key and its distribution, in the units of the scene: uniform:a:b, normal:mean:sd, "
+        "lognormal:median:sigma or grid:a:b:n (n equidistant numbers; several grids form all "
+        "combinations). KEY= draws one number for a member, KEY[*]= one for each of its tethers or rods. "
+        "May be given several times",
+    )  # fmt: skip
+    ensemble.add_argument(
+        "--sampling", choices=("random", "sobol", "latin"), default="random",
+        help="independent draws, a scrambled Sobol sequence, or a Latin hypercube (default: %(default)s)",
+    )  # fmt: skip
+    ensemble.add_argument(
+        "--observables", metavar="NAME,...", help="observables to write to the file (default: all)"
+    )
+    ensemble.add_argument(
+        "--max-steps", type=int, metavar="N",
+        help="bound of the steps of a member; one that needs many more has failed (default: no bound)",
+    )  # fmt: skip
+    ensemble.add_argument(
+        "--processes", type=int, metavar="P",
+        help="number of processes on this machine (default: one per core); with --coordinator, in all",
+    )  # fmt: skip
+    ensemble.add_argument(
+        "--distributed", action="store_true",
+        help="be one of many processes that a cluster has started with the same command",
+    )  # fmt: skip
+    ensemble.add_argument(
+        "--coordinator", metavar="HOST:PORT",
+        help="address of process 0, with --distributed; needed only if JAX does not know the cluster",
+    )  # fmt: skip
+    ensemble.add_argument(
+        "--process", type=int, metavar="I", help="number of this process, from 0, with --coordinator"
+    )
+    ensemble.add_argument(
+        "--resume", action="store_true",
+        help="compute only the members that DIR lacks; a larger --members adds members",
+    )  # fmt: skip
+    ensemble.add_argument("--quiet", action="store_true", help="print no progress bar and no summary")
 
 
-def run_here(task: Task, folder: Path, processes: int | None, resume: bool, quiet: bool) -> ExitCode:
-    """Computes an ensemble on this machine. Returns the exit code.
-
-    processes: their number; None is one per core, or one in all if JAX's devices are no CPUs.
-
-    Raises RunFileError before anything is written, NoSpaceError if the disk is full."""
-    check_folder(folder)
-    lock = FolderLock(folder)
-    try:
-        missing = still_missing(task, folder, resume)
-        if missing is None:
-            return ExitCode.DONE
-        finished = compute_here(task, folder, missing, processes, quiet)
-        code = report(folder, *merge_pieces(folder, task), quiet)
-    finally:
-        lock.release()
-    if not finished:
-        end_process(code)
-    return code
-
-
-def compute_here(task: Task, folder: Path, missing: np.ndarray, processes: int | None, quiet: bool) -> bool:
-    """Computes the missing members with several processes. False if this process had to give up a piece.
-    Raises NoSpaceError if the disk is full."""
-    if processes is None:
-        processes = cores() if jax.default_backend() == "cpu" else 1
-    pieces = publish_pieces(task, folder, missing, processes)
-    progress, before = Progress(float(len(missing)), progress_texts, quiet), len(pieces_in(folder))
-
-    def show() -> None:
-        if progress.due:
-            progress.update(len(missing) * (len(pieces_in(folder)) - before) / len(pieces))
-
-    others = [start_worker(folder) for _ in range(min(processes, len(pieces)) - 1)]
-    try:
-        with Interrupts() as interrupts:
-            work = Work(folder, lambda: interrupts.asked)
-            finished = wait_for(work, others, lambda: interrupts.asked, show)
-    finally:
-        progress.close()
-        stop_all(others)
-    if any(other.returncode == NO_SPACE for other in others):
-        raise NoSpaceError(f"no space is left in {parts_of(folder)}")
-    return finished
+def check(options: argparse.Namespace) -> None:
+    """Raises UsageError for options of `esail ensemble` that are out of range or do not fit together."""
+    for name, least in (
+        ("members", 1), ("seed", 0), ("max-steps", 1), ("processes", 1), ("process", 0),
+    ):  # fmt: skip
+        value = getattr(options, name.replace("-", "_"))
+        if value is not None and value < least:
+            must = "be positive" if least else "not be negative"
+            raise UsageError(f"`--{name}` must {must}, but is {value}")
+    given = [getattr(options, name) is not None for name in ("coordinator", "process")]
+    if any(given) and not options.distributed:
+        raise UsageError("`--coordinator` and `--process` must come with --distributed, but do not")
+    if any(given) and not (all(given) and options.processes is not None):
+        raise UsageError("`--coordinator` must come with --process and --processes, but does not")
+    if options.distributed and not any(given) and options.processes is not None:
+        raise UsageError(
+            "`--processes` must be left to the cluster, or come with --coordinator, but is given"
+        )
 
 
-def stop_all(others: Sequence[subprocess.Popen]) -> None:
-    """Ends the other processes that are still alive, at once."""
-    for other in others:
-        other.kill()
-    for other in others:
-        other.wait()
+def observable_names(options: argparse.Namespace) -> list[str] | None:
+    """Names from `--observables`; None for all."""
+    if options.observables is None:
+        return None
+    return [name.strip() for name in options.observables.split(",")]
 
 
-def progress_texts(_: float, speed: float) -> tuple[str]:
-    """Returns the text beside the progress bar."""
-    return (f"{speed:.3g} members a second",)
+def run(options: argparse.Namespace) -> ExitCode:
+    """Computes an ensemble. Cores are shared and a cluster is joined before JAX starts any computation.
+    Raises SceneError, VariationError and RunFileError before anything is written."""
+    check(options)
+    scene, names = scene_of(options), observable_names(options)
+    if options.distributed:
+        from esail_jax.commands.cluster import join_cluster
 
+        join_cluster(options.coordinator, options.processes, options.process)
+    else:
+        from esail_jax.cores import share_cores
 
-def report(folder: Path, status: str, message: str, quiet: bool) -> ExitCode:
-    """Prints how an ensemble ended, and what it holds if it is complete. Returns the exit code."""
-    if message and (status != "complete" or not quiet):
-        resume = "" if status == "complete" else "; --resume computes them"
-        print(message + resume, file=sys.stderr)
-    if status != "complete":
-        return ExitCode.INTERRUPTED
-    if not quiet:
-        print(describe_ensemble(folder / WHOLE))
-    return ExitCode.DONE
+        share_cores(options.processes)
+    from esail_jax.commands.ensemble_here import run_here, task_of
 
+    task = task_of(
+        scene, options.members, options.variations, options.seed, options.sampling, names, options.max_steps
+    )
+    if options.members > 1 and not options.variations and not options.quiet:
+        print("Without --vary all members are equal.", file=sys.stderr)
+    if options.distributed:
+        from esail_jax.commands.cluster import run_distributed
 
-def check_folder(folder: Path) -> None:
-    """Raises RunFileError if the folder of an ensemble cannot be one."""
-    if folder.exists() and not folder.is_dir():
-        raise RunFileError(f"`-o` must be a directory, but {folder} is a file")
-
-
-def still_missing(task: Task, folder: Path, resume: bool) -> np.ndarray | None:
-    """Numbers of the members to be computed; None if ensemble.h5 has all of them. Raises RunFileError."""
-    whole, pieces = folder / WHOLE, pieces_in(folder)
-    if (whole.exists() or parts_of(folder).exists()) and not resume:
-        raise RunFileError(f"`-o` must not hold an ensemble yet (or use --resume), but {folder} does")
-    done, held = computed_members(folder, task)
-    if held > task.count:
-        raise RunFileError(f"`--members` must not be less than the {held} of {whole}, but is {task.count}")
-    missing = np.setdiff1d(np.arange(task.count), done)
-    return None if held == task.count and not len(missing) and not pieces else missing
-
-
-def publish_pieces(task: Task, folder: Path, missing: np.ndarray, processes: int) -> list[np.ndarray]:
-    """Writes the task to its folder, cut into pieces for a number of processes. Returns the pieces."""
-    most = MemberRunner(task.scene, task.inputs, task.observables, one_core=True).batch
-    size = int(np.clip(len(missing) // (PIECES_PER_PROCESS * processes), 1, most))
-    pieces = [missing[first : first + size] for first in range(0, len(missing), size)]
-    publish(folder, task, pieces)
-    return pieces
-
-
-def start_worker(folder: Path) -> subprocess.Popen:
-    """Starts another process on the task of a folder."""
-    # The worker has its own session: Ctrl-C reaches it only through this process, once.
-    command = [sys.executable, "-m", "esail_jax.commands.ensemble_worker", str(folder)]
-    return subprocess.Popen(command, start_new_session=True, stdout=subprocess.DEVNULL)
+        return run_distributed(task, options.output, options.resume, options.quiet)
+    return run_here(task, options.output, options.processes, options.resume, options.quiet)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from esail_jax.commands.description import heading, size_of
+from esail_jax.commands.reports import heading, size_of
 from esail_jax.ensembles.ensemble import Ensemble
 from esail_jax.ensembles.ensemble_file import (
     TASK,

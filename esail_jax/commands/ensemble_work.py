@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from esail_jax.commands.exit_codes import ExitCode
+from esail_jax.commands.command_line import ExitCode
 from esail_jax.ensembles.ensemble_file import read_task, take_pieces, write_piece
 from esail_jax.ensembles.member_runner import MemberRunner
 

@@ -5,9 +5,9 @@ import os
 import sys
 from pathlib import Path
 
+from esail_jax.commands.command_line import ExitCode
 from esail_jax.commands.ensemble_work import NO_SPACE, Work, end_process, wait_for
-from esail_jax.commands.exit_codes import ExitCode
-from esail_jax.commands.interrupts import Interrupts
+from esail_jax.commands.progress import Interrupts
 from esail_jax.errors import NoSpaceError
 
 

@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from esail_jax.commands.cache import in_words
-from esail_jax.commands.description import size_of
-from esail_jax.commands.progress import clock
-from esail_jax.commands.run import names_with_nodes
-from esail_jax.commands.run_progress import RunProgress
+from esail_jax.commands.progress import RunProgress, clock
+from esail_jax.commands.reports import size_of
+from esail_jax.commands.running import names_with_nodes
 from esail_jax.compilation.announcements import announced_to
 from esail_jax.files.run_file import Content, RunWriter, progress_of
 from esail_jax.scenes.scene import Scene

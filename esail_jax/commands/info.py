@@ -1,40 +1,56 @@
-"""`esail info`."""
+"""`esail info`: what a path holds, a run, an ensemble, a design or a scene."""
 
-from collections.abc import Sequence
+import argparse
 from pathlib import Path
+from typing import Any
 
-from esail_jax.commands.description import describe
-from esail_jax.files.opening import DESIGN, files_of, holds_ensemble
-from esail_jax.scenes.loading import builtin_names
+from esail_jax.commands.command_line import ExitCode, add_command
 
 
-def print_info(paths: Sequence[Path]) -> None:
-    """Prints what a path holds: a run, an ensemble, which may be unfinished, a design, or a scene. Several
-    runs are a table, and several ensembles are one sample. Raises RunFileError, SceneError, and InputError
-    for ensembles that do not fit together."""
+def add(commands: Any) -> None:
+    """Adds `esail info`."""
+    info = add_command(
+        commands, "info", "print model, method, status, speed and accuracy of a run or an ensemble"
+    )
+    info.add_argument(
+        "runs", type=Path, nargs="+", metavar="RUN.h5",
+        help="run file, or the folder of an ensemble or a design, also of one that is not finished; "
+        "several runs make a table, also of the keys in which their scenes differ; several ensembles are "
+        "one sample; a scene, built-in or a file (.toml), is checked and described",
+    )  # fmt: skip
+
+
+def run(options: argparse.Namespace) -> ExitCode:
+    """Prints what the paths hold: a run, an ensemble, which may be unfinished, a design, or a scene.
+    Several runs are a table, and several ensembles are one sample. Raises RunFileError, SceneError, and
+    InputError for ensembles that do not fit together."""
+    print(text_of(options.runs))
+    return ExitCode.DONE
+
+
+def text_of(paths: list[Path]) -> str:
+    """The text that `run` prints."""
+    from esail_jax.commands import reports
+    from esail_jax.files.opening import files_of, holds_ensemble
+
     if len(paths) == 1 and paths[0].is_dir():
-        print(folder_text(paths[0]))
-        return
+        return folder_text(paths[0])
     if len(paths) == 1 and is_scene(paths[0]):
-        print(scene_text(paths[0]))
-        return
+        return scene_text(paths[0])
     files = files_of(paths)
     if all(holds_ensemble(file) for file in files):
         from esail_jax.commands.ensemble_report import describe_ensemble, describe_joined
 
-        print(describe_joined(files) if len(files) > 1 else describe_ensemble(files[0]))
-    elif len(files) > 1:
-        from esail_jax.commands.side_by_side import describe_together
-
-        print(describe_together(files))
-    else:
-        print(describe(files[0]))
+        return describe_joined(files) if len(files) > 1 else describe_ensemble(files[0])
+    return reports.describe_together(files) if len(files) > 1 else reports.describe(files[0])
 
 
 def folder_text(folder: Path) -> str:
     """The description of a design or an ensemble by its folder. Raises RunFileError."""
+    from esail_jax.files.opening import DESIGN
+
     if (folder / DESIGN).exists():
-        from esail_jax.commands.design_report import describe_design
+        from esail_jax.commands.reports import describe_design
 
         return describe_design(folder)
     from esail_jax.commands.ensemble_report import describe_folder
@@ -44,6 +60,8 @@ def folder_text(folder: Path) -> str:
 
 def is_scene(path: Path) -> bool:
     """Tells whether a path is that of a scene file, or the name of a built-in scene and no file."""
+    from esail_jax.scenes.loading import builtin_names
+
     return path.suffix == ".toml" or (not path.exists() and str(path) in builtin_names())
 
 

@@ -1,34 +1,40 @@
-"""`esail plot`, and the figure of `esail design`."""
+"""`esail plot`: the figures of runs and ensembles."""
 
+import argparse
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from esail_jax.commands.options import UsageError
-from esail_jax.commands.progress import Progress
-from esail_jax.errors import SimulationError
-from esail_jax.files.opening import files_of, holds_ensemble
-from esail_jax.files.run_file import load
-from esail_jax.modal.sail_modes import modes
-from esail_jax.observables.saved_rows import leading_finite
-from esail_jax.plotting import plot_all, write_comparison
-from esail_jax.plotting.data import LEAST_SAMPLES
-from esail_jax.plotting.design import design_figure
-from esail_jax.scenes.rules import SceneError
-from esail_jax.simulation.solution import Solution
+from esail_jax.commands.command_line import ExitCode, UsageError, add_command
 
 
-def draw_files(files: Sequence[Path], folder: Path) -> None:
+def add(commands: Any) -> None:
+    """Adds `esail plot`."""
+    plot = add_command(
+        commands, "plot", "draw the figures of a run or an ensemble, or compare several runs"
+    )
+    plot.add_argument(
+        "runs", type=Path, nargs="+", metavar="RUN.h5",
+        help="run file, or the folder of an ensemble or a design; several runs are drawn on the same axes, "
+        "several ensembles are one sample",
+    )  # fmt: skip
+    plot.add_argument(
+        "-o", "--output", required=True, type=Path, metavar="DIR", help="folder for the PNG files"
+    )
+
+
+def run(options: argparse.Namespace) -> ExitCode:
     """Draws the figures of a run file, those that compare several run files, or those of an ensemble or of
     several ensembles as one sample. Prints the path of every figure when it is written. Raises
     RunFileError, and InputError for runs of different models and ensembles that do not fit together."""
-    files = files_of(files)
-    if all(holds_ensemble(path) for path in files):
-        from esail_jax.ensembles import join, load_ensemble
-        from esail_jax.plotting.ensemble import plot_ensemble
+    from esail_jax.ensembles import join, load_ensemble
+    from esail_jax.files.opening import files_of, holds_ensemble
+    from esail_jax.files.run_file import load
+    from esail_jax.plotting import plot_all, write_comparison
+    from esail_jax.plotting.ensemble import plot_ensemble
 
+    files, folder = files_of(options.runs), options.output
+    if all(holds_ensemble(path) for path in files):
         plot_ensemble(join([load_ensemble(path) for path in files]), folder, tell)
     elif len(files) > 1:
         runs = [load(path) for path in files]
@@ -36,6 +42,7 @@ def draw_files(files: Sequence[Path], folder: Path) -> None:
     else:
         run = load(files[0])
         plot_all(run, folder, modes_of(run), tell)
+    return ExitCode.DONE
 
 
 def tell(path: Path) -> None:
@@ -56,6 +63,13 @@ def modes_of(run: Any) -> Any:
     """Returns the modes of the sail of a run, for the lines in its spectra; None if the run is too short
     for a spectrum, or if its scene has none, which is said. On a terminal a line says what takes some
     seconds."""
+    from esail_jax.commands.progress import Progress
+    from esail_jax.errors import SimulationError
+    from esail_jax.modal.sail_modes import modes
+    from esail_jax.observables.saved_rows import leading_finite
+    from esail_jax.plotting.data import LEAST_SAMPLES
+    from esail_jax.scenes.rules import SceneError
+
     if run.scene.chain is not None or leading_finite(run.time) < LEAST_SAMPLES:
         return None
     progress = Progress(0.0, lambda *_: ())
@@ -68,8 +82,3 @@ def modes_of(run: Any) -> Any:
         return None
     finally:
         progress.stage("")
-
-
-def draw_design(before: Solution, after: Solution, objective: np.ndarray, folder: Path) -> None:
-    """Draws design.png from what `run_design` returns."""
-    design_figure(before, after, objective).savefig(folder / "design.png", dpi=110)

@@ -1,15 +1,28 @@
-"""A progress bar on a terminal, and a line a minute in a log file."""
+"""What a command that takes long shows and how it is interrupted: a progress bar on a terminal or a line a
+minute in a log file, and Ctrl-C."""
 
 import shutil
+import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from esail_jax.scenes.scene import Scene
+    from esail_jax.simulation.results import Chunk
+
 
 WIDTH = 20
 """Number of characters in the bar."""
 
+
 REDRAW_SECONDS = 0.1
 """Least time between two drawings [s]."""
+
 
 LOG_SECONDS = 60.0
 """Time between two lines of a log, and before the first one [s]."""
@@ -90,3 +103,62 @@ def clock(seconds: float) -> str:
     minutes, seconds = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02d}:{seconds:02d}" if hours else f"{minutes:02d}:{seconds:02d}"
+
+
+class RunProgress(Progress):
+    """The line of a run: simulated time, speed, remaining time, and as far as the terminal is wide enough
+    the length of the last step, the iterations per step and the error of the energy balance."""
+
+    def __init__(self, scene: "Scene", quiet: bool = False):
+        super().__init__(scene.integrator.t_end, self.texts, quiet)
+        self.latest: Chunk | None = None
+
+    def show(self, chunk: "Chunk") -> None:
+        """Reports the newest results of the run."""
+        self.latest = chunk
+        self.update(chunk.reached)
+
+    def texts(self, reached: float, speed: float) -> tuple[str, ...]:
+        """Returns the texts of the line, the most important first. reached: simulated time [s]; speed:
+        simulated seconds per second."""
+        found = [f"{min(reached, self.total):.0f} of {self.total:.0f} s", f"{speed:.0f} x real time"]
+        chunk = self.latest
+        if chunk is None or not len(chunk.time):
+            return tuple(found)
+        found.append(f"step {chunk.numerics['last_step'][-1]:.3g} s")
+        if "iterations_per_step" in chunk.numerics:
+            found.append(f"{chunk.numerics['iterations_per_step'][-1]:.1f} iterations")
+        for name, unit in (("energy_balance_error", " J"), ("energy_error", "")):
+            if name in chunk.observables:
+                found.append(f"energy error {np.abs(chunk.observables[name][-1]):.0e}{unit}")
+                break
+        return tuple(found)
+
+
+class Interrupts:
+    """Context manager that turns the first Ctrl-C or SIGTERM into a request to stop, `asked`.
+
+    The command stops at the next point where its files are consistent. A second signal raises
+    KeyboardInterrupt at once; the files then stay as they were last written.
+
+    asked: true once a signal has come.
+    """
+
+    def __init__(self):
+        self.asked = False
+        self._before: dict[int, Any] = {}
+
+    def __enter__(self) -> "Interrupts":
+        # Python runs signal handlers in the main thread only, and lets no other thread set them.
+        if threading.current_thread() is threading.main_thread():
+            self._before = {n: signal.signal(n, self._ask) for n in (signal.SIGINT, signal.SIGTERM)}
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+    def _ask(self, *_: object) -> None:
+        if self.asked:
+            raise KeyboardInterrupt
+        self.asked = True

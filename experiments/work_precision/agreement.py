@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import esail_jax as esail
-from esail_jax.commands.bench import REFERENCE, errors, measure
+from esail_jax.commands.benchmark import REFERENCE, errors, measure
 
 GOLDEN = Path(__file__).parents[2] / "tests" / "physics" / "golden" / "baseline.npz"
 

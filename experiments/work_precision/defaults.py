@@ -3,7 +3,7 @@
     python experiments/work_precision/defaults.py [scene ...]      # a line per scene, and defaults.csv
 
 The reference is the most accurate method at a tolerance near rounding. Its uncertainty is the difference
-from a run at ten times that tolerance (`esail_jax/commands/bench.py`).
+from a run at ten times that tolerance (`esail_jax/commands/benchmark.py`).
 """
 
 import csv
@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 import esail_jax as esail
-from esail_jax.commands import bench
+from esail_jax.commands import benchmark as bench
 from esail_jax.scenes.loading import builtin_names
 from esail_jax.scenes.method_choice import with_method
 

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import esail_jax as esail
-from esail_jax.commands.bench import Run, with_method
+from esail_jax.commands.benchmark import Run, with_method
 from esail_jax.scenes.build import build
 from esail_jax.scenes.structure import split
 from esail_jax.simulation.host import compile_scene

@@ -16,8 +16,8 @@ import rk4
 from scenes import CASES, Case
 
 import esail_jax as esail
-from esail_jax.commands import bench
-from esail_jax.commands.bench import Reference, Run
+from esail_jax.commands import benchmark as bench
+from esail_jax.commands.benchmark import Reference, Run
 from esail_jax.compilation.stored import STORE
 
 HERE = Path(__file__).parent

@@ -3,7 +3,7 @@
 import dataclasses
 
 import esail_jax as esail
-from esail_jax.commands.bench import Curve
+from esail_jax.commands.benchmark import Curve
 
 STEPS = (0.8, 0.4, 0.2, 0.1, 0.05, 0.025)
 TOLERANCES = tuple(10.0**-k for k in range(6, 13))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from esail_jax.cli import main
-from esail_jax.commands import bench
+from esail_jax.commands import benchmark as bench
 from esail_jax.scenes.loading import parse
 from support import small_sail
 

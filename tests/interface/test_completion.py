@@ -6,7 +6,7 @@ import subprocess
 import pytest
 
 from esail_jax import cli
-from esail_jax.commands.parser import SHELLS
+from esail_jax.commands.completion import SHELLS
 from esail_jax.scenes.loading import builtin_names
 from support.new_process import heavy_imports_of
 

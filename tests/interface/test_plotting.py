@@ -272,7 +272,7 @@ def test_plot_refuses_what_it_cannot_draw(runs):
     run = runs["no hub"]
     must = "`name` must be an observable of the run"
     for name, hint in (
-        ("euler_hub", r"'euler_hub' \(only with a hub\)"),
+        ("euler_hub", r"'euler_hub' \(only with \[hub\]\)"),
         ("electron_current", r"'electron_current' \(only with `tethers.wire_radius`\)"),
         ("voltages", r"'voltages' \(perhaps `voltage`\)"),
         ("power", r"'power' \(perhaps `dissipated_power`, `external_power` or `electric_power`\)"),

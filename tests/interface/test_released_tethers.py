@@ -92,7 +92,9 @@ def test_a_terminal_shows_that_modes_are_computed(monkeypatch):
     """The line is there while they are computed, and gone before paths are printed."""
     stream, shown = Terminal(), []
     monkeypatch.setattr("sys.stderr", stream)
-    monkeypatch.setattr(plot, "modes", lambda *_, **__: shown.append(stream.getvalue()))
+    monkeypatch.setattr(
+        "esail_jax.modal.sail_modes.modes", lambda *_, **__: shown.append(stream.getvalue())
+    )
     plot.modes_of(make_run(scene_of()))
     assert shown == ["\rComputing the modes of the sail, for the lines in its spectra\x1b[K"]
     assert stream.getvalue() == shown[0] + "\r\x1b[K"

@@ -5,7 +5,7 @@ import pytest
 
 import esail_jax as esail
 from esail_jax import cli
-from esail_jax.commands.run import names_with_nodes
+from esail_jax.commands.running import names_with_nodes
 from esail_jax.viewing.motions import read_motions
 
 pytestmark = pytest.mark.nightly

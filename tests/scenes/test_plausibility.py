@@ -4,8 +4,8 @@ import jax
 import numpy as np
 import pytest
 
-from esail_jax import cli
-from esail_jax.commands.parser import parser
+from esail_jax.cli import parser
+from esail_jax.commands.command_line import scene_of
 from esail_jax.observables.run_warning import run_warning
 from esail_jax.scenes.loading import builtin_names, load_scene, read_scene
 from esail_jax.scenes.plausibility import USUAL, doubts, without_effect
@@ -113,7 +113,7 @@ def test_a_traced_number_is_not_doubted():
 @pytest.mark.parametrize("quiet", [[], ["--quiet"]])
 def test_a_command_says_it_before_anything_is_compiled(quiet, capsys):
     settings = ["--set", "tethers.length=12.0", "--set", "voltage.value=20.0"]
-    cli.scene_of(parser().parse_args(["run", "baseline", "-o", "a.h5", *settings, *quiet]))
+    scene_of(parser().parse_args(["run", "baseline", "-o", "a.h5", *settings, *quiet]))
     lines = capsys.readouterr().err.splitlines()
     assert [line.split()[0] for line in lines] == ["`tethers.length`", "`voltage.value`"] * (not quiet)
 
@@ -127,7 +127,7 @@ def test_numbers_of_bending_without_bending_are_said(capsys):
     (sentence,) = without_effect(load_scene("hanging-chain", {"chain.second_moment": 1e-12}))
     assert sentence == "`chain.second_moment` has no effect, because `chain.bending` is false"
     assert not any(without_effect(load_scene(name)) for name in builtin_names())
-    cli.scene_of(parser().parse_args(["run", "baseline", "-o", "a.h5", "--set", "tethers.bending=false"]))
+    scene_of(parser().parse_args(["run", "baseline", "-o", "a.h5", "--set", "tethers.bending=false"]))
     assert capsys.readouterr().err.startswith(both)
 
 

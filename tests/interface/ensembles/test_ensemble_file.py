@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import esail_jax as esail
-import esail_jax.commands.ensemble
+import esail_jax.commands.ensemble_here
 from esail_jax.cli import main
 from esail_jax.ensembles import load_ensemble
 from esail_jax.plotting.ensemble import plot_ensemble
@@ -122,6 +122,6 @@ def test_members_without_variation_are_announced(more, said, tmp_path, monkeypat
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(esail_jax.commands.ensemble, "run_here", interrupted)
+    monkeypatch.setattr(esail_jax.commands.ensemble_here, "run_here", interrupted)
     assert main(["ensemble", "baseline", "-o", str(tmp_path / "run"), "--members", "2", *more]) == 130
     assert capsys.readouterr().err.count("Without --vary all members are equal.") == said

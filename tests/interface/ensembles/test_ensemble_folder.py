@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 import esail_jax as esail
-import esail_jax.commands.ensemble
+import esail_jax.commands.ensemble_here
 from esail_jax.atomic_file import atomic_file
 from esail_jax.cli import main
 from esail_jax.commands.cluster import end_together
-from esail_jax.commands.ensemble import publish_pieces, task_of
+from esail_jax.commands.ensemble_here import publish_pieces, task_of
 from esail_jax.commands.ensemble_report import distributions
 from esail_jax.ensembles import load_ensemble
 from esail_jax.ensembles.ensemble_file import (
@@ -188,7 +188,9 @@ def test_a_full_disk_keeps_the_pieces(finished, tmp_path, monkeypatch, capsys):
     line = "; make room and use --resume\n"
     with monkeypatch.context() as patched:
         patched.setattr(
-            esail_jax.commands.ensemble, "start_worker", lambda _: subprocess.Popen(["sh", "-c", "exit 28"])
+            esail_jax.commands.ensemble_here,
+            "start_worker",
+            lambda _: subprocess.Popen(["sh", "-c", "exit 28"]),
         )
         assert main([*arguments(folder), "--processes", "2"]) == 130
     assert capsys.readouterr().err == f"no space is left in {parts_of(folder)}{line}"

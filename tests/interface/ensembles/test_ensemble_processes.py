@@ -13,7 +13,7 @@ import pytest
 
 import esail_jax as esail
 from esail_jax.cli import main
-from esail_jax.commands.ensemble import publish_pieces, start_worker, task_of
+from esail_jax.commands.ensemble_here import publish_pieces, start_worker, task_of
 from esail_jax.commands.ensemble_work import GRACE_SECONDS
 from esail_jax.ensembles import load_ensemble
 from esail_jax.ensembles.ensemble_file import pieces_in

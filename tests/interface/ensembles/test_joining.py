@@ -5,7 +5,7 @@ import pytest
 
 import esail_jax as esail
 from esail_jax.cli import main
-from esail_jax.commands.ensemble import publish_pieces, task_of
+from esail_jax.commands.ensemble_here import publish_pieces, task_of
 from esail_jax.ensembles import draw, join, load_ensemble, outcomes_of
 from esail_jax.ensembles.ensemble_file import write_piece
 from esail_jax.ensembles.merging import merge_pieces

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import pytest
 
 import esail_jax as esail
-import esail_jax.commands.run
+import esail_jax.commands.running
 import esail_jax.simulation.advance
 import esail_jax.simulation.programs
 from esail_jax import cli
@@ -117,4 +117,4 @@ def test_a_spin_whose_only_equilibrium_is_folded_is_refused(scene):
     refused."""
     overrides = {"tethers.strain": "engineering", "initial.spin_rate": 0.5}
     with pytest.raises(esail.SceneError, match=r"initial\.spin_rate"):
-        esail_jax.commands.run.compile_scene(esail.load_scene(scene, overrides))
+        esail_jax.commands.running.compile_scene(esail.load_scene(scene, overrides))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import esail_jax as esail
-import esail_jax.commands.run
+import esail_jax.commands.running
 import esail_jax.simulation.programs
 from esail_jax import cli
 from esail_jax.files.seal import write_seal
@@ -141,6 +141,6 @@ def test_resume_of_a_checkpoint_of_another_version_is_refused(change, scene, who
     expected = f"`--resume` must continue a run of this version of esail_jax, but {path} is of another"
     assert err == f"{expected}\n"
     with pytest.raises(esail.RunFileError, match="of another"):
-        esail_jax.commands.run.run_scene(
+        esail_jax.commands.running.run_scene(
             esail.load_scene(scene, {"integrator.t_end": 90.0}), path, resume=True, quiet=True
         )

@@ -1,6 +1,8 @@
-"""The description of a run in a few lines, for `esail info` and at the end of `esail run`. It is read from
-the run file, without JAX."""
+"""What `esail info` and the ends of commands say of runs, ensembles and designs. It is read from the files,
+without JAX."""
 
+import ast
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -8,7 +10,15 @@ from typing import Any
 import h5py
 import numpy as np
 
-from esail_jax.files.opening import intact, open_run, to_python
+from esail_jax.files.opening import (
+    DESIGN,
+    RUNS_OF_DESIGN,
+    intact,
+    open_run,
+    open_single,
+    to_python,
+)
+from esail_jax.scenes.key_reference import differing_keys
 from esail_jax.scenes.loading import parse
 from esail_jax.scenes.scene import Scene, releases
 
@@ -103,3 +113,71 @@ def balance_text(file: h5py.File) -> str:
     if "constraint_violation" in file["numerics"]:
         text += f"; constraints within {file['numerics/constraint_violation'][()][good].max():.1e} m"
     return text
+
+
+# ---- several runs ------------------------------------------------------------------------------
+
+
+ERRORS = ("energy_balance_error", "energy_error")
+"""Observables whose largest value tells the error of a run: [J] of a sail, relative of a free chain."""
+
+
+def describe_together(paths: Sequence[Path]) -> str:
+    """Returns a table with one column per run: how it ended, model, method, speed and energy balance, and
+    the scene keys in which the runs differ. Raises RunFileError for a file that is not that of one run."""
+    columns, scenes = zip(*(column_of(path) for path in paths), strict=True)
+    rows = [(name, *(column[name] for column in columns)) for name in columns[0]]
+    rows += [(key, *values) for key, values in differing_keys(scenes).items()]
+    widths = [max(map(len, cells)) for cells in zip(*rows, strict=True)]
+    return "\n".join(
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    )
+
+
+def column_of(path: Path) -> tuple[dict[str, str], Scene]:
+    """Returns the cells of one run, by the name of their row, and its scene."""
+    with open_single(path) as file, intact(path):
+        attributes = {name: to_python(value) for name, value in file.attrs.items()}
+        scene = parse(file["scene"][()].decode(), str(path))
+        times = file["time"][()]
+        name = next((name for name in ERRORS if name in file["observables"]), None)
+        error = np.abs(file["observables"][name][()]) if name else np.array([])
+    error = error[np.isfinite(error)]
+    steps, wall = attributes["steps"], attributes["wall_time"]
+    method = " ".join(attributes[name] for name in ("method", "accuracy") if attributes[name])
+    cells = {
+        "run": os.fspath(path),
+        "status": attributes["status"],
+        "model": size_of(scene),
+        "method": method,
+        "end [s]": f"{times[-1] if len(times) else 0.0:g}",
+        "saved instants": str(len(times)),
+        "steps": str(steps),
+        "wall time [s]": f"{wall:.3g}",
+        "compile time [s]": f"{attributes['compile_time']:.3g}",
+        "largest energy error": f"{error.max():.2e}" + " J" * (name == ERRORS[0]) if len(error) else "-",
+    }
+    return cells, scene
+
+
+# ---- designs ------------------------------------------------------------------------------------------
+
+
+def describe_design(folder: Path) -> str:
+    """The objective of a design at the start and now, and its two runs side by side once they are there.
+    Raises RunFileError."""
+    path = folder / DESIGN
+    with intact(path), h5py.File(path) as file:
+        value, method, weights = file["value"][()], file.attrs["method"], file.attrs["weights"]
+    weights = ", ".join(f"{name} {weight:g}" for name, weight in ast.literal_eval(weights))
+    starts = value.shape[1]  # the first of them begins with the voltages of the scene
+    lines = [
+        f"{folder}: design, {len(value) - 1} iterations" + f" from each of {starts} starts" * (starts > 1),
+        f"  optimiser  {method}, with the weights {weights}",
+        f"  objective  {value[0, 0]:.6g} at the start, {value[-1].min():.6g} now",
+    ]
+    runs = [folder / name for name in RUNS_OF_DESIGN]
+    if all(run.exists() for run in runs):
+        return "\n".join(lines) + "\n\n" + describe_together(runs)
+    return "\n".join([*lines, "  `esail design` with --resume goes on and writes the runs"])
