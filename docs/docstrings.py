@@ -19,7 +19,7 @@ def to_rst(app, what, name, obj, options, lines) -> None:
 
 
 def escaped(line: str) -> str:
-    """Returns a line of text in which `code` is a literal and no other character has a meaning."""
+    """A line of text in which `code` is a literal and no other character has a meaning."""
     parts = re.split(r"`([^`]*)`", line)
     text = [re.sub(r"([\\*|_])", r"\\\1", part) for part in parts[::2]]
     code = [f"``{part}``" for part in parts[1::2]]

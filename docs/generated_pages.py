@@ -45,7 +45,7 @@ def write() -> None:
 
 
 def keys_page() -> str:
-    """Returns the reference of all keys of a scene."""
+    """The reference of all keys of a scene."""
     lines = [
         "# Keys of a scene",
         "",
@@ -65,7 +65,7 @@ def keys_page() -> str:
 
 
 def observables_page() -> str:
-    """Returns the reference of all observables."""
+    """The reference of all observables."""
     lists = {
         "a sail": observables.sail.OBSERVABLES,
         "a sail, on request (`save=`)": observables.sail.ON_REQUEST,
@@ -104,7 +104,7 @@ def observables_page() -> str:
 
 
 def commands_page() -> str:
-    """Returns the help of all commands."""
+    """The help of all commands."""
     top = parser()
     os.environ["COLUMNS"] = "100"
     commands = next(action for action in top._actions if action.dest == "command").choices
@@ -115,7 +115,7 @@ def commands_page() -> str:
 
 
 def scenes_page() -> str:
-    """Returns the text of all built-in scenes, as `esail init` writes them."""
+    """The text of all built-in scenes, as `esail init` writes them."""
     lines = [
         "# Built-in scenes",
         "",
@@ -127,7 +127,7 @@ def scenes_page() -> str:
 
 
 def experiments_contents() -> str:
-    """Returns what the page of experiments needs on the site beside its own text: their place in the menu,
+    """What the page of experiments needs on the site beside its own text: their place in the menu,
     and the pages that are tables."""
     pages = sorted((PAGES / "experiments").glob("*/README.md"))
     names = [page.parent.name for page in pages]
@@ -154,7 +154,7 @@ def copy_notebooks() -> None:
 
 
 def kept_outputs() -> Path:
-    """Returns the folder in which outputs of notebooks are kept. Its name is a checksum of the package,
+    """The folder in which outputs of notebooks are kept. Its name is a checksum of the package,
     because outputs of another version are of no use."""
     package = ROOT / "esail_jax"
     checksum = hashlib.sha256()
@@ -180,7 +180,7 @@ def copy_page(path: Path) -> None:
 
 
 def linked(page: Path, link: re.Match) -> str:
-    """Returns what a link of a page is on the site."""
+    """What a link of a page is on the site."""
     picture, text, address = link.groups()
     if "://" in address or address.startswith("#"):
         return link.group()
@@ -204,17 +204,17 @@ def linked(page: Path, link: re.Match) -> str:
 
 
 def header(*names: str) -> list[str]:
-    """Returns the first two lines of a Markdown table."""
+    """The first two lines of a Markdown table."""
     return [row(*names), "|" + "---|" * len(names)]
 
 
 def row(*cells: str) -> str:
-    """Returns a line of a Markdown table."""
+    """A line of a Markdown table."""
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
 
 def toml(value: object) -> str:
-    """Returns a default as a TOML file has it."""
+    """A default as a TOML file has it."""
     if isinstance(value, bool):
         return f"`{str(value).lower()}`"
     return f'`"{value}"`' if isinstance(value, str) else f"`{value}`"

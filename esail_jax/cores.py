@@ -18,12 +18,12 @@ THREADS = "NPROC"
 
 
 def cores() -> int:
-    """Returns the number of cores that this process may use."""
+    """The number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def processor(*names: str) -> str:
-    """Returns a property of the processor as Linux lists it, for example `model name`: the first of these
+    """A property of the processor as Linux lists it, for example `model name`: the first of these
     names that is listed. Other systems give the name of the processor."""
     try:
         lines = PROCESSOR.read_text().splitlines()

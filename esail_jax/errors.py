@@ -48,7 +48,7 @@ class SimulationError(RuntimeError):
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """Returns the hint ` (perhaps `...`)` with the known name that is nearest to an unknown one, or with
+    """The hint ` (perhaps `...`)` with the known name that is nearest to an unknown one, or with
     the first three of which it is a word; empty if there are none."""
     known = list(known)
     near = difflib.get_close_matches(name, known, 1) or [x for x in known if name in re.split(r"[._]", x)]

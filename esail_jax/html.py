@@ -5,7 +5,7 @@ from html import escape
 
 
 def html_table(caption: str, header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Returns an HTML table. caption: lines above the table; all texts are escaped."""
+    """An HTML table. caption: lines above the table; all texts are escaped."""
     lines = "<br>".join(map(escape, caption.splitlines()))
     head = "".join(f"<th style='text-align:left'>{escape(text)}</th>" for text in header)
     body = "".join(

@@ -1,4 +1,4 @@
-"""Programs of JAX that are compiled once, kept on the disk, and differentiated without being traced again.
+r"""Programs of JAX that are compiled once, kept on the disk, and differentiated without being traced again.
 
     store = Store("mine/programs", "MINE_CACHE", b"mine\n")
     keeper = Keeper(store, Environment("mine", Path(__file__).parent, store), switch="MINE_PRIMITIVE")

@@ -22,7 +22,7 @@ from kept_programs.store import CACHE_OF_JAX, OFF
 
 
 def call(program: TreeProgram, *arguments: Any, recompute: bool = False, expected: Any = None) -> Any:
-    """Returns the result of a program. Some of the arguments may be tracers.
+    """The result of a program. Some of the arguments may be tracers.
 
     recompute: as in `operation.Reverse`; expected: a function that returns that mask as a tree, from the
     result with types in place of arrays."""
@@ -37,7 +37,7 @@ def call(program: TreeProgram, *arguments: Any, recompute: bool = False, expecte
 
 
 def called_plainly(program: TreeProgram, arguments: tuple) -> Any:
-    """Returns the result of a program as that of a function of `jax.jit`. Numbers of Python are arrays, as
+    """The result of a program as that of a function of `jax.jit`. Numbers of Python are arrays, as
     for the operation."""
     program.program.keeper.before_lowering()
     arguments = jax.tree.map(lambda x: x if hasattr(x, "dtype") else np.asarray(x), arguments)

@@ -23,7 +23,7 @@ derivation = remembered(maxsize=256)
 
 @derivation
 def batched(program: Program, size: int, axes: tuple[int | None, ...]) -> Program:
-    """Returns the program for `size` members. axes: the axis of the members in every argument, None if the
+    """The program for `size` members. axes: the axis of the members in every argument, None if the
     argument is common to them. In the results it is the first axis. Results that do not depend on the
     members may have no such axis: `Facts.about` is the mask of the others.
 
@@ -94,7 +94,7 @@ class ForwardMode(Program):
 
 @derivation
 def pushed_forward(program: Program, moving: Mask) -> ForwardMode:
-    """Returns the program of the results, followed by their tangents (forward mode). Its arguments are
+    """The program of the results, followed by their tangents (forward mode). Its arguments are
     those of `program`, followed by the tangents of the moving ones. Results that are not floating-point
     numbers have no tangents."""
 
@@ -115,7 +115,7 @@ def pushed_forward(program: Program, moving: Mask) -> ForwardMode:
 
 @derivation
 def forward(program: Program, moving: Mask) -> Program:
-    """Returns the program of the results, followed by the residuals of the derivative with respect to the
+    """The program of the results, followed by the residuals of the derivative with respect to the
     moving arguments."""
 
     def make():
@@ -127,7 +127,7 @@ def forward(program: Program, moving: Mask) -> Program:
 
 @derivation
 def tangent(program: Program, moving: Mask) -> Program:
-    """Returns the program of the tangents of all results that are floating-point numbers. Its arguments are
+    """The program of the tangents of all results that are floating-point numbers. Its arguments are
     the residuals, followed by the tangents of the moving arguments of `program`."""
 
     def function(*leaves):
@@ -150,7 +150,7 @@ def tangent(program: Program, moving: Mask) -> Program:
 
 @remembered(maxsize=16)
 def linearised(program: Program, moving: Mask) -> tuple[jax.stages.Traced, Any]:
-    """Returns the traced function of `forward`, and the tree of the linear map, whose leaves are the
+    """The traced function of `forward`, and the tree of the linear map, whose leaves are the
     residuals."""
     tree = None
 
@@ -165,7 +165,7 @@ def linearised(program: Program, moving: Mask) -> tuple[jax.stages.Traced, Any]:
 
 @derivation
 def backward(program: Program, linear: Mask) -> Program:
-    """Returns the transpose of a program that is linear in some of its arguments. Its arguments are the
+    """The transpose of a program that is linear in some of its arguments. Its arguments are the
     other ones, followed by the cotangents of the results. Its results are the cotangents of the linear
     arguments."""
 
@@ -197,7 +197,7 @@ class Pruned(Program):
 
 @derivation
 def pruned(program: Program, used: Mask) -> Pruned:
-    """Returns the program of the used results only, without the arguments on which these do not depend.
+    """The program of the used results only, without the arguments on which these do not depend.
     What its maker remembers (`Facts.about`) is the mask of the arguments that remain."""
 
     def make():
@@ -217,23 +217,23 @@ Kind = TypeVar("Kind", bound=Program)
 
 
 def derived(kind: type[Kind], program: Program, make: Callable, *how: Any) -> Kind:
-    """Returns a program that follows from another one and is compiled in the same way. how: what tells its
+    """A program that follows from another one and is compiled in the same way. how: what tells its
     key from those of others."""
     key = None if program.key is None else program.keeper.environment.key_of("derived", program.key, *how)
     return kind(program.keeper, make, key, program.compile)
 
 
 def as_function(program: Program) -> Callable[..., Leaves]:
-    """Returns the program as a function that JAX can trace."""
+    """The program as a function that JAX can trace."""
     return function_of(program.traced.jaxpr)
 
 
 def of_moving(program: Program, moving: Mask, primals: Leaves) -> Callable[..., Leaves]:
-    """Returns the program as a function of the moving arguments. The others have the given values."""
+    """The program as a function of the moving arguments. The others have the given values."""
     fixed = chosen(primals, not_(moving))
     return lambda *x: as_function(program)(*merged(moving, x, fixed))
 
 
 def types_of(program: Program) -> tuple[jax.ShapeDtypeStruct, ...]:
-    """Returns the types of a program's arguments."""
+    """The types of a program's arguments."""
     return tuple(jax.ShapeDtypeStruct(x.shape, x.dtype) for x in program.traced.jaxpr.in_avals)

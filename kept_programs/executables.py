@@ -18,7 +18,7 @@ LAPACK = b"lapack_"
 
 
 def load(store: Store, key: str | None, kind: str) -> Any:
-    """Returns an object from a store, or None."""
+    """An object from a store, or None."""
     data = None if key is None else store.load(f"{key}-{kind}")
     if data is None:
         return None
@@ -40,7 +40,7 @@ def is_kept(store: Store, key: str | None) -> bool:
 
 @returning_freed_memory()
 def load_executable(store: Store, key: str | None, trees: tuple | None = None) -> Callable | None:
-    """Returns an executable from a store, or None. trees: structures of arguments and results, if these
+    """An executable from a store, or None. trees: structures of arguments and results, if these
     are not lists of arrays."""
     kept = load(store, key, "executable")
     if kept is None:

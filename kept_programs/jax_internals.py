@@ -79,7 +79,7 @@ class Rules(NamedTuple):
 
 
 def operation(name: str, rules: Rules) -> Primitive:
-    """Returns a new operation of JAX. `operation.bind(*arguments, **parameters)` gives its results."""
+    """A new operation of JAX. `operation.bind(*arguments, **parameters)` gives its results."""
     made = Primitive(name)
     made.multiple_results = True
     made.def_impl(rules.run)
@@ -112,7 +112,7 @@ def operation(name: str, rules: Rules) -> Primitive:
 
 
 def batching_rule(rules: Rules) -> Callable:
-    """Returns the rule of `jax.vmap`."""
+    """The rule of `jax.vmap`."""
 
     def batch(arguments, axes, **parameters):
         pairs = zip(arguments, axes, strict=True)
@@ -123,12 +123,12 @@ def batching_rule(rules: Rules) -> Callable:
 
 
 def zero_tangent(x: Any) -> ad.Zero:
-    """Returns the tangent zero of an array."""
+    """The tangent zero of an array."""
     return ad.Zero(jax.typeof(x).to_tangent_aval())
 
 
 def transposition(rules: Rules) -> Callable:
-    """Returns the rule of reverse mode."""
+    """The rule of reverse mode."""
 
     def transpose(cotangents, *arguments, **parameters):
         linear = tuple(ad.is_undefined_primal(x) for x in arguments)
@@ -151,7 +151,7 @@ def pruned(rules: Rules, used: Mask, equation: Any) -> tuple[list[bool], Any]:
 
 
 def division(rules: Rules) -> Callable:
-    """Returns the rule for an operation of which some arguments are known and others are not."""
+    """The rule for an operation of which some arguments are known and others are not."""
 
     def split(_, unknown, instantiated, equation):
         count = len(equation.outvars)
@@ -175,14 +175,14 @@ def division(rules: Rules) -> Callable:
 
 
 def function_of(closed: ClosedJaxpr) -> Callable[..., Sequence]:
-    """Returns a function of leaves whose operations are known (`jax.stages.Traced.jaxpr`)."""
+    """A function of leaves whose operations are known (`jax.stages.Traced.jaxpr`)."""
     return jaxpr_as_fun(closed)
 
 
 def without_unused(
     closed: ClosedJaxpr, used: Mask, instantiate: bool = False
 ) -> tuple[jax.stages.Traced, tuple[bool, ...]]:
-    """Returns the traced function of the used results, and the mask of the arguments that remain: all if
+    """The traced function of the used results, and the mask of the arguments that remain: all if
     `instantiate`, otherwise those on which the results depend."""
     shorter, needed = pe.dce_jaxpr(closed.jaxpr, used, instantiate)
     kept = (x for x, is_needed in zip(closed.in_avals, needed, strict=True) if is_needed)
@@ -191,7 +191,7 @@ def without_unused(
 
 
 def order_of_results(closed: ClosedJaxpr) -> str:
-    """Returns a checksum of the operations of a function, without those inside loops, and of which of them
+    """A checksum of the operations of a function, without those inside loops, and of which of them
     give its results."""
     made = {id(x): (i, j) for i, e in enumerate(closed.eqns) for j, x in enumerate(e.outvars)}
     operations = [e.primitive.name for e in closed.eqns]
@@ -218,7 +218,7 @@ def named(traced: jax.stages.Traced, primitive: Primitive, rules: Rules) -> jax.
 
 
 def all_settings() -> list[tuple[str, Any]]:
-    """Returns names and values of JAX's settings, as they are in the current context."""
+    """Names and values of JAX's settings, as they are in the current context."""
     values = jax.config.values  # of the process; an attribute is the value in the context
     return [(name, getattr(jax.config, name, values[name])) for name in sorted(values)]
 

@@ -35,7 +35,7 @@ KNOWN = ("builtins", "functools", "kept_programs")
 
 
 def processor() -> str:
-    """Returns what the processor can do, as Linux lists it; its name where the system does not."""
+    """What the processor can do, as Linux lists it; its name where the system does not."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
@@ -77,7 +77,7 @@ class Environment:
         self.known = (package, *KNOWN, *self.libraries)
 
     def key_of(self, *parts: Any) -> str | None:
-        """Returns the key of a program that depends on these parts and on the environment. None if a part
+        """The key of a program that depends on these parts and on the environment. None if a part
         has no lasting name, or if the source has changed."""
         if self.has_changed():
             return None
@@ -115,7 +115,7 @@ class Environment:
         return "\n".join(parts)
 
     def text_of(self, x: Any) -> str:
-        """Returns a text that is equal for equal values, in every process. Raises Unkeyed if there is
+        """A text that is equal for equal values, in every process. Raises Unkeyed if there is
         none."""
         text_of = self.text_of
         match x:
@@ -151,7 +151,7 @@ class Environment:
         raise Unkeyed(x)
 
     def name_of(self, x: Any) -> str:
-        """Returns module and name of a function or class.
+        """Module and name of a function or class.
 
         Raises Unkeyed if its package is unknown, or if the object of that name is another one: functions
         that are made within functions, and methods of objects, may share a name."""
@@ -164,7 +164,7 @@ class Environment:
 
 
 def named(module: str, name: str) -> Any:
-    """Returns the object of that name in a module that has been imported; None if there is none."""
+    """The object of that name in a module that has been imported; None if there is none."""
     found = sys.modules.get(module)
     for part in name.split("."):
         found = getattr(found, part, None)
@@ -172,7 +172,7 @@ def named(module: str, name: str) -> Any:
 
 
 def version(library: str) -> str:
-    """Returns the version of a library, or an empty text if it is not installed."""
+    """The version of a library, or an empty text if it is not installed."""
     try:
         return metadata.version(library)
     except metadata.PackageNotFoundError:
@@ -180,12 +180,12 @@ def version(library: str) -> str:
 
 
 def settings() -> str:
-    """Returns the settings of JAX that may change a program."""
+    """The settings of JAX that may change a program."""
     return str([x for x in all_settings() if not any(word in x[0] for word in UNRELATED)])
 
 
 def binary_of_jaxlib() -> Path | None:
-    """Returns the largest shared library in the folder of jaxlib, which holds XLA; None if there is
+    """The largest shared library in the folder of jaxlib, which holds XLA; None if there is
     none."""
     found = util.find_spec("jaxlib")
     places = () if found is None else found.submodule_search_locations or ()
@@ -197,7 +197,7 @@ def binary_of_jaxlib() -> Path | None:
 
 
 def digest_of(path: Path | None, store: Store) -> str:
-    """Returns the SHA-256 of a file, an empty text without one and if nothing is kept. Several hundred
+    """The SHA-256 of a file, an empty text without one and if nothing is kept. Several hundred
     megabytes take some tenths of a second: the digest is kept in the store, under path, size and time of
     the file."""
     if path is None or store.location() is None:

@@ -9,27 +9,27 @@ Mask = tuple[bool, ...]
 
 
 def chosen(values: Sequence, mask: Sequence[bool]) -> tuple:
-    """Returns the values for which the mask is true."""
+    """The values for which the mask is true."""
     return tuple(x for x, is_chosen in zip(values, mask, strict=True) if is_chosen)
 
 
 def not_(mask: Sequence[bool]) -> Mask:
-    """Returns the opposite mask."""
+    """The opposite mask."""
     return tuple(not x for x in mask)
 
 
 def merged(mask: Sequence[bool], where_true: Sequence, where_false: Sequence) -> tuple:
-    """Returns one sequence: the values of `where_true` at the places where the mask is true, those of
+    """One sequence: the values of `where_true` at the places where the mask is true, those of
     `where_false` at the others."""
     true, false = iter(where_true), iter(where_false)
     return tuple(next(true) if x else next(false) for x in mask)
 
 
 def placed(mask: Mask, values: Mask) -> Mask:
-    """Returns a mask with these values at the places where `mask` is true, and false elsewhere."""
+    """A mask with these values at the places where `mask` is true, and false elsewhere."""
     return merged(mask, values, (False,) * mask.count(False))
 
 
 def with_tangent(values: Sequence[Any]) -> Mask:
-    """Returns which values are floating-point numbers and therefore have tangents."""
+    """Which values are floating-point numbers and therefore have tangents."""
     return tuple(bool(jnp.issubdtype(x.dtype, jnp.inexact)) for x in values)

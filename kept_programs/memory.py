@@ -24,7 +24,7 @@ def returning_freed_memory() -> Iterator[None]:
 
 @functools.cache
 def trim_function() -> Callable[[int], int] | None:
-    """Returns the function `malloc_trim` of glibc, None where the C library has no such function."""
+    """The function `malloc_trim` of glibc, None where the C library has no such function."""
     with contextlib.suppress(OSError, TypeError, AttributeError):
         return ctypes.CDLL(None).malloc_trim
     return None

@@ -10,7 +10,7 @@ import jax
 
 
 def unchecked(function: Callable, *arguments: Any) -> Any:
-    """Returns the result of a function that JAX does not check."""
+    """The result of a function that JAX does not check."""
     if not (jax.config.jax_debug_nans or jax.config.jax_debug_infs):
         return function(*arguments)
     with jax.debug_nans(False), jax.debug_infs(False):

@@ -55,7 +55,7 @@ UNKNOWN = Reverse()
 
 
 def bind(program: Program, *leaves: Any, reverse: Reverse = UNKNOWN) -> Leaves:
-    """Returns the results of a program of leaves."""
+    """The results of a program of leaves."""
     return program_p.bind(*leaves, program=program, reverse=reverse)
 
 
@@ -73,7 +73,7 @@ def uses_executables() -> bool:
 
 @remembered(maxsize=256)
 def ordinary(program: Program) -> Callable[..., Leaves]:
-    """Returns the program as a function of `jax.jit`."""
+    """The program as a function of `jax.jit`."""
     return jax.jit(as_function(program))
 
 

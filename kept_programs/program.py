@@ -213,7 +213,7 @@ class TreeProgram:
         self.program.executable  # noqa: B018
 
     def leaves(self, arguments: tuple) -> Leaves:
-        """Returns the leaves of the arguments. Raises TypeError if they have another structure, or other
+        """The leaves of the arguments. Raises TypeError if they have another structure, or other
         types."""
         leaves, structure = jax.tree.flatten(arguments)
         if structure != self.structure:
@@ -225,7 +225,7 @@ class TreeProgram:
         return leaves
 
     def unflatten(self, results: Leaves) -> Any:
-        """Returns the tree of the results."""
+        """The tree of the results."""
         return jax.tree.unflatten(jax.tree.structure(self.program.facts.about), results)
 
     def __call__(self, *arguments: Any) -> Any:
@@ -242,7 +242,7 @@ def program_of(
     arguments: tuple,
     compile: Callable[[jax.stages.Lowered], jax.stages.Compiled] = compile_plainly,
 ) -> TreeProgram:
-    """Returns the program of `function(*static, *arguments)`.
+    """The program of `function(*static, *arguments)`.
 
     function: of the keeper's package; static: hashable; arguments: trees of arrays, tracers or types;
     compile: hashable, and part of the key."""
@@ -253,7 +253,7 @@ def program_of(
 
 
 def value_of(x: Any) -> Any:
-    """Returns what tells equal static values apart: types, and the sign of a zero."""
+    """What tells equal static values apart: types, and the sign of a zero."""
     if isinstance(x, tuple | list):
         return type(x), tuple(map(value_of, x))
     return type(x), repr(x) if isinstance(x, float | complex) else None
@@ -274,7 +274,7 @@ def tree_program(
     key: str | None,
     compile: Callable[[jax.stages.Lowered], jax.stages.Compiled] = compile_plainly,
 ) -> TreeProgram:
-    """Returns the program of `function(*arguments)`. arguments: trees of types; key: name in the store."""
+    """The program of `function(*arguments)`. arguments: trees of types; key: name in the store."""
     types, structure = jax.tree.flatten(arguments)
 
     def make():
@@ -293,10 +293,10 @@ def tree_program(
 
 
 def type_of(x: Any) -> jax.ShapeDtypeStruct:
-    """Returns shape and type of an array, a tracer, a number or another type."""
+    """Shape and type of an array, a tracer, a number or another type."""
     return jax.ShapeDtypeStruct(np.shape(x), jax.numpy.result_type(x))
 
 
 def text_of(x: jax.ShapeDtypeStruct) -> str:
-    """Returns a type in words."""
+    """A type in words."""
     return f"{x.dtype}{list(x.shape)}"

@@ -47,7 +47,7 @@ def remembered(maxsize: int) -> Callable[[Callable], Any]:
 
 
 def mappings() -> int:
-    """Returns the number of memory mappings of this process, 0 where the system does not list them."""
+    """The number of memory mappings of this process, 0 where the system does not list them."""
     try:
         return MAPPINGS.read_bytes().count(b"\n")
     except OSError:

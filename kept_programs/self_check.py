@@ -49,17 +49,17 @@ CHECKS: dict[str, tuple[Callable[[Objective], Any], object]] = {
 
 
 def tangent_of(f: Callable) -> Callable:
-    """Returns the derivative of a function of one number, in forward mode."""
+    """The derivative of a function of one number, in forward mode."""
     return lambda x: jax.jvp(f, (x,), (jnp.ones_like(x),))[1]
 
 
 def summed(f: Objective, y: jax.Array) -> jax.Array:
-    """Returns the sum over the batch, in a loop."""
+    """The sum over the batch, in a loop."""
     return jax.lax.scan(lambda total, x: (total + f(x, y), None), jnp.zeros_like(y), BATCH)[0]
 
 
 def fault(keeper: Keeper) -> str:
-    """Returns in a few words what is wrong with the operation, an empty text if nothing is."""
+    """In a few words what is wrong with the operation, an empty text if nothing is."""
     name = verdict_of(keeper)
     if name is not None and keeper.store.load(name) is not None:
         return ""
@@ -78,14 +78,14 @@ def fault(keeper: Keeper) -> str:
 
 
 def verdict_of(keeper: Keeper) -> str | None:
-    """Returns the name under which the store has the verdict that nothing is wrong; None if it is not
+    """The name under which the store has the verdict that nothing is wrong; None if it is not
     kept."""
     key = keeper.environment.key_of("self-check")
     return None if key is None else f"{key}-verdict"
 
 
 def by_executables(keeper: Keeper, tried: list[str]) -> dict[str, Any]:
-    """Returns gradients that are computed operation by operation, each by the executable of its program:
+    """Gradients that are computed operation by operation, each by the executable of its program:
     the ways to treat the results that have no cotangent. tried: gets the name of each check."""
     from kept_programs.operation import Reverse
 
@@ -98,7 +98,7 @@ def by_executables(keeper: Keeper, tried: list[str]) -> dict[str, Any]:
 
 
 def in_one_program(keeper: Keeper, tried: list[str]) -> dict[str, Any]:
-    """Returns the results of all checks, computed by one program of JAX: their operations become parts of
+    """The results of all checks, computed by one program of JAX: their operations become parts of
     it. That is one program to compile in place of some thirty. tried: gets the name of each check."""
     from kept_programs.operation import UNKNOWN
 
@@ -113,7 +113,7 @@ def in_one_program(keeper: Keeper, tried: list[str]) -> dict[str, Any]:
 
 
 def objective(keeper: Keeper, reverse: Any) -> Objective:
-    """Returns the function that is transformed: the first result of the operation."""
+    """The function that is transformed: the first result of the operation."""
     from kept_programs.operation import bind
 
     program = small_program(keeper)
@@ -122,5 +122,5 @@ def objective(keeper: Keeper, reverse: Any) -> Objective:
 
 @functools.lru_cache(maxsize=1)
 def small_program(keeper: Keeper):
-    """Returns the program of `volume`."""
+    """The program of `volume`."""
     return tree_program(keeper, volume, (type_of(X), type_of(Y), type_of(COUNT)), None)

@@ -55,7 +55,7 @@ class Store:
         self.name, self.variable, self.header, self.most_bytes = name, variable, header, most_bytes
 
     def location(self) -> Path | None:
-        """Returns the folder, which may not exist yet, or None if the store is off."""
+        """The folder, which may not exist yet, or None if the store is off."""
         given = os.environ.get(self.variable)
         if given is not None and given.lower() in (*OFF, ""):
             return None
@@ -70,7 +70,7 @@ class Store:
         os.environ[self.variable] = "off"
 
     def load(self, name: str) -> bytes | None:
-        """Returns the content of a file, or None if it is missing or damaged."""
+        """The content of a file, or None if it is missing or damaged."""
         folder = self.private_folder()
         if folder is None:
             return None
@@ -100,7 +100,7 @@ class Store:
         self.remove_old(folder)
 
     def usage(self) -> Usage:
-        """Returns number and size of the programs."""
+        """Number and size of the programs."""
         sizes = [file.size for file in files(self.private_folder())]
         return Usage(len(sizes), sum(sizes))
 
@@ -117,7 +117,7 @@ class Store:
         return len(found)
 
     def private_folder(self, create: bool = False) -> Path | None:
-        """Returns the folder if there is one that only this user can write to, otherwise None."""
+        """The folder if there is one that only this user can write to, otherwise None."""
         folder = self.location()
         if folder is None:
             return None
@@ -167,7 +167,7 @@ def replace(path: Path, content: bytes) -> None:
 
 
 def files(folder: Path | None) -> list[File]:
-    """Returns all files of a folder, the one used longest ago first, including what a killed process left
+    """All files of a folder, the one used longest ago first, including what a killed process left
     behind."""
     found = []
     for path in folder.iterdir() if folder is not None else ():

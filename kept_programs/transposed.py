@@ -31,7 +31,7 @@ class TangentAgain(Program):
 
 @derivation
 def tangent_again(program: Program, moving: Mask) -> TangentAgain:
-    """Returns the program of the tangents of all results that are floating-point numbers. Its arguments are
+    """The program of the tangents of all results that are floating-point numbers. Its arguments are
     those of `program`, followed by the tangents of the moving ones."""
 
     def function(*leaves):
@@ -51,7 +51,7 @@ def tangent_again(program: Program, moving: Mask) -> TangentAgain:
 
 @derivation
 def pulled_back(program: Program, moving: Mask) -> Program:
-    """Returns the program of the cotangents of the moving arguments. Its arguments are those of `program`,
+    """The program of the cotangents of the moving arguments. Its arguments are those of `program`,
     followed by the cotangents of its results, which must be floating-point numbers."""
 
     def function(*leaves):
@@ -79,7 +79,7 @@ class Transposed(NamedTuple):
 
 
 def transposed(program: Program, linear: Mask, given: Mask) -> Transposed:
-    """Returns the transpose of a program for cotangents of the given results, without everything that it
+    """The transpose of a program for cotangents of the given results, without everything that it
     does not need. A pruned program and the whole one share their transposes."""
     if isinstance(program, Pruned):
         found, left = transposed(*of_whole(program, linear, given)), program.facts.about
@@ -94,7 +94,7 @@ def transposed(program: Program, linear: Mask, given: Mask) -> Transposed:
 
 
 def pulled_back_along(program: TangentAgain, linear: Mask, given: Mask) -> Transposed:
-    """Returns the transpose of recomputed tangents. linear: which tangents are linear arguments."""
+    """The transpose of recomputed tangents. linear: which tangents are linear arguments."""
     shorter = pruned(program.primal, placed(with_tangent(program.primal.facts.results), given))
     kept, moving = shorter.facts.about, placed(program.moving, linear)
     reached = tuple(x and y for x, y in zip(chosen(kept, program.moving), linear, strict=True))
@@ -104,7 +104,7 @@ def pulled_back_along(program: TangentAgain, linear: Mask, given: Mask) -> Trans
 
 
 def with_fewer_results(program: TangentAgain, used: Mask) -> tuple[TangentAgain, Mask]:
-    """Returns the program of the used tangents, and the mask of the arguments that it has. These are all
+    """The program of the used tangents, and the mask of the arguments that it has. These are all
     that the results need, not only their tangents: `pulled_back` takes them."""
     shorter = pruned(program.primal, placed(with_tangent(program.primal.facts.results), used))
     kept = shorter.facts.about
@@ -113,6 +113,6 @@ def with_fewer_results(program: TangentAgain, used: Mask) -> tuple[TangentAgain,
 
 
 def of_whole(program: Pruned, linear: Mask, given: Mask) -> tuple[Program, Mask, Mask]:
-    """Returns the program from which a pruned one was made, and the masks of its linear arguments and given
+    """The program from which a pruned one was made, and the masks of its linear arguments and given
     cotangents."""
     return program.whole, placed(program.facts.about, linear), placed(program.used, given)

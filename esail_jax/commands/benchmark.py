@@ -158,7 +158,7 @@ def measure(scene: Scene, method: str, key: str, value: float, runs: int = RUNS)
 
 
 def program_sizes(scene: Scene) -> dict[str, Size]:
-    """Returns the sizes of the programs of a scene that has been run."""
+    """The sizes of the programs of a scene that has been run."""
     programs = compile_scene(scene).programs
     parts = {"start": programs.start, "advance": programs.advance, "look": programs.look}
     return {name: size_of(part.program) for name, part in parts.items()}

@@ -33,7 +33,7 @@ def run(options: argparse.Namespace) -> ExitCode:
 
 
 def in_words(size: int) -> str:
-    """Returns a size with its unit."""
+    """A size with its unit."""
     for unit, value in UNITS.items():
         if size >= value:
             return f"{size / value:.1f} {unit}"

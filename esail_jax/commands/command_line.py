@@ -53,7 +53,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def setting_with_blanks(given: Sequence[str]) -> str:
-    """Returns the first setting of a command line that has blanks around its `=`, otherwise an empty
+    """The first setting of a command line that has blanks around its `=`, otherwise an empty
     text."""
     for k, word in enumerate(given):
         setting, following = [*given[k + 1 : k + 2], ""][0], given[k + 2 : k + 4]
@@ -124,7 +124,7 @@ def scene_of(options: argparse.Namespace) -> "Scene":
 
 
 def missing_law(options: argparse.Namespace) -> UsageError:
-    """Returns the error for a scene of a user's law without the law: it names the option that gives it, if
+    """The error for a scene of a user's law without the law: it names the option that gives it, if
     the command has one."""
     if hasattr(options, "voltage_law"):
         return UsageError(

@@ -83,7 +83,7 @@ def run_design(
 
 
 def value_text(state: State) -> str:
-    """Returns the number of an iteration and the objective of the best start."""
+    """The number of an iteration and the objective of the best start."""
     return f"iteration {state.iteration}: {float(state.value[state.best]):.6g}"
 
 

@@ -109,7 +109,7 @@ def stop_all(others: Sequence[subprocess.Popen]) -> None:
 
 
 def progress_texts(_: float, speed: float) -> tuple[str]:
-    """Returns the text beside the progress bar."""
+    """The text beside the progress bar."""
     return (f"{speed:.3g} members a second",)
 
 

@@ -70,7 +70,7 @@ def tried(scene: Scene, nodes: bool) -> Trial:
 
 
 def estimate_text(scene: Scene, found: Trial, memory: float | None) -> str:
-    """Returns the estimate as lines of text. memory: largest memory of the process so far [bytes], None if
+    """The estimate as lines of text. memory: largest memory of the process so far [bytes], None if
     the system does not tell."""
     end = scene.integrator.t_end
     factor = max(end / found.reached, 1.0) if found.reached > 0.0 else 1.0
@@ -91,7 +91,7 @@ def estimate_text(scene: Scene, found: Trial, memory: float | None) -> str:
 
 
 def peak_memory() -> float | None:
-    """Returns the largest memory of this process so far [bytes]; None if the system does not tell."""
+    """The largest memory of this process so far [bytes]; None if the system does not tell."""
     try:
         import resource
     except ImportError:  # Windows
@@ -101,5 +101,5 @@ def peak_memory() -> float | None:
 
 
 def rounded(number: float) -> str:
-    """Returns a number to two digits, without an exponent."""
+    """A number to two digits, without an exponent."""
     return f"{float(f'{number:.2g}'):,g}" if number < 1e6 else f"{float(f'{number:.2g}'):,.0f}"

@@ -41,7 +41,7 @@ def check_looks(options: argparse.Namespace) -> None:
 
 
 def motions_of(paths: Sequence[Path], options: argparse.Namespace, most: int) -> "list[Motion]":
-    """Returns the moving pictures of the files. most: largest number of saved instants in one picture.
+    """The moving pictures of the files. most: largest number of saved instants in one picture.
 
     Raises RunFileError, and UsageError for a colour or axes that they do not have."""
     from esail_jax.viewing.motions import read_motions

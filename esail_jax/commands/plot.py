@@ -51,7 +51,7 @@ def tell(path: Path) -> None:
 
 
 def names_of(files: Sequence[Path]) -> list[str]:
-    """Returns names for the runs of several files: file names without their ending, or whole paths if two
+    """Names for the runs of several files: file names without their ending, or whole paths if two
     would be the same. Raises UsageError if a file is given twice."""
     if len({path.resolve() for path in files}) < len(files):
         raise UsageError("`RUN.h5` must be different files, but one is given twice")
@@ -60,7 +60,7 @@ def names_of(files: Sequence[Path]) -> list[str]:
 
 
 def modes_of(run: Any) -> Any:
-    """Returns the modes of the sail of a run, for the lines in its spectra; None if the run is too short
+    """The modes of the sail of a run, for the lines in its spectra; None if the run is too short
     for a spectrum, or if its scene has none, which is said. On a terminal a line says what takes some
     seconds."""
     from esail_jax.commands.progress import Progress

@@ -119,7 +119,7 @@ class RunProgress(Progress):
         self.update(chunk.reached)
 
     def texts(self, reached: float, speed: float) -> tuple[str, ...]:
-        """Returns the texts of the line, the most important first. reached: simulated time [s]; speed:
+        """The texts of the line, the most important first. reached: simulated time [s]; speed:
         simulated seconds per second."""
         found = [f"{min(reached, self.total):.0f} of {self.total:.0f} s", f"{speed:.0f} x real time"]
         chunk = self.latest

@@ -123,7 +123,7 @@ ERRORS = ("energy_balance_error", "energy_error")
 
 
 def describe_together(paths: Sequence[Path]) -> str:
-    """Returns a table with one column per run: how it ended, model, method, speed and energy balance, and
+    """A table with one column per run: how it ended, model, method, speed and energy balance, and
     the scene keys in which the runs differ. Raises RunFileError for a file that is not that of one run."""
     columns, scenes = zip(*(column_of(path) for path in paths), strict=True)
     rows = [(name, *(column[name] for column in columns)) for name in columns[0]]
@@ -136,7 +136,7 @@ def describe_together(paths: Sequence[Path]) -> str:
 
 
 def column_of(path: Path) -> tuple[dict[str, str], Scene]:
-    """Returns the cells of one run, by the name of their row, and its scene."""
+    """The cells of one run, by the name of their row, and its scene."""
     with open_single(path) as file, intact(path):
         attributes = {name: to_python(value) for name, value in file.attrs.items()}
         scene = parse(file["scene"][()].decode(), str(path))

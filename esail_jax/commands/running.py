@@ -99,7 +99,7 @@ def saves_nodes(path: Path, going_on: str, nodes: bool) -> bool:
 
 
 def names_with_nodes(scene: Scene) -> tuple[str, ...]:
-    """Returns the names of all observables of a sail and of the positions of its nodes."""
+    """The names of all observables of a sail and of the positions of its nodes."""
     from esail_jax.ensembles.member_program import observable_shapes
 
     return (*observable_shapes(scene), NODES)

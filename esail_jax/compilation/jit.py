@@ -17,7 +17,7 @@ from kept_programs.executables import compile_and_save, load_executable
 
 
 def traced_once(static_argnums: Sequence[int] = ()) -> Callable[[Callable], Callable]:
-    """Returns a decorator for a function that is part of several programs. JAX traces the function once for
+    """A decorator for a function that is part of several programs. JAX traces the function once for
     arguments of the same structure and shapes, and copies the equations into every program."""
 
     def decorate(f: Callable) -> Callable:
@@ -40,7 +40,7 @@ def jit(
     static_argnums: int | Sequence[int] = (),
     static_argnames: str | Sequence[str] = (),
 ) -> "CompiledFunction":
-    """Returns a function that computes what `jax.jit(f)` computes, compiled with this package's options.
+    """A function that computes what `jax.jit(f)` computes, compiled with this package's options.
 
     On a CPU a program with a run inside takes a tenth to a fifth less time to compile than under `jax.jit`,
     and about as long to run. Every combination of tree structure, shapes, types and static values of
@@ -137,7 +137,7 @@ def is_compiled_here(leaves: list[Any]) -> bool:
 
 
 def type_of(x: Any) -> tuple[Any, Any]:
-    """Returns the properties of an argument for which a program is compiled: shape and type, and the
+    """The properties of an argument for which a program is compiled: shape and type, and the
     devices of a JAX array. Raises TypeError if the argument is no array or number."""
     return jax.typeof(x), x.sharding if isinstance(x, jax.Array) else None
 
@@ -145,7 +145,7 @@ def type_of(x: Any) -> tuple[Any, Any]:
 def static_arguments(
     f: Callable[..., Any], numbers: int | Sequence[int], names: str | Sequence[str]
 ) -> tuple[tuple[int, ...], tuple[str, ...]]:
-    """Returns positions and names of all static arguments. If only one of them is given, the other follows
+    """Positions and names of all static arguments. If only one of them is given, the other follows
     from the signature of `f`, as for `jax.jit`."""
     numbers = (numbers,) if isinstance(numbers, int) else tuple(numbers)
     names = (names,) if isinstance(names, str) else tuple(names)
@@ -167,7 +167,7 @@ def static_arguments(
 def split_arguments(
     args: tuple[Any, ...], kwargs: dict[str, Any], numbers: tuple[int, ...], names: tuple[str, ...]
 ) -> tuple[tuple[tuple[Any, ...], dict[str, Any]], dict[int | str, Any]]:
-    """Returns the traced arguments, positional and by name, and the static ones by position or name."""
+    """The traced arguments, positional and by name, and the static ones by position or name."""
     places = {n % len(args) if n < 0 else n for n in numbers} if args else set()
     traced = tuple(x for n, x in enumerate(args) if n not in places)
     by_name = {name: x for name, x in kwargs.items() if name not in names}

@@ -68,7 +68,7 @@ class Compile:
 def program_of(
     function: Callable, static: tuple, arguments: tuple, options: Options = COMPILER_OPTIONS
 ) -> TreeProgram:
-    """Returns the program of `function(*static, *arguments)`.
+    """The program of `function(*static, *arguments)`.
 
     function: of this package; static: hashable; arguments: trees of arrays, tracers or types; options:
     XLA's."""
@@ -77,7 +77,7 @@ def program_of(
 
 
 def tree_program(function: Callable, arguments: tuple, key: str | None) -> TreeProgram:
-    """Returns the program of `function(*arguments)`. arguments: trees of types; key: name in the store."""
+    """The program of `function(*arguments)`. arguments: trees of types; key: name in the store."""
     compile = Compile(tuple(COMPILER_OPTIONS.items()))
     return program.tree_program(KEEPER, function, arguments, key, compile)
 

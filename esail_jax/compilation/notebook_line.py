@@ -81,7 +81,7 @@ class NotebookLine:
 
 
 def running_cell() -> int | None:
-    """Returns the number of the cell that is running; None if this process is not the kernel of a notebook.
+    """The number of the cell that is running; None if this process is not the kernel of a notebook.
     IPython is not imported for it."""
     module = sys.modules.get("IPython")
     shell = module.get_ipython() if hasattr(module, "get_ipython") else None
@@ -96,7 +96,7 @@ def show(text: str) -> Any:
 
 
 def plain(text: str) -> dict[str, str]:
-    """Returns a text as the data of an output cell."""
+    """A text as the data of an output cell."""
     return {"text/plain": text}
 
 

@@ -18,13 +18,13 @@ class Size(NamedTuple):
 
 
 def size_of(program: Program) -> Size:
-    """Returns the size of a program. It is traced, and compiled or loaded, unless it was before."""
+    """The size of a program. It is traced, and compiled or loaded, unless it was before."""
     text = program.executable.as_text()
     return Size(count_equations(program.traced.jaxpr), len(INSTRUCTION.findall(text)))
 
 
 def count_equations(jaxpr: Any) -> int:
-    """Returns the number of equations of a jaxpr (`jax.make_jaxpr`), with those of the jaxprs within it.
+    """The number of equations of a jaxpr (`jax.make_jaxpr`), with those of the jaxprs within it.
 
     A jaxpr that is called from several places is counted at each of them."""
     equations = getattr(jaxpr, "jaxpr", jaxpr).eqns

@@ -27,7 +27,7 @@ class MeanGradient(NamedTuple):
 def mean_gradient(
     objective: Callable[[Any, dict[str, Array]], Scalar], inputs: Inputs
 ) -> Callable[[Any], MeanGradient]:
-    """Returns the function p -> (J(p), dJ/dp, number of members), J(p) = sum_m objective(p, inputs_m) / M.
+    """The function p -> (J(p), dJ/dp, number of members), J(p) = sum_m objective(p, inputs_m) / M.
 
     p: a tree of arrays; objective(p, inputs of one member): differentiable, made of `simulate`.
 

@@ -11,7 +11,7 @@ from esail_jax.scenes.toml_text import to_toml
 
 
 def join(parts: Sequence[Ensemble]) -> Ensemble:
-    """Returns one ensemble of the members of several, which are numbered anew: first those of the first
+    """One ensemble of the members of several, which are numbered anew: first those of the first
     part, then those of the second.
 
     All parts must have the same scene, saved instants, observables and varied keys. Parts of the same seed

@@ -80,7 +80,7 @@ def program_of_members(
     inputs: tuple[tuple[str, tuple[int, ...]], ...],
     count: int | None,
 ) -> TreeProgram:
-    """Returns the program of `members_program`, which is compiled once in a process. inputs: keys, and the
+    """The program of `members_program`, which is compiled once in a process. inputs: keys, and the
     shape of a member's numbers."""
     scene, leading = same.scene, () if count is None else (count,)
     shapes = {key: jax.ShapeDtypeStruct((*leading, *shape), float) for key, shape in inputs}

@@ -217,7 +217,7 @@ def check(scene: Scene, inputs: Inputs) -> None:
 
 
 def checked_inputs(scene: Scene, inputs: Mapping[str, Any]) -> Inputs:
-    """Returns given inputs as arrays of float64, by position and not by label.
+    """Given inputs as arrays of float64, by position and not by label.
 
     Raises SceneError if a key cannot be varied, if the keys have different numbers of members, and for the
     first member with a value that the scene refuses."""

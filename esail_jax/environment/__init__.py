@@ -1,0 +1,1 @@
+"""Where a sail is: wind, laws of thrust, orbits, temperature of wires."""

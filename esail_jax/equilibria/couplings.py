@@ -60,7 +60,7 @@ class Couplings(NamedTuple):
 
 
 def indices(system: System) -> Indices:
-    """Returns the places of all coordinates in y."""
+    """The places of all coordinates in y."""
     tethers, ring = system.tethers, system.ring
     k, n, p = tethers.coefs, tethers.elements, tethers.count
     cuts = (3 * k * n * p, 3 * (k * n + k - 1) * p)
@@ -74,7 +74,7 @@ def indices(system: System) -> Indices:
 
 
 def couplings(system: System) -> Couplings:
-    """Returns the nodes of a sail and their couplings. The nodes of the tethers come first, those of the
+    """The nodes of a sail and their couplings. The nodes of the tethers come first, those of the
     ring last; the ends of an auxiliary tether have its slopes there, for trusses nothing."""
     at, ring = indices(system), system.ring
     k, _, nodes, count = at.tether.shape
@@ -103,7 +103,7 @@ def couplings(system: System) -> Couplings:
 
 
 def neighbours(members: list[tuple[Host, ...]], count: int) -> sp.csr_matrix:
-    """Returns the matrix whose entries are pairs of nodes in one element. members: the first nodes of
+    """The matrix whose entries are pairs of nodes in one element. members: the first nodes of
     elements, the second ones and so on; NONE for no node; count: number of nodes."""
     nodes = [np.stack([np.ravel(x) for x in group], axis=1) for group in members]
     found = []
@@ -117,7 +117,7 @@ def neighbours(members: list[tuple[Host, ...]], count: int) -> sp.csr_matrix:
 
 
 def colours(near: sp.spmatrix) -> Int[Host, " node"]:
-    """Returns a colour for every node, so that nodes of one colour have no common neighbour. near: its
+    """A colour for every node, so that nodes of one colour have no common neighbour. near: its
     entries are the neighbours, with every node itself."""
     common = sp.csr_matrix(near @ near.T)
     found = np.full(common.shape[0], NONE)

@@ -71,13 +71,13 @@ class Balance(NamedTuple):
     spin: Vector
 
     def split(self, z: Float[Array, " n"]) -> tuple[Float[Array, " y"], Multipliers]:
-        """Returns the independent coordinates and the multipliers."""
+        """The independent coordinates and the multipliers."""
         first, unravel = ravel_pytree(self.system.no_multipliers())
         n = z.size - first.size
         return z[:n], unravel(z[n:])
 
     def at_rest(self, z: Float[Array, " n"]) -> tuple[Float[Array, " n"], Vector]:
-        """Returns the unbalanced forces with the constraints, and the acceleration along the axis."""
+        """The unbalanced forces with the constraints, and the acceleration along the axis."""
         y, lam = self.split(z)
         zero = jnp.zeros_like(y)
         frame, acceleration = MovingFrame(self.spin, jnp.zeros(3)), jnp.zeros(3)
@@ -91,11 +91,11 @@ class Balance(NamedTuple):
         return jnp.concatenate([balance, ravel_pytree(constraints)[0]]), acceleration
 
     def left(self, z: Float[Array, " n"]) -> Float[Array, " n"]:
-        """Returns the unbalanced forces with the constraints."""
+        """The unbalanced forces with the constraints."""
         return self.at_rest(z)[0]
 
     def solve(self, z: Float[Array, " n"], rhs: Float[Array, " n"]) -> Float[Array, " n"]:
-        """Returns the change of z that changes `left` by the right-hand side."""
+        """The change of z that changes `left` by the right-hand side."""
         matrix = jax.jacfwd(self.left)(z)
         if self.system.hub is not None:
             matrix = matrix + gauge(self.system, self.spin, self.split(z)[0], matrix)
@@ -152,7 +152,7 @@ def equilibrium(system: System, start: Coordinates, spin: Vector) -> Equilibrium
 def gauge(
     system: System, spin: Vector, y: Float[Array, " n"], matrix: Float[Array, "m m"]
 ) -> Float[Array, "m m"]:
-    """Returns a matrix that fixes the position of a free system along the spin axis and its angle about it.
+    """A matrix that fixes the position of a free system along the spin axis and its angle about it.
 
     Without this matrix the Newton matrix is singular in these two directions. The solution does not change
     otherwise, because no force acts in them."""
@@ -165,7 +165,7 @@ def gauge(
 
 
 def equilibrated_solve(a: Float[Array, "n n"], b: Float[Array, " n"]) -> Float[Array, " n"]:
-    """Returns a^{-1} b, computed with scaled rows and columns: axial, bending and hub rows differ by many
+    """a^{-1} b, computed with scaled rows and columns: axial, bending and hub rows differ by many
     orders of magnitude."""
     largest = jnp.abs(a).max(1)
     scale = 1.0 / jnp.sqrt(jnp.where(largest > 0.0, largest, 1.0))

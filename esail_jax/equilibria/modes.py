@@ -52,7 +52,7 @@ class Modes(NamedTuple):
 
 @jax.jit
 def linearised(system: System, at: Equilibrium) -> Matrices:
-    """Returns M, G + C, K and Phi_y at a relative equilibrium."""
+    """M, G + C, K and Phi_y at a relative equilibrium."""
     y = independent(system, at.q)
     zero = 0.0 * y
     # The acceleration of the frame is the same for every y: only its value at the equilibrium matters.
@@ -71,7 +71,7 @@ def linearised(system: System, at: Equilibrium) -> Matrices:
 
 
 def modes(system: System, at: Equilibrium) -> Modes:
-    """Returns all vibration modes of a system about a relative equilibrium (`equilibrium`).
+    """All vibration modes of a system about a relative equilibrium (`equilibrium`).
 
     The result is not differentiable. Raises ValueError if the equilibrium has not converged.
     """

@@ -31,7 +31,7 @@ HELICAL = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 1.0], [0.0, 1j, -1j]]) / np.arra
 
 
 def hub_motions(system: System, y: Float[Host, " n"], axes: Float[Host, "3 3"]) -> Float[Host, "n 6"]:
-    """Returns the displacements of y in translations of the hub along `axes` (columns) and in rotations
+    """The displacements of y in translations of the hub along `axes` (columns) and in rotations
     about the axes through its centre."""
     hub = indices(system).hub
     found = np.zeros((len(y), 6))
@@ -45,7 +45,7 @@ def hub_motions(system: System, y: Float[Host, " n"], axes: Float[Host, "3 3"]) 
 
 
 def rigid_hub_basis(system: System, y: Float[Host, " n"], axes: Float[Host, "3 3"]) -> Sparse:
-    """Returns the basis of all motions with a rigid hub: the tethers' coordinates, in the axes of each
+    """The basis of all motions with a rigid hub: the tethers' coordinates, in the axes of each
     tether (along the spin axis, radial, azimuthal), and the hub's six motions.
 
     Columns are ordered tether by tether, each followed by the auxiliary tether from its tip to the next
@@ -73,13 +73,13 @@ def rigid_hub_basis(system: System, y: Float[Host, " n"], axes: Float[Host, "3 3
 
 
 def rotation_about_x(angle: float) -> Float[Host, "3 3"]:
-    """Returns the active rotation about the first axis."""
+    """The active rotation about the first axis."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
 
 
 def waves(count: int, coordinates: int, hub: bool, n: int) -> Sparse:
-    """Returns the waves of number n, in the coordinates of `rigid_hub_basis`.
+    """The waves of number n, in the coordinates of `rigid_hub_basis`.
 
     count: number of tethers p; coordinates: number of coordinates of a tether."""
     phase = np.exp(2j * np.pi * n * np.arange(count) / count)[:, None] / np.sqrt(count)
@@ -93,7 +93,7 @@ def waves(count: int, coordinates: int, hub: bool, n: int) -> Sparse:
 
 
 def one_tether_further(count: int, coordinates: int, hub: bool) -> Sparse:
-    """Returns the rotation of a motion by the angle between two tethers, in the coordinates of
+    """The rotation of a motion by the angle between two tethers, in the coordinates of
     `rigid_hub_basis`."""
     shift = sp.csc_matrix(np.roll(np.eye(count), 1, axis=0))
     turned = sp.kron(shift, sp.eye(coordinates), format="csc")
@@ -112,7 +112,7 @@ def tethers_are_equal(reduced: list[Sparse], count: int, hub: bool) -> bool:
 
 
 def conditions(system: System, matrices: SparseMatrices) -> Sparse:
-    """Returns the conditions on small motions, one a row with unit length: the constraints and, with a
+    """The conditions on small motions, one a row with unit length: the constraints and, with a
     hub, a resting centre of mass.
 
     The motion of the centre of mass follows from the other motions and does not act on them, because
@@ -127,7 +127,7 @@ def conditions(system: System, matrices: SparseMatrices) -> Sparse:
 
 
 def allowed(rows: Inexact[Host, "c n"]) -> Inexact[Host, "n m"]:
-    """Returns an orthonormal basis, in columns, of the vectors on which all rows vanish."""
+    """An orthonormal basis, in columns, of the vectors on which all rows vanish."""
     import scipy.linalg
 
     rows = rows[np.abs(rows).max(axis=1, initial=0.0) > 1e-9]

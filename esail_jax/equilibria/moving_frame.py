@@ -27,17 +27,17 @@ class MovingFrame(eqx.Module):
     acceleration: Vector
 
     def turned(self, q: Coordinates) -> Coordinates:
-        """Returns Omega x r for every vector r."""
+        """Omega x r for every vector r."""
         tether = jnp.cross(self.spin, q.tether, axisb=1, axisc=1)
         ring = None if q.ring is None else jnp.cross(self.spin, q.ring, axisb=0, axisc=0)
         return Coordinates(tether, None if q.hub is None else jnp.cross(self.spin, q.hub), ring)
 
     def velocity(self, q: Coordinates, rate: Coordinates) -> Coordinates:
-        """Returns v of a motion x, x' in the frame."""
+        """v of a motion x, x' in the frame."""
         return rate.axpy(1.0, self.turned(q))
 
     def vdot(self, q: Coordinates, rate: Coordinates, second: Coordinates) -> Coordinates:
-        """Returns vdot of a motion x, x', x'' in the frame. The acceleration a acts on points, not on
+        """vdot of a motion x, x', x'' in the frame. The acceleration a acts on points, not on
         slopes; that of a ring's own points is added by `forces`."""
         coriolis = second.axpy(2.0, self.turned(rate)).axpy(1.0, self.turned(self.turned(q)))
         tether = coriolis.tether.at[0].add(self.acceleration[:, None, None])
@@ -46,7 +46,7 @@ class MovingFrame(eqx.Module):
 
 
 def independent(system: System, q: Coordinates) -> Float[Array, " n"]:
-    """Returns the independent coordinates y [m] of given coordinates."""
+    """The independent coordinates y [m] of given coordinates."""
     tether = system.tethers.scale_slopes(q.tether)
     parts = [tether[:, :, 1:], tether[1:, :, 0]] + ([] if q.hub is None else [q.hub])
     parts += [] if q.ring is None else [q.ring]
@@ -54,7 +54,7 @@ def independent(system: System, q: Coordinates) -> Float[Array, " n"]:
 
 
 def expanded(system: System, y: Float[Array, " n"], derivative: int = 0) -> Coordinates:
-    """Returns the coordinates that belong to y (derivative = 0) or to a displacement of y (derivative = 1).
+    """The coordinates that belong to y (derivative = 0) or to a displacement of y (derivative = 1).
 
     The result is linear in a displacement. Roots follow the hub, or rest in the rotating frame."""
     tethers = system.tethers
@@ -82,7 +82,7 @@ def forces(
     second: Float[Array, " n"],
     lam: Multipliers,
 ) -> tuple[Float[Array, " n"], Multipliers]:
-    """Returns the residuals of the equations of motion, conjugate to y [N], and of the constraints [m], for
+    """The residuals of the equations of motion, conjugate to y [N], and of the constraints [m], for
     y, y', y'' in the frame."""
     time = jnp.zeros(())
     q = expanded(system, y)
@@ -95,31 +95,31 @@ def forces(
 
 
 def conjugate(system: System, forces: Coordinates) -> Float[Array, " n"]:
-    """Returns the generalized forces on y that belong to nodal forces: the transpose of `expanded`."""
+    """The generalized forces on y that belong to nodal forces: the transpose of `expanded`."""
     zero = jnp.zeros(independent(system, forces).shape)
     return jax.vjp(lambda d: expanded(system, d, derivative=1), zero)[1](forces)[0]
 
 
 def uniform_inertia(system: System, acceleration: Vector) -> Float[Array, " n"]:
-    """Returns M times a uniform acceleration of a system with a hub, conjugate to y [N]."""
+    """M times a uniform acceleration of a system with a hub, conjugate to y [N]."""
     hub = system.hub.mass_matrix @ jnp.broadcast_to(acceleration, (4, 3))
     inertia = system.member_inertia(uniform(system, acceleration))
     return conjugate(system, inertia._replace(hub=hub))
 
 
 def uniform(system: System, vector: Vector) -> Coordinates:
-    """Returns coordinates with `vector` as every position of tethers and ring, and zero slopes; without
+    """Coordinates with `vector` as every position of tethers and ring, and zero slopes; without
     the hub."""
     ring = None if system.ring is None else system.ring.uniform(vector)
     return Coordinates(system.tethers.uniform(vector), None, ring)
 
 
 def translation(system: System, direction: Vector) -> Float[Array, " n"]:
-    """Returns the displacement of y in a uniform translation of a system with a hub."""
+    """The displacement of y in a uniform translation of a system with a hub."""
     hub = jnp.broadcast_to(direction, (4, 3))
     return independent(system, uniform(system, direction)._replace(hub=hub))
 
 
 def rotation_about(system: System, spin: Vector, y: Float[Array, " n"]) -> Float[Array, " n"]:
-    """Returns the displacement of y in a rotation about the axis of `spin` through the origin."""
+    """The displacement of y in a rotation about the axis of `spin` through the origin."""
     return independent(system, MovingFrame(spin, jnp.zeros(3)).turned(expanded(system, y)))

@@ -63,7 +63,7 @@ def sampled(
     directions: Float[Array, "direction n"],
     hub_rows: Float[Array, "row n"],
 ) -> Samples:
-    """Returns residuals at rest in the frame, and their derivatives along the given directions."""
+    """Residuals at rest in the frame, and their derivatives along the given directions."""
     zero = 0.0 * y
 
     def balance(y, rate, second):
@@ -86,7 +86,7 @@ def sampled(
 def linearised_sparse(
     system: System, frame: MovingFrame, y: Float[Host, " n"], lam: Multipliers
 ) -> SparseMatrices:
-    """Returns the matrices of the linearised equations at rest in a frame, and the residuals there.
+    """The matrices of the linearised equations at rest in a frame, and the residuals there.
 
     Raises ValueError if the system has couplings that the sparsity does not provide for: the products with
     a random vector are compared."""
@@ -114,7 +114,7 @@ def linearised_sparse(
 
 
 def assembled(coupled: Couplings, hub: Host, columns: Host, rows: Host) -> Sparse:
-    """Returns a sparse matrix from its derivatives along the directions of `linearised_sparse`."""
+    """A sparse matrix from its derivatives along the directions of `linearised_sparse`."""
     found = []
     for (colour, slot), values in zip(coupled.seeds, columns, strict=False):
         of_colour = coupled.colour[coupled.second] == colour
@@ -135,7 +135,7 @@ def assembled(coupled: Couplings, hub: Host, columns: Host, rows: Host) -> Spars
 
 
 def assembled_constraints(coupled: Couplings, hub: Host, columns: Host) -> Sparse:
-    """Returns Phi_y. A hub's conditions read the hub's coordinates; those of a clamped root read them and
+    """Phi_y. A hub's conditions read the hub's coordinates; those of a clamped root read them and
     the coordinates of its own tether's root."""
     count, held = len(coupled.roots), columns.shape[1]
     size = (coupled.places != NONE).sum() + len(hub)

@@ -38,7 +38,7 @@ class Spectrum(NamedTuple):
 def dense_spectrum(
     mass: Inexact[Host, "m m"], rate: Inexact[Host, "m m"], stiffness: Inexact[Host, "m m"], spin: float
 ) -> Spectrum:
-    """Returns all 2 m eigenvalues."""
+    """All 2 m eigenvalues."""
     import scipy.linalg
 
     shift, size = SHIFT * abs(spin), len(mass)
@@ -60,7 +60,7 @@ def sparse_spectrum(
     spin: float,
     count: int,
 ) -> tuple[Spectrum, float]:
-    """Returns about 2 `count` eigenvalues nearest to the shift, and the radius [1/s] about zero within
+    """About 2 `count` eigenvalues nearest to the shift, and the radius [1/s] about zero within
     which all are found.
 
     Arnoldi's method finds one copy of a multiple eigenvalue for certain. It is therefore repeated on the
@@ -74,7 +74,7 @@ def sparse_spectrum(
     factor = splu(sp.block_array([[scaled, border.T], [border, None]], format="csc"))
 
     def solved(right):
-        """Returns the allowed x for which the pencil times x is `right`."""
+        """The allowed x for which the pencil times x is `right`."""
         return scale * factor.solve(np.concatenate([scale * right, np.zeros(held)]))[:size]
 
     def inverse(state):

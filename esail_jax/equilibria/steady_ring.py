@@ -97,31 +97,31 @@ class Ringed(NamedTuple):
     spin: Scalar
 
     def coordinates(self, shape: "Shape") -> Coordinates:
-        """Returns the coordinates of a shape."""
+        """The coordinates of a shape."""
         q = self.moved(shape)
         return q._replace(tether=q.tether.at[0].add(self.roots[:, None]))
 
     def moved(self, change: "Shape") -> Coordinates:
-        """Returns the change of the coordinates with a change of the shape."""
+        """The change of the coordinates with a change of the shape."""
         tether = jnp.einsum("jxt,kjnt->kxnt", jnp.stack(self.planes), change.arms)
         return Coordinates(tether, None, change.ring)
 
     def shape(self, q: Coordinates, lam: Multipliers) -> "Shape":
-        """Returns the shape that has these coordinates and multipliers."""
+        """The shape that has these coordinates and multipliers."""
         return self.change(q._replace(tether=q.tether.at[0].add(-self.roots[:, None])), lam)
 
     def change(self, dq: Coordinates, lam: Multipliers) -> "Shape":
-        """Returns the change of a shape with its coordinates and multipliers."""
+        """The change of a shape with its coordinates and multipliers."""
         return Shape(jnp.einsum("jxt,kxnt->kjnt", jnp.stack(self.planes), dq.tether), dq.ring, lam)
 
     def unbalanced(self, shape: "Shape") -> Vector:
-        """Returns the forces within the planes, and the violations of the constraints."""
+        """The forces within the planes, and the violations of the constraints."""
         forces, gaps = balance(self.frame, self.coordinates(shape), shape.lam)
         rows = iteration_matrix.to_vector(self.frame, forces, gaps)._replace(local=gaps.clamp)
         return rows._replace(blocks=within(rows.blocks, self.planes))
 
     def solved(self, shape: "Shape", rows: Vector, share: Scalar | float = LAST_SHARE) -> "Shape":
-        """Returns the change of the shape that changes `unbalanced` by these rows, with a share of the mass
+        """The change of the shape that changes `unbalanced` by these rows, with a share of the mass
         matrix."""
         softest = lax.stop_gradient(share * rate_squared(self.frame, self.spin))
         matrix = stiffness(self.frame, self.coordinates(shape), shape.lam, softest)

@@ -84,20 +84,20 @@ def steady_state(
 
 
 def computed(function: Callable, *arguments: Any) -> Any:
-    """Returns `function(*arguments)`, computed by a kept program. One after the other, JAX would compile
+    """`function(*arguments)`, computed by a kept program. One after the other, JAX would compile
     every operation of it in every process, which took longer than all the rest."""
     return program_of(function, (), arguments, START_OPTIONS)(*arguments)
 
 
 def displaced(system: System, change: Float[Array, " n"]) -> Coordinates:
-    """Returns the coordinates that belong to a displacement of y."""
+    """The coordinates that belong to a displacement of y."""
     return expanded(system, change, derivative=1)
 
 
 def newton_step(
     system: System, matrices: SparseMatrices, y: Float[Host, " n"], axis: Float[Host, "3"]
 ) -> tuple[Float[Host, " n"], Float[Host, " c"], float]:
-    """Returns the changes of y, of the multipliers and of the acceleration along the axis."""
+    """The changes of y, of the multipliers and of the acceleration along the axis."""
     turns = neutral_turns(system, y, axis)
     along = [] if system.hub is None else [translations(system) @ axis]
     forces = [matrices.mass @ t for t in along]
@@ -123,12 +123,12 @@ def scaled_solve(matrix: Sparse, right: Float[Host, " n"]) -> Float[Host, " n"]:
 
 
 def columns_of(vectors: list[Float[Host, " n"]], size: int) -> Float[Host, "n k"]:
-    """Returns vectors as the columns of a matrix, which may have none."""
+    """Vectors as the columns of a matrix, which may have none."""
     return np.stack(vectors, axis=1) if vectors else np.zeros((size, 0))
 
 
 def translations(system: System) -> Float[Host, "n 3"]:
-    """Returns the displacements of y in the three translations of a system with a hub."""
+    """The displacements of y in the three translations of a system with a hub."""
     at = indices(system)
     found = np.zeros((at.size, 3))
     points = at.ring
@@ -142,7 +142,7 @@ def translations(system: System) -> Float[Host, "n 3"]:
 
 
 def neutral_turns(system: System, y: Float[Host, " n"], axis: Float[Host, "3"]) -> list[Float[Host, " n"]]:
-    """Returns the rotations about the axis that no force opposes, with unit length."""
+    """The rotations about the axis that no force opposes, with unit length."""
     turn = np.asarray(computed(rotation_about, system, jnp.asarray(axis), jnp.asarray(y)))
     if system.clamped and system.hub is None:
         return []
@@ -160,7 +160,7 @@ def neutral_turns(system: System, y: Float[Host, " n"], axis: Float[Host, "3"]) 
 
 
 def largest_slope(system: System, change: Float[Host, " n"]) -> float:
-    """Returns the largest change of r_x at any node, and of the chord of an element."""
+    """The largest change of r_x at any node, and of the chord of an element."""
     q = computed(displaced, system, jnp.asarray(change))
     parts = [(system.tethers, q.tether)]
     parts += [] if system.ring is None else [(system.ring.segments, system.ring.nodal(q))]
@@ -173,7 +173,7 @@ def largest_slope(system: System, change: Float[Host, " n"]) -> float:
 
 
 def added(lam: Multipliers, change: Float[Host, " c"]) -> Multipliers:
-    """Returns multipliers plus a change in the order of the constraints."""
+    """Multipliers plus a change in the order of the constraints."""
     leaves, tree = jax.tree.flatten(lam)
     parts, at = [], 0
     for x in leaves:

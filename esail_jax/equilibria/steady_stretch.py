@@ -29,13 +29,13 @@ Line = Float[Array, "coef node tether"]
 
 
 def unstretched_line(tethers: TetherBatch) -> Line:
-    """Returns distances and stretches of the undeformed tether."""
+    """Distances and stretches of the undeformed tether."""
     steps = jnp.arange(tethers.elements + 1.0)[:, None] * tethers.element_length
     return jnp.stack([steps, jnp.ones_like(steps)][: tethers.coefs])
 
 
 def along(line: Line, direction: Float[Array, "3 tether"]) -> Nodal:
-    """Returns the nodal vectors of straight tethers, relative to their roots."""
+    """The nodal vectors of straight tethers, relative to their roots."""
     return line[:, None] * direction[None, :, None]
 
 
@@ -57,12 +57,12 @@ class Straight(NamedTuple):
         return jnp.tile(jnp.array([[1.0], [0.0], [0.0]]), (1, self.tethers.count))
 
     def stress(self, fields: PointFields) -> PointFields:
-        """Returns the derivative of the energies with respect to the fields."""
+        """The derivative of the energies with respect to the fields."""
         at_rest = jax.tree.map(jnp.zeros_like, fields)
         return add_fields([term.point_forces(jnp.zeros(()), fields, at_rest) for term in self.energies])
 
     def unbalanced(self, line: Line) -> Line:
-        """Returns the elastic forces without the centrifugal ones."""
+        """The elastic forces without the centrifugal ones."""
         fields = self.tethers.interpolate(along(line, self.x_axis))
         root = self.radius * self.tethers.uniform(jnp.array([1.0, 0.0, 0.0]))
         lever = along(line * self.cosine, self.x_axis) + root
@@ -70,7 +70,7 @@ class Straight(NamedTuple):
         return forces[:, 0]
 
     def matrix(self, line: Line) -> tuple[Array, Array, Array]:
-        """Returns the blocks of the derivative of `unbalanced`."""
+        """The blocks of the derivative of `unbalanced`."""
         tethers = self.tethers
         fields = tethers.interpolate(along(line, self.x_axis))
         unit = jnp.zeros_like(fields.r_x).at[0].set(1.0)
@@ -84,7 +84,7 @@ class Straight(NamedTuple):
         return diag.at[-1].add(-tip), upper, lower
 
     def change(self, line: Line, forces: Line) -> Line:
-        """Returns the change of distances and stretches that changes `unbalanced` by these forces."""
+        """The change of distances and stretches that changes `unbalanced` by these forces."""
         factors, root = chains.factor(*self.matrix(line))
         blocks = jnp.moveaxis(to_metres(self.tethers, forces, -1), 1, 0)
         own, port = chains.reduce_to_port(factors, blocks)

@@ -32,7 +32,7 @@ class RunFileError(InputError):
 
 
 def files_of(paths: Iterable[Path]) -> list[Path]:
-    """Returns the run files that paths stand for: of the folder of an ensemble its file, of the folder of a
+    """The run files that paths stand for: of the folder of an ensemble its file, of the folder of a
     design its two runs, otherwise the path itself. Raises RunFileError for another folder."""
     found = []
     for path in paths:

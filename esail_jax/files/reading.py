@@ -44,7 +44,7 @@ class SavedRun:
 
 
 def read_runs(path: Path, members: tuple[int, ...]) -> list[SavedRun]:
-    """Returns the run in a file, or the members of an ensemble with these numbers.
+    """The run in a file, or the members of an ensemble with these numbers.
 
     Raises RunFileError for a file that cannot be read or has no rows, and for members that it lacks."""
     with open_run(path) as file, intact(path):
@@ -64,7 +64,7 @@ def read_runs(path: Path, members: tuple[int, ...]) -> list[SavedRun]:
 
 
 def read_rows(file: h5py.File, path: Path, member: int | None) -> SavedRun:
-    """Returns a run, or a member of an ensemble. Raises RunFileError if it has no rows."""
+    """A run, or a member of an ensemble. Raises RunFileError if it has no rows."""
     place = () if member is None else member
     rows = {key: data[place] for key, data in file["observables"].items()}
     attributes = {
@@ -85,7 +85,7 @@ def read_rows(file: h5py.File, path: Path, member: int | None) -> SavedRun:
 
 
 def scene_in(file: h5py.File, path: Path) -> Scene:
-    """Returns the scene of a file. Terms that a user wrote are not in it: the scene knows their names, and
+    """The scene of a file. Terms that a user wrote are not in it: the scene knows their names, and
     is no scene to run without them."""
     scene = parse(file["scene"].asstr()[()], str(path))
     names = tuple(file.attrs.get("own_terms", ()))
@@ -93,7 +93,7 @@ def scene_in(file: h5py.File, path: Path) -> Scene:
 
 
 def known_rows(rows: Mapping[str, np.ndarray], count: int) -> int:
-    """Returns the number of leading instants at which the kinetic energy, or else any observable, is
+    """The number of leading instants at which the kinetic energy, or else any observable, is
     finite."""
     signals = [rows["kinetic_energy"]] if "kinetic_energy" in rows else list(rows.values())
     known = np.zeros(count, bool)

@@ -53,12 +53,12 @@ COPY_SHARE = 0.03
 
 
 def scene_of_run(scene: Scene) -> str:
-    """Returns the scene's text with a fixed `t_end`. A run can be resumed if this text is the same."""
+    """The scene's text with a fixed `t_end`. A run can be resumed if this text is the same."""
     return to_toml(scene.replace({"integrator.t_end": 1.0}))
 
 
 def names_of_terms(scene: Scene) -> list[str]:
-    """Returns module, name and checksum of every term that a user added to a scene, each as one text."""
+    """module, name and checksum of every term that a user added to a scene, each as one text."""
     if isinstance(scene.terms, AbsentTerms):
         return list(scene.terms.names)
     return [identity_of(term) for term in scene.terms]
@@ -79,7 +79,7 @@ class Content(NamedTuple):
 
     @classmethod
     def of_run(cls, compiled: CompiledScene) -> "Content":
-        """Returns the description of a compiled scene."""
+        """The description of a compiled scene."""
         problem = compiled.problem
         return cls(
             compiled.scene,
@@ -92,7 +92,7 @@ class Content(NamedTuple):
 
     @classmethod
     def of_solution(cls, solution: Solution) -> "Content":
-        """Returns the description of a solution."""
+        """The description of a solution."""
         stats = solution.stats
         return cls(
             solution.scene,
@@ -151,7 +151,7 @@ class Progress(NamedTuple):
 
 
 def progress_of(run: HostRun, times: tuple[float, float], *ended: Any) -> Progress:
-    """Returns the progress of a run on the host. ended: status, message and result, if it has ended."""
+    """The progress of a run on the host. ended: status, message and result, if it has ended."""
     counts = run.counts
     found = Progress(run.checkpoint, run.point, int(counts[0]), int(counts[1]), times, *ended)
     return found._replace(jump=run.jump)
@@ -237,7 +237,7 @@ class RunWriter:
 
 
 def rows_of(file: h5py.File) -> list[h5py.Dataset]:
-    """Returns all datasets whose first axis is time."""
+    """All datasets whose first axis is time."""
     return [file["time"], *file["observables"].values(), *file["numerics"].values()]
 
 

@@ -18,7 +18,7 @@ MAGIC = b"esail_jax run file, SHA-256 of what follows this block: "
 
 
 def seal_of(file: BinaryIO) -> bytes:
-    """Returns the user block that belongs to the content of an open file: the text, the SHA-256 of what
+    """The user block that belongs to the content of an open file: the text, the SHA-256 of what
     follows the block as hexadecimal digits, and zeros."""
     file.seek(USER_BLOCK)
     digest = hashlib.file_digest(file, "sha256").hexdigest()  # type: ignore[arg-type]

@@ -32,7 +32,7 @@ def save_checkpoint(file: h5py.File, checkpoint: Checkpoint) -> None:
 
 
 def load_checkpoint(file: h5py.File) -> Checkpoint:
-    """Returns the checkpoint of a run file. Its motion is a mapping of arrays by path, which
+    """The checkpoint of a run file. Its motion is a mapping of arrays by path, which
     `simulation.restoring.restored` reads."""
     group = file["state"]
     motion = arrays_of(group["motion"])
@@ -43,7 +43,7 @@ def load_checkpoint(file: h5py.File) -> Checkpoint:
 
 
 def arrays_of(group: h5py.Group) -> dict[str, np.ndarray]:
-    """Returns the arrays in a group and its groups, by path."""
+    """The arrays in a group and its groups, by path."""
     found = {}
 
     def visit(name, data):
@@ -63,7 +63,7 @@ def save_point(file: h5py.File, point: AnyPoint) -> None:
 
 
 def load_point(file: h5py.File) -> AnyPoint | None:
-    """Returns the last saved instant of a run file; None if it has none."""
+    """The last saved instant of a run file; None if it has none."""
     if "final" not in file:
         return None
     group = file["final"]

@@ -1,0 +1,1 @@
+"""How tethers are held: roots on a hub or in a turning frame."""

@@ -47,7 +47,7 @@ class Moving(NamedTuple):
 
 
 def floquet(table: Any, moving: Moving) -> Floquet:
-    """Returns the multipliers. table: a `ModeTable` of all modes of a sail with a hub in the wind.
+    """The multipliers. table: a `ModeTable` of all modes of a sail with a hub in the wind.
 
     Raises SimulationError if no periodic orbit is found."""
     found, system, axes = moving.found, moving.system, moving.axes
@@ -71,7 +71,7 @@ def floquet(table: Any, moving: Moving) -> Floquet:
 
 
 def multipliers(table: Any, moving: Moving, setting: Setting, orbit: Orbit) -> Floquet:
-    """Returns the multipliers of an orbit."""
+    """The multipliers of an orbit."""
     spin, count = setting.spin, setting.system.tethers.count
     values, vectors = np.linalg.eig(orbit.map)
     slow = np.flatnonzero(np.abs(table.eigenvalue) <= FASTEST * spin)
@@ -109,14 +109,14 @@ def multipliers(table: Any, moving: Moving, setting: Setting, orbit: Orbit) -> F
 
 
 def signed_wave(table: Any, mode: int) -> int:
-    """Returns the number of a wave exp(i n phi + s t) with the eigenvalue s of the table; 0 for motions
+    """The number of a wave exp(i n phi + s t) with the eigenvalue s of the table; 0 for motions
     that are no waves."""
     n = int(table.wave_number[mode])
     return 0 if n < 0 else -n if table.motions[mode][2] else n
 
 
 def state_of(table: Any, moving: Moving, mode: int) -> Complex[Host, " m"]:
-    """Returns a mode as a change of the state (u, (Omega x u + s u) / |Omega|)."""
+    """A mode as a change of the state (u, (Omega x u + s u) / |Omega|)."""
     found, axes = moving.found, moving.axes
     group, column, conjugate = table.motions[mode]
     shapes = table.groups[group]

@@ -37,7 +37,7 @@ class Floquet:
     sailing_angle: float
 
     def first(self, count: int) -> "Floquet":
-        """Returns the multipliers of the first modes."""
+        """The multipliers of the first modes."""
         shorter = {name: getattr(self, name)[:count] for name in ("multiplier", "exponent")}
         return dataclasses.replace(self, **shorter)
 

@@ -53,7 +53,7 @@ class Character(NamedTuple):
 
 
 def characters(shape: Shape, places: Places, copies: int) -> list[Character]:
-    """Returns the character of every mode. copies: number of tethers that each of the shape stands for."""
+    """The character of every mode. copies: number of tethers that each of the shape stands for."""
     count = shape.tether.shape[2]
     mass = places.mass[None, :, :count, None]
     energy = copies * (mass * np.abs(shape.tether) ** 2).sum((1, 2))
@@ -78,7 +78,7 @@ def characters(shape: Shape, places: Places, copies: int) -> list[Character]:
 
 
 def strongest_line(displacement: Host) -> Float[Host, " point"]:
-    """Returns the displacement of the tether that moves most, relative to its root, at the phase at which
+    """The displacement of the tether that moves most, relative to its root, at the phase at which
     it is largest. displacement: (point, tether)."""
     relative = displacement - displacement[:1]
     line = relative[:, (np.abs(relative) ** 2).sum(0).argmax()]
@@ -87,13 +87,13 @@ def strongest_line(displacement: Host) -> Float[Host, " point"]:
 
 
 def sign_changes(line: Float[Host, " point"]) -> int:
-    """Returns the number of changes of sign."""
+    """The number of changes of sign."""
     signs = np.sign(line[np.abs(line) > LEAST * np.abs(line).max()])
     return int((np.diff(signs) != 0).sum())
 
 
 def along_tether(character: Character) -> str:
-    """Returns the name of a tether's motion along its length, or of an auxiliary tether's."""
+    """The name of a tether's motion along its length, or of an auxiliary tether's."""
     kind, nodes = character.kind, character.nodes
     if kind == RING:
         way = DIRECTIONS[character.direction]
@@ -113,12 +113,12 @@ def along_tether(character: Character) -> str:
 
 
 def ordinal(number: int) -> str:
-    """Returns the ordinal number in words, from the eleventh on in digits."""
+    """The ordinal number in words, from the eleventh on in digits."""
     return ORDINALS[number - 1] if number <= len(ORDINALS) else f"{number}th"
 
 
 def of_hub(hub: Host, inertia: Float[Host, "6"]) -> str:
-    """Returns the name of a mode in which the hub has most of the kinetic energy. hub: its six motions."""
+    """The name of a mode in which the hub has most of the kinetic energy. hub: its six motions."""
     energy = inertia * np.abs(hub) ** 2
     parts = (energy[0], energy[1:3].sum(), energy[3], energy[4:].sum())
     names = (
@@ -131,7 +131,7 @@ def of_hub(hub: Host, inertia: Float[Host, "6"]) -> str:
 
 
 def around_circle(n: int, count: int, forward: bool | None) -> str:
-    """Returns the part of a name that tells how the tethers move together. forward: None for standing."""
+    """The part of a name that tells how the tethers move together. forward: None for standing."""
     if count == 1:
         return ""
     if n == 0:
@@ -150,7 +150,7 @@ def is_precession(character: Character, eigenvalue: complex, spin: float, backwa
 
 
 def backward_rotation(hub: Host, eigenvalue: complex, spin: float) -> float:
-    """Returns the share of the hub's tilt that whirls against the spin, of a motion u exp(s t)."""
+    """The share of the hub's tilt that whirls against the spin, of a motion u exp(s t)."""
     a, b = hub[4], hub[5]
     parts = np.abs([a - 1j * b, a + 1j * b]) ** 2
     if (eigenvalue.imag < 0.0) != (spin < 0.0):

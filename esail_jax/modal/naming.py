@@ -34,7 +34,7 @@ class NamedMode(NamedTuple):
 def named_group(
     system: System, group: Motions, places: Places, spin: float, known: dict[int, Shape]
 ) -> list[NamedMode]:
-    """Returns the modes of a group. known: shapes of the groups so far, by the identity of their motions,
+    """The modes of a group. known: shapes of the groups so far, by the identity of their motions,
     which several wave numbers may share."""
     shapes, count = group.shapes, system.tethers.count
     shape = known.get(id(shapes.local))
@@ -79,7 +79,7 @@ def named_group(
 
 
 def plain_name(character: names.Character, hub: Host, places: Places) -> str:
-    """Returns the name of a motion, whatever its form around the circle."""
+    """The name of a motion, whatever its form around the circle."""
     if character.kind == "hub":
         return names.of_hub(hub, places.hub)
     return names.along_tether(character)
@@ -91,7 +91,7 @@ def forward_of(vibration: Vibration, spin: float) -> bool | None:
 
 
 def among_unequal(character: names.Character, shape: Shape, k: int, value: complex, spin: float) -> str:
-    """Returns the part of a name that tells which of the unequal tethers move in mode k, and how."""
+    """The part of a name that tells which of the unequal tethers move in mode k, and how."""
     count = shape.tether.shape[2]
     if count == 1 or character.kind == "hub":
         return ""

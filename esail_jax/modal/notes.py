@@ -15,12 +15,12 @@ slow motions to 1e-12)."""
 
 
 def notes_of(scene: Scene, found: Solved) -> tuple[str, ...]:
-    """Returns the sentences, one for each note."""
+    """The sentences, one for each note."""
     return (state_of(scene, found), *left_out(found), *selection_of(found))
 
 
 def state_of(scene: Scene, found: Solved) -> str:
-    """Returns the sentence about the equilibrium."""
+    """The sentence about the equilibrium."""
     spin, angle = found.spin, float(np.asarray(scene.initial.sailing_angle_deg))
     period = f"spin {spin:g} rad/s ({abs(spin) / (2.0 * np.pi):.4e} Hz)"
     if scene.solar_wind is None and scene.tip_thrust is None:
@@ -47,7 +47,7 @@ def state_of(scene: Scene, found: Solved) -> str:
 
 
 def left_out(found: Solved) -> list[str]:
-    """Returns the sentences about motions that are no vibrations."""
+    """The sentences about motions that are no vibrations."""
     if found.hub:
         return [
             "Left out: the motions of the centre of mass (as seen in B, frequency 0 along the spin axis "
@@ -64,14 +64,14 @@ def left_out(found: Solved) -> list[str]:
 
 
 def selection_of(found: Solved) -> list[str]:
-    """Returns the sentence about modes that were not computed."""
+    """The sentence about modes that were not computed."""
     if found.complete:
         return []
     return ["The tethers are unequal and many: only the modes of the lowest frequencies are computed."]
 
 
 def floquet_notes(found: Floquet) -> tuple[str, ...]:
-    """Returns the sentences about the periodic orbit and its stability."""
+    """The sentences about the periodic orbit and its stability."""
     angle = np.degrees(found.sailing_angle)
     strongest = float(np.nanmax(found.growth)) - 1.0
     stable = "no motion grows" if strongest <= GROWING else "a motion grows"
@@ -90,6 +90,6 @@ def floquet_notes(found: Floquet) -> tuple[str, ...]:
 
 
 def drift(found: Floquet) -> str:
-    """Returns the part of a sentence about what drifts from turn to turn."""
+    """The part of a sentence about what drifts from turn to turn."""
     tilt, spin = np.degrees(found.tilt_drift), found.spin_drift
     return f"the sailing angle changes by {tilt:.1e} deg and the spin by {spin:.1e} of itself."

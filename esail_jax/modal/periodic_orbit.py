@@ -87,7 +87,7 @@ class Orbit(NamedTuple):
 
 
 def periodic_orbit(setting: Setting, start: Float[Host, " m"]) -> Orbit:
-    """Returns the relative periodic orbit nearest to a state, which need not lie on the constraints.
+    """The relative periodic orbit nearest to a state, which need not lie on the constraints.
 
     Nothing is raised: `converged` is false if no orbit was found."""
     system, size = setting.system, len(start) // 2
@@ -137,14 +137,14 @@ def periodic_orbit(setting: Setting, start: Float[Host, " m"]) -> Orbit:
 
 
 def held_axis(axis: Float[Host, "3"]) -> Float[Host, "3"]:
-    """Returns a unit vector across an axis."""
+    """A unit vector across an axis."""
     other = np.eye(3)[np.abs(axis).argmin()]
     across = np.cross(other, axis)
     return across / np.linalg.norm(across)
 
 
 def unknown(setting: Setting, z: Host, tangents: Host) -> Orbit:
-    """Returns the result if the motion could not be integrated."""
+    """The result if the motion could not be integrated."""
     nan, size = np.nan, tangents.shape[1]
     return Orbit(
         z, nan, nan, nan, nan, nan, tangents, np.full((size, size), nan), np.zeros((len(z), 2)), nan, False
@@ -152,7 +152,7 @@ def unknown(setting: Setting, z: Host, tangents: Host) -> Orbit:
 
 
 def mapped(setting: Setting, z: Host, duration: float, precession: float, tangents: Host) -> Image:
-    """Returns the image of a state with the derivatives along all tangents, which are computed TOGETHER at
+    """The image of a state with the derivatives along all tangents, which are computed TOGETHER at
     a time, by one program."""
     directions = tangents.T
     missing = -len(directions) % TOGETHER
@@ -171,7 +171,7 @@ def mapped(setting: Setting, z: Host, duration: float, precession: float, tangen
 
 
 def run(function, system, spin, z):
-    """Returns the result of one of the small programs of `turn_map.py`, as NumPy arrays."""
+    """The result of one of the small programs of `turn_map.py`, as NumPy arrays."""
     arguments = (system, jnp.asarray(spin, jnp.float64), z)
     program = program_of(function, (), arguments, START_OPTIONS)
     return jax.tree.map(np.asarray, program(*arguments))

@@ -32,7 +32,7 @@ class RingPlaces(NamedTuple):
 
 
 def along_batch(batch: TetherBatch, nodes: Host) -> Host:
-    """Returns vectors (component, point, tether, mode) at the first node, at POINTS points of every element
+    """Vectors (component, point, tether, mode) at the first node, at POINTS points of every element
     and at the last node, from nodal vectors (coef, node, component, tether, mode) with slopes in metres."""
     xi = (np.arange(POINTS) + 0.5) / POINTS
     table = batch.shape_table(xi, 0)
@@ -43,7 +43,7 @@ def along_batch(batch: TetherBatch, nodes: Host) -> Host:
 
 
 def ring_places_of(ring: Ring, tips: Float[Host, "3 tether"]) -> RingPlaces:
-    """Returns the points of shapes. tips: positions of the tips in the equilibrium, each in the axes of its
+    """The points of shapes. tips: positions of the tips in the equilibrium, each in the axes of its
     own tether with respect to the hub's centre."""
     segments = ring.segments
     count = segments.count
@@ -59,7 +59,7 @@ def ring_places_of(ring: Ring, tips: Float[Host, "3 tether"]) -> RingPlaces:
 
 
 def following(tips: Host, count: int, wave: int | None) -> Host:
-    """Returns vectors (component, tether, mode) of the next tethers in the axes of each tether. wave: as
+    """Vectors (component, tether, mode) of the next tethers in the axes of each tether. wave: as
     for `shape_of`."""
     turned = rotation_about_x(2.0 * np.pi / count)
     others = np.roll(tips, -1, axis=1) if wave is None else np.exp(2j * np.pi * wave / count) * tips
@@ -69,7 +69,7 @@ def following(tips: Host, count: int, wave: int | None) -> Host:
 def ring_displacement(
     ring: Ring, places: RingPlaces, tips: Host, own: Host, wave: int | None
 ) -> Complex[Host, "3 ring_point tether mode"]:
-    """Returns displacements relative to the line between the ends of each segment, in the axes of `places`.
+    """Displacements relative to the line between the ends of each segment, in the axes of `places`.
 
     tips: displacements (component, tether, mode); own: own vectors of the segments (coordinate, tether,
     mode), both in the axes of the tethers; wave: as for `shape_of`."""

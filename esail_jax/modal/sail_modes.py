@@ -41,7 +41,7 @@ def modes(
     floquet: bool = False,
     terms: Any = None,
 ) -> ModeTable:
-    """Returns the modes of a sail about its spinning equilibrium, as seen in the frame B that turns with
+    """The modes of a sail about its spinning equilibrium, as seen in the frame B that turns with
     it.
 
     With wind, the equilibrium is the steady cone that accelerates uniformly along the spin axis, under the
@@ -75,7 +75,7 @@ def modes(
 
 
 def with_floquet(table: ModeTable, moving: Moving, count: int | None) -> ModeTable:
-    """Returns the table with the multipliers, and of the modes the first `count`. Raises
+    """The table with the multipliers, and of the modes the first `count`. Raises
     SimulationError."""
     found = multipliers_of(table, moving)
     table = dataclasses.replace(table, floquet=found, notes=(*table.notes, *floquet_notes(found)))
@@ -83,7 +83,7 @@ def with_floquet(table: ModeTable, moving: Moving, count: int | None) -> ModeTab
 
 
 def solved_scene(scene: Scene, count: int | None) -> Moving:
-    """Returns the system of a scene, its equilibrium and its spectrum. Raises SimulationError without
+    """The system of a scene, its equilibrium and its spectrum. Raises SimulationError without
     equilibrium."""
     structure, numbers = split(with_method(scene))
     program = program_of(start_of, (structure,), (numbers,), START_OPTIONS)
@@ -116,14 +116,14 @@ class Start(NamedTuple):
 
 
 def start_of(structure: Structure, numbers: Numbers) -> Start:
-    """Returns the start of a scene, from its structure and numbers."""
+    """The start of a scene, from its structure and numbers."""
     model = build(structure, numbers)
     axes = model.system.rotation(jnp.zeros(()), model.q)
     return Start(model, axes, with_mean_loads(model.system, axes))
 
 
 def assembled(scene: Scene, found: Solved, count: int | None) -> ModeTable:
-    """Returns the table of modes from the spectra of all groups of motions."""
+    """The table of modes from the spectra of all groups of motions."""
     known: dict[int, Shape] = {}
     entries = [
         (entry, place)
@@ -154,7 +154,7 @@ def assembled(scene: Scene, found: Solved, count: int | None) -> ModeTable:
 
 
 def with_changes(table: ModeTable, finer: ModeTable) -> ModeTable:
-    """Returns the table with the change of every mode to the nearest one of the same name in a finer
+    """The table with the change of every mode to the nearest one of the same name in a finer
     discretisation."""
     by_name: dict[str, list[complex]] = {}
     for name, value in zip(finer.name, finer.eigenvalue, strict=True):

@@ -46,7 +46,7 @@ def vibrations(
     waves: bool,
     neutral: int,
 ) -> tuple[list[Vibration], int]:
-    """Returns the vibrations, and the number of eigenvalues left out because they are zero.
+    """The vibrations, and the number of eigenvalues left out because they are zero.
 
     waves: the motions are waves of one number, whose conjugates are those of the opposite number: every
     eigenvalue is a vibration of its own, and an overdamped one stands for both numbers. neutral: number of
@@ -76,7 +76,7 @@ def vibrations(
 def overdamped(
     values: Complex[Host, " mode"], motions: Inexact[Host, "n mode"], mass: Host, real: Host
 ) -> list[tuple[int, int | None]]:
-    """Returns pairs of real eigenvalues that belong to one vibration; None beside one that is alone."""
+    """Pairs of real eigenvalues that belong to one vibration; None beside one that is alone."""
     order = real[np.argsort(np.abs(values[real]))]
     decaying = order[values[order].real < 0.0]
     alone = [int(k) for k in order if values[k].real >= 0.0]

@@ -46,7 +46,7 @@ class Places(NamedTuple):
 
 
 def nodal(system: System, local: Host, hub: Host) -> Host:
-    """Returns the nodal vectors (coef, node, component, tether, mode) of motions with a rigid hub.
+    """The nodal vectors (coef, node, component, tether, mode) of motions with a rigid hub.
 
     local: coordinates of the tethers (coordinate, tether, mode) in their own axes; hub: (6, mode)."""
     tethers = system.tethers
@@ -68,12 +68,12 @@ def nodal(system: System, local: Host, hub: Host) -> Host:
 
 
 def arms_of(system: System) -> Host:
-    """Returns the positions of the roots from the hub's centre, in B [m], (3, tether)."""
+    """The positions of the roots from the hub's centre, in B [m], (3, tether)."""
     return np.asarray(system.hub.base_points.T @ system.roots.weights)
 
 
 def places_of(system: System, steady: Host) -> Places:
-    """Returns the points of shapes. steady: coordinates of the tethers in the equilibrium, (coordinate,
+    """The points of shapes. steady: coordinates of the tethers in the equilibrium, (coordinate,
     tether), in their own axes with respect to the hub's centre."""
     tethers = system.tethers
     n, count = tethers.elements, tethers.count
@@ -99,7 +99,7 @@ def places_of(system: System, steady: Host) -> Places:
 
 
 def shape_of(system: System, places: Places, local: Host, hub: Host, wave: int | None) -> Shape:
-    """Returns the shapes of motions with a rigid hub. local: (coordinate, tether, mode) for the first
+    """The shapes of motions with a rigid hub. local: (coordinate, tether, mode) for the first
     tethers of the sail; hub: (6, mode); wave: number of the wave of which `local` has the first tether;
     None if it has all tethers."""
     nodes = nodal(system, local, hub)

@@ -55,7 +55,7 @@ class Solved(NamedTuple):
 def solve(
     system: System, start: Coordinates, axes: Float[Host, "3 3"], spin: float, count: int | None
 ) -> Solved:
-    """Returns the equilibrium that spins at `spin` [rad/s] about the first of `axes`, and its vibrations.
+    """The equilibrium that spins at `spin` [rad/s] about the first of `axes`, and its vibrations.
 
     start: coordinates from which it is looked for. count: least number of vibrations, None for all."""
     at, matrices, y = steady_state(system, start, jnp.asarray(axes[:, 0] * spin))
@@ -89,7 +89,7 @@ def solve(
 
 
 def from_centre(basis: Sparse, y: Host, system: System, axes: Host) -> Host:
-    """Returns the coordinates of y in the axes of the tethers, from the hub's centre, less its position."""
+    """The coordinates of y in the axes of the tethers, from the hub's centre, less its position."""
     if system.hub is None:
         return basis.T @ y
     from esail_jax.equilibria.couplings import indices
@@ -109,7 +109,7 @@ def by_waves(
     spin: float,
     neutral: int,
 ) -> tuple[list[Motions], int]:
-    """Returns the vibrations of equal tethers, and the number of zero eigenvalues.
+    """The vibrations of equal tethers, and the number of zero eigenvalues.
 
     count: number of tethers; own: number of coordinates of each, with its segment of the ring; neutral:
     number of zero eigenvalues of a wave, with a hub or a ring of n = 0 only."""
@@ -160,7 +160,7 @@ def all_at_once(
     spin: float,
     neutral: int,
 ) -> tuple[list[Motions], int]:
-    """Returns the vibrations of unequal tethers, and the number of zero eigenvalues."""
+    """The vibrations of unequal tethers, and the number of zero eigenvalues."""
     free = motions.allowed(conditions.toarray())
     blocks = [free.T @ (a @ free) for a in reduced]
     spectrum = dense_spectrum(*blocks, spin=spin)
@@ -179,7 +179,7 @@ def lowest(
     neutral: int,
     number: int,
 ) -> tuple[list[Motions], int]:
-    """Returns the lowest vibrations of unequal tethers, and the number of zero eigenvalues among them."""
+    """The lowest vibrations of unequal tethers, and the number of zero eigenvalues among them."""
     spectrum, radius = sparse_spectrum(*matrices[:3], conditions, spin, number)
     keep = np.abs(spectrum.eigenvalue) <= radius
     values, motion = spectrum.eigenvalue[keep], spectrum.motion[:, keep]
@@ -192,6 +192,6 @@ def lowest(
 
 
 def of_all_tethers(coordinates: Complex[Host, "n mode"], count: int, own: int, hub: bool) -> Group:
-    """Returns motions, in the coordinates of `rigid_hub_basis`, as a group."""
+    """motions, in the coordinates of `rigid_hub_basis`, as a group."""
     local = coordinates[: own * count].reshape(count, own, -1).transpose(1, 0, 2)
     return Group(None, local, coordinates[own * count :] if hub else np.zeros((6, local.shape[2])))

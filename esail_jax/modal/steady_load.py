@@ -78,7 +78,7 @@ def check_has_orbit(scene: Scene) -> None:
 
 
 def with_mean_loads(system: System, axes: Rotation) -> System:
-    """Returns the system under the mean of its loads over a turn about X_B, the first column of `axes`.
+    """The system under the mean of its loads over a turn about X_B, the first column of `axes`.
 
     Raises SceneError for a load whose mean is not known."""
     axis = axes[:, 0]

@@ -65,7 +65,7 @@ class ModeTable:
         return len(self.name)
 
     def first(self, count: int) -> "ModeTable":
-        """Returns the table of the first modes."""
+        """The table of the first modes."""
         of_modes = (
             "frequency_hz damping_ratio name eigenvalue wave_number kind nodes relative_change motions"
         )
@@ -74,7 +74,7 @@ class ModeTable:
         return dataclasses.replace(self, **shorter, floquet=found)
 
     def shape(self, mode: int) -> Shape:
-        """Returns the shape of a mode: displacements at the points of `places`, along every tether in its
+        """The shape of a mode: displacements at the points of `places`, along every tether in its
         axes, and of the hub. The largest displacement of a tether is 1."""
         from esail_jax.modal.shapes import shape_of
 
@@ -94,7 +94,7 @@ class ModeTable:
         return Shape(tether[..., 0] / largest, hub[:, 0] / largest, ring)
 
     def records(self) -> list[dict[str, Any]]:
-        """Returns the modes as dictionaries that JSON can hold."""
+        """The modes as dictionaries that JSON can hold."""
         found = []
         for k, name in enumerate(self.name):
             change = float(self.relative_change[k])
@@ -115,7 +115,7 @@ class ModeTable:
         return found
 
     def floquet_record(self, mode: int) -> dict[str, Any]:
-        """Returns multiplier and exponent of a mode for `records`: none unless they were asked for, null
+        """Multiplier and exponent of a mode for `records`: none unless they were asked for, null
         for a mode that is too fast."""
         if self.floquet is None:
             return {}

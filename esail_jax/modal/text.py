@@ -19,7 +19,7 @@ WIDTH = 108
 
 
 def table_text(table: Any) -> str:
-    """Returns notes and table of a `ModeTable`; modes with equal frequency and motion share a line."""
+    """Notes and table of a `ModeTable`; modes with equal frequency and motion share a line."""
     lines = [line for note in table.notes for line in textwrap.wrap(note, WIDTH)]
     orbit = table.floquet
     multipliers = "|mu| - 1    orbit - mean  " if orbit is not None else ""
@@ -54,7 +54,7 @@ def table_text(table: Any) -> str:
 
 
 def of_orbit(table: Any, members: list[int]) -> str:
-    """Returns the columns of the multipliers of a line; nothing if they were not asked for."""
+    """The columns of the multipliers of a line; nothing if they were not asked for."""
     orbit = table.floquet
     if orbit is None:
         return ""
@@ -67,7 +67,7 @@ def of_orbit(table: Any, members: list[int]) -> str:
 
 
 def rows_of(table: Any) -> list[tuple[int, list[int]]]:
-    """Returns the lines: the first mode of each and all its modes."""
+    """The lines: the first mode of each and all its modes."""
     rows: list[tuple[int, list[int]]] = []
     for k, value in enumerate(table.eigenvalue):
         for first, members in reversed(rows[-16:]):
@@ -81,12 +81,12 @@ def rows_of(table: Any) -> list[tuple[int, list[int]]]:
 
 
 def motion_of(name: str) -> str:
-    """Returns the part of a name before the form around the circle."""
+    """The part of a name before the form around the circle."""
     return name.partition(", ")[0]
 
 
 def row_name(table: Any, first: int, members: list[int]) -> str:
-    """Returns the name of a line."""
+    """The name of a line."""
     if len(members) == 1 or table.wave_number[first] < 0:
         return table.name[first]
     numbers = sorted({int(table.wave_number[k]) for k in members})

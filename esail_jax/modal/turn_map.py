@@ -81,18 +81,18 @@ class Local(NamedTuple):
 
 
 def to_state(system: System, spin: Scalar | float, q: Coordinates, v: Coordinates) -> State:
-    """Returns the state of positions and velocities. spin: the rate Omega > 0 that scales velocities."""
+    """The state of positions and velocities. spin: the rate Omega > 0 that scales velocities."""
     return jnp.concatenate([independent(system, q), independent(system, v) / spin])
 
 
 def from_state(system: System, spin: Scalar | float, z: State) -> tuple[Coordinates, Coordinates]:
-    """Returns positions and velocities of a state."""
+    """Positions and velocities of a state."""
     n = z.size // 2
     return expanded(system, z[:n]), expanded(system, spin * z[n:], derivative=1)
 
 
 def renumbered(system: System, x: Coordinates, places: int) -> Coordinates:
-    """Returns coordinates in which every tether has the number of the one that is `places` further, and
+    """Coordinates in which every tether has the number of the one that is `places` further, and
     the hub's body axes are turned back accordingly: the same sail, described from another tether."""
     if places == 0:
         return x
@@ -105,7 +105,7 @@ def renumbered(system: System, x: Coordinates, places: int) -> Coordinates:
 
 
 def flow(system: System, q: Coordinates, v: Coordinates, duration: Scalar, steps: int):
-    """Returns positions and velocities after a duration [s], by `steps` steps of collocation; NaN if the
+    """Positions and velocities after a duration [s], by `steps` steps of collocation; NaN if the
     integration fails."""
     zero = jnp.zeros(())
     step = lax.stop_gradient(duration) / steps
@@ -132,7 +132,7 @@ def turn_map(
     precession: Scalar,
     directions: Float[Array, "direction m"],
 ) -> Turn:
-    """Returns the image of a state, with its derivatives.
+    """The image of a state, with its derivatives.
 
     steps: number of time steps; places: by how many places the tethers are renumbered; spin: as for
     `to_state`; wind: unit vector; duration, precession: T and Delta; directions: tangents of the state, one
@@ -160,7 +160,7 @@ def turn_map(
 
 
 def local(system: System, spin: Scalar | float, z: State) -> Local:
-    """Returns what the equations of a fixed point need beside the map."""
+    """What the equations of a fixed point need beside the map."""
 
     def conditions(z):
         q, v = from_state(system, spin, z)
@@ -182,7 +182,7 @@ def local(system: System, spin: Scalar | float, z: State) -> Local:
 
 
 def settled(system: System, spin: Scalar | float, z: State) -> State:
-    """Returns the nearest state on the constraints, with its centre of mass at rest in the origin."""
+    """The nearest state on the constraints, with its centre of mass at rest in the origin."""
     q, v = from_state(system, spin, z)
     for _ in range(PROJECTIONS):
         q, v = project(system, jnp.zeros(()), q, v)

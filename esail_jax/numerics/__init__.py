@@ -1,0 +1,1 @@
+"""Mathematics without physics: structured solves, loops for `vmap`, derivative rules, vectors."""

@@ -13,7 +13,7 @@ are determined."""
 
 @custom_jvp
 def smallest_eigenvector(matrix: Float[Array, "3 3"]) -> Vector:
-    """Returns the unit eigenvector of the smallest eigenvalue of a symmetric matrix.
+    """The unit eigenvector of the smallest eigenvalue of a symmetric matrix.
 
     The derivative follows from A n = lambda n, n . n = 1 for this eigenvector alone. JAX's rule for `eigh`
     divides by the difference of the two other eigenvalues, which is zero for a symmetric sail.
@@ -31,14 +31,14 @@ def _smallest_eigenvector_jvp(primals, tangents):
 
 
 def safe_length(x: Array, y: Array) -> Array:
-    """Returns hypot(x, y), with derivative 0 at the origin."""
+    """hypot(x, y), with derivative 0 at the origin."""
     squared = x**2 + y**2
     positive = squared > 0.0
     return jnp.where(positive, jnp.sqrt(jnp.where(positive, squared, 1.0)), 0.0)
 
 
 def safe_angle(y: Array, x: Array) -> Array:
-    """Returns atan2(y, x), with derivative 0 at the origin."""
+    """atan2(y, x), with derivative 0 at the origin."""
     origin = (x == 0.0) & (y == 0.0)
     return jnp.arctan2(jnp.where(origin, 0.0, y), jnp.where(origin, 1.0, x))
 
@@ -50,13 +50,13 @@ long runs."""
 
 
 def where_defined(angle: Array, size: Array, of: Array | float) -> Array:
-    """Returns the direction of a vector, or NaN if the vector is rounding: if its `size` is at most
+    """The direction of a vector, or NaN if the vector is rounding: if its `size` is at most
     ROUNDING times the size `of` what it was computed from, or zero."""
     return jnp.where(size > ROUNDING * of, angle, jnp.nan)
 
 
 def euler_angles(rotation: Rotation) -> Vector:
-    """Returns the angles (psi, theta, phi) [rad] of a rotation matrix, in the sequence Z-Y-X.
+    """The angles (psi, theta, phi) [rad] of a rotation matrix, in the sequence Z-Y-X.
 
     The columns of the matrix are the axes of the rotated frame. theta lies in [-pi/2, pi/2]; at gimbal lock
     psi is 0."""
@@ -73,7 +73,7 @@ def euler_angles(rotation: Rotation) -> Vector:
 
 
 def rotation_of(angles: Vector) -> Rotation:
-    """Returns the rotation matrix of angles (psi, theta, phi) [rad] in the sequence Z-Y-X, of which
+    """The rotation matrix of angles (psi, theta, phi) [rad] in the sequence Z-Y-X, of which
     `euler_angles` is the inverse: R_z(psi) R_y(theta) R_x(phi)."""
     (a, b, c), (d, e, f) = jnp.cos(angles), jnp.sin(angles)
     return jnp.array(
@@ -83,7 +83,7 @@ def rotation_of(angles: Vector) -> Rotation:
 
 
 def rotation_by(vector: Vector) -> Rotation:
-    """Returns the active rotation about a vector by the angle |vector| [rad] (formula of Rodrigues)."""
+    """The active rotation about a vector by the angle |vector| [rad] (formula of Rodrigues)."""
     angle = jnp.sqrt(jnp.maximum((vector**2).sum(), 1e-300))
     x, y, z = vector
     zero = jnp.zeros_like(x)

@@ -43,7 +43,7 @@ class ChainFactors(NamedTuple):
 
 
 def factor(diag: Blocks, upper: Links, lower: Links) -> tuple[ChainFactors, Array]:
-    """Returns the factors of the blocks 1 ... N and the Schur complement S_0 (row, row, ...) on the
+    """The factors of the blocks 1 ... N and the Schur complement S_0 (row, row, ...) on the
     port."""
 
     def eliminate(schur, blocks):
@@ -75,7 +75,7 @@ def reduce_to_port(factors: ChainFactors, rhs: BlockVectors) -> tuple[LinkVector
 def substitute_from_port(
     factors: ChainFactors, own: LinkVectors, port: Inexact[Array, "row *batch"]
 ) -> BlockVectors:
-    """Returns the solution of the blocks 0 ... N for a given solution of the port: the second half.
+    """The solution of the blocks 0 ... N for a given solution of the port: the second half.
 
     own: the solutions that `reduce_to_port` returns."""
 

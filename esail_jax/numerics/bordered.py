@@ -96,7 +96,7 @@ class Factors(NamedTuple):
 
 
 def padded(a: Array, like: Array | None) -> Array:
-    """Returns the sum of `like` and of `a`, padded with zeros to its shape; `a` if `like` is None."""
+    """The sum of `like` and of `a`, padded with zeros to its shape; `a` if `like` is None."""
     if like is None:
         return a
     widths = [(0, n - m) for n, m in zip(like.shape, a.shape, strict=True)]
@@ -130,7 +130,7 @@ def project(
 
 
 def equilibrated_inverse(a: Inexact[Array, "n n"]) -> Inexact[Array, "n n"]:
-    """Returns the inverse of a matrix with symmetric pattern, computed with rows and columns scaled by
+    """The inverse of a matrix with symmetric pattern, computed with rows and columns scaled by
     1/sqrt(max |row|): the matrix contains both hub masses (1e3 kg) and constraint gradients (1)."""
     scale = 1.0 / jnp.sqrt(jnp.abs(a).max(1))
     return scale[:, None] * jnp.linalg.inv(scale[:, None] * a * scale) * scale
@@ -172,7 +172,7 @@ def factor(matrix: Bordered) -> Factors:
 def port_loads(
     matrix: Bordered, port: Inexact[Array, "row tether"], rhs: Vector
 ) -> tuple[Array | None, Array | None]:
-    """Returns the right-hand sides (local, border) from the reduced right-hand sides of the ports."""
+    """The right-hand sides (local, border) from the reduced right-hand sides of the ports."""
     local = border = None
     if matrix.free:
         local = port[matrix.held :]
@@ -186,7 +186,7 @@ def port_loads(
 def port_displacement(
     matrix: Bordered, port: Inexact[Array, "row tether"], local: Array | None, border: Array | None
 ) -> tuple[Array, Array | None]:
-    """Returns the ports' displacements and the other local unknowns from the solution (local, border)."""
+    """The ports' displacements and the other local unknowns from the solution (local, border)."""
     held = jnp.zeros_like(port[: matrix.held])
     if border is not None:
         points = HELD_ROWS * matrix.weights.shape[0]
@@ -199,7 +199,7 @@ def port_displacement(
 def solve_ports(
     matrix: Bordered, factors: PortFactors, port: Inexact[Array, "row tether"], rhs: Vector
 ) -> tuple[Array, Array | None, Array | None]:
-    """Returns the ports' displacements, the other local unknowns and the border from the reduced right-hand
+    """The ports' displacements, the other local unknowns and the border from the reduced right-hand
     sides."""
     local, border = port_loads(matrix, port, rhs)
     if border is not None:
@@ -212,7 +212,7 @@ def solve_ports(
 def without_local(
     factors: PortFactors, local: Inexact[Array, "local tether"] | None, border: Inexact[Array, " border"]
 ) -> Inexact[Array, " border"]:
-    """Returns the border's right-hand side after the elimination of the local unknowns. local: their
+    """The border's right-hand side after the elimination of the local unknowns. local: their
     right-hand side."""
     if local is None:
         return border
@@ -227,7 +227,7 @@ def moved_by_border(
     local: Inexact[Array, "local tether"] | None,
     border: Inexact[Array, " border"] | None,
 ) -> tuple[Array, Array | None, Array | None]:
-    """Returns the ports' displacements, the other local unknowns and the border for the solution `border`.
+    """The ports' displacements, the other local unknowns and the border for the solution `border`.
 
     port: the reduced right-hand sides. local: the local unknowns if the border does not move."""
     if local is not None and border is not None:
@@ -243,7 +243,7 @@ def with_released(
     port: Inexact[Array, "row tether"],
     displacement: Inexact[Array, "row tether"],
 ) -> Inexact[Array, "row tether"]:
-    """Returns the displacements of the ports, with those of released chains in place of the given ones."""
+    """The displacements of the ports, with those of released chains in place of the given ones."""
     if matrix.released is None:
         return displacement
     alone = matvec_transposed(factors.released_inverse, port)
@@ -251,7 +251,7 @@ def with_released(
 
 
 def solve(matrix: Bordered, factors: Factors, rhs: Vector) -> Vector:
-    """Returns the solution of matrix x = rhs. Of `matrix` only weights and shapes are read."""
+    """The solution of matrix x = rhs. Of `matrix` only weights and shapes are read."""
     own, port = chains.reduce_to_port(factors.chains, rhs.blocks)
     displacement, local, border = solve_ports(matrix, factors.port, port, rhs)
     blocks = chains.substitute_from_port(factors.chains, own, displacement)

@@ -14,7 +14,7 @@ from esail_jax.numerics.symbolic_zeros import jvp_of_perturbed
 def known_solution(
     residual: Callable[[Any, Any], Any], solve: Callable[[Any, Any, Any], Any], numbers: Any, found: Any
 ) -> Any:
-    """Returns `found` as it is, with the derivatives, of any order, of the solution x of
+    """`found` as it is, with the derivatives, of any order, of the solution x of
     residual(numbers, x) = 0 (implicit function theorem): dx = -J^-1 d(residual), J = d(residual)/dx.
 
     solve: returns J^-1 rhs from (numbers, x, rhs), as a differentiable function. The two functions depend

@@ -62,7 +62,7 @@ class Lobatto(NamedTuple):
         return np.append(0.0, self.nodes)
 
     def integrals(self, power: int) -> np.ndarray:
-        """Returns coefficients (s + 1, s + 1) of the `power`-fold integral from 0 of the polynomial through
+        """Coefficients (s + 1, s + 1) of the `power`-fold integral from 0 of the polynomial through
         values at all nodes: at x the integral is sum_m x^{m + power} integrals[m] . values."""
         fit = self.extrapolation()
         factor = np.ones(len(fit))
@@ -71,24 +71,24 @@ class Lobatto(NamedTuple):
         return fit * factor[:, None]
 
     def difference(self) -> np.ndarray:
-        """Returns the weights of (p(0), p(c_1), ..., p(c_s)) in the coefficient of x^s. This divided
+        """The weights of (p(0), p(c_1), ..., p(c_s)) in the coefficient of x^s. This divided
         difference is zero for every polynomial of a lower degree."""
         return self.extrapolation()[-1]
 
     def between(self) -> float:
-        """Returns the largest |int_0^x (x - y) prod_j (y - c_j) dy| on the unit interval. Times
+        """The largest |int_0^x (x - y) prod_j (y - c_j) dy| on the unit interval. Times
         `difference` it is the change of the twofold integral if the polynomial is not required to pass
         through p(0)."""
         added = Polynomial.fromroots(self.nodes).integ(2, lbnd=0.0)
         return float(np.abs(added(np.linspace(0.0, 1.0, 1001))).max())
 
     def extrapolation(self) -> np.ndarray:
-        """Returns coefficients (s + 1, s + 1) of the polynomial through values at all nodes."""
+        """Coefficients (s + 1, s + 1) of the polynomial through values at all nodes."""
         return np.linalg.inv(np.vander(self.every_node, increasing=True))
 
 
 def jacobi(degree: int) -> Polynomial:
-    """Returns the Jacobi polynomial of weight x (1 - x) on the unit interval, by the formula of Rodrigues
+    """The Jacobi polynomial of weight x (1 - x) on the unit interval, by the formula of Rodrigues
     and not normalised."""
     x = Polynomial([0.0, 1.0])
     weight = x * (1.0 - x)

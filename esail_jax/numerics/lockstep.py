@@ -77,7 +77,7 @@ def bounded_loop(
 
 @custom_vmap
 def any_member(condition: Bool[Array, ""]) -> Bool[Array, ""]:
-    """Returns the condition; under `vmap`, one truth value for all members: whether it holds for any."""
+    """The condition; under `vmap`, one truth value for all members: whether it holds for any."""
     return condition
 
 
@@ -89,7 +89,7 @@ def _any_member(size, batched, condition):
 def cond_of_members(
     condition: Bool[Array, ""], yes: Callable[..., Result], no: Callable[..., Result], *operands: Any
 ) -> Result:
-    """Returns `lax.cond(condition, yes, no, *operands)`, for functions whose derivative may be batched.
+    """`lax.cond(condition, yes, no, *operands)`, for functions whose derivative may be batched.
 
     In a batch all members compute `yes` if any of them wants it, and the others drop the result. It must be
     finite for their operands, too. JAX's own rule for a condition that differs between members stops the
@@ -101,7 +101,7 @@ def cond_of_members(
 
 @custom_vmap
 def true_or_of_members(condition: Bool[Array, ""]) -> Bool[Array, ""]:
-    """Returns true, for which the compiler removes a selection; under `vmap`, the condition."""
+    """true, for which the compiler removes a selection; under `vmap`, the condition."""
     return jnp.ones_like(condition)
 
 
@@ -112,7 +112,7 @@ def _true_or_of_members(size, batched, condition):
 
 @custom_vmap
 def select_under_vmap(is_active: Bool[Array, ""], new: Carry, old: Carry) -> Carry:
-    """Returns `new`; under `vmap`, `new` for the active members and `old` for the others."""
+    """`new`; under `vmap`, `new` for the active members and `old` for the others."""
     return new
 
 
@@ -125,7 +125,7 @@ def _select_under_vmap(size, batched, is_active, new, old):
 
 @custom_vmap
 def buffer_set(buffers: Result, index: Int[Array, ""], value: Result, is_active: Bool[Array, ""]) -> Result:
-    """Returns the buffers with `value` at `index` of their first axis; under `vmap`, only the active
+    """The buffers with `value` at `index` of their first axis; under `vmap`, only the active
     members are written.
 
     Without `vmap` the caller is active, and the index is not checked against the length of the buffers."""
@@ -148,12 +148,12 @@ def _buffer_set(size, batched, buffers, index, value, is_active):
 
 
 def select(condition: Bool[Array, ""], new: Carry, old: Carry) -> Carry:
-    """Returns `new` if the condition holds, otherwise `old`, leaf by leaf."""
+    """`new` if the condition holds, otherwise `old`, leaf by leaf."""
     return jax.tree.map(lambda a, b: jnp.where(condition, a, b), new, old)
 
 
 def filled(size: int, values: Any, batched: Any) -> Any:
-    """Returns the values with a leading axis of length `size` for the members, which is added if
+    """The values with a leading axis of length `size` for the members, which is added if
     missing."""
     return jax.tree.map(
         lambda x, has: x if has else jnp.broadcast_to(x, (size, *jnp.shape(x))), values, batched
@@ -163,7 +163,7 @@ def filled(size: int, values: Any, batched: Any) -> Any:
 def per_member_table(
     table: Float[Array | np.ndarray, "row col"], like: Array
 ) -> Float[Array | np.ndarray, "row col"]:
-    """Returns the table; under `vmap`, one copy of it per member. like: any array that differs between
+    """The table; under `vmap`, one copy of it per member. like: any array that differs between
     members.
 
     Without the copies XLA moves the member axis behind the table's rows and transposes the arrays around

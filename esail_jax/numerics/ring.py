@@ -140,7 +140,7 @@ def chainwise_border(
 
 
 def solve(matrix: Bordered, factors: RingFactors, rhs: Vector) -> Vector:
-    """Returns the solution of matrix x = rhs. Of `matrix` only weights and shapes are read."""
+    """The solution of matrix x = rhs. Of `matrix` only weights and shapes are read."""
     blocks, inside = rhs.blocks, None
     if factors.segments is not None:
         inside = segments.solve_own(factors.segments, rhs.ring)

@@ -21,18 +21,18 @@ Vectors = Inexact[Array, "row *batch"]
 def matmul(
     a: Inexact[Array, "row mid *batch"], b: Inexact[Array | np.ndarray, "mid col *batch"]
 ) -> Matrices:
-    """Returns the product of each pair of matrices. It also serves single pairs as small as the hub's, for
+    """The product of each pair of matrices. It also serves single pairs as small as the hub's, for
     which a call of the matrix library would take longer."""
     return (a[:, :, None] * b[None]).sum(1)
 
 
 def matvec(a: Inexact[Array, "row col *batch"], x: Inexact[Array, "col *batch"]) -> Vectors:
-    """Returns the product of each matrix and its vector."""
+    """The product of each matrix and its vector."""
     return (a * x[None]).sum(1)
 
 
 def matvec_transposed(a: Inexact[Array, "col row *batch"], x: Inexact[Array, "col *batch"]) -> Vectors:
-    """Returns the product of each transposed matrix and its vector.
+    """The product of each transposed matrix and its vector.
 
     The sum runs over the leading axis, which is the fast one; factors are stored transposed for this
     reason. It is computed in parts of a few rows, because XLA writes out only short sums, and vectorises
@@ -52,12 +52,12 @@ def joined(parts: list[Inexact[Array, "_ *batch"]]) -> Inexact[Array, "_ *batch"
 
 
 def transpose(a: Inexact[Array, "row col *batch"]) -> Inexact[Array, "col row *batch"]:
-    """Returns the transpose of each matrix."""
+    """The transpose of each matrix."""
     return jnp.swapaxes(a, 0, 1)
 
 
 def inverse(a: Inexact[Array, "row row *batch"]) -> Inexact[Array, "row row *batch"]:
-    """Returns the inverse of each matrix, by closed forms up to 3 x 3 and by Gauss-Jordan elimination
+    """The inverse of each matrix, by closed forms up to 3 x 3 and by Gauss-Jordan elimination
     above.
 
     There is no pivoting: the leading principal submatrices of a larger matrix must be regular.

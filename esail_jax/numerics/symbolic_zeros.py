@@ -25,7 +25,7 @@ def jvp_of_perturbed(function: Callable, primals: tuple, tangents: tuple) -> tup
 
 
 def perturbed(function: Callable, primals: tuple, tangents: tuple) -> tuple[Callable, tuple, tuple]:
-    """Returns `function` as a function of only those leaves whose tangent is not a symbolic zero, with
+    """`function` as a function of only those leaves whose tangent is not a symbolic zero, with
     these leaves and their tangents."""
     leaves, structure = jax.tree.flatten(primals)
     moves = jax.tree.leaves(tangents, is_leaf=is_symbolic)
@@ -47,17 +47,17 @@ def is_symbolic(tangent: Any) -> bool:
 
 
 def materialised(tangent: Any) -> Array:
-    """Returns a tangent as an array; a symbolic zero becomes an array of zeros."""
+    """A tangent as an array; a symbolic zero becomes an array of zeros."""
     return jnp.zeros(tangent.shape, tangent.dtype) if is_symbolic(tangent) else tangent
 
 
 def nothing_of(like: Any) -> Any:
-    """Returns zeros of the same shapes and types."""
+    """Zeros of the same shapes and types."""
     return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), like)
 
 
 def bundled(rhs: Any) -> Any:
-    """Returns the right-hand sides of a `lax.custom_linear_solve` as one bundle: if one of them has a
+    """The right-hand sides of a `lax.custom_linear_solve` as one bundle: if one of them has a
     tangent, all have. JAX cannot transpose the solve if some of several right-hand sides have none.
 
     JAX 0.11 and later cannot transpose a barrier one of whose operands is constant. There every right-hand
@@ -69,13 +69,13 @@ def bundled(rhs: Any) -> Any:
 
 
 def linear_zero(arrays: list[Array]) -> Array | int:
-    """Returns zero as a sum that is linear in the arrays, and zero for any of them, infinite ones
+    """Zero as a sum that is linear in the arrays, and zero for any of them, infinite ones
     included."""
     return sum(jnp.where(False, x.sum(), 0.0) for x in arrays)
 
 
 def tied(values: Any, other: Any) -> Any:
-    """Returns the values as results that depend on other results of the same `lax.custom_linear_solve`:
+    """The values as results that depend on other results of the same `lax.custom_linear_solve`:
     with a zero added that is linear in these, and that the compiler removes.
 
     The cotangent of a result that nothing needs is a constant. Its tangent is a symbolic zero, of which JAX
@@ -90,7 +90,7 @@ CONSTANTS_IN_BARRIERS = jax.__version_info__ < (0, 11)
 
 @custom_jvp
 def with_tangent_of(value: Any, of: Any) -> Any:
-    """Returns `value` with the tangent of `of`: the two are numerically equal, but only `of` is
+    """`value` with the tangent of `of`: the two are numerically equal, but only `of` is
     differentiated."""
     return value
 
@@ -102,7 +102,7 @@ def _with_tangent_of_jvp(primals, tangents):
 
 @jax.custom_jvp
 def with_tangents(values: Any, of: Any) -> Any:
-    """Returns the values. If anything in `of` is differentiated, every value has a tangent that is an
+    """The values. If anything in `of` is differentiated, every value has a tangent that is an
     array, also where it would be a symbolic zero.
 
     JAX traces the derivative of a `lax.scan` again until the set of symbolic zeros in the carry no longer
@@ -119,7 +119,7 @@ def _with_tangents_jvp(primals, tangents):
 
 
 def of_every_member(values: Any, of: Any) -> Any:
-    """Returns the values as numbers of every member, if `of` differs between the members of a batch: JAX
+    """The values as numbers of every member, if `of` differs between the members of a batch: JAX
     0.10 fails where tangents differ and values do not. The compiler removes the selection."""
     numbers = [jnp.asarray(x) for x in jax.tree.leaves(of)]
     token = linear_zero([x for x in numbers if jnp.issubdtype(x.dtype, jnp.floating)])

@@ -28,7 +28,7 @@ Numbers = Float[Array, "*any"]
 
 
 def vanishing(like: Callable) -> Callable:
-    """Returns a decorator of functions whose values and first derivatives are known to be zero, and are not
+    """A decorator of functions whose values and first derivatives are known to be zero, and are not
     computed. like: for the same arguments, numbers of the shapes and types of the values."""
 
     def decorated(function):
@@ -109,7 +109,7 @@ class Derivative:
 def zero_product(
     derivative: Derivative, x: Sequence[Any], d: Sequence[Any], zero: Sequence[Any]
 ) -> Sequence[Any]:
-    """Returns the product D(x) d of a derivative that is zero as one operation, which does not even trace
+    """The product D(x) d of a derivative that is zero as one operation, which does not even trace
     D. zero: numbers of the types of the result."""
     types = tuple(jax.ShapeDtypeStruct(y.shape, y.dtype) for y in zero)
     return product_operation().bind(*x, *d, derivative=derivative, points=len(x), results=types)
@@ -165,14 +165,14 @@ def product_operation() -> Any:
 
 
 def zero_of(x: Numbers) -> Numbers:
-    """Returns zero as a number of every member of a batch: JAX 0.10 fails where a function's derivative is
+    """Zero as a number of every member of a batch: JAX 0.10 fails where a function's derivative is
     different for the members, and its value is not."""
     return jnp.where(x == x, 0.0, 0.0)
 
 
 @custom_jvp
 def half_square(x: Numbers, c: Numbers) -> Numbers:
-    """Returns x^2 / (2 c) at x = 0, with its first two derivatives with respect to x; the third one is NaN.
+    """x^2 / (2 c) at x = 0, with its first two derivatives with respect to x; the third one is NaN.
     It is zero where c is zero. c carries no derivative."""
     return zero_of(x)
 
@@ -184,7 +184,7 @@ def _half_square_jvp(primals, tangents):
 
 @custom_jvp
 def ratio(x: Numbers, c: Numbers) -> Numbers:
-    """Returns x/c at x = 0: zero, with its first derivative."""
+    """x/c at x = 0: zero, with its first derivative."""
     return zero_of(x)
 
 
@@ -195,7 +195,7 @@ def _ratio_jvp(primals, tangents):
 
 @custom_jvp
 def slope(x: Numbers, c: Numbers) -> Numbers:
-    """Returns 1/c, zero where c is zero. Its derivative is NaN: what it stands for is known to second order
+    """1/c, zero where c is zero. Its derivative is NaN: what it stands for is known to second order
     only."""
     return jnp.where(c == 0.0, zero_of(x), 1.0 / jnp.where(c == 0.0, 1.0, c))
 
@@ -207,6 +207,6 @@ def _slope_jvp(primals, tangents):
 
 
 def half_product(x: Scalar, y: Numbers) -> Numbers:
-    """Returns x y / 2 at x = y = 0, with its first two derivatives; the third one is NaN."""
+    """x y / 2 at x = y = 0, with its first two derivatives; the third one is NaN."""
     one = jnp.ones_like(y)
     return 0.25 * (half_square(x + y, one) - half_square(x - y, one))

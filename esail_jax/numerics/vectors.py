@@ -14,13 +14,13 @@ from esail_jax.array_types import Array, Float, PerPoint, VectorPerPoint
 
 
 def dot(a: VectorPerPoint, b: VectorPerPoint) -> PerPoint:
-    """Returns the scalar product a . b over the leading axis."""
+    """The scalar product a . b over the leading axis."""
     return (a * b).sum(0)
 
 
 @jax.custom_jvp
 def reciprocal(x: PerPoint) -> PerPoint:
-    """Returns 1/x. Its derivatives are products of the result, as a division costs as much as ten
+    """1/x. Its derivatives are products of the result, as a division costs as much as ten
     products."""
     return 1.0 / x
 
@@ -32,7 +32,7 @@ def _reciprocal_jvp(primals, tangents):
 
 
 def greatest(x: Float[Array, "first *rest"]) -> Float[Array, "*rest"]:
-    """Returns the largest absolute value along the first axis, which must be short.
+    """The largest absolute value along the first axis, which must be short.
 
     The maximum is taken term by term, which XLA vectorises; its own maximum over an axis is computed one
     element at a time. Signs are removed last: XLA would merge absolute values into the product before them
@@ -41,13 +41,13 @@ def greatest(x: Float[Array, "first *rest"]) -> Float[Array, "*rest"]:
 
 
 def norm(a: VectorPerPoint) -> PerPoint:
-    """Returns the Euclidean length |a|. Its derivative is infinite at a = 0."""
+    """The Euclidean length |a|. Its derivative is infinite at a = 0."""
     return root(dot(a, a))
 
 
 @jax.custom_jvp
 def root(x: PerPoint) -> PerPoint:
-    """Returns the square root of x >= 0.
+    """The square root of x >= 0.
 
     The maximum with zero does not change the value. Without it XLA merges the root and the division in its
     derivative into one operation, which takes three times as long."""

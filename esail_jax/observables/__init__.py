@@ -41,7 +41,7 @@ def is_chain(system: System) -> bool:
 
 
 def listed(system: System) -> list[Observable]:
-    """Returns the observables of a system, in the order of the list."""
+    """The observables of a system, in the order of the list."""
     return chain.listed(system) if is_chain(system) else sail.listed(system)
 
 
@@ -53,7 +53,7 @@ def known_names(of_chain: bool) -> tuple[str, ...]:
 
 
 def hint_at(name: str, present: Iterable[str], of_chain: bool) -> str:
-    """Returns a hint, in brackets, for a name that is no observable of a run: what an observable of this
+    """A hint, in brackets, for a name that is no observable of a run: what an observable of this
     name needs, otherwise the nearest name of those that are present; empty if there is none."""
     if name in known_names(of_chain):
         need = described(name).needs
@@ -73,7 +73,7 @@ def described(name: str) -> Observable:
 
 
 def observe(instant: Instant, requested: Sequence[str] = ()) -> dict[str, Array]:
-    """Returns all observables of an instant, by name. requested: names among which may be those that are
+    """All observables of an instant, by name. requested: names among which may be those that are
     computed on request only."""
     i = instant
     if is_chain(i.system):

@@ -14,7 +14,7 @@ TERMS = ("kinetic_energy", "elastic_energy", "external_work", "dissipated_energy
 
 
 def balance_warning(rows: Mapping[str, np.ndarray]) -> str:
-    """Returns a warning if the energy balance of a run is violated, otherwise an empty text.
+    """A warning if the energy balance of a run is violated, otherwise an empty text.
 
     It is violated if |dE - W + D| exceeds both BALANCE_TOLERANCE of the largest of |dE|, |W| and |D| and
     ROUNDING of E. For a chain without loads and damping: if |E - E_0| exceeds BALANCE_TOLERANCE of the
@@ -37,6 +37,6 @@ SENTENCE = "The result may be wrong (try a shorter step or tolerance): its energ
 
 
 def largest(values: np.ndarray) -> float:
-    """Returns the largest magnitude of the finite values, 0 if there are none."""
+    """The largest magnitude of the finite values, 0 if there are none."""
     finite = np.abs(values[np.isfinite(values)])
     return float(finite.max()) if finite.size else 0.0

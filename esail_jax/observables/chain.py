@@ -33,7 +33,7 @@ class Instant(NamedTuple):
 
 
 def tension(i: Instant) -> Float[Array, " rod"]:
-    """Returns the axial force of every rod [N], with its dissipative part; it is negative in
+    """The axial force of every rod [N], with its dissipative part; it is negative in
     compression."""
     tethers = i.system.tethers
     fields, rates = tethers.interpolate(i.q.tether), tethers.interpolate(i.v.tether)
@@ -43,7 +43,7 @@ def tension(i: Instant) -> Float[Array, " rod"]:
 
 
 def stored_energy(system: System, hinges: Hinges | None, q: Coordinates) -> Scalar:
-    """Returns the elastic energy U [J] of rods and hinges."""
+    """The elastic energy U [J] of rods and hinges."""
     energy = elastic_energy(system, jnp.zeros(()), q)
     if hinges is not None:
         energy = energy + hinges.energy(jnp.diff(q.tether[0, :, :, 0], axis=1))
@@ -51,12 +51,12 @@ def stored_energy(system: System, hinges: Hinges | None, q: Coordinates) -> Scal
 
 
 def internal_energy(system: System, hinges: Hinges | None, q: Coordinates, v: Coordinates) -> Scalar:
-    """Returns the sum T + U [J] of kinetic and elastic energy."""
+    """The sum T + U [J] of kinetic and elastic energy."""
     return kinetic_energy(system, v) + stored_energy(system, hinges, q)
 
 
 def potential_energy(i: Instant) -> Scalar:
-    """Returns the potential energy [J] of gravity and of the orbital field. It is zero at the origin, which
+    """The potential energy [J] of gravity and of the orbital field. It is zero at the origin, which
     is the anchor, or the reference point of a free chain."""
     system = i.system
     momenta = system.tethers.inertia(i.q.tether)  # M q, masses times positions
@@ -72,7 +72,7 @@ def potential_energy(i: Instant) -> Scalar:
 
 
 def balance(i: Instant) -> Scalar:
-    """Returns the error T + U - (T + U)_0 - W + D [J] of the energy balance; W is the work of loads and
+    """The error T + U - (T + U)_0 - W + D [J] of the energy balance; W is the work of loads and
     fields."""
     return (
         internal_energy(i.system, i.hinges, i.q, i.v) - i.start_energy - i.work.external + i.work.dissipated
@@ -99,13 +99,13 @@ ENERGY_ERROR = Observable(
 
 
 def listed(system: System) -> list[Observable]:
-    """Returns the observables of a chain; those of work only if there are loads or dissipation."""
+    """The observables of a chain; those of work only if there are loads or dissipation."""
     works = does_work(system)
     return [*(entry for entry in OBSERVABLES if not entry.needs or works), ENERGY_ERROR]
 
 
 def observe(instant: Instant) -> dict[str, Array]:
-    """Returns all observables of an instant, by name; `energy_error` is 0, not yet computed."""
+    """All observables of an instant, by name; `energy_error` is 0, not yet computed."""
     return {entry.name: entry.function(instant) for entry in listed(instant.system)}
 
 

@@ -47,7 +47,7 @@ class Observable:
 
 
 def kinetic_energy(system: System, v: Coordinates) -> Scalar:
-    """Returns the kinetic energy T [J] of tethers, remote units, hub and ring ([PGV] Eq. 21, 51)."""
+    """The kinetic energy T [J] of tethers, remote units, hub and ring ([PGV] Eq. 21, 51)."""
     momenta = system.member_inertia(v)
     energy = 0.5 * (v.tether * momenta.tether).sum()
     if momenta.ring is not None:
@@ -58,14 +58,14 @@ def kinetic_energy(system: System, v: Coordinates) -> Scalar:
 
 
 def elastic_energy(system: System, time: Scalar, q: Coordinates) -> Scalar:
-    """Returns the elastic energy U [J] at an instant [s] ([PGV] Eq. 23)."""
+    """The elastic energy U [J] at an instant [s] ([PGV] Eq. 23)."""
     fields = system.tethers.interpolate(q.tether)
     energy = sum(system.integrate(term.at(time).density(fields)) for term in system.energies)
     return energy if system.ring is None else energy + system.ring.elastic_energy(q)
 
 
 def thermal_energy(system: System, time: Scalar, q: Coordinates) -> Scalar | None:
-    """Returns the thermal energy [J] of the tethers at an instant (`elements/thermal.py`); None if they
+    """The thermal energy [J] of the tethers at an instant (`elements/thermal.py`); None if they
     have no temperature."""
     term = find_term(system.energies, ThermalEnergy)
     if term is None:
@@ -74,7 +74,7 @@ def thermal_energy(system: System, time: Scalar, q: Coordinates) -> Scalar | Non
 
 
 def shape_of(axes: tuple[str, ...], sizes: Mapping[str, int]) -> tuple[int, ...]:
-    """Returns the sizes of an observable's axes after time. sizes: by name (`Scene.sizes`); all other axes
+    """The sizes of an observable's axes after time. sizes: by name (`Scene.sizes`); all other axes
     have three entries, but an orbit has six elements, and the spin rates are those of two bodies, the hub
     and the sail."""
     return tuple({"element": 6, "body": 2, **sizes}.get(axis, 3) for axis in axes)

@@ -96,7 +96,7 @@ class Instant(eqx.Module):
         return jnp.zeros(3) if self.system.hub is None else self.system.hub.centre(self.q.hub)
 
     def from_origin(self, r: VectorPerPoint) -> VectorPerPoint:
-        """Returns positions relative to the origin of the frame I, from those in the coordinates [m]."""
+        """Positions relative to the origin of the frame I, from those in the coordinates [m]."""
         return r if self.shift is None else r + self.shift.position.reshape(3, *(1,) * (r.ndim - 1))
 
     @property
@@ -173,7 +173,7 @@ class Instant(eqx.Module):
         return jnp.cross(self.root_slopes, held, axis=0)
 
     def local_frame(self, vectors: Float[Array, "3 tether"]) -> Float[Array, "3 tether"]:
-        """Returns the components of vectors in the frame Z of each tether's root, with the axes X_B,
+        """The components of vectors in the frame Z of each tether's root, with the axes X_B,
         outward and azimuthal ([PGV] Eq. 57-58)."""
         body = matmul(self.rotation.T, vectors)
         azimuth = self.system.roots.azimuth
@@ -184,17 +184,17 @@ class Instant(eqx.Module):
         return jnp.stack([body[0], dot(outward, body), dot(sideways, body)])
 
     def thrust_nodal(self) -> Float[Array, "coef 3 node tether"]:
-        """Returns the generalized Coulomb forces on the nodes ([PGV] Eq. 34)."""
+        """The generalized Coulomb forces on the nodes ([PGV] Eq. 34)."""
         if self.load is None:
             return jnp.zeros_like(self.q.tether)
         return self.system.tethers.nodal_forces(PointFields(self.load, None))
 
     def thrusts(self) -> Float[Array, "3 tether"]:
-        """Returns the thrust F_c of each tether [N]."""
+        """The thrust F_c of each tether [N]."""
         return self.thrust_nodal()[0].sum(1)
 
     def thrust_moments(self) -> Float[Array, "3 tether"]:
-        """Returns the moment of the thrust about each root [N m], from nodal forces *and* slope forces."""
+        """The moment of the thrust about each root [N m], from nodal forces *and* slope forces."""
         nodal = self.thrust_nodal()
         arms = self.q.tether[0] - self.roots[:, None]
         moment = jnp.cross(arms, nodal[0], axis=0)
@@ -203,7 +203,7 @@ class Instant(eqx.Module):
         return moment.sum(1)
 
     def sail_axes(self) -> Rotation:
-        """Returns the rotation C_E^I to the mean plane of the tips ([PGV] Eq. 67-70). Released tethers do
+        """The rotation C_E^I to the mean plane of the tips ([PGV] Eq. 67-70). Released tethers do
         not count; the result is NaN if fewer than three are held."""
         nothing = jnp.full((3, 3), jnp.nan)
         if self.p < 3:
@@ -235,7 +235,7 @@ def make_instant(
     mass: FactoredMass | None = None,
     scene_orbit: KeplerOrbit | None = None,
 ) -> Instant:
-    """Returns the instant of a state, with the accelerations and multipliers that belong to the state.
+    """The instant of a state, with the accelerations and multipliers that belong to the state.
 
     mass: factors of the mass matrix, as in `consistent_motion`; scene_orbit: the orbit about the Sun on
     which the origin of I moves."""

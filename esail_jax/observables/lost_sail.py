@@ -17,7 +17,7 @@ Neighbours of a sail of a hundred tethers are six times as far apart."""
 
 
 def lost_warning(rows: Mapping[str, np.ndarray], scene: Scene) -> str:
-    """Returns a sentence that says what has happened to a sail and when it was first seen, otherwise an
+    """A sentence that says what has happened to a sail and when it was first seen, otherwise an
     empty text. A run that did not save the observables of which this follows is not judged. Released
     tethers do not count."""
     found = [f(rows, scene) for f in (lagging, turned_over, reordered, close)]

@@ -42,7 +42,7 @@ and skips a later pulse of the load."""
 
 
 def inertia(scene: Any, tether: int) -> tuple[float, float]:
-    """Returns the moment of inertia I [kg m^2] about the hinge and eps [-] of one tether. Without a hub R
+    """The moment of inertia I [kg m^2] about the hinge and eps [-] of one tether. Without a hub R
     is 0."""
     tethers, count = scene.tethers, scene.tethers.count
     length, area, density = (
@@ -56,7 +56,7 @@ def inertia(scene: Any, tether: int) -> tuple[float, float]:
 
 
 def hinge_moments(moment_B: np.ndarray, azimuth: float) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the moments [N m] that increase coning and lagging, (-M_s, M_X), from components in B
+    """The moments [N m] that increase coning and lagging, (-M_s, M_X), from components in B
     (time, 3)."""
     sideways = np.array([0.0, -np.sin(azimuth), np.cos(azimuth)])
     return -moment_B @ sideways, moment_B[:, 0]
@@ -102,7 +102,7 @@ def swing(
 
 
 def rigid_pendulum(run: Any, tether: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Returns times [s], gamma and beta [rad] of the rigid tether under the moments of a run.
+    """Times [s], gamma and beta [rad] of the rigid tether under the moments of a run.
 
     The result is None if the model does not apply: without spin, with gravity on a sail without a hub
     (which does not fall), or without data.

@@ -27,7 +27,7 @@ names and the words for the warning."""
 def run_warning(
     rows: Mapping[str, np.ndarray], numerics: Mapping[str, np.ndarray], scene: Scene | None = None
 ) -> str:
-    """Returns the warnings about a finished run: those about its scene, one if no tether had thrust, one if
+    """The warnings about a finished run: those about its scene, one if no tether had thrust, one if
     its energy balance is violated, one if its steps are too long, one if tethers go slack, or an empty
     text.
 
@@ -44,13 +44,13 @@ def run_warning(
 def joined_warnings(
     rows: Mapping[str, np.ndarray], parts: Sequence[float], heat: Thermal | None = None
 ) -> str:
-    """Returns the warnings of `run_warning` from the error estimates `parts`, which are empty for methods
+    """The warnings of `run_warning` from the error estimates `parts`, which are empty for methods
     with error control."""
     return " ".join(filter(None, (balance_warning(rows), step_warning(parts), slack_warning(rows, heat))))
 
 
 def idle_warning(rows: Mapping[str, np.ndarray], scene: Scene) -> str:
-    """Returns a warning about a finished run in which a law that its user wrote gave no voltage with thrust
+    """A warning about a finished run in which a law that its user wrote gave no voltage with thrust
     at any saved instant, otherwise an empty text. Laws of the package may rest between saved instants, as
     their keys say."""
     wind = None if scene.chain is not None else scene.solar_wind
@@ -68,7 +68,7 @@ def idle_warning(rows: Mapping[str, np.ndarray], scene: Scene) -> str:
 
 
 def slack_warning(rows: Mapping[str, np.ndarray], heat: Thermal | None = None) -> str:
-    """Returns a warning if the whole of a tether is under compression at a saved instant: its largest
+    """A warning if the whole of a tether is under compression at a saved instant: its largest
     elastic strain, the strain less the thermal one, is negative. A run that did not save the observables
     of which this follows is not judged."""
     if "max_axial_strain" not in rows or (heat is not None and "temperature" not in rows):
@@ -87,7 +87,7 @@ def slack_warning(rows: Mapping[str, np.ndarray], heat: Thermal | None = None) -
 
 
 def step_warning(parts: Sequence[float]) -> str:
-    """Returns a warning if an estimate exceeds WARN_ABOVE or is NaN, otherwise an empty text. parts:
+    """A warning if an estimate exceeds WARN_ABOVE or is NaN, otherwise an empty text. parts:
     estimates in the order of STEP_ERRORS."""
     named = zip(STEP_ERRORS.values(), parts, strict=False)
     off = [f"{name} by {in_words(part)}" for name, part in named if not part <= WARN_ABOVE]
@@ -98,5 +98,5 @@ SENTENCE = "The step is too long (try half of it): by the estimate of its errors
 
 
 def in_words(part: float) -> str:
-    """Returns a fraction of a range in words."""
+    """A fraction of a range in words."""
     return f"about {part:.0e} of their range" if part < 1.0 else "as much as they range over"

@@ -33,17 +33,17 @@ maximum."""
 
 
 def coning(local: Float[Array, "3 tether"]) -> Float[Array, " tether"]:
-    """Returns the elevation from the spin plane towards X_B. In [PGV] Eq. 59 the square root is missing."""
+    """The elevation from the spin plane towards X_B. In [PGV] Eq. 59 the square root is missing."""
     return safe_angle(local[0], safe_length(local[1], local[2]))
 
 
 def lagging(local: Float[Array, "3 tether"]) -> Float[Array, " tether"]:
-    """Returns the angle in the spin plane from the root's radial direction, positive about X_B."""
+    """The angle in the spin plane from the root's radial direction, positive about X_B."""
     return safe_angle(local[2], local[1])
 
 
 def tether_distance(i: Instant) -> Scalar:
-    """Returns the smallest distance [m] from a remote unit to another tether (polyline through its nodes).
+    """The smallest distance [m] from a remote unit to another tether (polyline through its nodes).
 
     Two nearly straight tethers of one hub touch first, and separate last, at the tip of the shorter one."""
     if i.p < 2:
@@ -59,7 +59,7 @@ def tether_distance(i: Instant) -> Scalar:
 
 
 def largest_strain(i: Instant) -> Float[Array, " tether"]:
-    """Returns the largest axial strain, in the scene's strain measure, over points that include the
+    """The largest axial strain, in the scene's strain measure, over points that include the
     nodes."""
     tethers = i.system.tethers
     shapes = tethers.shape_table(np.linspace(0.0, 1.0, STRAIN_POINTS), 1)
@@ -71,7 +71,7 @@ def largest_strain(i: Instant) -> Float[Array, " tether"]:
 
 
 def arc_length(i: Instant) -> Float[Array, " tether"]:
-    """Returns the length of the deformed tether [m], the integral of |r_x| dx."""
+    """The length of the deformed tether [m], the integral of |r_x| dx."""
     tethers = i.system.tethers
     r_x = tethers.interpolate(i.q.tether).r_x
     stretch = jnp.sqrt(dot(r_x, r_x))
@@ -79,7 +79,7 @@ def arc_length(i: Instant) -> Float[Array, " tether"]:
 
 
 def reaction_moments(i: Instant) -> Vector:
-    """Returns the moment of the root reactions about the hub centre [N m], with the couples of clamped
+    """The moment of the root reactions about the hub centre [N m], with the couples of clamped
     roots."""
     arms = i.roots - i.centre[:, None]
     return (jnp.cross(arms, i.root_reactions, axis=0) + i.root_couples).sum(1)
@@ -148,12 +148,12 @@ def energy_balance_error(i: Instant) -> Scalar:
 
 
 def transverse_angle(vector: Vector) -> Scalar:
-    """Returns the angle [rad] of a vector in O from Z_O: atan2(transverse, axial)."""
+    """The angle [rad] of a vector in O from Z_O: atan2(transverse, axial)."""
     return safe_angle(safe_length(vector[0], vector[1]), vector[2])
 
 
 def angle_of_sum(orbital: Rotation, forces: Float[Array, "3 tether"]) -> Scalar:
-    """Returns the angle [rad] of a sum of forces from Z_O. It is NaN where the forces balance each other
+    """The angle [rad] of a sum of forces from Z_O. It is NaN where the forces balance each other
     but for rounding, and where all are zero. orbital: the axes of O."""
     total = forces.sum(1)
     sizes = jnp.sqrt(jax.lax.stop_gradient(forces**2).sum(0)).sum()
@@ -162,14 +162,14 @@ def angle_of_sum(orbital: Rotation, forces: Float[Array, "3 tether"]) -> Scalar:
 
 
 def precession(orbital: Rotation, normal: Vector) -> Scalar:
-    """Returns the angle [rad] of the normal of the sail about Z_O. It is NaN where the normal is parallel
+    """The angle [rad] of the normal of the sail about Z_O. It is NaN where the normal is parallel
     to Z_O but for rounding. orbital: the axes of O."""
     x, y, _ = orbital.T @ normal
     return where_defined(safe_angle(y, x), safe_length(x, y), 1.0)
 
 
 def sail_spin(i: Instant) -> Scalar:
-    """Returns the rate [rad/s] at which the sail turns as a whole: L/I, with the angular momentum L about
+    """The rate [rad/s] at which the sail turns as a whole: L/I, with the angular momentum L about
     the centre of mass and the moment of inertia I of all masses about its axis, positive about X_B. It is
     zero without angular momentum."""
     q = i.system.centred(i.q)
@@ -184,13 +184,13 @@ def sail_spin(i: Instant) -> Scalar:
 
 
 def total_momentum(i: Instant) -> Vector:
-    """Returns the momentum of the sail [kg m/s] in the frame I."""
+    """The momentum of the sail [kg m/s] in the frame I."""
     momentum = i.system.momentum(i.v)
     return momentum if i.shift is None else momentum + i.mass * i.shift.velocity
 
 
 def spin_rates(i: Instant) -> Float[Array, "2"]:
-    """Returns the spin rates [rad/s] of the hub about X_B and of the sail as a whole."""
+    """The spin rates [rad/s] of the hub about X_B and of the sail as a whole."""
     return jnp.stack([angular_velocity(i.system, i.q, i.v)[0], sail_spin(i)])
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 
 def observable(run: Any, name: str, factor: float = 1.0) -> np.ndarray | None:
-    """Returns `factor` times an observable (time, ...); None if the run lacks it or all of it is NaN."""
+    """`factor` times an observable (time, ...); None if the run lacks it or all of it is NaN."""
     if name not in run.observables:
         return None
     values = np.asarray(run[name])
@@ -14,12 +14,12 @@ def observable(run: Any, name: str, factor: float = 1.0) -> np.ndarray | None:
 
 
 def per_tether(value: Any, count: int) -> np.ndarray:
-    """Returns an array (tether) from one number for all tethers or one per tether."""
+    """An array (tether) from one number for all tethers or one per tether."""
     return np.broadcast_to(np.asarray(value, float), (count,))
 
 
 def leading_finite(*signals: np.ndarray) -> int:
-    """Returns the number of leading instants at which all signals (time, ...) are finite. A failed run is
+    """The number of leading instants at which all signals (time, ...) are finite. A failed run is
     NaN after its failure."""
     finite = np.ones(len(signals[0]), bool)
     for signal in signals:

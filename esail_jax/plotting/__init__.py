@@ -69,7 +69,7 @@ __all__ = [
 
 
 def figures_of(run: Any) -> tuple[Callable[[Any], Figure], ...]:
-    """Returns the functions that make the figures of this kind of run."""
+    """The functions that make the figures of this kind of run."""
     return FIGURES if run.scene.chain is None else CHAIN_FIGURES
 
 

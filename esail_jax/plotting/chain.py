@@ -32,7 +32,7 @@ JOINTS_MARKED = 40
 
 
 def chain_shapes(run: Any, instants: int = 10) -> Figure:
-    """Returns the figure of the chain at equally spaced instants and of the path of its tip.
+    """The figure of the chain at equally spaced instants and of the path of its tip.
 
     It shows the two coordinate planes in which the chain extends most, or one if the chain is flat."""
     joints = observable(run, "joint_position")
@@ -56,12 +56,12 @@ def chain_shapes(run: Any, instants: int = 10) -> Figure:
 
 
 def extents(points: np.ndarray) -> np.ndarray:
-    """Returns the extent of points (..., axis) along every axis."""
+    """The extent of points (..., axis) along every axis."""
     return np.ptp(points.reshape(-1, points.shape[-1]), axis=0)
 
 
 def widest_planes(joints: np.ndarray) -> list[list[int]]:
-    """Returns pairs of axes: the axis of largest extent with the second, and with the third unless the
+    """Pairs of axes: the axis of largest extent with the second, and with the third unless the
     chain is flat."""
     size = extents(joints)
     first, second, third = np.argsort(-size, kind="stable")
@@ -89,7 +89,7 @@ def draw_plane(ax: Axes, joints: np.ndarray, frames: np.ndarray, colours: np.nda
 
 
 def chain_tip(run: Any) -> Figure:
-    """Returns the figure of the tip's coordinates against time ([MW] Fig. 4), of a free chain relative to
+    """The figure of the tip's coordinates against time ([MW] Fig. 4), of a free chain relative to
     its first joint."""
     free = run.scene.chain.anchor == "free"
     title = "Tip of the chain" + (", relative to its first joint" if free else "")
@@ -105,7 +105,7 @@ def chain_tip(run: Any) -> Figure:
 
 
 def chain_libration(run: Any) -> Figure:
-    """Returns the figure of the libration angles of a chain on an orbit."""
+    """The figure of the libration angles of a chain on an orbit."""
     title = "Libration: angles of the line from the first joint to the last"
     joints = observable(run, "joint_position")
     if joints is None or orbital_period(run) is None:
@@ -119,7 +119,7 @@ def chain_libration(run: Any) -> Figure:
 
 
 def libration_angles(joints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the angles [rad] of the line from the first to the last joint of joints (time, joint, 3).
+    """The angles [rad] of the line from the first to the last joint of joints (time, joint, 3).
 
     The first angle lies in the orbital plane, from the vertical x towards the direction of motion y; the
     second is measured from this plane towards z."""
@@ -131,7 +131,7 @@ def libration_angles(joints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def chain_tension(run: Any) -> Figure:
-    """Returns the figure of the axial force in the first, the middle and the last rod, and of the extremes
+    """The figure of the axial force in the first, the middle and the last rod, and of the extremes
     over all rods."""
     tension, title = observable(run, "tension"), "Tension (negative: compression)"
     if tension is None:
@@ -153,7 +153,7 @@ def chain_tension(run: Any) -> Figure:
 
 
 def chain_energies(run: Any) -> Figure:
-    """Returns the figure of the energies ([MW] Fig. 2) and of the error of their sum ([MW] Fig. 3).
+    """The figure of the energies ([MW] Fig. 2) and of the error of their sum ([MW] Fig. 3).
 
     With loads or damping it also shows their work and the error of the energy balance. The potential energy
     is drawn relative to its first value, because its zero is arbitrary."""

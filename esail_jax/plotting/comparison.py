@@ -44,7 +44,7 @@ MOST_KEYS = 2
 
 
 def compare(runs: Runs) -> dict[str, Figure]:
-    """Returns figures of several runs, by name.
+    """Figures of several runs, by name.
 
     runs: solutions or loaded run files, by the name for the legend. The legend also shows the scene keys in
     which the runs differ, if there are at most two. Time is in spin periods or orbits if these are equal,
@@ -81,7 +81,7 @@ def write_comparison(runs: Runs, directory: str | Path, tell: Told = None) -> li
 
 
 def compare_tether(runs: Runs) -> Figure:
-    """Returns the figure of the motion of tether 1."""
+    """The figure of the motion of tether 1."""
 
     def angle(name: str) -> Signal:
         return lambda run: of_tether(observable(run, name, DEGREES), 0)
@@ -109,7 +109,7 @@ def compare_tether(runs: Runs) -> Figure:
 
 
 def compare_sail(runs: Runs) -> Figure:
-    """Returns the figure of the attitude, the spin and the forces of the whole sail."""
+    """The figure of the attitude, the spin and the forces of the whole sail."""
     rows = [
         [
             Quantity(r"$\alpha$ [deg]", lambda run: observable(run, "sailing_angle", DEGREES)),
@@ -134,7 +134,7 @@ def compare_sail(runs: Runs) -> Figure:
 
 
 def compare_energies(runs: Runs) -> Figure:
-    """Returns the figure of the energies of a sail and of the error of their balance."""
+    """The figure of the energies of a sail and of the error of their balance."""
     rows = [
         [
             Quantity("$E_k - E_k(0)$ [J]", lambda run: change(observable(run, "kinetic_energy"))),
@@ -158,7 +158,7 @@ def compare_energies(runs: Runs) -> Figure:
 
 
 def compare_tip(runs: Runs) -> Figure:
-    """Returns the figure of the tip of a rod chain relative to its first joint, and of its tension."""
+    """The figure of the tip of a rod chain relative to its first joint, and of its tension."""
 
     def tip(axis: int) -> Signal:
         def coordinate(run: Any) -> np.ndarray | None:
@@ -183,7 +183,7 @@ def compare_tip(runs: Runs) -> Figure:
 
 
 def compare_chain_energies(runs: Runs) -> Figure:
-    """Returns the figure of the energies of a rod chain and of their errors."""
+    """The figure of the energies of a rod chain and of their errors."""
     rows = [
         [
             Quantity("$T$ [J]", lambda run: observable(run, "kinetic_energy")),
@@ -214,7 +214,7 @@ def compare_chain_energies(runs: Runs) -> Figure:
 
 
 def largest_so_far(values: np.ndarray | None) -> np.ndarray | None:
-    """Returns the largest absolute value of a signal (time) up to every instant. It is easier to read on a
+    """The largest absolute value of a signal (time) up to every instant. It is easier to read on a
     logarithmic axis than the signal, which passes through zero."""
     return None if values is None else np.maximum.accumulate(np.abs(values))
 
@@ -222,7 +222,7 @@ def largest_so_far(values: np.ndarray | None) -> np.ndarray | None:
 def figure_of(
     runs: Runs, title: str, rows: Sequence[Sequence[Quantity | None]], symbols: str = ""
 ) -> Figure:
-    """Returns a figure with one panel per quantity and one line per run; the legend lies below it.
+    """A figure with one panel per quantity and one line per run; the legend lies below it.
 
     rows: the quantity of every panel; None leaves its place empty."""
     unit, xlabel = common_time_unit(list(runs.values()))
@@ -253,7 +253,7 @@ def figure_of(
 
 
 def common_marks(runs: Runs, colours: Sequence[Any]) -> list[Mark]:
-    """Returns the instants at which tethers are released: once if they are the same in all runs, otherwise
+    """The instants at which tethers are released: once if they are the same in all runs, otherwise
     those of every run in its colour and with its name."""
     every = [release_marks(run) for run in runs.values()]
     if all(marks == every[0] for marks in every):
@@ -266,20 +266,20 @@ def common_marks(runs: Runs, colours: Sequence[Any]) -> list[Mark]:
 
 
 def common_time_unit(runs: Sequence[Any]) -> tuple[float, str]:
-    """Returns the unit of the time axis [s] and its label: that of all runs if it is the same, and else
+    """The unit of the time axis [s] and its label: that of all runs if it is the same, and else
     seconds."""
     units = {time_unit(run) for run in runs}
     return units.pop() if len(units) == 1 else (1.0, "time $t$ [s]")
 
 
 def colours_of(count: int) -> Sequence[Any]:
-    """Returns one colour per run, from a scale that colour-blind readers can tell apart, without its pale
+    """One colour per run, from a scale that colour-blind readers can tell apart, without its pale
     end."""
     return list(colormaps["viridis"](np.linspace(0.0, 0.85, count)))
 
 
 def legend_texts(runs: Runs) -> list[str]:
-    """Returns the name of every run, with the values of the keys in which the scenes differ if these are
+    """The name of every run, with the values of the keys in which the scenes differ if these are
     few."""
     keys = differing_keys([run.scene for run in runs.values()])
     shown = keys if len(keys) <= MOST_KEYS else {}

@@ -36,7 +36,7 @@ class Mark(NamedTuple):
 
 
 def release_marks(run: Any) -> list[Mark]:
-    """Returns the instants of the run at which tethers are released. The first one has the label of all."""
+    """The instants of the run at which tethers are released. The first one has the label of all."""
     scene, time = run.scene, np.asarray(run.time)
     found = {t: x for t, x in releases(scene).items() if len(time) and t <= time[-1]}
     numbers = sorted(number for tethers in found.values() for number in tethers)
@@ -46,24 +46,24 @@ def release_marks(run: Any) -> list[Mark]:
 
 
 def change(values: np.ndarray | None) -> np.ndarray | None:
-    """Returns values minus the first one."""
+    """Values minus the first one."""
     return None if values is None else values - values[0]
 
 
 def spin_period(run: Any) -> float | None:
-    """Returns the spin period T_s [s]; None without spin."""
+    """The spin period T_s [s]; None without spin."""
     rate = abs(float(run.scene.initial.spin_rate))
     return 2.0 * np.pi / rate if rate > 0.0 else None
 
 
 def orbital_period(run: Any) -> float | None:
-    """Returns the period [s] of the scene's orbit; None without an orbit."""
+    """The period [s] of the scene's orbit; None without an orbit."""
     orbit = run.scene.orbit
     return None if orbit is None else 2.0 * np.pi / float(orbit.mean_motion)
 
 
 def readable(unit: str, *signals: np.ndarray) -> tuple[float, str]:
-    """Returns a factor and the name of the SI multiple in which the largest value of the signals lies
+    """A factor and the name of the SI multiple in which the largest value of the signals lies
     between 1 and 1000."""
     largest = max(np.abs(signal[np.isfinite(signal)]).max(initial=0.0) for signal in signals)
     for size, prefix in PREFIXES:
@@ -73,7 +73,7 @@ def readable(unit: str, *signals: np.ndarray) -> tuple[float, str]:
 
 
 def power_spectrum(times: np.ndarray, signal: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """Returns the frequencies [Hz] above zero and the one-sided power spectral density [signal^2/Hz] of the
+    """The frequencies [Hz] above zero and the one-sided power spectral density [signal^2/Hz] of the
     signal minus its mean; None for a short or constant signal.
 
     The last saved interval is left out if it is shorter than the others.

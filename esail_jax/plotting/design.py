@@ -8,7 +8,7 @@ from esail_jax.simulation.solution import Solution
 
 
 def axis_angle(run: Solution) -> np.ndarray:
-    """Returns the angle [deg] of the spin axis from its initial direction."""
+    """The angle [deg] of the spin axis from its initial direction."""
     axes = np.asarray(run["rotation_IB"])[:, :, 0]
     return np.rad2deg(2.0 * np.arcsin(np.clip(0.5 * np.linalg.norm(axes - axes[0], axis=1), 0.0, 1.0)))
 
@@ -25,7 +25,7 @@ PANELS = (
 
 @styled
 def design_figure(before: Solution, after: Solution, values: np.ndarray) -> Figure:
-    """Returns the figure of a design.
+    """The figure of a design.
 
     before, after: runs with constant voltage and with the designed one
     values: objective (iteration, start), where `start` counts the initial guesses"""

@@ -53,7 +53,7 @@ def figures_of_ensemble(ensemble: Ensemble) -> Iterator[tuple[str, Figure]]:
 
 
 def grid_of(count: int, width: float = 4.0, height: float = 2.6) -> tuple[Figure, list[Axes]]:
-    """Returns a figure with `count` axes, three in a row."""
+    """A figure with `count` axes, three in a row."""
     columns = min(count, 3)
     rows = -(-count // 3)
     figure = Figure(figsize=(width * max(columns, 1), height * max(rows, 1)), layout="constrained")
@@ -66,7 +66,7 @@ def grid_of(count: int, width: float = 4.0, height: float = 2.6) -> tuple[Figure
 
 
 def fans(ensemble: Ensemble) -> Figure:
-    """Returns the figure of quantiles over the members against time: bands of all, 90 % and 50 % of them,
+    """The figure of quantiles over the members against time: bands of all, 90 % and 50 % of them,
     and the median."""
     shown = []
     for label, name, factor, component in FANS:
@@ -124,7 +124,7 @@ def draw_quantiles(ensemble: Ensemble, name: str, ax: Axes | None = None) -> Axe
 
 
 def distributions(ensemble: Ensemble) -> Figure:
-    """Returns the figure of histograms of the outcomes, each one number per member."""
+    """The figure of histograms of the outcomes, each one number per member."""
     found = outcomes_of(ensemble)
     figure, axes = grid_of(len(found))
     for ax, outcome in zip(axes, found, strict=True):
@@ -141,7 +141,7 @@ def distributions(ensemble: Ensemble) -> Figure:
 
 @styled
 def drivers_figure(ensemble: Ensemble) -> Figure:
-    """Returns the figure of every outcome's shares of variance by input."""
+    """The figure of every outcome's shares of variance by input."""
     found = outcomes_of(ensemble)
     table = [sensitivities(ensemble.inputs, outcome.of(ensemble)) for outcome in found]
     known = [(o, d) for o, d in zip(found, table, strict=True) if np.isfinite(d.explained)]

@@ -28,7 +28,7 @@ class ModalLine(NamedTuple):
 
 
 def modal_lines(table: Any, kind: str) -> list[ModalLine]:
-    """Returns the modes with the lowest orders of a kind of motion, in the order of their frequencies.
+    """The modes with the lowest orders of a kind of motion, in the order of their frequencies.
 
     table: an `esail_jax.ModeTable`, or None for no lines; kind: "in-plane" (lagging), "out-of-plane"
     (coning) or "axial" (length). Overdamped motions do not ring. The precession of the spin axis is left

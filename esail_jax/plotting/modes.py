@@ -28,7 +28,7 @@ RESOLVED = 1e-2
 
 
 def mode_frequencies(table: Any) -> Figure:
-    """Returns the figure of all resolved modes: frequency against damping ratio, and against the number of
+    """The figure of all resolved modes: frequency against damping ratio, and against the number of
     waves around the circle. table: an `esail_jax.ModeTable`."""
     figure = Figure(figsize=(9.0, 4.5), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True)
@@ -55,7 +55,7 @@ def mode_frequencies(table: Any) -> Figure:
 
 @styled
 def mode_shapes(table: Any) -> Figure:
-    """Returns the figure of the shapes along the tether that moves most, for the lowest orders of every
+    """The figure of the shapes along the tether that moves most, for the lowest orders of every
     kind; the displacement relative to its largest value at the phase at which it is largest."""
     from esail_jax.modal.names import strongest_line
     from esail_jax.modal.shapes import DIRECTIONS
@@ -84,7 +84,7 @@ def mode_shapes(table: Any) -> Figure:
 
 
 def mode_multipliers(table: Any) -> Figure:
-    """Returns the figure of the multipliers of the periodic orbit: in the complex plane, and their damping
+    """The figure of the multipliers of the periodic orbit: in the complex plane, and their damping
     ratios against frequency beside those of the modes under the mean load. Both axes of the second picture
     are logarithmic: damping ratios that are exactly zero do not appear there."""
     orbit, kinds = table.floquet, np.array(table.kind)
@@ -118,7 +118,7 @@ def mode_multipliers(table: Any) -> Figure:
 
 
 def lowest_of(table: Any, kind: str, nodes: int) -> int | None:
-    """Returns the mode of the lowest frequency with this motion along the tether; None without one."""
+    """The mode of the lowest frequency with this motion along the tether; None without one."""
     pairs = enumerate(zip(table.kind, table.nodes, strict=True))
     return next((k for k, pair in pairs if pair == (kind, nodes)), None)
 

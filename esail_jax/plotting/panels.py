@@ -50,7 +50,7 @@ class Panel:
 
 
 def time_unit(run: Any) -> tuple[float, str]:
-    """Returns the unit of the time axis [s] and the axis label: spin periods of a sail, orbits of a chain,
+    """The unit of the time axis [s] and the axis label: spin periods of a sail, orbits of a chain,
     or seconds without spin or orbit."""
     if run.scene.chain is None:
         period, label = spin_period(run), r"time $t/T_s$ [-]"
@@ -60,7 +60,7 @@ def time_unit(run: Any) -> tuple[float, str]:
 
 
 def history(run: Any, ylabel: str, *curves: Curve) -> Panel | None:
-    """Returns a panel with curves of one run against time, and the instants at which tethers are released;
+    """A panel with curves of one run against time, and the instants at which tethers are released;
     None if no curve has data."""
     own = [dataclasses.replace(c, times=run.time) if c.times is None else c for c in curves]
     return against_time(*time_unit(run), ylabel, own, marks=release_marks(run))
@@ -74,7 +74,7 @@ def against_time(
     logarithmic: bool = False,
     marks: Sequence[Mark] = (),
 ) -> Panel | None:
-    """Returns a panel with curves, each with its own instants, against time; None if no curve has data.
+    """A panel with curves, each with its own instants, against time; None if no curve has data.
 
     unit: unit of the time axis [s]; logarithmic: whether the other axis is; marks: instants that
     thin vertical lines mark."""
@@ -112,7 +112,7 @@ def draw_marks(ax: Axes, marks: Sequence[Mark], unit: float) -> None:
 
 
 def components(run: Any, vectors: np.ndarray | None, symbol: str, unit: str) -> list[Panel | None]:
-    """Returns one panel per component of vectors (time, 3). AXIS in the symbol stands for x, y or z."""
+    """One panel per component of vectors (time, 3). AXIS in the symbol stands for x, y or z."""
     if vectors is None:
         return [None] * 3
     return [
@@ -124,7 +124,7 @@ def components(run: Any, vectors: np.ndarray | None, symbol: str, unit: str) -> 
 def spectrum(
     run: Any, ylabel: str, values: np.ndarray | None, lines: Sequence[ModalLine] = ()
 ) -> Panel | None:
-    """Returns a panel with the power spectral density of a signal (time), the spin frequency and the modes
+    """A panel with the power spectral density of a signal (time), the spin frequency and the modes
     of the sail; None if the spectrum does not exist."""
     result = None if values is None else power_spectrum(np.asarray(run.time), values)
     if result is None:
@@ -164,13 +164,13 @@ def legend_above(
 
 
 def tether_colours(count: int) -> np.ndarray:
-    """Returns one colour per tether (tether, 3): cyclic, as the tethers are, and not close to white. The
+    """One colour per tether (tether, 3): cyclic, as the tethers are, and not close to white. The
     scale, dark to light and back through blue and red, is one that colour-blind readers can tell apart."""
     return 0.9 * colormaps["twilight_shifted"](np.arange(count) / count)[:, :3]
 
 
 def unwrapped_degrees(angle: np.ndarray | None) -> np.ndarray | None:
-    """Returns continuous angles [deg] from angles [rad] with jumps by full turns."""
+    """Continuous angles [deg] from angles [rad] with jumps by full turns."""
     if angle is None:
         return None
     known = leading_finite(angle)
@@ -180,7 +180,7 @@ def unwrapped_degrees(angle: np.ndarray | None) -> np.ndarray | None:
 
 
 def assemble(title: str, rows: Sequence[Sequence[Panel | None]], symbols: str = "") -> Figure:
-    """Returns a figure with a grid of panels. All rows must have the same length.
+    """A figure with a grid of panels. All rows must have the same length.
 
     symbols: second line of the title, which explains the symbols of the labels. A missing panel leaves its
     place empty; rows and columns without any panel are left out.

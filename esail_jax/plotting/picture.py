@@ -25,7 +25,7 @@ FRAME_MARGIN = 1.05
 
 
 def sail_picture(run: Any, instants: int = 3) -> Figure:
-    """Returns pictures of the sail at equally spaced instants in the inertial frame: its tethers, the paths
+    """Pictures of the sail at equally spaced instants in the inertial frame: its tethers, the paths
     of the tips up to the instant, and the direction of the wind, Z_O."""
     tips = observable(run, "tip_position_I")
     frames = np.zeros(0, int)
@@ -59,7 +59,7 @@ def draw_sail(ax: Axes3D, run: Any, frame: int) -> None:
 
 
 def tether_lines(run: Any, frame: int) -> np.ndarray:
-    """Returns the tethers at a saved instant as lines (tether, point, 3) [m]: through all nodes if the run
+    """The tethers at a saved instant as lines (tether, point, 3) [m]: through all nodes if the run
     has them, otherwise from the hub to the tips. The place of a released tether is then not known but for
     its tip, and its line is NaN."""
     nodes = observable(run, "node_position_I")
@@ -72,7 +72,7 @@ def tether_lines(run: Any, frame: int) -> np.ndarray:
 
 
 def hub_centre(run: Any, frame: int) -> np.ndarray:
-    """Returns the hub centre [m]; without a hub the origin, which lies on the axis of the rotating
+    """The hub centre [m]; without a hub the origin, which lies on the axis of the rotating
     frame."""
     path = observable(run, "hub_position_I")
     return np.zeros(3) if path is None else path[frame]
@@ -91,7 +91,7 @@ def frame_cube(ax: Axes3D, points: np.ndarray) -> float:
 
 
 def heliocentric(run: Any, frame: int, hub: np.ndarray) -> np.ndarray:
-    """Returns the heliocentric position of the hub [km], of which the direction counts. On an orbit it is
+    """The heliocentric position of the hub [km], of which the direction counts. On an orbit it is
     the saved one, or without it that of the start."""
     path = observable(run, "heliocentric_position")
     if path is not None:

@@ -12,7 +12,7 @@ from esail_jax.plotting.style import BLUE, ORANGE
 
 
 def energies(run: Any) -> Figure:
-    """Returns the figure of energies, dissipated energy, external work and the error of their balance
+    """The figure of energies, dissipated energy, external work and the error of their balance
     ([PGV] Fig. 8).
 
     The dissipated energy is the time integral of the power; the paper shows an average of the power.
@@ -38,7 +38,7 @@ def energies(run: Any) -> Figure:
 
 
 def sail_forces(run: Any) -> Figure:
-    """Returns the figure of the thrust and of the hub's forces on the tethers: magnitudes, angles from Z_O
+    """The figure of the thrust and of the hub's forces on the tethers: magnitudes, angles from Z_O
     and components in O ([PGV] Fig. 9)."""
     rows = [
         resultant_row(run, "thrust", "c"),
@@ -51,7 +51,7 @@ def sail_forces(run: Any) -> Figure:
 
 
 def resultant_row(run: Any, kind: str, index: str) -> list[Panel | None]:
-    """Returns panels with the norms of force and moment and with the angle of the force."""
+    """Panels with the norms of force and moment and with the angle of the force."""
     angle = observable(run, f"{kind}_angle", DEGREES)
     return [
         history(run, rf"$\|F_{index}\|$ [N]", Curve(norm(observable(run, f"{kind}_O")))),
@@ -61,12 +61,12 @@ def resultant_row(run: Any, kind: str, index: str) -> list[Panel | None]:
 
 
 def norm(vectors: np.ndarray | None) -> np.ndarray | None:
-    """Returns the norms of vectors (time, 3)."""
+    """The norms of vectors (time, 3)."""
     return None if vectors is None else np.linalg.norm(vectors, axis=1)
 
 
 def attitude(run: Any) -> Figure:
-    """Returns the figure of the hub's angular velocity, the Euler angles of hub and sail, and the sailing
+    """The figure of the hub's angular velocity, the Euler angles of hub and sail, and the sailing
     and precession angles ([PGV] Fig. 10)."""
     precession = unwrapped_degrees(observable(run, "precession_angle"))
     rows = [
@@ -86,7 +86,7 @@ def attitude(run: Any) -> Figure:
 
 
 def euler_row(run: Any) -> list[Panel | None]:
-    """Returns panels with psi, theta and phi of hub and sail, as far as they exist."""
+    """Panels with psi, theta and phi of hub and sail, as far as they exist."""
     hub = unwrapped_degrees(observable(run, "euler_hub"))
     sail = unwrapped_degrees(observable(run, "euler_sail"))
     return [

@@ -28,7 +28,7 @@ GREEK = "alpha beta gamma delta theta lambda phi psi omega Gamma Theta Phi Psi".
 
 
 def entry_of(run: Any, name: str) -> Observable:
-    """Returns the entry of an observable in the list for this kind of run.
+    """The entry of an observable in the list for this kind of run.
 
     Raises ValueError for a name that the run does not have."""
     entries = sail.OBSERVABLES if run.scene.chain is None else (*chain.OBSERVABLES, chain.ENERGY_ERROR)
@@ -41,7 +41,7 @@ def entry_of(run: Any, name: str) -> Observable:
 
 
 def mathtext(symbol: str) -> str:
-    """Returns a symbol of the list for matplotlib's typesetting, with Greek letters and whole indices."""
+    """A symbol of the list for matplotlib's typesetting, with Greek letters and whole indices."""
     text = re.sub(r"([_^])([A-Za-z0-9]+(?:,[A-Za-z0-9]+)*)", r"\1{\2}", symbol)
     text = re.sub(r"\beps(?![a-z])", r"\\epsilon", text)
     for letter in GREEK:
@@ -80,13 +80,13 @@ def draw_observable(run: Any, name: str, ax: Axes | None = None) -> Axes:
 
 
 def label_of(entry: Observable) -> str:
-    """Returns the name of an observable in words, its symbol and its unit, for an axis."""
+    """The name of an observable in words, its symbol and its unit, for an axis."""
     words = re.sub(r"_([A-Z])$", r"_in_\1", entry.name).replace("_", " ")  # thrust_O: components in O
     return f"{words}, {mathtext(entry.symbol)} [{entry.unit}]"
 
 
 def colours_of(axes: tuple[str, ...], count: int) -> Sequence[Any]:
-    """Returns one colour per entry of the first axis after time."""
+    """One colour per entry of the first axis after time."""
     if not axes or axes[0] not in ("tether", "rod", "joint"):
         return COMPONENT_COLOURS
     if axes[0] == "tether":
@@ -95,7 +95,7 @@ def colours_of(axes: tuple[str, ...], count: int) -> Sequence[Any]:
 
 
 def legend_of(entry: Observable, count: int, colours: Sequence[Any]) -> list[Line2D]:
-    """Returns lines for the legend: colours for the first axis, styles for the second."""
+    """Lines for the legend: colours for the first axis, styles for the second."""
     handles = []
     if entry.axes and 1 < count <= MOST_NAMED:
         names = labels_of(entry, entry.axes[0], count)
@@ -108,7 +108,7 @@ def legend_of(entry: Observable, count: int, colours: Sequence[Any]) -> list[Lin
 
 
 def labels_of(entry: Observable, axis: str, count: int) -> list[str]:
-    """Returns the names of an axis' entries: x, y and z, angles by their symbols, others by number."""
+    """The names of an axis' entries: x, y and z, angles by their symbols, others by number."""
     if axis == "xyz":
         return list("xyz")
     if axis == "angle":

@@ -21,7 +21,7 @@ KEY_TICKS = 12
 
 
 def tether_motion(run: Any, tether: int = 0, modes: Any = None) -> Figure:
-    """Returns the figure of one tether's angles at tip and root and of its length, with spectra ([PGV] Fig.
+    """The figure of one tether's angles at tip and root and of its length, with spectra ([PGV] Fig.
     6).
 
     The tip angles of the rigid pendulum (`observables.rigid_pendulum`) under the run's moments are also
@@ -50,7 +50,7 @@ def tether_motion(run: Any, tether: int = 0, modes: Any = None) -> Figure:
 def angle_row(
     run: Any, tether: int, name: str, symbol: str, lines: Sequence[ModalLine], rigid: Curve | None = None
 ) -> list[Panel | None]:
-    """Returns panels with the history of an angle, of that of the rigid tether if given, and with the
+    """Panels with the history of an angle, of that of the rigid tether if given, and with the
     spectrum and the modes in it."""
     angle = of_tether(observable(run, name, DEGREES), tether)
     curves = [Curve(angle)] if rigid is None else [Curve(angle, "simulated"), rigid]
@@ -61,7 +61,7 @@ def angle_row(
 
 
 def length_row(run: Any, tether: int, lines: Sequence[ModalLine]) -> list[Panel | None]:
-    """Returns panels with history and spectrum of the ratio of length to undeformed length, and the modes
+    """Panels with history and spectrum of the ratio of length to undeformed length, and the modes
     in it."""
     undeformed = per_tether(run.scene.tethers.length, run.scene.tethers.count)[tether]
     ratio = of_tether(observable(run, "tether_length", 1.0 / undeformed), tether)
@@ -72,7 +72,7 @@ def length_row(run: Any, tether: int, lines: Sequence[ModalLine]) -> list[Panel 
 
 
 def tether_forces(run: Any, tether: int = 0) -> Figure:
-    """Returns the figure of one tether's thrust, its moment about the root and the root reaction, in the
+    """The figure of one tether's thrust, its moment about the root and the root reaction, in the
     body frame B ([PGV] Fig. 7)."""
     number = tether + 1
     quantities = (
@@ -89,12 +89,12 @@ def tether_forces(run: Any, tether: int = 0) -> Figure:
 
 
 def of_tether(values: np.ndarray | None, tether: int) -> np.ndarray | None:
-    """Returns the values of one tether from values (time, tether, ...)."""
+    """The values of one tether from values (time, tether, ...)."""
     return None if values is None else values[:, tether]
 
 
 def all_tethers(run: Any) -> Figure:
-    """Returns the figure of coning, lagging and largest strain of every tether, and of the smallest
+    """The figure of coning, lagging and largest strain of every tether, and of the smallest
     distance of a tip to another tether."""
     distance = observable(run, "smallest_tether_distance", 1.0 / KILOMETRE)
     rows = [
@@ -115,7 +115,7 @@ def all_tethers(run: Any) -> Figure:
 
 
 def voltages(run: Any) -> Figure:
-    """Returns the figure of the voltage of every tether and of the electric power of all. It is empty if
+    """The figure of the voltage of every tether and of the electric power of all. It is empty if
     all tethers have one voltage that stays the same, and no power is reported."""
     volts, power = observable(run, "voltage"), observable(run, "electric_power")
     if volts is None or (power is None and is_constant(volts)):
@@ -136,7 +136,7 @@ def is_constant(values: np.ndarray) -> bool:
 
 
 def with_key(figure: Figure, count: int) -> Figure:
-    """Returns the figure with a bar that shows the colour of every tether, if there are several."""
+    """The figure with a bar that shows the colour of every tether, if there are several."""
     if count > 1 and figure.axes:
         norm = BoundaryNorm(np.arange(count + 1) + 0.5, count)
         key = ScalarMappable(norm, ListedColormap(tether_colours(count)))
@@ -146,7 +146,7 @@ def with_key(figure: Figure, count: int) -> Figure:
 
 
 def tether_lines(run: Any, ylabel: str, values: np.ndarray | None) -> Panel | None:
-    """Returns a panel with one thin line per tether, from values (time, tether)."""
+    """A panel with one thin line per tether, from values (time, tether)."""
     if values is None:
         return None
     lines = zip(values.T, tether_colours(values.shape[1]), strict=True)

@@ -246,7 +246,7 @@ MOST_STEPS = 10**12
 
 
 def memory_of_machine() -> float:
-    """Returns the memory [bytes] of this machine, infinite where it cannot be asked for."""
+    """The memory [bytes] of this machine, infinite where it cannot be asked for."""
     try:
         return float(os.sysconf("SC_PHYS_PAGES")) * os.sysconf("SC_PAGE_SIZE")
     except (AttributeError, ValueError, OSError):

@@ -123,7 +123,7 @@ LARGE = 1e7
 
 
 def differing_keys(scenes: Sequence[Scene]) -> dict[str, tuple[str, ...]]:
-    """Returns the keys whose values are not the same in all scenes, each with its value in every scene as a
+    """The keys whose values are not the same in all scenes, each with its value in every scene as a
     short text. Keys have the order of the scenes' tables."""
     values = [values_by_key(scene) for scene in scenes]
     keys = dict.fromkeys(key for one in values for key in one)
@@ -132,13 +132,13 @@ def differing_keys(scenes: Sequence[Scene]) -> dict[str, tuple[str, ...]]:
 
 
 def values_by_key(scene: Scene) -> dict[str, Any]:
-    """Returns the values that a scene has, by `table.key`."""
+    """The values that a scene has, by `table.key`."""
     tables = scene.tables.items()
     return {f"{table}.{name}": x for table, content in tables for name, x in given(content).items()}
 
 
 def text_of(value: Any) -> str:
-    """Returns a value as a text of at most about sixty characters: numbers as people write them, lists
+    """A value as a text of at most about sixty characters: numbers as people write them, lists
     without brackets."""
     if value is None:
         return ABSENT
@@ -151,7 +151,7 @@ def text_of(value: Any) -> str:
 
 
 def in_plain_words(item: str | bool | int | float) -> str:
-    """Returns an entry of a list, or a single value, as a text: 1000 in place of 1000.0."""
+    """An entry of a list, or a single value, as a text: 1000 in place of 1000.0."""
     if isinstance(item, float) and item.is_integer() and abs(item) < LARGE:
         return str(int(item))
     return describe(item).removeprefix("is ").strip("'")

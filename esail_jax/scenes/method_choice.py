@@ -140,7 +140,7 @@ def chain_method(scene: Scene) -> dict[str, str | float]:
 
 
 def accuracy_of(table: Integrator) -> str:
-    """Returns the step or the tolerance of a resolved `[integrator]` in words, for people."""
+    """The step or the tolerance of a resolved `[integrator]` in words, for people."""
     if table.step is not None:
         return f"step {table.step:g} s"
     return "" if table.tolerance is None else f"tolerance {table.tolerance:g}"
@@ -159,27 +159,31 @@ class Given(NamedTuple):
 def stepper_of(
     structure: Structure, numbers: Numbers, model: System | RodChain, rods: RodState | None
 ) -> AbstractStepper:
-    """Returns the stepper of a resolved scene (`method_choice.with_method`). rods: the start of a chain."""
+    """The stepper of a resolved scene (`method_choice.with_method`). rods: the start of a chain."""
     method = structure["integrator.method"]
     return STEPPERS[method](Given(method, numbers, model, rods))
 
 
 def collocation(given: Given) -> AbstractStepper:
+    """Collocation with a tolerance, or with a fixed step."""
     n = given.numbers
     tolerance = n.get("integrator.tolerance", jnp.asarray(COLLOCATION_TOLERANCE))
     return Collocation(n.get("integrator.step"), tolerance)
 
 
 def generalized_alpha(given: Given) -> AbstractStepper:
+    """Generalized-alpha with its step and spectral radius."""
     n = given.numbers
     return GeneralizedAlpha(n["integrator.step"], n["integrator.spectral_radius"])
 
 
 def energy_momentum(given: Given) -> AbstractStepper:
+    """The energy-momentum method with its step."""
     return EnergyMomentum(given.numbers["integrator.step"])
 
 
 def runge_kutta(given: Given) -> AbstractStepper:
+    """An explicit method with a tolerance and the scale of its errors, or with a fixed step."""
     n = given.numbers
     step = n.get("integrator.step")
     scale = error_scale(given.model, given.rods) if step is None else None
@@ -195,7 +199,7 @@ STEPPERS: dict[str, Callable[[Given], AbstractStepper]] = {
 
 
 def stepper_class(method: str) -> type[AbstractStepper]:
-    """Returns the class of the stepper of a method."""
+    """The class of the stepper of a method."""
     return CLASSES[method]
 
 

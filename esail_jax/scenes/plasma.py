@@ -242,7 +242,7 @@ def read_columns(name: Any, folder: Path) -> dict[str, list[float]]:
 
 
 def number_of(cell: str) -> float:
-    """Returns the number in a cell, NaN if there is none."""
+    """The number in a cell, NaN if there is none."""
     try:
         return float(cell)
     except ValueError:
@@ -250,7 +250,7 @@ def number_of(cell: str) -> float:
 
 
 def broken(key: str, numbers: list[float]) -> str | None:
-    """Returns what the last number of a column must be and is not, None if it is right."""
+    """What the last number of a column must be and is not, None if it is right."""
     last = numbers[-1]
     if not math.isfinite(last):
         return "be finite"

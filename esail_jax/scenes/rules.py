@@ -280,7 +280,7 @@ def check_number(key: str, value: Any, rule: Rule, members: Members | None) -> A
 
 
 def plain(value: Any) -> Any:
-    """Returns a value in plain form, where another type has the same meaning: numbers and truth values of
+    """A value in plain form, where another type has the same meaning: numbers and truth values of
     NumPy, names in its strings, arrays without axes, and lists with traced numbers, which become one traced
     array."""
     if is_traced(value):
@@ -299,7 +299,7 @@ def has_traced(value: Any) -> bool:
 
 
 def joined(value: Any) -> Any:
-    """Returns numbers, or lists of equally many of them, as one traced array. What is no number, or does
+    """numbers, or lists of equally many of them, as one traced array. What is no number, or does
     not fit together, stays a list, which the checks refuse."""
     numpy = sys.modules["jax"].numpy
     try:
@@ -311,14 +311,14 @@ def joined(value: Any) -> Any:
 
 
 def as_float64(value: Any) -> Any:
-    """Returns an array of JAX, traced or not, as one of float64, unless JAX is set to 32 bit, which a run
+    """An array of JAX, traced or not, as one of float64, unless JAX is set to 32 bit, which a run
     refuses."""
     known = value.dtype == np.float64 or not sys.modules["jax"].config.jax_enable_x64
     return value if known else value.astype(np.float64)
 
 
 def numbers_of(key: str, value: Any) -> np.ndarray | None:
-    """Returns real numbers as an array of float64, by position and not by label. Returns None if they are
+    """Real numbers as an array of float64, by position and not by label. Returns None if they are
     something else. Raises SceneError for masked numbers: a mask is no number, and the one below it is not
     meant."""
     if np.ma.is_masked(value):
@@ -363,7 +363,7 @@ def other_forms(rule: Rule, members: Members | None) -> str:
 
 
 def check_shape(key: str, value: Any, rule: Rule, members: Members | None) -> Any:
-    """Returns the value if its shape is what the rule asks for: () for a number, (p,) for one number per
+    """The value if its shape is what the rule asks for: () for a number, (p,) for one number per
     member, (3,) for a vector, (p, 3) for one vector per member. Raises SceneError otherwise."""
     shape = np.shape(value)
     if rule.shape is Shape.VECTOR:

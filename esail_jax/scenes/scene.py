@@ -273,7 +273,7 @@ def released(scene: Scene, time: np.ndarray) -> np.ndarray:
 
 
 def releases(scene: Scene) -> dict[float, list[int]]:
-    """Returns the numbers of the tethers that are released, from 1, by the instant [s] of their release, in
+    """The numbers of the tethers that are released, from 1, by the instant [s] of their release, in
     the order of the instants."""
     found: dict[float, list[int]] = {}
     event = scene.event

@@ -104,7 +104,7 @@ def split(scene: Scene) -> tuple[Structure, Numbers]:
 
 
 def array_of(value: Any, shape: tuple[int, ...] | None = None) -> Float[Array | np.ndarray, "*shape"]:
-    """Returns a value as an array of numbers, broadcast to a shape: an array of JAX if any number is one,
+    """A value as an array of numbers, broadcast to a shape: an array of JAX if any number is one,
     otherwise an array of NumPy.
 
     NumPy compiles nothing, whereas JAX compiles a program for every shape."""

@@ -75,7 +75,7 @@ LEFT_OUT = (
 
 
 def commented(text: str) -> str:
-    """Returns the TOML text of a built-in scene with comments. It stands for exactly the same scene: values
+    """The TOML text of a built-in scene with comments. It stands for exactly the same scene: values
     keep their notation, and everything that is added is a comment."""
     tables = tomllib.loads(text)
     model = model_of(tables)
@@ -112,28 +112,28 @@ def commented(text: str) -> str:
 
 
 def about(table: type) -> str:
-    """Returns the first paragraph of a table's description, in one line."""
+    """The first paragraph of a table's description, in one line."""
     return " ".join(table.__doc__.split("\n\n")[0].split())
 
 
 def block(text: str) -> list[str]:
-    """Returns a text as lines of comment."""
+    """A text as lines of comment."""
     return textwrap.wrap(text, WIDTH, initial_indent="# ", subsequent_indent="# ")
 
 
 def without_value(key: KeyDescription) -> str:
-    """Returns the line of a key that is left out, with its default if it has one."""
+    """The line of a key that is left out, with its default if it has one."""
     value = "" if key.default is None else f" {toml_value(key.default)}"
     return f"# {key.name} ={value}"
 
 
 def left_out(key: KeyDescription) -> str:
-    """Returns the line of a key in a table that is left out."""
+    """The line of a key in a table that is left out."""
     return beside(without_value(key), key, must="Must be given." if key.required else "")
 
 
 def beside(entry: str, key: KeyDescription, note: str = "", must: str = "") -> str:
-    """Returns a line with its comment: the unit and meaning of the key, and the remark of the scene's own
+    """A line with its comment: the unit and meaning of the key, and the remark of the scene's own
     file. must: sentence on whether it must be given, or on what holds without it."""
     unit = "" if key.unit == "-" else f"{key.unit}: "
     parts = [f"{unit}{key.doc}"]

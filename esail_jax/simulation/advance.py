@@ -144,31 +144,31 @@ def advance(
 
 @traced_once()
 def block_of(stepper: AbstractStepper, model: Any, state: AbstractState) -> tuple[Any, AbstractSteps]:
-    """Returns the result of `stepper.block`."""
+    """The result of `stepper.block`."""
     return stepper.block(model, state)
 
 
 @traced_once()
 def point_of(problem: Problem, motion: Motion, time: Scalar) -> Point:
-    """Returns dense output at a time [s] within the last block."""
+    """Dense output at a time [s] within the last block."""
     return problem.stepper.evaluate(problem.model, motion.last.pick(motion.last.find(time)), time)
 
 
 def room_for(count: int, one: Callable[[], Any]) -> Any:
-    """Returns buffers with NaN for `count` results of a function, along a new first axis."""
+    """Buffers with NaN for `count` results of a function, along a new first axis."""
     shapes = jax.eval_shape(one)
     return nan_like(jax.tree.map(lambda x: jnp.zeros((count, *x.shape), x.dtype), shapes))
 
 
 def with_limit(motion: Motion, unfinished: Bool[Array, ""], max_steps: Scalar) -> Motion:
-    """Returns the motion, with the result `too_many_steps` if `max_steps` ended it."""
+    """The motion, with the result `too_many_steps` if `max_steps` ended it."""
     state = motion.state
     ended = unfinished & (state.result == RESULTS.successful) & (motion.counts[0] >= max_steps)
     return with_result(motion, RESULTS.where(ended, RESULTS.too_many_steps, state.result))
 
 
 def with_result(motion: Motion, result: RESULTS) -> Motion:
-    """Returns the motion with another result."""
+    """The motion with another result."""
     state = motion.state
     values = {field: getattr(state, field) for field in state.__dataclass_fields__}
     return motion._replace(state=type(state)(**values | {"result": result}))
@@ -185,7 +185,7 @@ NO_LIMIT = 2**62
 def move(
     problem: Problem, motion: Motion, window: Window, max_steps: Scalar
 ) -> tuple[Motion, Point, Int[Array, ""]]:
-    """Returns the motion after the instants of a window, the points at the instants, and the number of
+    """The motion after the instants of a window, the points at the instants, and the number of
     instants passed.
 
     The derivative, in forward and in reverse mode, is that of the steps that were taken. They are recorded,
@@ -223,7 +223,7 @@ class Taken(NamedTuple):
 def as_taken(
     problem: Problem, motion: Motion, window: Window, max_steps: Scalar, taken: Taken
 ) -> tuple[Motion, Point]:
-    """Returns the motion after a window and the points at its instants as they are known, with the
+    """The motion after a window and the points at its instants as they are known, with the
     derivatives, of any order, of the steps that were taken."""
     return taken.ended, taken.points
 
@@ -234,7 +234,7 @@ def _as_taken_jvp(primals, tangents):
 
 
 def as_taken_and_moved(taken: Taken, primals: tuple, tangents: tuple) -> tuple[tuple, tuple]:
-    """Returns the result of `as_taken` and its tangent, which is that of the steps taken again."""
+    """The result of `as_taken` and its tangent, which is that of the steps taken again."""
 
     def replayed(problem, motion, window, max_steps):
         times = jnp.where(jnp.arange(len(window.times)) < window.count, window.times, window.times[0])
@@ -245,11 +245,11 @@ def as_taken_and_moved(taken: Taken, primals: tuple, tangents: tuple) -> tuple[t
 
 
 def none_like(count: Array) -> Any:
-    """Returns the tangent of an integer, which JAX represents by the type float0."""
+    """The tangent of an integer, which JAX represents by the type float0."""
     return jnp.zeros(count.shape, jax.dtypes.float0)
 
 
 def keep_tapes(body: Callable) -> Callable:
-    """Returns the function with a checkpoint: reverse mode saves the tapes and computes everything else
+    """The function with a checkpoint: reverse mode saves the tapes and computes everything else
     again."""
     return jax.checkpoint(body, policy=jax.checkpoint_policies.save_only_these_names(TAPES))

@@ -48,7 +48,7 @@ def check_start(scene: Scene, start: AnyPoint | None) -> None:
 
 
 def shapes_of(scene: Scene) -> dict[str, tuple[int, ...] | None]:
-    """Returns the shapes of the parts of a scene's coordinates, None for a part that it does not have."""
+    """The shapes of the parts of a scene's coordinates, None for a part that it does not have."""
     if scene.chain is not None:
         return {"tether": (1, 3, scene.chain.rods + 1, 1), "hub": None, "ring": None}
     tethers, ring = scene.tethers, scene.auxiliary_tethers
@@ -62,7 +62,7 @@ def shapes_of(scene: Scene) -> dict[str, tuple[int, ...] | None]:
 
 
 def known_time(start: AnyPoint) -> float | None:
-    """Returns the time of a start [s], None if it is traced: it has no value until the program runs."""
+    """The time of a start [s], None if it is traced: it has no value until the program runs."""
     return None if is_traced(start.time) else float(start.time)
 
 

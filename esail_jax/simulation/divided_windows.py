@@ -32,7 +32,7 @@ class DividedPlan(NamedTuple):
 
 
 def divided_plan(schedule: Schedule) -> DividedPlan:
-    """Returns the plan of a schedule with `divided`."""
+    """The plan of a schedule with `divided`."""
     windows = schedule.plan().windows
     known = np.unique(np.concatenate([row[:n] for row, n in zip(*windows[:2], strict=True)]))
 
@@ -46,7 +46,7 @@ def divided_plan(schedule: Schedule) -> DividedPlan:
 
 
 def divided_windows(plan: DividedPlan, instants: Float[Array, " knot"]) -> Plan:
-    """Returns the windows of a plan that is also divided at these instants [s]. Instants outside of the run
+    """The windows of a plan that is also divided at these instants [s]. Instants outside of the run
     divide nothing: they become windows at its end, in which nothing happens."""
     begin, end = plan.begin, plan.known[-1]
     knots = lax.stop_gradient(instants)

@@ -154,7 +154,7 @@ class HostRun:
             number += call.ended
 
     def _problem(self, number: int) -> Problem:
-        """Returns the problem during a segment."""
+        """The problem during a segment."""
         problem = self.compiled.problem
         if self.compiled.programs.restart is None:
             return problem.under(self.checkpoint.carried)
@@ -188,7 +188,7 @@ class HostRun:
         return Call(problem, times, saved, done, passed, log, bool(ended))
 
     def _rows_after(self, call: "Call", count: int) -> int:
-        """Returns the number of instants saved before the next call, if this one has saved `count`."""
+        """The number of instants saved before the next call, if this one has saved `count`."""
         is_kept = not count or self._common(call.times[count - 1])
         return self.checkpoint.rows + count * is_kept
 
@@ -216,7 +216,7 @@ class HostRun:
         return Seen(rows, numerics, count, last, steps, left, energy, result)
 
     def _after(self, call: "Call", seen: "Seen", number: int) -> Checkpoint:
-        """Returns the checkpoint after a good call, at the start of the next segment if this one has
+        """The checkpoint after a good call, at the start of the next segment if this one has
         ended."""
         motion, before = call.done.motion, self.checkpoint
         rows, pending, energy = self._rows_after(call, seen.count), seen.steps, before.energy
@@ -235,7 +235,7 @@ class HostRun:
         return Checkpoint(motion, rows, number, pending, energy, carried)
 
     def _window(self, row: int, stop: float) -> np.ndarray:
-        """Returns the next saved instants, at most as many as one call has room for. The last instant of
+        """The next saved instants, at most as many as one call has room for. The last instant of
         the run is alone in its window if a longer run does not save it."""
         times = self.times[row:]
         times = times[times <= stop][: self.compiled.programs.instants]
@@ -248,7 +248,7 @@ class HostRun:
         return self.interval is None or is_multiple(float(time), self.interval)
 
     def _failure(self, call: "Call", seen: "Seen") -> SimulationError:
-        """Returns the error that describes a failed run."""
+        """The error that describes a failed run."""
         result, state = getattr(RESULTS, seen.result), call.done.motion.state
         stepper = call.problem.stepper
         if seen.result == "energy_drift":

@@ -21,7 +21,7 @@ from esail_jax.system import System
 def look(
     problem: Problem, point: Point, names: tuple[str, ...] | None = None
 ) -> tuple[dict[str, Array], Point, Scalar]:
-    """Returns the observables of an instant (those of `names`, all if None), the point projected on the
+    """The observables of an instant (those of `names`, all if None), the point projected on the
     constraints, and the largest constraint violation there [m]."""
     system = problem.system
     if observables.is_chain(system):
@@ -36,7 +36,7 @@ def look(
 
 
 def on_constraints(problem: Problem, point: Point) -> tuple[Point, FactoredMass]:
-    """Returns the point of a sail projected on the constraints, and its factored mass matrix. A point at
+    """The point of a sail projected on the constraints, and its factored mass matrix. A point at
     the end of a step is not changed."""
     system = problem.system
     mass = factor_mass(system, point.time, point.q, problem.inertia)
@@ -46,12 +46,12 @@ def on_constraints(problem: Problem, point: Point) -> tuple[Point, FactoredMass]
 
 
 def chosen(rows: dict[str, Array], names: tuple[str, ...] | None) -> dict[str, Array]:
-    """Returns the named observables, or all of them if `names` is None."""
+    """The named observables, or all of them if `names` is None."""
     return rows if names is None else {name: rows[name] for name in names}
 
 
 def violation(system: System, point: Point) -> Scalar:
-    """Returns the largest constraint violation [m]."""
+    """The largest constraint violation [m]."""
     if not system.has_constraints:
         return jnp.zeros(())
     found = jax.tree.leaves(system.constraints(point.time, point.q))
@@ -61,7 +61,7 @@ def violation(system: System, point: Point) -> Scalar:
 def look_at_window(
     problem: Problem, points: Point, count: Int[Array, ""], names: tuple[str, ...] | None = None
 ) -> tuple[dict[str, Array], Point, Float[Array, " instant"]]:
-    """Returns the observables at the first `count` of several points, the last of these points projected on
+    """The observables at the first `count` of several points, the last of these points projected on
     the constraints, and the constraint violations [m].
 
     The instants are evaluated one after the other: the numbers of one fit into the processor's first cache,

@@ -66,17 +66,17 @@ class Problem(NamedTuple):
         return self.model.terms
 
     def in_segment(self, start: Scalar | np.ndarray, until: Scalar | np.ndarray) -> "Problem":
-        """Returns the problem between two switch times [s], after all events until the first of them."""
+        """The problem between two switch times [s], after all events until the first of them."""
         if isinstance(self.model, RodChain):
             return self
         return self._replace(model=self.model.with_events_until(start).in_segment(start, until))
 
     def under(self, carried: "Carried") -> "Problem":
-        """Returns the problem with what its model does not have yet (`settled`)."""
+        """The problem with what its model does not have yet (`settled`)."""
         return self._replace(carried=carried.without_memory)
 
     def settled(self) -> "Problem":
-        """Returns the problem whose model has the voltages that a sampled law holds, and the orbit on which
+        """The problem whose model has the voltages that a sampled law holds, and the orbit on which
         the origin of its coordinates moves."""
         if self.carried is None:
             return self
@@ -119,7 +119,7 @@ def start(
     stepper: AbstractStepper | None = None,
     point: AnyPoint | None = None,
 ) -> Start:
-    """Returns the problem and the motion at its start.
+    """The problem and the motion at its start.
 
     stepper: a method in place of the scene's; point: an instant to start from in place of the scene's
     start."""
@@ -179,7 +179,7 @@ def restart(
     carried: Carried,
     due: Bool[Array, ""] | None,
 ) -> tuple[Motion, Carried]:
-    """Returns the motion that starts from a point on the constraints at a switch time, and what the run
+    """The motion that starts from a point on the constraints at a switch time, and what the run
     carries along from there on.
 
     problem: the problem after the event; until: the next switch time [s]; carried: before the switch time;

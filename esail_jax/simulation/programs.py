@@ -60,7 +60,7 @@ def compile_programs(
     point: AnyPoint | None = None,
     names: tuple[str, ...] | None = None,
 ) -> Programs:
-    """Returns the programs for any numbers of these shapes, any end time and any saved instants. names: the
+    """The programs for any numbers of these shapes, any end time and any saved instants. names: the
     observables to save, all of them if None."""
     leaves, tree = jax.tree.flatten((numbers, stepper, point))
     return _compiled(structure, tree, tuple(map(type_of, leaves)), names)
@@ -133,12 +133,12 @@ def look_at_points(names: tuple[str, ...] | None, problem: Problem, points: Poin
 
 
 def motion_log(motion: Motion) -> Log:
-    """Returns the log of the last block."""
+    """The log of the last block."""
     return motion.last.log
 
 
 def degrees_of_freedom(system: System) -> int:
-    """Returns the number of coordinates; it depends on shapes only."""
+    """The number of coordinates; it depends on shapes only."""
     tethers = system.tethers
     vectors = tethers.coefs * (tethers.elements + 1)
     vectors += 0 if system.ring is None else system.ring.own_vectors

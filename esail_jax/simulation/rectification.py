@@ -35,11 +35,11 @@ class PointOnOrbit(NamedTuple):
 
     @classmethod
     def of(cls, point: Point, orbit: KeplerOrbit | None) -> "AnyPoint":
-        """Returns the point with an orbit, or as it is if there is none."""
+        """The point with an orbit, or as it is if there is none."""
         return point if orbit is None else cls(*point, orbit)
 
     def parts(self) -> tuple[Point, KeplerOrbit]:
-        """Returns the point and the orbit."""
+        """The point and the orbit."""
         *point, orbit = self
         return Point(*point), orbit
 
@@ -49,7 +49,7 @@ AnyPoint = Point | PointOnOrbit
 
 
 def rectified(system: System, point: Point, orbit: KeplerOrbit) -> tuple[Point, KeplerOrbit]:
-    """Returns a point and the orbit on which the origin of its coordinates moves, after the origin has
+    """A point and the orbit on which the origin of its coordinates moves, after the origin has
     moved to the hub if that was farther away than FAR.
 
     The external work of the new point is smaller by the kinetic energy that it has lost, so that the energy

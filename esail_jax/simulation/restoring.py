@@ -11,7 +11,7 @@ T = TypeVar("T")
 
 
 def paths(tree: Any) -> dict[str, Any]:
-    """Returns the leaves of a tree by their path."""
+    """The leaves of a tree by their path."""
     leaves = jax.tree_util.tree_leaves_with_path(tree)
     return {
         "/".join(str(getattr(key, "name", getattr(key, "idx", key))) for key in path): x
@@ -20,7 +20,7 @@ def paths(tree: Any) -> dict[str, Any]:
 
 
 def restored(like: T, arrays: Mapping[str, np.ndarray]) -> T:
-    """Returns a tree such as a motion from arrays by path. Raises ValueError unless they have the names,
+    """A tree such as a motion from arrays by path. Raises ValueError unless they have the names,
     shapes and types of `like`."""
     expected = paths(like)
     for name in expected.keys() | arrays.keys():

@@ -25,13 +25,13 @@ class Control(NamedTuple):
 
 
 def sampled_load(system: System) -> CoulombThrust | None:
-    """Returns the load whose voltage law is sampled; None if there is none."""
+    """The load whose voltage law is sampled; None if there is none."""
     load = find_term(system.loads, CoulombThrust)
     return load if load is not None and load.sampled is not None else None
 
 
 def sample(system: System, point: Point, control: Control | None) -> Control:
-    """Returns the voltages and the memory after a sample at a point on the constraints.
+    """The voltages and the memory after a sample at a point on the constraints.
 
     control: those before the sample; None for the first sample of a run."""
     load = sampled_load(system)
@@ -45,7 +45,7 @@ def sample(system: System, point: Point, control: Control | None) -> Control:
 
 
 def hint_at_law(scene: Scene, control: Control | None, result: str) -> str:
-    """Returns a sentence for the message of a failed run if the voltages of a user's law may be the reason,
+    """A sentence for the message of a failed run if the voltages of a user's law may be the reason,
     otherwise an empty text. control: those of the last sample; result: name of a member of `RESULTS`."""
     if scene.voltage_law is None or result not in ("nonfinite", "newton_diverged", "min_step_reached"):
         return ""

@@ -21,7 +21,7 @@ MOST_SAMPLES = 10**6
 
 
 def save_times(t_end: float, interval: float) -> np.ndarray:
-    """Returns the saved instants [s]: 0, every multiple of `interval` before `t_end`, and `t_end`."""
+    """The saved instants [s]: 0, every multiple of `interval` before `t_end`, and `t_end`."""
     count = int(np.ceil(t_end / interval * (1.0 - SNAP)))
     return np.append(np.arange(count) * interval, t_end)
 
@@ -33,7 +33,7 @@ def is_multiple(time: float, interval: float) -> bool:
 
 
 def switch_times(scene: Scene, end: float | None = None) -> tuple[float, ...]:
-    """Returns the switch times [s] in increasing order, at which the stepper is initialised again. end: of
+    """The switch times [s] in increasing order, at which the stepper is initialised again. end: of
     the run [s], that of the scene if None.
 
     They are the instants at which the motion has a kink by a part of the scene (`Part.switches`), such as
@@ -56,7 +56,7 @@ def switch_times(scene: Scene, end: float | None = None) -> tuple[float, ...]:
 
 
 def sampling_instants(scene: Scene, end: float | None = None) -> tuple[float, ...]:
-    """Returns the sampling instants [s] of a user's voltage law after the start: all multiples of its
+    """The sampling instants [s] of a user's voltage law after the start: all multiples of its
     period until the end of the run [s], that of the scene if None. Raises SceneError if they are more than
     MOST_SAMPLES. A switch time that differs from one of them by rounding only is replaced by it."""
     period = period_of(scene.voltage_law)
@@ -69,13 +69,13 @@ def sampling_instants(scene: Scene, end: float | None = None) -> tuple[float, ..
 
 
 def divided_at(scene: Scene) -> tuple[str, ...]:
-    """Returns the keys of switch times that divide a run although they are tracers, without a value until
+    """The keys of switch times that divide a run although they are tracers, without a value until
     the program runs (`divided_windows.py`)."""
     return tuple(key for key, x in instants_of(scene).items() if known(x) is None)
 
 
 def instants_of(scene: Scene) -> dict[str, Any]:
-    """Returns the switch times that the scene's tables give, by key."""
+    """The switch times that the scene's tables give, by key."""
     parts = parts_of(scene.model).values()
     keys = [
         (part.name, name) for part in parts for name in part.switches if scene.has(f"{part.name}.{name}")
@@ -97,7 +97,7 @@ class Segment:
 
 
 def segments(begin: float, end: float, switches: Sequence[float]) -> list[Segment]:
-    """Returns the segments of a run from `begin` to `end` [s], in order."""
+    """The segments of a run from `begin` to `end` [s], in order."""
     inner = [time for time in switches if begin < time < end]
     starts, stops = [begin, *inner], [*inner, end]
     known = np.append(np.sort(np.asarray(switches, float)), np.inf)
@@ -157,7 +157,7 @@ class Schedule:
         return bool(self.divided) or any(self.begin < time < self.times[-1] for time in self.switches)
 
     def plan(self) -> Plan:
-        """Returns the windows of the run. Further windows follow, at the end of the run, in which nothing
+        """The windows of the run. Further windows follow, at the end of the run, in which nothing
         happens, and the last saved time is repeated: the numbers of both are rounded up (`rounded_up`), so
         that one program serves runs of several lengths."""
         rows: list[tuple] = []
@@ -193,12 +193,12 @@ class Schedule:
 
 
 def rounded_up(count: int) -> int:
-    """Returns the next number that is a multiple of eight and has at most five binary digits before its
+    """The next number that is a multiple of eight and has at most five binary digits before its
     zeros: at most seven, or a sixteenth, larger."""
     step = max(8, 2 ** (count.bit_length() - 5))
     return -(-count // step) * step
 
 
 def repeated(values: np.ndarray, count: int) -> np.ndarray:
-    """Returns `count` values, of which the last ones repeat the last one given."""
+    """`count` values, of which the last ones repeat the last one given."""
     return np.append(values, np.repeat(values[-1:], count - len(values), 0), 0)

@@ -108,7 +108,7 @@ def stability_along(
     start: AnyPoint | None = None,
     stepper: AbstractStepper | None = None,
 ) -> Stability:
-    """Returns the growth of a small perturbation of the start of a run until the time `end` [s], measured
+    """The growth of a small perturbation of the start of a run until the time `end` [s], measured
     at the tips of a sail or the joints of a chain. steps: number of steps of the run; start, stepper: as
     for `simulate`."""
     name = "joint_position" if scene.chain is not None else "tip_position_I"
@@ -157,7 +157,7 @@ def run(
 
 
 def with_own(overrides: Mapping[str, Any] | None, law: Any, terms: Any) -> Mapping[str, Any] | None:
-    """Returns the overrides of a scene with a user's voltage law and terms, if they are given."""
+    """The overrides of a scene with a user's voltage law and terms, if they are given."""
     given = {name: x for name, x in ((OWN_LAW, law), (OWN_TERMS, terms)) if x is not None}
     if not given:
         return overrides
@@ -167,7 +167,7 @@ def with_own(overrides: Mapping[str, Any] | None, law: Any, terms: Any) -> Mappi
 
 
 def raised(solution: Solution, throw: bool) -> Solution:
-    """Returns a traced solution. Raises SimulationError if it is known already that the run has failed, as
+    """A traced solution. Raises SimulationError if it is known already that the run has failed, as
     it is in `jax.jvp` and `jax.grad` outside `jax.jit`, and `throw` asks for errors."""
     known = not any(isinstance(x, jax.core.Tracer) for x in jax.tree.leaves(solution.result))
     if throw and known and solution.stats.get("voltage_jumped", False):
@@ -264,7 +264,7 @@ def collected(run: Begun, save, throw: bool, progress=None) -> Solution:
 
 
 def observables_at(solution: Solution, time: float | Sequence[float]) -> dict[str, np.ndarray]:
-    """Returns the observables of a solution at any time or times [s]. It is `Solution.at`, with its
+    """The observables of a solution at any time or times [s]. It is `Solution.at`, with its
     errors."""
     times = numbers_of("time", time)
     if times is None or times.ndim > 1 or not times.size:

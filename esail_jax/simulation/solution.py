@@ -84,18 +84,18 @@ class Solution(eqx.Module, Mapping):
         return steps if isinstance(steps, jax.core.Tracer) else int(steps)
 
     def about(self, name: str) -> Observable:
-        """Returns the description of an observable: `unit`, `symbol`, `axes` (after time), `equation` and
+        """The description of an observable: `unit`, `symbol`, `axes` (after time), `equation` and
         `meaning`.
 
         Raises KeyError for an unknown name, with the nearest one."""
         return described(name)
 
     def units(self) -> dict[str, str]:
-        """Returns the unit of every observable by name."""
+        """The unit of every observable by name."""
         return {name: described(name).unit for name in self}
 
     def at(self, time: float | Sequence[float]) -> dict[str, np.ndarray]:
-        """Returns the observables at any time [s] of the run, by dense output: without the axis `time` for
+        """The observables at any time [s] of the run, by dense output: without the axis `time` for
         a number, and with it for a list, in the order of the list.
 
         The run is repeated up to the last time with the programs that are compiled already, and takes the
@@ -106,7 +106,7 @@ class Solution(eqx.Module, Mapping):
         return self.again(self, time)
 
     def to_xarray(self) -> Any:
-        """Returns the run as an `xarray.Dataset` with units, symbols, equations and named axes.
+        """The run as an `xarray.Dataset` with units, symbols, equations and named axes.
 
         Raises ImportError if xarray is not installed."""
         import xarray

@@ -70,7 +70,7 @@ class Stability(NamedTuple):
 
 
 def perturbation(point: AnyPoint, seed: int = 0) -> Coordinates:
-    """Returns a random direction of velocities [m/s] that keeps all constraints: every node but the roots
+    """A random direction of velocities [m/s] that keeps all constraints: every node but the roots
     of the tethers gets a velocity, the hub and the slopes of the nodes get none."""
     shape = point.v.tether.shape
     random = np.random.default_rng(seed).normal(size=shape)
@@ -85,7 +85,7 @@ def stability_of(
     start: AnyPoint,
     times: Float[np.ndarray, " time"],
 ) -> Stability:
-    """Returns the stability of a run.
+    """The stability of a run.
 
     positions: a function that JAX can differentiate, of the start of the run, with the positions [m] of
     tips or joints at `times`; start: the start of the run; times: instants [s], the first one is that of
@@ -103,7 +103,7 @@ def stability_of(
 
 
 def cut_short(size: Float[np.ndarray, " time"], times: Float[np.ndarray, " time"], count: int) -> Stability:
-    """Returns the stability from the first `count` sizes of a perturbation, after which its run failed."""
+    """The stability from the first `count` sizes of a perturbation, after which its run failed."""
     failed = float(times[max(count - 1, 0)])
     if count < LEAST_INSTANTS:
         return Stability(np.nan, np.nan, np.nan, failed)
@@ -111,7 +111,7 @@ def cut_short(size: Float[np.ndarray, " time"], times: Float[np.ndarray, " time"
 
 
 def measured(size: Float[np.ndarray, " time"], times: Float[np.ndarray, " time"]) -> Stability:
-    """Returns the stability from the sizes of a perturbation at equally spaced times [s]."""
+    """The stability from the sizes of a perturbation at equally spaced times [s]."""
     duration = times[-1] - times[0]
     part = (times - times[0]) / duration
 

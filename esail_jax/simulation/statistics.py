@@ -22,7 +22,7 @@ class Pending(NamedTuple):
 
     @classmethod
     def empty(cls, statistics: Mapping[str, Statistic]) -> "Pending":
-        """Returns a table without steps."""
+        """A table without steps."""
         return cls(np.zeros((0, 4 + len(statistics))))
 
     def with_steps(self, log: Log, statistics: Mapping[str, Statistic]) -> "Pending":
@@ -32,7 +32,7 @@ class Pending(NamedTuple):
         return Pending(np.concatenate([self.table, new]))
 
     def merged(self, until: float, statistics: Mapping[str, Statistic]) -> "Pending":
-        """Returns the table with all steps that end at `until` [s] or before in one row, to keep it
+        """The table with all steps that end at `until` [s] or before in one row, to keep it
         short."""
         old = (self.table[:, 0] <= until).cumprod().astype(bool)
         if old.sum() < 2:

@@ -83,7 +83,7 @@ def traced_run(
 
 @functools.partial(jax.jit, static_argnums=0)
 def first_rows(count: int, rows: dict[str, Array]) -> dict[str, Array]:
-    """Returns the rows without those by which their number was rounded up. Outside of a trace this is one
+    """The rows without those by which their number was rounded up. Outside of a trace this is one
     small program, not one for every observable."""
     return {name: x[:count] for name, x in rows.items()}
 
@@ -109,7 +109,7 @@ class Moved(NamedTuple):
 
 
 def usual_cotangents(moved: Moved) -> Moved:
-    """Returns which parts of the motion most objectives depend on: not energies, work and times."""
+    """Which parts of the motion most objectives depend on: not energies, work and times."""
     usual = jax.tree.map(lambda _: True, moved)
     unusual = jax.tree.map(lambda _: False, moved)
     return unusual._replace(
@@ -178,7 +178,7 @@ def run(
 def in_next_segment(
     problem: Problem, point: Point, instants: Float[Array, " knot"], start: Scalar
 ) -> Point:
-    """Returns the point at which a run goes on in a segment, with the derivatives that a kink of the
+    """The point at which a run goes on in a segment, with the derivatives that a kink of the
     temperatures there gives it. problem: that of the segment; instants: rows of the temperatures [s];
     start [s]: the start of the segment, which is one of these or has no kink."""
     system = problem.system
@@ -194,7 +194,7 @@ def observe(
     arguments: tuple[Numbers, AbstractStepper | None, AnyPoint | None],
     moved: Moved,
 ) -> Traced:
-    """Returns the observables at the saved instants of a run. arguments: those of the run that may be
+    """The observables at the saved instants of a run. arguments: those of the run that may be
     differentiated."""
     problem, points, carried, segments, good, orbit, result, counts, errors, jumped = moved
     # In batches of equal length. The last instant is repeated to fill the last batch.
@@ -237,7 +237,7 @@ def whole_run(
     stepper: AbstractStepper | None,
     point: AnyPoint | None,
 ) -> Traced:
-    """Returns the result of `traced_run`, without programs."""
+    """The result of `traced_run`, without programs."""
     moved = run(structure, divided, is_switched, plan, numbers, max_steps, stepper, point)
     return observe(names, (numbers, stepper, point), moved)
 
@@ -246,7 +246,7 @@ ordinary_run = jax.jit(whole_run, static_argnums=(0, 1, 2, 3))
 
 
 def differentiable(carry: Any, of: Any) -> Any:
-    """Returns the carry of a scan, in which every array of the motion has a tangent if anything in `of` is
+    """The carry of a scan, in which every array of the motion has a tangent if anything in `of` is
     differentiated. Times and step sizes have none."""
     arrays, structure = jax.tree.flatten(carry, is_leaf=is_motion)
     moving = [i for i, x in enumerate(arrays) if is_motion(x)]
@@ -262,18 +262,18 @@ def is_motion(x: Any) -> bool:
 
 
 def is_good(motion) -> Array:
-    """Returns whether the stepper can go on."""
+    """Tells whether the stepper can go on."""
     return motion.state.result == RESULTS.successful
 
 
 def zero_of(arguments: Any) -> Scalar:
-    """Returns zero, as a function of all numbers of a run."""
+    """zero, as a function of all numbers of a run."""
     numbers = [x for x in jax.tree.leaves(arguments) if jnp.issubdtype(jnp.result_type(x), jnp.floating)]
     return sum((jnp.where(jnp.isfinite(x), 0.0 * x, 0.0).sum() for x in numbers), jnp.zeros(()))
 
 
 def nan_unless(good: Array, x: Array, zero: Scalar) -> Array:
-    """Returns x, and NaN where a run has failed.
+    """x, and NaN where a run has failed.
 
     zero: `zero_of` the run's arguments. Its product with NaN makes derivatives of failed rows NaN as well.
     A selection alone would give the derivative of the rows before the failure, without a warning."""
@@ -283,5 +283,5 @@ def nan_unless(good: Array, x: Array, zero: Scalar) -> Array:
 
 
 def along(mask: Array, like: Array) -> Array:
-    """Returns a mask over instants with as many axes as `like`."""
+    """A mask over instants with as many axes as `like`."""
     return mask.reshape(-1, *(1,) * (like.ndim - 1))

@@ -50,7 +50,7 @@ def simulate_traced(
     stepper: AbstractStepper | None = None,
     limit: Scalar | None = None,
 ) -> Solution:
-    """Returns the solution of a run that is part of a traced program, for `jit`, `grad`, `jvp` and `vmap`.
+    """The solution of a run that is part of a traced program, for `jit`, `grad`, `jvp` and `vmap`.
     The arguments are those of `simulate`; limit: largest number of steps in place of `max_steps`, which may
     be a tracer and gives derivatives no more room. Raises RuntimeError in 32-bit mode."""
     require_64_bit()
@@ -107,7 +107,7 @@ with error control, where blocks of 7 steps alternate with blocks of 24 in a lon
 
 
 def failed_unless(here: Bool[Array, ""], found: Traced, zero: Scalar) -> Traced:
-    """Returns a run, or a failed one unless its traced start is where the run begins: its steps would begin
+    """A run, or a failed one unless its traced start is where the run begins: its steps would begin
     elsewhere than its windows. zero: `zero_of` its arguments."""
     rows, point = jax.tree.map(lambda x: nan_unless(here, x, zero), (found.rows, found.point))
     return found._replace(
@@ -116,7 +116,7 @@ def failed_unless(here: Bool[Array, ""], found: Traced, zero: Scalar) -> Traced:
 
 
 def turns(scene: Scene, duration: float) -> float:
-    """Returns the number of turns of a sail in a duration [s]; 0 if the spin rate is a tracer, and for a
+    """The number of turns of a sail in a duration [s]; 0 if the spin rate is a tracer, and for a
     chain."""
     spin = None if scene.chain is not None else known(scene.initial.spin_rate)
     return 0.0 if spin is None else float(np.max(np.abs(spin))) * duration / (2.0 * np.pi)
@@ -127,7 +127,7 @@ EDGES = 10
 
 
 def kinks(scene: Scene, begin: float, end: float) -> int:
-    """Returns the number of instants in a run [s] at which the wind, a table of voltages or a window of the
+    """The number of instants in a run [s] at which the wind, a table of voltages or a window of the
     phase has a kink. If the instants are tracers, all are counted."""
     tables = () if scene.chain is not None else (scene.solar_wind, scene.voltage)
     series = [table.time for table in tables if table is not None and table.time is not None]

@@ -38,7 +38,7 @@ as the second, counts as a jump, too: no step resolves it, so that a derivative 
 
 
 def law_of(model: Any) -> tuple[CoulombThrust, ContinuousLaw] | None:
-    """Returns the load of a user's law that is evaluated at every state, and the law; None without one."""
+    """The load of a user's law that is evaluated at every state, and the law; None without one."""
     load = find_term(model.loads, CoulombThrust) if isinstance(model, System) else None
     law = None if load is None else load.voltage_law
     law = law.law if isinstance(law, PowerLimited) else law
@@ -46,7 +46,7 @@ def law_of(model: Any) -> tuple[CoulombThrust, ContinuousLaw] | None:
 
 
 def largest_jump(stepper: AbstractStepper, model: Any, steps: AbstractSteps) -> Scalar:
-    """Returns the largest jump of a voltage within the steps of a block, relative to the largest voltage
+    """The largest jump of a voltage within the steps of a block, relative to the largest voltage
     there; zero without any."""
     load, _ = law_of(model)
     log, shape = steps.log, steps.taken.shape
@@ -67,7 +67,7 @@ def largest_jump(stepper: AbstractStepper, model: Any, steps: AbstractSteps) -> 
 
 
 def jump_within(volts: Callable[[Scalar], PerTether], begin: Scalar, length: Scalar) -> Scalar:
-    """Returns the largest jump of voltages [V] within a time, relative to the largest of them; zero without
+    """The largest jump of voltages [V] within a time, relative to the largest of them; zero without
     any. volts: the voltages at a time [s]; begin, length: of the time [s]."""
 
     def sampled(begin, length):
@@ -102,7 +102,7 @@ def jump_within(volts: Callable[[Scalar], PerTether], begin: Scalar, length: Sca
 
 
 def unevenness(volts: Float[Array, "end tether"]) -> Float[Array, "part tether"]:
-    """Returns by how much the change in each part differs from what its neighbours make one expect: from
+    """By how much the change in each part differs from what its neighbours make one expect: from
     their mean, and at the ends from the straight line through the next two. It is small of third order for
     smooth voltages."""
     change = jnp.diff(volts, axis=0)
@@ -113,7 +113,7 @@ def unevenness(volts: Float[Array, "end tether"]) -> Float[Array, "part tether"]
 
 @custom_jvp
 def without_derivative(x: Array, jumped: Array) -> Array:
-    """Returns x. Its derivative is NaN if the voltage has jumped."""
+    """x. Its derivative is NaN if the voltage has jumped."""
     return x
 
 
@@ -138,7 +138,7 @@ JUMPS = (
 
 
 def jump_warning(jump: float | None) -> str:
-    """Returns the warning about a run in which a voltage jumped by this part of the largest one; empty if
+    """The warning about a run in which a voltage jumped by this part of the largest one; empty if
     none did, or if none is looked for."""
     if jump is None or not jump > 0.0:
         return ""

@@ -98,7 +98,7 @@ class Collocation(AbstractStepper):
     statistics: ClassVar[Mapping[str, Statistic]] = {"iterations_per_step": Statistic("-", "mean")}
 
     def init(self, model: System, start: Point, until: Scalar) -> tuple[CollocationState, CollocationSteps]:
-        """Returns the start with consistent accelerations, which also serve as a constant history:
+        """The start with consistent accelerations, which also serve as a constant history:
         accelerations before an event do not predict those after it."""
         system, (time, q, v, work, _) = model, start
         vdot, lam, _, power = consistent_motion(system, time, q, v)
@@ -193,7 +193,7 @@ class Collocation(AbstractStepper):
         return after, good, CollocationSteps(now, h, later, unknowns, power, info, good)
 
     def error(self, system: System, now: StepEnd, h: Scalar, vdot: Coordinates) -> Scalar:
-        """Returns the estimated local error over the tolerance: the change of positions within the step if
+        """The estimated local error over the tolerance: the change of positions within the step if
         the polynomial of the accelerations does not pass through the start of the step."""
         scale = ERROR_FACTOR * TABLE.between() * h**2
         first, *others = TABLE.difference()
@@ -205,7 +205,7 @@ class Collocation(AbstractStepper):
         return largest(system, beyond, self.tolerance * lengths(system))
 
     def outcome(self, state: CollocationState) -> RESULTS:
-        """Returns whether the method can go on: the state is finite, and the step changes the time."""
+        """Tells whether the method can go on: the state is finite, and the step changes the time."""
         finite = jnp.stack([jnp.isfinite(x).all() for x in jax.tree.leaves(state.now)]).all()
         moves = state.now.time + 0.25 * state.h > state.now.time
         failed = RESULTS.where(finite, RESULTS.newton_diverged, RESULTS.nonfinite)
@@ -231,7 +231,7 @@ class Collocation(AbstractStepper):
     # ---- derivatives ----------------------------------------------------------------------------
 
     def tape(self, steps: CollocationSteps) -> CollocationSteps:
-        """Returns the whole record, so that no step is solved twice."""
+        """The whole record, so that no step is solved twice."""
         return steps
 
     def replay(
@@ -251,7 +251,7 @@ class Collocation(AbstractStepper):
 
 
 def first_guess(system: System, state: CollocationState) -> StageUnknowns:
-    """Returns accelerations and multipliers extrapolated from the last step in the axes of the hub, which
+    """Accelerations and multipliers extrapolated from the last step in the axes of the hub, which
     are assumed to keep their angular velocity."""
     now, h = state.now, state.h
     x = 1.0 + TABLE.nodes * (h / state.history.h)
@@ -274,7 +274,7 @@ def in_hub_axes(
     q: Coordinates,
     unknowns: StageUnknowns,
 ) -> StageUnknowns:
-    """Returns the stages in the axes of the hub, after the start of the step (the end of the last step)."""
+    """The stages in the axes of the hub, after the start of the step (the end of the last step)."""
     axes = jax.vmap(system.rotation)(times, q)
     body = jax.vmap(lambda a, r: a.rotate(r.T))(unknowns.vdot, axes)
     return jax.tree.map(
@@ -283,7 +283,7 @@ def in_hub_axes(
 
 
 def angular_velocity(system: System, now: StepEnd) -> Vector:
-    """Returns the angular velocity [rad/s] of the hub or of the rotating frame, in inertial axes."""
+    """The angular velocity [rad/s] of the hub or of the rotating frame, in inertial axes."""
 
     def attitude(tau):
         q = now.q if now.q.hub is None else now.q.axpy(tau, now.v)

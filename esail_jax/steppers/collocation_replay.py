@@ -70,7 +70,7 @@ def replay_window(
 
 
 def unless_empty(block: Callable) -> Callable:
-    """Returns the function of a block of steps, which skips a block without steps. Its records are then
+    """The function of a block of steps, which skips a block without steps. Its records are then
     zeros, which are written faster than copied."""
 
     def nothing(carry, records):
@@ -92,7 +92,7 @@ class Kick(NamedTuple):
 def replay_steps(
     system: System, now: StepEnd, records: CollocationSteps
 ) -> tuple[StepEnd, tuple[CollocationSteps, Kick | None]]:
-    """Returns the end of the last step of a block and the records of the steps, as differentiable functions
+    """The end of the last step of a block and the records of the steps, as differentiable functions
     of the system and of the start of the first step. Step sizes carry no derivative. Work and powers, on
     which nothing else depends, are left to `replay_work`, with what kinks add to them."""
     h = records.h[0]
@@ -128,14 +128,14 @@ def replay_steps(
 
 
 def no_kick(system: System, now: StepEnd) -> Kick | None:
-    """Returns the record of a step without kinks; None for a system whose loads have none."""
+    """The record of a step without kinks; None for a system whose loads have none."""
     return Kick(*jax.tree.map(jnp.zeros_like, (now.work, now.power))) if kinked(system) else None
 
 
 def behind_kinks(
     system: System, now: StepEnd, h: Scalar, unknowns: StageUnknowns, end: StepEnd
 ) -> tuple[StepEnd, Kick | None]:
-    """Returns the end of a step with the derivatives that kinks of loads within the step give it
+    """The end of a step with the derivatives that kinks of loads within the step give it
     (`kinks.py`), and what they add to work and power."""
     if not kinked(system):
         return end, None

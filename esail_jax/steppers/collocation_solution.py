@@ -91,7 +91,7 @@ def solve_stages(
 
 
 def reshaped(x: Array, like: Array) -> Array:
-    """Returns the array in the shape of another array."""
+    """The array in the shape of another array."""
     return x.reshape(like.shape)
 
 
@@ -103,7 +103,7 @@ def known_stages(
     unknowns: StageUnknowns,
     factors: FrozenFactors,
 ) -> StageUnknowns:
-    """Returns the unknowns as they are, with the derivative of the solution with respect to system, start
+    """The unknowns as they are, with the derivative of the solution with respect to system, start
     and h. The factors are those of the linear solver and carry no derivative."""
     return unknowns
 
@@ -134,7 +134,7 @@ def _known_stages_jvp(primals, tangents):
 
 
 def with_moved_roots(system: System, unknowns: StageUnknowns) -> StageUnknowns:
-    """Returns the unknowns, as functions of the places of the roots on the hub where these are numbers of
+    """The unknowns, as functions of the places of the roots on the hub where these are numbers of
     their own: the accelerations of the roots follow from them."""
     if system.hub is None or system.roots.azimuth is None:
         return unknowns
@@ -162,11 +162,11 @@ class Linearised(NamedTuple):
     unknowns: StageUnknowns
 
     def with_roots(self, x: StageUnknowns) -> StageUnknowns:
-        """Returns the unknowns with the roots' accelerations from the hub."""
+        """The unknowns with the roots' accelerations from the hub."""
         return x._replace(vdot=jax.vmap(lambda a: on_roots(self.system, a))(x.vdot))
 
     def without_roots(self, x: StageUnknowns) -> StageUnknowns:
-        """Returns the unknowns with zeros for the roots that move with the hub."""
+        """The unknowns with zeros for the roots that move with the hub."""
         roots = self.system.roots
         if roots is None:
             return x
@@ -174,12 +174,12 @@ class Linearised(NamedTuple):
         return x._replace(vdot=x.vdot._replace(tether=x.vdot.tether.at[:, 0, :, 0].set(held)))
 
     def folded(self, residual: Residual) -> StageUnknowns:
-        """Returns the rows of the square system."""
+        """The rows of the square system."""
         rows = StageUnknowns(residual.forces, residual.constraints)
         return jax.linear_transpose(self.with_roots, rows)(rows)[0]
 
     def rows(self, system: System, moved: StageStates, x: StageUnknowns) -> StageUnknowns:
-        """Returns the left-hand sides after changes of the states and of the unknowns."""
+        """The left-hand sides after changes of the states and of the unknowns."""
         change = self.with_roots(x)
         once = jax.tree.map(lambda a: jnp.tensordot(TABLE.matrix, a, 1), change.vdot)
         twice = jax.tree.map(lambda a: jnp.tensordot(TABLE.squared, a, 1), change.vdot)
@@ -195,11 +195,11 @@ class Linearised(NamedTuple):
         return jax.tree.map(jnp.zeros_like, (self.motion, self.unknowns))
 
     def forwards(self) -> Callable[[StageStates, StageUnknowns], StageUnknowns]:
-        """Returns the derivative of `rows` as a linear function."""
+        """The derivative of `rows` as a linear function."""
         return jax.linearize(lambda *x: self.rows(self.system, *x), *self.nothing)[1]
 
     def backwards(self) -> Callable[[StageUnknowns], tuple[StageStates, StageUnknowns]]:
-        """Returns the transpose of that derivative."""
+        """The transpose of that derivative."""
         return jax.vjp(lambda *x: self.rows(Transposable.of(self.system), *x), *self.nothing)[1]
 
 
@@ -210,7 +210,7 @@ def linear_solution(
     turns: Turn,
     factors: FrozenFactors,
 ) -> StageUnknowns:
-    """Returns x with A_1 moved + A_2 x + given = 0, by simplified Newton iterations, and knows the
+    """x with A_1 moved + A_2 x + given = 0, by simplified Newton iterations, and knows the
     transpose for reverse mode.
 
     The start's change is made part of the linear system, (1, 0; A_1, A_2) (moved, x) = (moved, -given), so
@@ -286,7 +286,7 @@ def improved(
 
 
 def work_norm(change: StageUnknowns, rows: StageUnknowns) -> Scalar:
-    """Returns a norm of an increment: the square root of the sum of |change_i rows_i|.
+    """A norm of an increment: the square root of the sum of |change_i rows_i|.
 
     Every term is a force times an acceleration, also for slopes, multipliers and transposed equations."""
     terms = jax.tree.map(lambda x, y: jnp.abs(x * y).sum(), change, rows)
@@ -294,7 +294,7 @@ def work_norm(change: StageUnknowns, rows: StageUnknowns) -> Scalar:
 
 
 def on_roots(system: System, vdot: Coordinates) -> Coordinates:
-    """Returns a change of the accelerations in which roots follow the hub. Roots of a frame do not
+    """A change of the accelerations in which roots follow the hub. Roots of a frame do not
     change."""
     if system.roots is None:
         return vdot

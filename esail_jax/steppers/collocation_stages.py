@@ -92,7 +92,7 @@ def combined(
     stages: Float[Array, "stage *x"],
     like: Array | None = None,
 ) -> Float[Array, "row *x"]:
-    """Returns the product of a table and the stages. The small product of the hub is written out, because a
+    """The product of a table and the stages. The small product of the hub is written out, because a
     call of the matrix library would take longer."""
     if stages[0].size > LEAST_SIZE_FOR_GEMM:
         return jnp.tensordot(per_member_table(table, stages if like is None else like), stages, 1)
@@ -105,7 +105,7 @@ def combined(
 def stage_states(
     start: StepEnd, h: Scalar, vdot: Coordinates
 ) -> tuple[Float[Array, " stage"], Coordinates, Coordinates]:
-    """Returns times [s], positions and velocities of the stages for given accelerations."""
+    """Times [s], positions and velocities of the stages for given accelerations."""
 
     def along(weights, x):
         return weights.reshape(-1, *(1,) * x.ndim) * x
@@ -128,7 +128,7 @@ def stage_states(
 def stage_residuals(
     system: System, start: StepEnd, h: Scalar, unknowns: StageUnknowns
 ) -> tuple[Residual, Axes]:
-    """Returns the residuals of all stages (equations of motion, and second derivatives of the constraints
+    """The residuals of all stages (equations of motion, and second derivatives of the constraints
     [m/s^2]) and the corotational axes of the stages."""
     times, q, v = stage_states(start, h, unknowns.vdot)
     axes = jax.vmap(lambda time, q: axes_of(system, time, q))(times, q)
@@ -138,19 +138,19 @@ def stage_residuals(
 def residuals_at(
     system: System, times: Float[Array, " stage"], q: Coordinates, v: Coordinates, unknowns: StageUnknowns
 ) -> Residual:
-    """Returns the residuals of `stage_residuals` at given states of the stages."""
+    """The residuals of `stage_residuals` at given states of the stages."""
     found, _ = system.residuals(times, q, v, *unknowns)
     phi_ddot = jax.vmap(system.constraint_acceleration)(times, q, v, unknowns.vdot)
     return Residual(found.forces, phi_ddot)
 
 
 def stage_powers(system: System, start: StepEnd, h: Scalar, unknowns: StageUnknowns) -> Power:
-    """Returns the powers [W] at every stage."""
+    """The powers [W] at every stage."""
     return system.residuals(*stage_states(start, h, unknowns.vdot), *unknowns)[1]
 
 
 def factor(system: System, start: StepEnd, h: Scalar, lam: Multipliers) -> FrozenFactors:
-    """Returns the factors of the iteration matrices of a step of length h, assembled at its start."""
+    """The factors of the iteration matrices of a step of length h, assembled at its start."""
     now = (start.time, start.q)
     inert = iteration_matrix.mass(system, *now)
 
@@ -182,7 +182,7 @@ def factor(system: System, start: StepEnd, h: Scalar, lam: Multipliers) -> Froze
 
 
 def correction(system: System, residual: Residual, turns: Turn, factors: FrozenFactors) -> StageUnknowns:
-    """Returns the change of the unknowns in a simplified Newton iteration. turns: for every stage, the
+    """The change of the unknowns in a simplified Newton iteration. turns: for every stage, the
     rotation from the axes of the factors."""
 
     def to_rhs(residual, turn):
@@ -202,27 +202,27 @@ def correction(system: System, residual: Residual, turns: Turn, factors: FrozenF
 
 
 def split(stages: Float[Array, "stage *x"], like: Array) -> Complex[Array, "rate *x"]:
-    """Returns T^-1 times the stages, for one of each pair of conjugate rates, by fast real products."""
+    """T^-1 times the stages, for one of each pair of conjugate rates, by fast real products."""
     rates = len(TABLE.split)
     parts = combined(np.concatenate([TABLE.split.real, TABLE.split.imag]), stages, like)
     return lax.complex(parts[:rates], parts[rates:])
 
 
 def mix(z: Complex[Array, "rate *x"], like: Array) -> Float[Array, "stage *x"]:
-    """Returns T z, summed over both rates of each conjugate pair."""
+    """T z, summed over both rates of each conjugate pair."""
     table = np.concatenate([TABLE.mix.real, -TABLE.mix.imag], axis=1)
     return combined(table, jnp.concatenate([z.real, z.imag]), like)
 
 
 def turns_to(axes: Axes, factors: FrozenFactors) -> Turn:
-    """Returns the rotations from the axes of the factors to those of every stage."""
+    """The rotations from the axes of the factors to those of every stage."""
     return jax.vmap(lambda axes: turn(factors.axes, axes))(axes)
 
 
 def on_constraints(
     system: System, factors: FrozenFactors, time: Scalar, q: Coordinates, v: Coordinates
 ) -> tuple[Coordinates, Coordinates]:
-    """Returns the nearest state that satisfies the constraints and their rates, by one Newton correction
+    """The nearest state that satisfies the constraints and their rates, by one Newton correction
     each in the mass metric. The stages violate the constraints by the local error."""
     if system.has_constraints:
         turned = matmul(lax.stop_gradient(system.rotation(time, q)), factors.axes.hub.T)
@@ -243,13 +243,13 @@ def on_constraints(
 def end_of_step(
     system: System, now: StepEnd, h: Scalar, unknowns: StageUnknowns, factors: FrozenFactors
 ) -> tuple[Coordinates, Coordinates]:
-    """Returns q and v at the end of a step whose stages are known, projected on the constraints."""
+    """q and v at the end of a step whose stages are known, projected on the constraints."""
     times, q, v = stage_states(now, h, unknowns.vdot)
     return on_constraints(system, factors, times[-1], *(jax.tree.map(lambda x: x[-1], c) for c in (q, v)))
 
 
 def work_of_step(h: Scalar, first: Power, power: Power) -> Power:
-    """Returns the work [J] of a step from the powers at its start and at the stages."""
+    """The work [J] of a step from the powers at its start and at the stages."""
     weights = jnp.asarray(TABLE.matrix[-1])
     return jax.tree.map(lambda p0, p: h * (TABLE.start[-1] * p0 + weights @ p), first, power)
 
@@ -258,7 +258,7 @@ def work_of_step(h: Scalar, first: Power, power: Power) -> Power:
 
 
 def lengths(system: System) -> Float[Array, "2"]:
-    """Returns the scales of errors [m]: the length of the shortest tether, and HUB_SHARE times the hub's
+    """The scales of errors [m]: the length of the shortest tether, and HUB_SHARE times the hub's
     radius."""
     tethers = system.tethers
     total = jnp.broadcast_to(tethers.element_length, (tethers.elements, tethers.count)).sum(0).min()
@@ -267,13 +267,13 @@ def lengths(system: System) -> Float[Array, "2"]:
 
 
 def rounding(q: Coordinates) -> Float[Array, "2"]:
-    """Returns the rounding errors of coordinates [m] of tethers and hub, which limit the iterations."""
+    """The rounding errors of coordinates [m] of tethers and hub, which limit the iterations."""
     parts = [q.tether[0], q.tether[0] if q.hub is None else q.hub]
     return lax.stop_gradient(LAST_PLACES * jnp.stack([jnp.abs(x).max() for x in parts]))
 
 
 def largest(system: System, change: Coordinates, unit: Float[Array, "2"]) -> Scalar:
-    """Returns the largest change of a position (slopes times l), in units for tethers and for the hub."""
+    """The largest change of a position (slopes times l), in units for tethers and for the hub."""
     nodes = greatest(greatest(system.tethers.scale_slopes(change.tether)))
     size = nodes.max()
     if change.ring is not None:

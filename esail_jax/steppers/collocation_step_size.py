@@ -14,13 +14,13 @@ the step size is not changed."""
 
 
 def change_of_step(error: Scalar) -> Scalar:
-    """Returns the factor to a step size whose error is the tolerance, with a safety factor. error: the
+    """The factor to a step size whose error is the tolerance, with a safety factor. error: the
     estimated error over the tolerance, of order STAGES + 2 in the step size."""
     return jnp.clip(SAFETY * jnp.maximum(error, 1e-30) ** (-1 / (STAGES + 2)), SHRINK, GROW)
 
 
 def next_step(state: CollocationState, records: CollocationSteps, h: Scalar) -> Scalar:
-    """Returns the step size [s] of the next block, from the largest error of a block with the step size h.
+    """The step size [s] of the next block, from the largest error of a block with the step size h.
     A rejected step has chosen a smaller one already."""
     factor = change_of_step(jnp.where(records.taken, records.info.error, 0.0).max())
     factor = jnp.where((factor > 1.0 / DEADBAND) & (factor < DEADBAND), 1.0, factor)
@@ -28,7 +28,7 @@ def next_step(state: CollocationState, records: CollocationSteps, h: Scalar) -> 
 
 
 def first_step(system: System, vdot: Coordinates, tolerance: Scalar) -> Scalar:
-    """Returns a guess of the first step size [s]: tolerance^(1/(STAGES + 2)) times the time in which the
+    """A guess of the first step size [s]: tolerance^(1/(STAGES + 2)) times the time in which the
     largest acceleration moves a node by the length of a tether."""
     fastest = jnp.abs(vdot.tether[0]).max()
     scale = jnp.sqrt(lengths(system)[0] / jnp.maximum(fastest, 1e-30))

@@ -79,7 +79,7 @@ class CollocationSteps(AbstractSteps):
         return jax.tree.map(lambda x: x[index], self)
 
     def at(self, time: Scalar) -> StepEnd:
-        """Returns the motion at a time [s] within one step, from the polynomials of accelerations and
+        """The motion at a time [s] within one step, from the polynomials of accelerations and
         powers."""
         start, h, x = self.start, self.h, (time - self.start.time) / self.h
         # One by one: an array of exponents has an infinite third derivative at x = 0.
@@ -99,13 +99,13 @@ class CollocationSteps(AbstractSteps):
 
 
 def nodes_of_step(start: StepEnd, h: Scalar, vdot: Coordinates) -> Nodes:
-    """Returns the motion at the start and at the stages of a step. vdot: accelerations at the stages."""
+    """The motion at the start and at the stages of a step. vdot: accelerations at the stages."""
     first, stages = (start.time, start.q, start.v), stage_states(start, h, vdot)
     return Nodes(*jax.tree.map(lambda a, x: jnp.concatenate([a[None], x]), first, stages))
 
 
 def no_step(state: CollocationState) -> CollocationSteps:
-    """Returns zeros, the record of an unused place."""
+    """zeros, the record of an unused place."""
     zero, powers = jnp.zeros(()), jnp.zeros(STAGES)
     stages = jax.tree.map(lambda x: jnp.zeros_like(x[1:]), state.history.values)
     start = jax.tree.map(jnp.zeros_like, state.now)
@@ -114,7 +114,7 @@ def no_step(state: CollocationState) -> CollocationSteps:
 
 
 def zero_length_steps(state: CollocationState, count: int) -> CollocationSteps:
-    """Returns `count` records of length zero, in which dense output finds the start of a motion."""
+    """`count` records of length zero, in which dense output finds the start of a motion."""
     step = no_step(state)
     # The polynomial is divided by the length of the step, which must not be zero.
     step = eqx.tree_at(

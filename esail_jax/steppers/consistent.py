@@ -38,7 +38,7 @@ def consistent_motion(
     v: Coordinates,
     mass: FactoredMass | None = None,
 ) -> ConsistentMotion:
-    """Returns accelerations, multipliers, forces and powers of the state (q, v), which must satisfy the
+    """accelerations, multipliers, forces and powers of the state (q, v), which must satisfy the
     constraints and their rates. mass: the factored mass matrix at q, if it is known."""
     system = at_place(system, system.place(time))
     rest = jax.tree.map(jnp.zeros_like, q)
@@ -60,7 +60,7 @@ def consistent_motion(
 def consistent_acceleration(
     system: System, time: Scalar, q: Coordinates, v: Coordinates
 ) -> tuple[Coordinates, Multipliers]:
-    """Returns vdot and lam of the state (q, v), which must satisfy the constraints and their rates."""
+    """vdot and lam of the state (q, v), which must satisfy the constraints and their rates."""
     motion = consistent_motion(system, time, q, v)
     return motion.vdot, motion.lam
 
@@ -72,7 +72,7 @@ def project(
     v: Coordinates,
     mass: FactoredMass | None = None,
 ) -> tuple[Coordinates, Coordinates]:
-    """Returns the nearest state in the mass metric that satisfies the constraints and their rates, by one
+    """The nearest state in the mass metric that satisfies the constraints and their rates, by one
     Newton correction each. Interpolation errors are of fourth order, so that one correction reaches
     rounding. mass: as in `consistent_motion`."""
     q, v = system.place_roots(time, q), system.place_roots(time, v, derivative=1)

@@ -51,7 +51,7 @@ class Turn(NamedTuple):
     free_mask: Float[Array | np.ndarray, "coef place"]
 
     def to_current(self, x: Coordinates) -> Coordinates:
-        """Returns vectors rotated from the reference axes to the current ones."""
+        """Vectors rotated from the reference axes to the current ones."""
         flat = x.tether.reshape(*x.tether.shape[:2], -1)
         turned = (self.hub[:, :, None] * flat[:, None]).sum(2)
         for near, far in zip(self.near, self.far, strict=True):
@@ -61,12 +61,12 @@ class Turn(NamedTuple):
         return Coordinates(turned.reshape(x.tether.shape), hub, ring)
 
     def to_reference(self, x: Coordinates) -> Coordinates:
-        """Returns vectors rotated from the current axes to the reference ones."""
+        """Vectors rotated from the current axes to the reference ones."""
         return self._replace(hub=self.hub.T, near=self.far, far=self.near).to_current(x)
 
 
 def axes_of(system: System, time: Scalar, q: Coordinates) -> Axes:
-    """Returns the axes of a configuration. A truss has the direction of the element beyond the node."""
+    """The axes of a configuration. A truss has the direction of the element beyond the node."""
     if system.tethers.coefs == 2:
         along = q.tether[1]
     else:
@@ -79,7 +79,7 @@ def axes_of(system: System, time: Scalar, q: Coordinates) -> Axes:
 
 
 def free_mask(system: System) -> Float[Array | np.ndarray, "coef place"]:
-    """Returns 0 for the positions of held roots, and 1 for all other nodal vectors."""
+    """0 for the positions of held roots, and 1 for all other nodal vectors."""
     tethers = system.tethers
     first = np.zeros((tethers.coefs, tethers.elements + 1, tethers.count))
     first[0, 0] = 1.0
@@ -90,7 +90,7 @@ def free_mask(system: System) -> Float[Array | np.ndarray, "coef place"]:
 
 
 def turn(before: Axes, after: Axes) -> Turn:
-    """Returns the rotation from one set of axes to another: R of the hub, and at the nodes
+    """The rotation from one set of axes to another: R of the hub, and at the nodes
 
         (1 - (a + b) (a + b)^T / (1 + c) + 2 b a^T) R,    c = a . b,
 

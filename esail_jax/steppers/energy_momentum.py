@@ -65,7 +65,7 @@ class Secant(Term):
         return self.term.depends_on
 
     def point_forces(self, time: Instants, fields: PointFields, rates: PointFields) -> PointFields:
-        """Returns the forces conjugate to the fields at the midpoint, which also give the fields at the
+        """The forces conjugate to the fields at the midpoint, which also give the fields at the
         end."""
         tau, weights = gauss_legendre(PATH_POINTS)
         roots = np.sqrt(np.stack([1.0 - tau, tau]))
@@ -123,7 +123,7 @@ class EnergyMomentum(FixedStep):
     def factor(
         self, system: System, time: Scalar, q: Coordinates, v: Coordinates, lam: Multipliers
     ) -> FrozenFactors:
-        """Returns the iteration matrix of a step at constant velocity from a state, with its factors."""
+        """The iteration matrix of a step at constant velocity from a state, with its factors."""
         h = self.step_size
         middle, end = q.axpy(0.5 * h, v), q.axpy(h, v)
         matrix = self.matrix(system, time + 0.5 * h, middle, v, lam, time + h, end)
@@ -139,7 +139,7 @@ class EnergyMomentum(FixedStep):
         end: Scalar,
         q1: Coordinates,
     ) -> bordered.Bordered:
-        """Returns the iteration matrix: M + s (K + c C) and Phi_q^T at the midpoint, Phi_q at the end."""
+        """The iteration matrix: M + s (K + c C) and Phi_q^T at the midpoint, Phi_q at the end."""
         matrix = iteration_matrix.tangent(system, time, q, u, lam, self._q_share, self._rate_factor)
         last = iteration_matrix.mass(system, end, q1)
         if system.hub is not None:
@@ -154,13 +154,13 @@ class EnergyMomentum(FixedStep):
     def attitude(
         self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, w: Coordinates
     ) -> Rotation:
-        """Returns the attitude at the start of the step, for which the factors are made."""
+        """The attitude at the start of the step, for which the factors are made."""
         return system.rotation(end - self.step_size, q0)
 
     def end_of_step(
         self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, w: Coordinates
     ) -> tuple[Coordinates, Coordinates]:
-        """Returns q and v at the end of the step, with the roots set from the hub or the frame."""
+        """q and v at the end of the step, with the roots set from the hub or the frame."""
         h = self.step_size
         q, v = q0.axpy(h, v0.axpy(0.5 * h, w)), v0.axpy(h, w)
         return system.place_roots(end, q), system.place_roots(end, v, derivative=1)
@@ -168,7 +168,7 @@ class EnergyMomentum(FixedStep):
     def middle(
         self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, w: Coordinates
     ) -> Middle:
-        """Returns the midpoint of a step. Roots of a rotating frame have the mean rates of the step, which
+        """The midpoint of a step. Roots of a rotating frame have the mean rates of the step, which
         are those along a chord."""
         h = self.step_size
         w = system.place_roots(end, w, derivative=2)
@@ -189,7 +189,7 @@ class EnergyMomentum(FixedStep):
     def residual(
         self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, unknowns: Unknowns
     ) -> tuple[Residual, Power]:
-        """Returns the equations of motion at the midpoint and the constraints at the end, and the power,
+        """The equations of motion at the midpoint and the constraints at the end, and the power,
         which is the work of the step over h."""
         made, time, q, u, w = self.middle(system, end, q0, v0, unknowns.vdot)
         (forces, constraints), power = made.residual(time, q, u, w, unknowns.lam)
@@ -211,7 +211,7 @@ class EnergyMomentum(FixedStep):
     def correct(
         self, system: System, residual: Residual, factors: FrozenFactors, turned: Rotation
     ) -> tuple[Unknowns, Coordinates]:
-        """Returns the change of the unknowns in an iteration, and the corresponding change of q1. It is
+        """The change of the unknowns in an iteration, and the corresponding change of q1. It is
         twice the change of q_m, to which the matrix belongs."""
         s = self._q_share
         forces = jax.tree.map(lambda r: -s * r, residual.forces)
@@ -223,7 +223,7 @@ class EnergyMomentum(FixedStep):
     def tangent(
         self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, unknowns: Unknowns
     ) -> FrozenFactors:
-        """Returns the factors of the exact derivative of the residual: forces at the midpoint, constraints
+        """The factors of the exact derivative of the residual: forces at the midpoint, constraints
         at the end."""
         made, time, q, u, _ = self.middle(system, end, q0, v0, unknowns.vdot)
         q1, _ = self.end_of_step(system, end, q0, v0, unknowns.vdot)
@@ -231,7 +231,7 @@ class EnergyMomentum(FixedStep):
         return FrozenFactors(matrix, structured.factor(matrix), jnp.eye(3))
 
     def tolerances(self, system: System, q: Coordinates) -> Float[jax.Array, "2"]:
-        """Returns the largest last increments [m] of a converged step, of tether nodes and of the hub."""
+        """The largest last increments [m] of a converged step, of tether nodes and of the hub."""
         size = jnp.maximum(jnp.abs(q.tether[0]).max(), system.tethers.element_length.max())
         return lax.stop_gradient(ROUNDING * jnp.stack([size, size]))
 
@@ -269,10 +269,10 @@ def framed(system: System) -> bool:
 
 
 def roots_of(x: Coordinates) -> Float[jax.Array, "3 tether"]:
-    """Returns the values at the root nodes."""
+    """The values at the root nodes."""
     return x.tether[0, :, 0]
 
 
 def with_roots(x: Coordinates, values: Float[jax.Array, "3 tether"]) -> Coordinates:
-    """Returns x with other values at the root nodes."""
+    """x with other values at the root nodes."""
     return x._replace(tether=x.tether.at[0, :, 0].set(values))

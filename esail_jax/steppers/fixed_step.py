@@ -63,7 +63,7 @@ class FixedStep(FixedStepMethod):
     # ---- the interface of a stepper ----------------------------------------------------------------
 
     def init(self, model: System, start: Point, until: Scalar) -> tuple[FixedStepState, FixedStepSteps]:
-        """Returns the start with consistent accelerations. `until` is not used: the step size is given."""
+        """The start with consistent accelerations. `until` is not used: the step size is given."""
         time, q, v, work, _ = start
         vdot, lam, _, power = consistent_motion(model, time, q, v)
         nothing = jax.tree.map(jnp.zeros_like, vdot)
@@ -129,7 +129,7 @@ class FixedStep(FixedStepMethod):
     def stepping(
         self, model: System, state: FixedStepState
     ) -> tuple["FixedStep", Callable, Int[Array, ""]]:
-        """Returns the method with the present size of its steps, the function of one step with the factors
+        """The method with the present size of its steps, the function of one step with the factors
         of a block from this state, and the number of steps to take. With a halved step a block ends at the
         end of a whole step, where the step may be doubled."""
         now, ticks = state.now, TICKS >> state.halvings
@@ -159,7 +159,7 @@ class FixedStep(FixedStepMethod):
         tape: Tape,
         failure: IterationInfo,
     ) -> tuple[FixedStepState, FixedStepSteps]:
-        """Returns the state and the record after a block, and chooses the size of the next steps."""
+        """The state and the record after a block, and chooses the size of the next steps."""
         size = TICKS >> state.halvings
         index = jnp.arange(STEPS_PER_FACTORISATION)
         taken = index < tape.count
@@ -219,7 +219,7 @@ class FixedStep(FixedStepMethod):
     # ---- derivatives -------------------------------------------------------------------------------
 
     def tape(self, steps: FixedStepSteps) -> Tape:
-        """Returns the numbers of steps, which `replay` computes again."""
+        """The numbers of steps, which `replay` computes again."""
         return Tape(steps.taken.sum(), (steps.tried & ~steps.taken).any(), steps.trials)
 
     def replay(
@@ -255,7 +255,7 @@ class FixedStep(FixedStepMethod):
         return replay_blocks(self, model, motion, block, tapes, blocks, times)
 
     def after_trials(self, one_step: Callable, start: StepState, count: Int[Array, ""]) -> StepState:
-        """Returns the start after `count` trial steps that converged. The loop has a fixed length, because
+        """The start after `count` trial steps that converged. The loop has a fixed length, because
         reverse mode cannot differentiate a loop that ends early."""
         if not self.trials:
             return start
@@ -274,7 +274,7 @@ class FixedStep(FixedStepMethod):
 
 
 def behind_kinks(system: System, time: Scalar, h: Scalar, start: StepState, end: StepState) -> StepState:
-    """Returns the end of a step with the derivatives that kinks of loads within the step give it
+    """The end of a step with the derivatives that kinks of loads within the step give it
     (`kinks.py`). time [s]: the start of the step."""
     if not kinked(system):
         return end
@@ -287,6 +287,6 @@ def behind_kinks(system: System, time: Scalar, h: Scalar, start: StepState, end:
 
 
 def beginning(start: StepState) -> tuple[StepState, Scalar, Int[Array, ""]]:
-    """Returns the argument of the first step of a block: the state, an infinite convergence rate, because
+    """The argument of the first step of a block: the state, an infinite convergence rate, because
     there is no earlier step with these factors, and the number 0 of the step."""
     return start, jnp.asarray(jnp.inf), jnp.zeros((), int)

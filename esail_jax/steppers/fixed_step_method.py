@@ -43,36 +43,36 @@ class FixedStepMethod(AbstractStepper):
     def factor(
         self, system: System, time: Scalar, q: Coordinates, v: Coordinates, lam: Multipliers
     ) -> FrozenFactors:
-        """Returns the factors of the iteration matrix at a state."""
+        """The factors of the iteration matrix at a state."""
 
     @abstractmethod
     def attitude(
         self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, vdot: Coordinates
     ) -> Rotation:
-        """Returns the attitude to which the factors are rotated for a step."""
+        """The attitude to which the factors are rotated for a step."""
 
     @abstractmethod
     def residual(
         self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, unknowns: Unknowns
     ) -> tuple[Any, Power]:
-        """Returns the residual of the equations of a step (`system.Residual`) and the power of its
+        """The residual of the equations of a step (`system.Residual`) and the power of its
         forces."""
 
     @abstractmethod
     def correct(
         self, system: System, residual: Any, factors: FrozenFactors, turned: Rotation
     ) -> tuple[Unknowns, Coordinates]:
-        """Returns the change of the unknowns in an iteration, and the corresponding change of q."""
+        """The change of the unknowns in an iteration, and the corresponding change of q."""
 
     @abstractmethod
     def tangent(
         self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, unknowns: Unknowns
     ) -> FrozenFactors:
-        """Returns the factors of the exact derivative of the residual, for derivatives of the run."""
+        """The factors of the exact derivative of the residual, for derivatives of the run."""
 
     @abstractmethod
     def tolerances(self, system: System, q: Coordinates) -> Float[Array, "2"]:
-        """Returns the largest remaining errors [m] of a converged step, of tether nodes and of the hub."""
+        """The largest remaining errors [m] of a converged step, of tether nodes and of the hub."""
 
     @abstractmethod
     def step(
@@ -82,16 +82,16 @@ class FixedStepMethod(AbstractStepper):
         with these factors, infinite if there is none."""
 
     def transposable(self, system: System) -> System:
-        """Returns the system that reverse mode differentiates with respect to the state."""
+        """The system that reverse mode differentiates with respect to the state."""
         return system
 
     def after_trial(self, start: StepState, end: StepState) -> StepState:
-        """Returns a better start; by default the start itself. end: the state after a trial step from
+        """A better start; by default the start itself. end: the state after a trial step from
         `start`."""
         return start
 
     def rescaled(self, state: StepState, ratio: Scalar) -> StepState:
-        """Returns the state for steps that are `ratio` times as long."""
+        """The state for steps that are `ratio` times as long."""
         first = jax.tree.map(lambda x: ratio * x, state.vdot_difference)
         second = jax.tree.map(lambda x: ratio**2 * x, state.vdot_second_difference)
         return state._replace(vdot_difference=first, vdot_second_difference=second)

@@ -121,7 +121,7 @@ class Linearised(NamedTuple):
     unknowns: Unknowns
 
     def rows(self, system: System, moved: Start, change: Unknowns) -> Unknowns:
-        """Returns the left-hand sides after changes of the start and of the unknowns."""
+        """The left-hand sides after changes of the start and of the unknowns."""
         q0, v0 = jax.tree.map(jnp.add, self.start, moved)
         unknowns = jax.tree.map(jnp.add, self.unknowns, change)
         return Unknowns(*self.stepper.residual(system, self.end, q0, v0, unknowns)[0])
@@ -132,16 +132,16 @@ class Linearised(NamedTuple):
         return jax.tree.map(jnp.zeros_like, (self.start, self.unknowns))
 
     def forwards(self) -> Callable[[Start, Unknowns], Unknowns]:
-        """Returns the derivative of `rows` as a linear function."""
+        """The derivative of `rows` as a linear function."""
         return jax.linearize(lambda *x: self.rows(self.system, *x), *self.nothing)[1]
 
     def backwards(self) -> Callable[[Unknowns], tuple[Start, Unknowns]]:
-        """Returns the transpose of that derivative."""
+        """The transpose of that derivative."""
         system = self.stepper.transposable(self.system)
         return jax.vjp(lambda *x: self.rows(system, *x), *self.nothing)[1]
 
     def inverse(self) -> Callable[[Unknowns], Unknowns]:
-        """Returns the inverse of the derivative with respect to the unknowns, from a new tangent matrix."""
+        """The inverse of the derivative with respect to the unknowns, from a new tangent matrix."""
         fresh = self.stepper.tangent(self.system, self.end, *self.start, self.unknowns)
 
         def solved(rows):
@@ -152,7 +152,7 @@ class Linearised(NamedTuple):
 
 
 def linear_solution(linear: Linearised, moved: Start, given: Residual) -> Unknowns:
-    """Returns x with A_1 moved + A_2 x + given = 0, and knows the transpose for reverse mode.
+    """x with A_1 moved + A_2 x + given = 0, and knows the transpose for reverse mode.
 
     The start's change is made part of the linear system, (1, 0; A_1, A_2) (moved, x) = (moved, -given), so
     that JAX transposes both blocks by the hand-written rule of `transposable` instead of transposing the
@@ -190,7 +190,7 @@ def linear_solution(linear: Linearised, moved: Start, given: Residual) -> Unknow
 
 
 def jvp_if_wanted(function: Callable, primals: tuple, tangents: tuple) -> Any:
-    """Returns the tangent of a function. At run time its transpose is skipped if the cotangent is zero:
+    """The tangent of a function. At run time its transpose is skipped if the cotangent is zero:
     most objectives do not depend on energies."""
     function, at, moves = perturbed(function, primals, tangents)
     along = functools.partial(jax.jvp, function, at)
@@ -219,7 +219,7 @@ def jvp_if_wanted(function: Callable, primals: tuple, tangents: tuple) -> Any:
 
 
 def increment_norms(system: System, dq: Coordinates) -> tuple[Float[jax.Array, "2"], Int[jax.Array, ""]]:
-    """Returns the largest change [m] of nodal coordinates of the tethers (slopes times l) and of the hub's
+    """The largest change [m] of nodal coordinates of the tethers (slopes times l) and of the hub's
     points, and the number of the tether with the largest change."""
     tether = jnp.abs(system.tethers.scale_slopes(dq.tether)).max((0, 1, 2))
     if dq.ring is not None:
@@ -229,6 +229,6 @@ def increment_norms(system: System, dq: Coordinates) -> tuple[Float[jax.Array, "
 
 
 def largest(constraints: Multipliers) -> Scalar:
-    """Returns the largest constraint violation [m]."""
+    """The largest constraint violation [m]."""
     leaves = jax.tree.leaves(constraints)
     return jnp.stack([jnp.abs(x).max() for x in leaves]).max() if leaves else jnp.zeros(())

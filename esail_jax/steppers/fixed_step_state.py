@@ -92,7 +92,7 @@ class IterationInfo(NamedTuple):
 
 
 def no_info() -> IterationInfo:
-    """Returns the record of a step that was not tried."""
+    """The record of a step that was not tried."""
     zero, none, two = jnp.zeros(()), jnp.zeros((), int), jnp.zeros(2)
     return IterationInfo(none, two, two, zero, two, zero, zero, none)
 
@@ -107,7 +107,7 @@ class FrozenFactors(NamedTuple):
     def solve(
         self, system: System, turned: Rotation, forces: Coordinates, constraints: Multipliers
     ) -> tuple[Coordinates, Multipliers]:
-        """Returns (dq, s dlam) for a right-hand side in inertial axes. turned: the rotation from the
+        """(dq, s dlam) for a right-hand side in inertial axes. turned: the rotation from the
         attitude of the factors to the present one."""
         rhs = iteration_matrix.to_vector(system, forces.rotate(turned.T), constraints)
         dq, dlam = iteration_matrix.from_vector(system, structured.solve(self.matrix, self.factors, rhs))

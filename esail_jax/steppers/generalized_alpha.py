@@ -47,7 +47,7 @@ class Parameters(NamedTuple):
 
     @classmethod
     def from_spectral_radius(cls, rho: Scalar) -> "Parameters":
-        """Returns the coefficients of [PGV] after Eq. 15 (where gamma is called mu, and beta nu)."""
+        """The coefficients of [PGV] after Eq. 15 (where gamma is called mu, and beta nu)."""
         alpha_m = (2.0 * rho - 1.0) / (rho + 1.0)
         alpha_f = rho / (rho + 1.0)
         gamma = 0.5 + alpha_f - alpha_m
@@ -95,14 +95,14 @@ class GeneralizedAlpha(FixedStep):
     def factor(
         self, system: System, time: Scalar, q: Coordinates, v: Coordinates, lam: Multipliers
     ) -> FrozenFactors:
-        """Returns the iteration matrix at a state ([PGV] Eq. 13, scaled by s) with its factors."""
+        """The iteration matrix at a state ([PGV] Eq. 13, scaled by s) with its factors."""
         c = self.parameters
         rate_factor = c.gamma / (self.step_size * c.beta)
         matrix = iteration_matrix.tangent(system, time, q, v, lam, self._q_share, rate_factor)
         return FrozenFactors(matrix, structured.factor(matrix), system.rotation(time, q))
 
     def predict(self, state: StepState) -> tuple[Coordinates, Coordinates, Coordinates]:
-        """Returns q, v and a at the end of the step without the contribution of vdot_{n+1}."""
+        """q, v and a at the end of the step without the contribution of vdot_{n+1}."""
         c, h = self.parameters, self.step_size
         known = jax.tree.map(
             lambda vdot, a: (c.alpha_f * vdot - c.alpha_m * a) / (1.0 - c.alpha_m),
@@ -126,7 +126,7 @@ class GeneralizedAlpha(FixedStep):
         v0: Coordinates,
         vdot: Coordinates,
     ) -> tuple[Coordinates, Coordinates]:
-        """Returns q and v at the end of the step for a given vdot there.
+        """q and v at the end of the step for a given vdot there.
 
         The roots are set from the hub or the frame. No equation compares their positions with the hub's,
         and a difference from rounding would grow with the fourth power of time.
@@ -138,14 +138,14 @@ class GeneralizedAlpha(FixedStep):
     def attitude(
         self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, vdot: Coordinates
     ) -> Rotation:
-        """Returns the attitude at the predicted end of the step."""
+        """The attitude at the predicted end of the step."""
         q, _ = self.end_of_step(system, end, q0, v0, vdot)
         return system.rotation(end, q)
 
     def residual(
         self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, unknowns: Unknowns
     ) -> tuple[Residual, Power]:
-        """Returns the residual of the equations at the end of the step, and the power of the forces
+        """The residual of the equations at the end of the step, and the power of the forces
         there."""
         vdot = unknowns.vdot
         if system.hub is not None and system.roots.azimuth is not None:
@@ -156,7 +156,7 @@ class GeneralizedAlpha(FixedStep):
     def correct(
         self, system: System, residual: Residual, factors: FrozenFactors, turned: Rotation
     ) -> tuple[Unknowns, Coordinates]:
-        """Returns the change of the unknowns in an iteration, and the corresponding change of q."""
+        """The change of the unknowns in an iteration, and the corresponding change of q."""
         s = self._q_share
         forces = jax.tree.map(lambda r: -s * r, residual.forces)
         constraints = jax.tree.map(jnp.negative, residual.constraints)
@@ -166,16 +166,16 @@ class GeneralizedAlpha(FixedStep):
     def tangent(
         self, system: System, end: Scalar, q0: Coordinates, v0: Coordinates, unknowns: Unknowns
     ) -> FrozenFactors:
-        """Returns the factors of the exact derivative of the residual."""
+        """The factors of the exact derivative of the residual."""
         q, v = self.end_of_step(system, end, q0, v0, unknowns.vdot)
         return self.factor(system, end, q, v, unknowns.lam)
 
     def transposable(self, system: System) -> System:
-        """Returns the system whose forces have a hand-written transpose."""
+        """The system whose forces have a hand-written transpose."""
         return Transposable.of(system)
 
     def tolerances(self, system: System, q: Coordinates) -> Float[jax.Array, "2"]:
-        """Returns the largest remaining errors [m] of a converged step, of tether nodes and of the hub."""
+        """The largest remaining errors [m] of a converged step, of tether nodes and of the hub."""
         position = jnp.asarray(POSITION_TOLERANCE)
         if system.tethers.kind == "rod":
             lengths = system.tethers.element_length
@@ -215,7 +215,7 @@ class GeneralizedAlpha(FixedStep):
         return state, info
 
     def after_trial(self, start: StepState, end: StepState) -> StepState:
-        """Returns the start with a_0 = vdot_0 + (alpha_m - alpha_f) h jerk. The jerk is chosen so that a
+        """The start with a_0 = vdot_0 + (alpha_m - alpha_f) h jerk. The jerk is chosen so that a
         step from there leads to the velocity at the end of the trial step.
 
         The trial step is implicit and damps stiff modes, which a time derivative of the accelerations would
@@ -232,14 +232,14 @@ class GeneralizedAlpha(FixedStep):
         return self.with_difference(start, jax.tree.map(jnp.subtract, vdot_next, start.vdot))
 
     def with_difference(self, state: StepState, difference: Coordinates) -> StepState:
-        """Returns the state with a given first difference of vdot and a = vdot(t + (alpha_m - alpha_f)
+        """The state with a given first difference of vdot and a = vdot(t + (alpha_m - alpha_f)
         h)."""
         c = self.parameters
         a = state.vdot.axpy(c.alpha_m - c.alpha_f, difference)
         return state._replace(a=a, vdot_difference=difference)
 
     def rescaled(self, state: StepState, ratio: Scalar) -> StepState:
-        """Returns the state for steps of another length. The instant to which the auxiliary acceleration a
+        """The state for steps of another length. The instant to which the auxiliary acceleration a
         belongs depends on the length of the step."""
         state = super().rescaled(state, ratio)
         return self.with_difference(state, state.vdot_difference)

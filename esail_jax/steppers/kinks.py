@@ -70,14 +70,14 @@ Moment = tuple[Scalar, Coordinates, Coordinates]
 
 
 def passed_like(_: System, nodes: Nodes, until: Moment) -> Passed:
-    """Returns numbers in the form of the result of `kinks_passed`."""
+    """Numbers in the form of the result of `kinks_passed`."""
     time, q, v = until
     return Passed(q, v, v, *(Power(time, time),) * 2)
 
 
 @vanishing(passed_like)
 def kinks_passed(system: System, nodes: Nodes, until: Moment) -> Passed:
-    """Returns what kinks between the start of a step and an instant of it add there."""
+    """What kinks between the start of a step and an instant of it add there."""
     still = lax.stop_gradient((system, nodes))
     there = jnp.stack([x.any() for x in (*knots_within(*still), *margins_passed(*still))]).any()
     nothing = nothing_of(passed_like(system, nodes, until))
@@ -85,7 +85,7 @@ def kinks_passed(system: System, nodes: Nodes, until: Moment) -> Passed:
 
 
 def changes(system: System, nodes: Nodes, until: Moment) -> Passed:
-    """Returns what the kinks add. An impulse acts at the start of the step and at the instant, in the ratio
+    """What the kinks add. An impulse acts at the start of the step and at the instant, in the ratio
     that preserves its first moment, and moves the latter by the time in between: both right to second order
     of the step."""
     found = [add(at_knots(system, nodes, i), at_margins(system, nodes, i)) for i in kinked(system)]
@@ -113,19 +113,19 @@ def changes(system: System, nodes: Nodes, until: Moment) -> Passed:
 
 
 def kinked(system: System) -> list[int]:
-    """Returns the places of the loads that have kinks."""
+    """The places of the loads that have kinks."""
     return [i for i, load in enumerate(system.loads) if load.has_kinks]
 
 
 def add(*parts: Impulses) -> Impulses:
-    """Returns all impulses together."""
+    """All impulses together."""
     return Impulses(*(jnp.concatenate(x) for x in zip(*parts, strict=True)))
 
 
 def response(
     system: System, time: Scalar, q: Coordinates, v: Coordinates, impulses: tuple[PerTether, ...]
 ) -> tuple[Coordinates, Power]:
-    """Returns the change of the velocities, and the work, of impulses [N s/m] of the kinked loads. Nothing
+    """The change of the velocities, and the work, of impulses [N s/m] of the kinked loads. Nothing
     else acts in no time."""
     system = eqx.tree_at(lambda x: (x.energies, x.dissipations), system, ((), ()))
 
@@ -141,13 +141,13 @@ def response(
 
 
 def knots_within(system: System, nodes: Nodes) -> tuple[Array, ...]:
-    """Returns which knots of the system lie in the step, whose ends are shifted behind knots there: all in
+    """Which knots of the system lie in the step, whose ends are shifted behind knots there: all in
     increasing order, and equal ones once."""
     return () if (found := ordered_knots(system, nodes)) is None else (found[1],)
 
 
 def ordered_knots(system: System, nodes: Nodes) -> tuple[Array, Array] | None:
-    """Returns the knots [s] in increasing order, and which of them count; None for a system without."""
+    """The knots [s] in increasing order, and which of them count; None for a system without."""
     found = system.knots(*nodes.at(0))
     if found is None:
         return None
@@ -158,7 +158,7 @@ def ordered_knots(system: System, nodes: Nodes) -> tuple[Array, Array] | None:
 
 
 def at_knots(system: System, nodes: Nodes, index: int) -> Impulses:
-    """Returns the impulses at knots. Just before and just behind one, the strength A has the same value,
+    """The impulses at knots. Just before and just behind one, the strength A has the same value,
     but not the same derivative: D = A_before - A_behind is J times the change of the knot, so that
     w = D^2/(2 J), for every tether its own. A knot of the law and one of the wind may lie at the same
     instant and move apart: each of the two is held while the other one passes."""
@@ -192,7 +192,7 @@ def at_knots(system: System, nodes: Nodes, index: int) -> Impulses:
 
 
 def margins_of(system: System, nodes: Nodes, index: int) -> tuple[Array, Array]:
-    """Returns the distances from the kinks of a load at every node, and the jumps of the strength's
+    """The distances from the kinks of a load at every node, and the jumps of the strength's
     derivative with respect to them: (node, kink, tether)."""
 
     def of(time, q, v):
@@ -203,17 +203,17 @@ def margins_of(system: System, nodes: Nodes, index: int) -> tuple[Array, Array]:
 
 
 def margins_passed(system: System, nodes: Nodes) -> list[Array]:
-    """Returns for every kinked load between which nodes which kinks are passed."""
+    """For every kinked load between which nodes which kinks are passed."""
     return [changes_of_sign(margins_of(system, nodes, i)[0]) for i in kinked(system)]
 
 
 def changes_of_sign(margin: Float[Array, "node kink tether"]) -> Array:
-    """Returns between which nodes the sign changes."""
+    """Between which nodes the sign changes."""
     return (margin[1:] > 0.0) != (margin[:-1] > 0.0)
 
 
 def at_margins(system: System, nodes: Nodes, index: int) -> Impulses:
-    """Returns the impulses at the kinks that are passed between two nodes, where the distance s and its
+    """The impulses at the kinks that are passed between two nodes, where the distance s and its
     derivatives are interpolated linearly: w = J s^2/(2 |s'|), with s = 0."""
     margin, jump = margins_of(system, nodes, index)
     hit = changes_of_sign(margin)
@@ -235,7 +235,7 @@ def at_margins(system: System, nodes: Nodes, index: int) -> Impulses:
 def between_segments(
     before: System, behind: System, point: Point, instant: Scalar
 ) -> tuple[Coordinates, Power]:
-    """Returns what a kink of the forces between two segments of a run adds to the velocities and to the
+    """What a kink of the forces between two segments of a run adds to the velocities and to the
     work. instant [s]: the end of the first segment, with its derivative.
 
     The change of the velocities is d (a_before - a_behind)/2, whose factors vanish, and likewise that of

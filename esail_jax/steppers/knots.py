@@ -22,18 +22,18 @@ NEAR = 1e-12
 
 
 def near(time: Float[Array, "*any"]) -> Float[Array, "*any"]:
-    """Returns the distance [s] before a knot at which steps end."""
+    """The distance [s] before a knot at which steps end."""
     return NEAR * (1.0 + jnp.abs(time))
 
 
 def knots_ahead(system: System, now: StepEnd) -> Float[Array, " knot"] | None:
-    """Returns the knots [s] of the system as foreseen from a state; None if it has none."""
+    """The knots [s] of the system as foreseen from a state; None if it has none."""
     found = system.knots(now.time, now.q, now.v)
     return None if found is None else lax.stop_gradient(found)
 
 
 def fitting_step(knots: Float[Array, " knot"], time: Scalar, h: Scalar) -> tuple[Scalar, Scalar]:
-    """Returns the largest step size [s] up to `h` that leads to the next knot in equal steps, and the time
+    """The largest step size [s] up to `h` that leads to the next knot in equal steps, and the time
     [s] at which they end; `h` and infinity if there is none. A knot that is NaN is none."""
     stop = jnp.where(knots > time + 2.0 * near(time), knots, jnp.inf).min()
     stop = stop - near(jnp.where(jnp.isfinite(stop), stop, 0.0))
@@ -42,6 +42,6 @@ def fitting_step(knots: Float[Array, " knot"], time: Scalar, h: Scalar) -> tuple
 
 
 def behind(system: System, now: StepEnd) -> StepEnd:
-    """Returns the end of a step with acceleration and power just behind a knot that may be there."""
+    """The end of a step with acceleration and power just behind a knot that may be there."""
     begun = consistent_motion(system, now.time + 2.0 * near(now.time), now.q, now.v)
     return now._replace(vdot=begun.vdot, power=begun.power)

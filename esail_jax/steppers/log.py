@@ -34,7 +34,7 @@ class Log(NamedTuple):
     statistics: dict[str, Float[Array, "*attempt"]]
 
     def table(self) -> Float[Array, "*attempt column"]:
-        """Returns the log as one array, which a loop stores faster than many. Columns: end, size, and the
+        """The log as one array, which a loop stores faster than many. Columns: end, size, and the
         statistics in alphabetical order. A rejected step has a negative size, an unused place the size
         0."""
         size = jnp.where(self.taken, self.size, jnp.where(self.tried, -self.size, 0.0))
@@ -43,7 +43,7 @@ class Log(NamedTuple):
 
     @classmethod
     def from_table(cls, table: Float[np.ndarray, "*attempt column"], names: Iterable[str]) -> "Log":
-        """Returns the log that `table` has written, as NumPy arrays. names: names of the statistics."""
+        """The log that `table` has written, as NumPy arrays. names: names of the statistics."""
         end, size, *others = np.moveaxis(table, -1, 0)
         statistics = dict(zip(sorted(names), others, strict=True))
         return cls(size != 0.0, size > 0.0, end, np.abs(size), statistics)

@@ -25,11 +25,11 @@ NAMES = (
 
 
 def name_of(result: RESULTS) -> str:
-    """Returns the name of a result that is not a tracer. This compiles nothing."""
+    """The name of a result that is not a tracer. This compiles nothing."""
     found = number_of(result)
     return next(name for name in NAMES if number_of(getattr(RESULTS, name)) == found)
 
 
 def number_of(result: RESULTS) -> int:
-    """Returns the integer that represents a result."""
+    """The integer that represents a result."""
     return int(np.asarray(jax.tree.leaves(result)[0]))

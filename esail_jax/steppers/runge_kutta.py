@@ -38,7 +38,7 @@ real axis (damped motion) the limit of stability is 3.3 or more."""
 
 @functools.cache
 def solver(method: str) -> Any:
-    """Returns diffrax's solver of a method. diffrax takes as long to import as JAX, and is not needed for a
+    """diffrax's solver of a method. diffrax takes as long to import as JAX, and is not needed for a
     sail; therefore it is imported here."""
     import diffrax
 
@@ -133,11 +133,11 @@ class RungeKutta(AbstractStepper):
         return diffrax.PIDController(rtol=self.tolerance, atol=self.tolerance, norm=largest_component)
 
     def scaled(self, y: State) -> State:
-        """Returns y divided by the scale."""
+        """y divided by the scale."""
         return jax.tree.map(lambda a, unit: a / unit, y, self.scale)
 
     def step(self, f: RightHandSide, start: Knot, h: Scalar) -> tuple[Knot, State]:
-        """Returns the end of a step and the estimate of its local error. h [s]."""
+        """The end of a step and the estimate of its local error. h [s]."""
         table = solver(self.method).tableau
         stages = [start.slope]
         y = start.y
@@ -150,7 +150,7 @@ class RungeKutta(AbstractStepper):
     def init(
         self, model: RodChain, start: RodState | Point, until: Scalar
     ) -> tuple[RungeKuttaState, RungeKuttaSteps]:
-        """Returns the start, with the first step size of Hairer, Norsett & Wanner (II.4)."""
+        """The start, with the first step size of Hairer, Norsett & Wanner (II.4)."""
         time, y = jnp.zeros(()), start
         if isinstance(start, Point):
             time, y = start.time, model.state(start.q, start.v, start.work)
@@ -195,7 +195,7 @@ class RungeKutta(AbstractStepper):
         return replace(state, result=self.outcome(state)), one_step(step)
 
     def outcome(self, state: RungeKuttaState) -> RESULTS:
-        """Returns whether the method can go on: the state is finite, and the step changes the time."""
+        """Tells whether the method can go on: the state is finite, and the step changes the time."""
         finite = jnp.stack([jnp.isfinite(x).all() for x in jax.tree.leaves(state.now.y)]).all()
         moves = state.now.time + 0.25 * state.h > state.now.time
         failed = RESULTS.where(finite, RESULTS.min_step_reached, RESULTS.nonfinite)
@@ -272,7 +272,7 @@ def one_step(step: RungeKuttaSteps) -> RungeKuttaSteps:
 
 
 def too_long(step: Scalar) -> str:
-    """Returns the advice for a fixed step with which a chain diverges."""
+    """The advice for a fixed step with which a chain diverges."""
     return (
         f"Steps of {float(step):.3g} s may be too long for the fastest vibration of "
         "the rods: try shorter ones, a tolerance, or generalized-alpha."
@@ -280,12 +280,12 @@ def too_long(step: Scalar) -> str:
 
 
 def combined(weights: Any, stages: Any) -> Array:
-    """Returns the weighted sum of the stages. Zero weights cost nothing."""
+    """The weighted sum of the stages. Zero weights cost nothing."""
     return sum(float(w) * k for w, k in zip(weights, stages, strict=False) if w != 0.0)
 
 
 def largest_component(error: State) -> Scalar:
-    """Returns the maximum norm over all components. It is infinite if a trial step is not finite, so that
+    """The maximum norm over all components. It is infinite if a trial step is not finite, so that
     the controller chooses a smaller step."""
     largest = jnp.stack([jnp.abs(x).max() for x in jax.tree.leaves(error)]).max()
     return jnp.where(jnp.isnan(largest), jnp.inf, largest)

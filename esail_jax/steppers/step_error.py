@@ -51,7 +51,7 @@ class RunningError(NamedTuple):
     high: Float[Array, "3 tether"]
 
     def relative(self) -> Scalar:
-        """Returns the largest error of any tether over the largest range of any tether, at most 1."""
+        """The largest error of any tether over the largest range of any tether, at most 1."""
         size = jnp.maximum(jnp.abs(self.low), jnp.abs(self.high)).max()
         reach = jnp.maximum((self.high - self.low).max(), LEAST_RANGE * size)
         ratio = self.error.max() / jnp.where(reach > 0.0, reach, 1.0)
@@ -69,7 +69,7 @@ class StepErrors(NamedTuple):
 
     @classmethod
     def initial(cls, tethers: int) -> "StepErrors":
-        """Returns the estimates before the first step."""
+        """The estimates before the first step."""
         none, far = jnp.zeros(tethers), jnp.full((3, tethers), jnp.inf)
         return cls(*[RunningError(none, far, -far)] * 2, jnp.zeros(2))
 
@@ -84,7 +84,7 @@ def updated(
     count: Array,
     phase_error: Scalar,
 ) -> StepErrors:
-    """Returns the estimates after a block of steps of length h [s] that begins at `time` [s].
+    """The estimates after a block of steps of length h [s] that begins at `time` [s].
 
     start, ends: q at the beginning of the block and after each step (first axis), of which `count` were
     taken; phase_error: c. Neighbouring blocks share no third difference: two differences fewer than steps
@@ -121,12 +121,12 @@ def updated(
 
 
 def within(kept: Bool[Array, " time"], signal: Signal, other: float) -> Signal:
-    """Returns the signal where `kept` is true, and the other value elsewhere."""
+    """The signal where `kept` is true, and the other value elsewhere."""
     return jnp.where(kept[:, None], signal, other)
 
 
 def root_slopes(system: System, nodal: Float[Array, "coef 3 node tether"]) -> Float[Array, "3 tether"]:
-    """Returns r_x at the roots. A truss has the direction of its first element."""
+    """r_x at the roots. A truss has the direction of its first element."""
     tethers = system.tethers
     if tethers.coefs == 2:
         return nodal[1, :, 0]
@@ -139,7 +139,7 @@ def root_forces(
     slopes: Float[Array, "time 3 tether"],
     hubs: Float[Array, "time 4 3"] | None,
 ) -> Signal:
-    """Returns the elastic force [N] on the section at the root, in the hub's axes; 0 if released."""
+    """The elastic force [N] on the section at the root, in the hub's axes; 0 if released."""
     tethers = system.tethers
     axial = find_term(system.energies, AbstractAxialEnergy)
     axial = jax.tree.map(lambda x: x[..., : tethers.count] if x.ndim else x, axial.at(times[:, None]))
@@ -159,7 +159,7 @@ def growth_rates(
     nodal: Float[Array, "time coef 3 node tether"],
     count: Array,
 ) -> Float[Array, " tether"]:
-    """Returns sigma [1/s] of each tether, the maximum over its elements, from the mean axial force of a
+    """sigma [1/s] of each tether, the maximum over its elements, from the mean axial force of a
     block."""
     tethers, axial = system.tethers, find_term(system.energies, AbstractAxialEnergy)
     some = nodal[TENSION_STRIDE - 1 :: TENSION_STRIDE]

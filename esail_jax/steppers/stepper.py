@@ -78,10 +78,10 @@ class AbstractSteps(eqx.Module):
 
     @abstractmethod
     def pick(self, index: tuple[Int[Array, ""], ...]) -> Any:
-        """Returns one step as `AbstractStepper.evaluate` takes it. index: one integer per leading axis."""
+        """One step as `AbstractStepper.evaluate` takes it. index: one integer per leading axis."""
 
     def find(self, time: Scalar) -> tuple[Int[Array, ""], ...]:
-        """Returns the index of the first step taken that ends at `time` [s] or later, one integer per
+        """The index of the first step taken that ends at `time` [s] or later, one integer per
         leading axis. If there is none, the result is the index of the first place."""
         reaches = self.taken & (time <= self.end)
         return jnp.unravel_index(jnp.argmax(reaches), reaches.shape)
@@ -146,7 +146,7 @@ class AbstractStepper(eqx.Module):
 
     @abstractmethod
     def init(self, model: Any, start: Any, until: Scalar) -> tuple[AbstractState, AbstractSteps]:
-        """Returns the state at the start of a run, or after an event, and a record of steps of length zero,
+        """The state at the start of a run, or after an event, and a record of steps of length zero,
         in which `evaluate` finds the start.
 
         start: a `Point` on the constraints; at the start of a run a `RodState` for a method in relative
@@ -155,7 +155,7 @@ class AbstractStepper(eqx.Module):
 
     @abstractmethod
     def block(self, model: Any, state: AbstractState) -> tuple[AbstractState, AbstractSteps]:
-        """Returns the state after the next steps, and their record, in which every array has the same shape
+        """The state after the next steps, and their record, in which every array has the same shape
         for every block (`steps_per_block` places).
 
         A step that fails is tried again with a smaller size, in this block or in the next. If that is not
@@ -163,11 +163,11 @@ class AbstractStepper(eqx.Module):
 
     @abstractmethod
     def evaluate(self, model: Any, step: Any, time: Scalar) -> Point:
-        """Returns the motion at `time` [s] within a step (dense output). step: a step as
+        """The motion at `time` [s] within a step (dense output). step: a step as
         `AbstractSteps.pick` returns it."""
 
     def tape(self, steps: AbstractSteps) -> Any:
-        """Returns the data of a block that `replay` needs to take the same steps again, by default none."""
+        """The data of a block that `replay` needs to take the same steps again, by default none."""
         return ()
 
     def replay(
@@ -188,7 +188,7 @@ class AbstractStepper(eqx.Module):
 
     @abstractmethod
     def failure(self, model: Any, state: AbstractState, log: Log) -> str:
-        """Returns a sentence about a failed run for its user: the time, the step size, and what to try.
+        """A sentence about a failed run for its user: the time, the step size, and what to try.
 
         state: the last state; log: the log of the last call, as NumPy arrays."""
 
@@ -198,7 +198,7 @@ class AbstractStepper(eqx.Module):
         return "Ask for a shorter step." if fixed else "Ask for a smaller tolerance."
 
     def error_estimates(self, state: AbstractState) -> dict[str, Scalar]:
-        """Returns the estimated accumulated errors by name, relative to the range of the signal. The result
+        """The estimated accumulated errors by name, relative to the range of the signal. The result
         is empty for a method that controls its error."""
         return {}
 
@@ -215,7 +215,7 @@ def replay_blocks(
     blocks: Int[Array, ""],
     times: Float[Array, " instant"],
 ) -> tuple[Motion, Point]:
-    """Returns the motion after `blocks` calls of `state, steps = block(state, tape)`, and the points at the
+    """The motion after `blocks` calls of `state, steps = block(state, tape)`, and the points at the
     instants.
 
     The other arguments are those of `AbstractStepper.replay`. Reverse mode stores the state at the start of
@@ -247,7 +247,7 @@ def points_within(
     taken: Bool[Array, "block attempt"],
     times: Float[Array, " instant"],
 ) -> Point:
-    """Returns dense output at instants [s] that lie in the block `last` or in the stacked blocks `steps`,
+    """Dense output at instants [s] that lie in the block `last` or in the stacked blocks `steps`,
     and NaN for later instants.
 
     taken: true for the stacked steps that count. All steps are picked by one `vmap`. In a loop over the
@@ -273,7 +273,7 @@ INSTANTS_TOGETHER = 32
 
 
 def nan_like(values: Any) -> Any:
-    """Returns NaN for every floating-point number of a tree, and zero for integers and truth values."""
+    """NaN for every floating-point number of a tree, and zero for integers and truth values."""
     return jax.tree.map(
         lambda x: jnp.full_like(x, jnp.nan if jnp.issubdtype(x.dtype, jnp.inexact) else 0), values
     )

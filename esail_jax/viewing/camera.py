@@ -27,7 +27,7 @@ class Camera:
     zoom: float = 1.0
 
     def turn(self) -> np.ndarray:
-        """Returns the rotation (3, 3) from the axes of the first view (right, up, towards the viewer) to
+        """The rotation (3, 3) from the axes of the first view (right, up, towards the viewer) to
         those of the camera."""
         c, s = np.cos(self.yaw), np.sin(self.yaw)
         k, t = np.cos(self.pitch), np.sin(self.pitch)
@@ -41,13 +41,13 @@ class Camera:
         return DISTANCE * self.radius
 
     def enlargement(self, points: np.ndarray) -> np.ndarray:
-        """Returns the factor D / (D - z) of points (..., 3) at the depth z towards the viewer, with the
+        """The factor D / (D - z) of points (..., 3) at the depth z towards the viewer, with the
         distance D of the camera; NaN at or behind the camera."""
         gap = self.distance - points[..., 2]
         return self.distance / np.where(gap > 0.01 * self.distance, gap, np.nan)
 
     def project(self, points: np.ndarray) -> np.ndarray:
-        """Returns the pixels (..., 2), from the upper left corner, of points (..., 3) in camera axes
+        """The pixels (..., 2), from the upper left corner, of points (..., 3) in camera axes
         [m]."""
         scale = self.zoom * FILLED * min(self.width, self.height) / self.radius
         size = scale * self.enlargement(points)

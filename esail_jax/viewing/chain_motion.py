@@ -16,7 +16,7 @@ SMALL = 1e-9
 
 
 def chain_motion(run: SavedRun, frames: np.ndarray) -> Motion:
-    """Returns the moving picture of a chain at these saved instants. Raises RunFileError if the file lacks
+    """The moving picture of a chain at these saved instants. Raises RunFileError if the file lacks
     the positions of the joints."""
     run.need("joint_position")
     scene = run.scene
@@ -63,7 +63,7 @@ def chain_motion(run: SavedRun, frames: np.ndarray) -> Motion:
 
 
 def mean_direction(joints: np.ndarray) -> np.ndarray:
-    """Returns the unit vector (3) along the mean over time of the line from the first joint to the last of
+    """The unit vector (3) along the mean over time of the line from the first joint to the last of
     joints (time, joint, 3)."""
     chords = joints[:, -1] - joints[:, 0]
     chords = chords / np.maximum(np.linalg.norm(chords, axis=-1, keepdims=True), np.finfo(float).tiny)
@@ -73,7 +73,7 @@ def mean_direction(joints: np.ndarray) -> np.ndarray:
 
 
 def first_basis(run: SavedRun) -> np.ndarray:
-    """Returns the axes of the first view (3, 3): upwards against gravity, on an orbit away from the centre
+    """The axes of the first view (3, 3): upwards against gravity, on an orbit away from the centre
     of attraction, otherwise along the axis x, y or z against which the chain hangs; to the right along the
     axis in which the joints then extend most."""
     joints, scene = run.rows["joint_position"], run.scene

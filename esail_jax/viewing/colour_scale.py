@@ -13,7 +13,7 @@ EQUAL = 1e-9
 
 
 def colours_of(values: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Returns the colours (..., 3), each 0 to 255, of values between `low` and `high`; NaN has NONE."""
+    """The colours (..., 3), each 0 to 255, of values between `low` and `high`; NaN has NONE."""
     stops = np.array([channels(stop) for stop in STOPS], float)
     width = high - low
     share = np.clip((values - low) / width, 0.0, 1.0) if width > 0.0 else np.full(np.shape(values), 0.5)
@@ -25,13 +25,13 @@ def colours_of(values: np.ndarray, low: float, high: float) -> np.ndarray:
 
 
 def channels(colour: str) -> tuple[int, int, int]:
-    """Returns red, green and blue of a colour #rrggbb."""
+    """red, green and blue of a colour #rrggbb."""
     red, green, blue = (int(colour[i : i + 2], 16) for i in (1, 3, 5))
     return red, green, blue
 
 
 def locked_range(*signals: np.ndarray) -> tuple[float, float]:
-    """Returns the smallest and the largest finite value of all signals: twice the same if they differ by
+    """The smallest and the largest finite value of all signals: twice the same if they differ by
     rounding only, and 0 if there is none."""
     finite = np.concatenate([signal[np.isfinite(signal)] for signal in signals])
     if not finite.size:

@@ -103,7 +103,7 @@ class Drawing:
         bar.outline.set_visible(False)
 
     def orientations(self, frame: int) -> tuple[np.ndarray, np.ndarray]:
-        """Returns the rotations (3, 3) from the axes of the vertices, and from inertial axes, to those of
+        """The rotations (3, 3) from the axes of the vertices, and from inertial axes, to those of
         the camera."""
         camera = self.camera.turn() @ self.motion.basis
         if self.motion.rotation is None:
@@ -113,7 +113,7 @@ class Drawing:
         return body, body @ now.T
 
     def image(self, frame: int) -> np.ndarray:
-        """Returns the picture at one instant, (height, width, 3) of 0 to 255."""
+        """The picture at one instant, (height, width, 3) of 0 to 255."""
         motion = self.motion
         body, inertial = self.orientations(frame)
         if motion.reach is not None:
@@ -145,7 +145,7 @@ class Drawing:
         return np.asarray(self.canvas.buffer_rgba())[..., :3].copy()
 
     def colours(self, frame: int) -> np.ndarray:
-        """Returns the colours of all lines (line, 3), each 0 to 1."""
+        """The colours of all lines (line, 3), each 0 to 1."""
         values = self.quantity.values[frame] if self.quantity else np.full(len(self.motion.lines), np.nan)
         return colours_of(values, *self.range) / 255.0
 
@@ -159,7 +159,7 @@ class Drawing:
 
 
 def statement(motion: Motion, style: Style) -> str:
-    """Returns what is drawn, in words: the exaggeration and the axes."""
+    """What is drawn, in words: the exaggeration and the axes."""
     shape = "true shape"
     if style.exaggeration != 1.0:
         shape = f"lateral displacements × {style.exaggeration:g}"
@@ -167,7 +167,7 @@ def statement(motion: Motion, style: Style) -> str:
 
 
 def moment(motion: Motion, frame: int) -> str:
-    """Returns the time of an instant in words, with the number of spin periods."""
+    """The time of an instant in words, with the number of spin periods."""
     time = motion.time[frame]
     turns = "" if motion.period is None else f"\n{time / motion.period:.2f} spin periods"
     return f"t = {time:.4g} s" + turns

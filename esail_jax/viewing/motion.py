@@ -113,20 +113,20 @@ MOST_EXAGGERATED = 1000.0
 
 
 def lateral(vertices: np.ndarray, straight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the parts of positions (..., vertex, 3) along the vectors `straight` (vertex, 3) and across
+    """The parts of positions (..., vertex, 3) along the vectors `straight` (vertex, 3) and across
     them."""
     along = (vertices * straight).sum(-1, keepdims=True) * straight
     return along, vertices - along
 
 
 def exaggerated(vertices: np.ndarray, straight: np.ndarray, factor: float) -> np.ndarray:
-    """Returns positions (..., vertex, 3) whose parts across `straight` are multiplied by a factor."""
+    """Positions (..., vertex, 3) whose parts across `straight` are multiplied by a factor."""
     along, across = lateral(vertices, straight)
     return along + factor * across
 
 
 def chosen_exaggeration(vertices: np.ndarray, straight: np.ndarray) -> float:
-    """Returns the largest of 1, 2, 5, 10, 20, ... that keeps the lateral positions below LARGEST_SHARE of
+    """The largest of 1, 2, 5, 10, 20, ... that keeps the lateral positions below LARGEST_SHARE of
     the largest position along the lines."""
     along, across = (np.linalg.norm(part, axis=-1) for part in lateral(vertices, straight))
     if not np.isfinite(across).any() or not np.nanmax(across) > 0.0:

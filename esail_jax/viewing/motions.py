@@ -13,7 +13,7 @@ from esail_jax.viewing.sail_motion import sail_motion
 
 
 def read_motions(paths: Sequence[Path], members: tuple[int, ...], most: int) -> list[Motion]:
-    """Returns the moving pictures of run files, or of members of ensembles.
+    """The moving pictures of run files, or of members of ensembles.
 
     members: their numbers, empty for runs; most: largest number of saved instants in one picture; they are
     equally spaced and end with the last one. Raises RunFileError."""
@@ -28,7 +28,7 @@ def read_motions(paths: Sequence[Path], members: tuple[int, ...], most: int) -> 
 
 
 def motion_of(run: SavedRun, most: int) -> Motion:
-    """Returns the moving picture of a run with at most `most` of its saved instants."""
+    """The moving picture of a run with at most `most` of its saved instants."""
     count = len(run.time)
     frames = np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))
     make = sail_motion if run.scene.chain is None else chain_motion

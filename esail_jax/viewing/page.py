@@ -37,7 +37,7 @@ def page_of(
     axes: str = "inertial",
     colour: str | None = None,
 ) -> str:
-    """Returns the HTML text of a page that shows runs side by side.
+    """The HTML text of a page that shows runs side by side.
 
     exaggeration: factor of the lateral positions at first, None to choose it; axes: "inertial" or
     "spinning"; colour: name of the quantity that colours the lines, None for the first one."""
@@ -74,17 +74,17 @@ def page_of(
 
 
 def part(name: str) -> str:
-    """Returns a file of the page."""
+    """A file of the page."""
     return (resources.files("esail_jax.viewing") / "web" / name).read_text(encoding="utf-8")
 
 
 def checksum(text: str) -> str:
-    """Returns the source expression of a text in a Content-Security-Policy."""
+    """The source expression of a text in a Content-Security-Policy."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
 
 
 def packed(values: Any) -> dict[str, Any] | None:
-    """Returns an array as base64 of little-endian float32, by rows, with its shape; None for None."""
+    """An array as base64 of little-endian float32, by rows, with its shape; None for None."""
     if values is None:
         return None
     array = np.asarray(values, "<f4")
@@ -92,7 +92,7 @@ def packed(values: Any) -> dict[str, Any] | None:
 
 
 def run_of(motion: Motion) -> dict[str, Any]:
-    """Returns the data of a run, as `web/picture.js` reads them."""
+    """The data of a run, as `web/picture.js` reads them."""
     arrays = ("time", "frames", "vertices", "straight", "rotation", "wind")
     return {name: packed(getattr(motion, name)) for name in arrays} | {
         "title": motion.title,
@@ -114,5 +114,5 @@ def run_of(motion: Motion) -> dict[str, Any]:
 
 
 def series(entries: Mapping[str, Quantity | Signal]) -> dict[str, Any]:
-    """Returns quantities or signals by name, with their values packed."""
+    """Quantities or signals by name, with their values packed."""
     return {name: vars(entry) | {"values": packed(entry.values)} for name, entry in entries.items()}

@@ -36,7 +36,7 @@ RING_SHAPE = "; auxiliary tethers: straight lines between tips"
 
 
 def sail_motion(run: SavedRun, frames: np.ndarray) -> Motion:
-    """Returns the moving picture of a sail at these saved instants. Raises RunFileError if the file lacks
+    """The moving picture of a sail at these saved instants. Raises RunFileError if the file lacks
     the positions of the tips or the attitude."""
     scene, rows = run.scene, run.rows
     run.need("tip_position_I", "rotation_IB", *(["hub_position_I"] if scene.hub is not None else []))
@@ -99,12 +99,12 @@ def sail_motion(run: SavedRun, frames: np.ndarray) -> Motion:
 
 
 def outward(azimuth: np.ndarray) -> np.ndarray:
-    """Returns the unit vectors (tether, 3) in B from the spin axis to roots at these azimuths [rad]."""
+    """The unit vectors (tether, 3) in B from the spin axis to roots at these azimuths [rad]."""
     return np.stack([0.0 * azimuth, np.cos(azimuth), np.sin(azimuth)], axis=1)
 
 
 def root_directions(coning: np.ndarray, lagging: np.ndarray, radial: np.ndarray) -> np.ndarray:
-    """Returns the unit vectors (time, tether, 3) in B along the tethers at their roots, from the root
+    """The unit vectors (time, tether, 3) in B along the tethers at their roots, from the root
     angles (time, tether) [rad] ([PGV] Eq. 60-61). radial: unit vectors (tether, 3) in B from the axis to
     the roots."""
     sideways = np.cross([1.0, 0.0, 0.0], radial)
@@ -113,7 +113,7 @@ def root_directions(coning: np.ndarray, lagging: np.ndarray, radial: np.ndarray)
 
 
 def parabolas(roots: np.ndarray, tips: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """Returns points (time, tether, point, 3) of parabolas from the roots (tether, 3) to the tips
+    """Points (time, tether, point, 3) of parabolas from the roots (tether, 3) to the tips
     (time, tether, 3) that begin in the directions (time, tether, 3).
 
     r(s) = r_0 + s l d + s^2 (c - l d), 0 <= s <= 1, with the chord c and its length l. That is the shape of
@@ -125,7 +125,7 @@ def parabolas(roots: np.ndarray, tips: np.ndarray, directions: np.ndarray) -> np
 
 
 def wind_directions(run: SavedRun, frames: np.ndarray, centre: np.ndarray) -> np.ndarray | None:
-    """Returns the direction of the wind at the hub in inertial axes (frame, 3); None without wind."""
+    """The direction of the wind at the hub in inertial axes (frame, 3); None without wind."""
     if run.scene.solar_wind is None:
         return None
     if "heliocentric_position" in run.rows:
@@ -138,7 +138,7 @@ def wind_directions(run: SavedRun, frames: np.ndarray, centre: np.ndarray) -> np
 
 
 def first_basis(rotation: np.ndarray) -> np.ndarray:
-    """Returns the axes of the first view (3, 3): towards the viewer along the spin axis X_B at the start,
+    """The axes of the first view (3, 3): towards the viewer along the spin axis X_B at the start,
     upwards as close as possible to Z_I (to Y_I where the spin axis is close to Z_I)."""
     normal = rotation[:, 0]
     other = np.array([0.0, 0.0, 1.0]) if abs(normal[2]) < 0.9 else np.array([0.0, 1.0, 0.0])
@@ -148,25 +148,25 @@ def first_basis(rotation: np.ndarray) -> np.ndarray:
 
 
 def spin_period(rate: float) -> float | None:
-    """Returns the spin period [s]; None without spin."""
+    """The spin period [s]; None without spin."""
     return 2.0 * np.pi / abs(rate) if rate else None
 
 
 def model_of(run: SavedRun) -> str:
-    """Returns what the sail consists of, in words."""
+    """What the sail consists of, in words."""
     tethers = run.scene.tethers
     ring = ", tips joined by auxiliary tethers" if run.scene.auxiliary_tethers is not None else ""
     return f"{tethers.count} tethers, {tethers.elements} {tethers.element} elements each{ring}"
 
 
 def ring_lines(ends: tuple[int, ...]) -> tuple[tuple[int, int], ...]:
-    """Returns the lines of the auxiliary tethers, from each tip to the next one. ends: vertices of the
+    """The lines of the auxiliary tethers, from each tip to the next one. ends: vertices of the
     tips."""
     return tuple(zip(ends, ends[1:] + ends[:1], strict=True))
 
 
 def line_colours(run: SavedRun, frames: np.ndarray) -> dict[str, Quantity]:
-    """Returns the quantities by which the lines may be coloured, as far as the file holds them: those of
+    """The quantities by which the lines may be coloured, as far as the file holds them: those of
     the tethers, and of the auxiliary tethers the tension."""
     rows, found = run.rows, {}
     if "reaction_B" in rows:
@@ -184,7 +184,7 @@ def line_colours(run: SavedRun, frames: np.ndarray) -> dict[str, Quantity]:
 
 
 def without(quantity: Quantity, free: np.ndarray) -> Quantity:
-    """Returns a quantity without its values of released tethers (frame, tether): such a tether has no
+    """A quantity without its values of released tethers (frame, tether): such a tether has no
     colour, and the range of the colours is that of the others."""
     values = np.array(quantity.values, float)
     values[:, : free.shape[1]][free] = np.nan
@@ -194,7 +194,7 @@ def without(quantity: Quantity, free: np.ndarray) -> Quantity:
 def with_ring(
     run: SavedRun, frames: np.ndarray, values: np.ndarray, of_ring: str | None = None
 ) -> np.ndarray:
-    """Returns the values (frame, line) of the tethers, followed by those of the auxiliary tethers if the
+    """The values (frame, line) of the tethers, followed by those of the auxiliary tethers if the
     sail has any. of_ring: name of their observable; where it is not known they have no colour, NaN."""
     if run.scene.auxiliary_tethers is None:
         return values

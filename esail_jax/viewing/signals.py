@@ -16,7 +16,7 @@ NAMES = {"xyz": "xyz", "angle": ""}
 
 
 def signals_of(run: SavedRun, frames: np.ndarray) -> dict[str, Signal]:
-    """Returns the observables with at most one axis beside time, at these saved instants. Those that are
+    """The observables with at most one axis beside time, at these saved instants. Those that are
     NaN throughout are left out."""
     found = {}
     for name, values in run.rows.items():
@@ -35,7 +35,7 @@ def signals_of(run: SavedRun, frames: np.ndarray) -> dict[str, Signal]:
 
 
 def degrees(columns: np.ndarray, axes: tuple[str, ...]) -> np.ndarray:
-    """Returns angles [deg] (frame, component), as the figures of `esail plot` show them: those of hub and
+    """Angles [deg] (frame, component), as the figures of `esail plot` show them: those of hub and
     sail without jumps by full turns, as far as they are known without a gap from the start."""
     columns = np.array(columns, float)
     if axes[:1] != ("tether",):
@@ -46,13 +46,13 @@ def degrees(columns: np.ndarray, axes: tuple[str, ...]) -> np.ndarray:
 
 
 def without_rounding(columns: np.ndarray) -> np.ndarray:
-    """Returns values with zeros in place of those that are rounding errors."""
+    """Values with zeros in place of those that are rounding errors."""
     largest = np.abs(columns[np.isfinite(columns)]).max()
     return np.where(np.abs(columns) <= NEGLIGIBLE * largest, 0.0, columns)
 
 
 def labels(axes: tuple[str, ...], symbol: str, columns: np.ndarray) -> tuple[str, ...]:
-    """Returns the names of an observable's components."""
+    """The names of an observable's components."""
     if not axes:
         return (symbol,)
     if axes[0] == "angle":

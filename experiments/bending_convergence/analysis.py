@@ -24,13 +24,13 @@ others."""
 
 
 def angles(vectors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Returns coning and lagging of vectors (time, xyz) of tether 1 in the hub's frame."""
+    """Coning and lagging of vectors (time, xyz) of tether 1 in the hub's frame."""
     x, y, z = vectors.T
     return np.arctan2(x, np.hypot(y, z)), np.arctan2(z, y)
 
 
 def at(run: Run, x: float) -> np.ndarray:
-    """Returns the position of the material point x [m] from the root, in the hub's frame: (time, xyz)."""
+    """The position of the material point x [m] from the root, in the hub's frame: (time, xyz)."""
     shape = run.seen["shape_B"]
     nodes = np.linspace(0.0, LENGTH, run.elements + 1)
     if shape.shape[1] == 2:
@@ -41,7 +41,7 @@ def at(run: Run, x: float) -> np.ndarray:
 
 
 def signals(run: Run, chord: float) -> dict[str, np.ndarray]:
-    """Returns all signals (time, component); chord [m]: length of the chord at the root."""
+    """All signals (time, component); chord [m]: length of the chord at the root."""
     seen = run.seen
     chord_coning, chord_lagging = angles(at(run, chord))
     found = {
@@ -62,7 +62,7 @@ def signals(run: Run, chord: float) -> dict[str, np.ndarray]:
 
 
 def errors(run: Run, reference: Run) -> dict[str, tuple[float, float]]:
-    """Returns the largest and the rms error of every signal, relative to the reference's range (largest
+    """The largest and the rms error of every signal, relative to the reference's range (largest
     component)."""
     chord = LENGTH / run.elements
     mine, true = signals(run, chord), signals(reference, chord)
@@ -75,17 +75,17 @@ def errors(run: Run, reference: Run) -> dict[str, tuple[float, float]]:
 
 
 def ranges(run: Run) -> dict[str, float]:
-    """Returns the range of every signal."""
+    """The range of every signal."""
     return {key: float(np.ptp(value, axis=0).max()) for key, value in signals(run, LENGTH).items()}
 
 
 def order(elements: list[int], error: list[float]) -> float:
-    """Returns the order of convergence, -d log(error) / d log(elements), by least squares."""
+    """The order of convergence, -d log(error) / d log(elements), by least squares."""
     return float(-np.polyfit(np.log(elements), np.log(error), 1)[0])
 
 
 def elements_for(elements: list[int], error: list[float], wanted: float) -> float:
-    """Returns the number of elements at which the error first falls below `wanted`; interpolates
+    """The number of elements at which the error first falls below `wanted`; interpolates
     logarithms."""
     logs = np.log(error)
     for k in range(1, len(elements)):
@@ -102,33 +102,33 @@ class Study:
         self.runs = {(r.variant, r.elements, r.lane, r.refine): r for r in runs}
 
     def get(self, variant: str, elements: int, lane: Lane | None = None, refine: int = 1) -> Run:
-        """Returns one run."""
+        """One run."""
         return self.runs[(variant, elements, lane or Lane(), refine)]
 
     def meshes(self, variant: str, lane: Lane | None = None) -> list[int]:
-        """Returns the available numbers of elements."""
+        """The available numbers of elements."""
         lane = lane or Lane()
         return sorted(n for v, n, at, f in self.runs if v == variant and at == lane and f == 1)
 
     def reference(self, lane: Lane | None = None) -> Run:
-        """Returns the run of the finest cable with these parameters."""
+        """The run of the finest cable with these parameters."""
         for variant in ("nonlinear", "none"):
             if meshes := self.meshes(variant, lane):
                 return self.get(variant, meshes[-1], lane)
         raise KeyError(lane)
 
     def errors(self, variant: str, elements: int, lane: Lane | None = None) -> dict:
-        """Returns the errors relative to the reference."""
+        """The errors relative to the reference."""
         return errors(self.get(variant, elements, lane), self.reference(lane))
 
     def curve(self, variant: str, key: str, kind: int = 1, lane: Lane | None = None) -> tuple:
-        """Returns elements and errors of one signal (kind 0: largest, 1: rms), without the reference."""
+        """Elements and errors of one signal (kind 0: largest, 1: rms), without the reference."""
         last = self.reference(lane)
         meshes = [n for n in self.meshes(variant, lane) if self.get(variant, n, lane) is not last]
         return meshes, [self.errors(variant, n, lane)[key][kind] for n in meshes]
 
     def cost(self, variant: str, elements: int) -> float:
-        """Returns the time per step [us] of the fastest run with the scene's EI."""
+        """The time per step [us] of the fastest run with the scene's EI."""
         chosen = [
             r.microseconds
             for (v, n, lane, f), r in self.runs.items()

@@ -59,11 +59,11 @@ class LinearBending(Term):
     depends_on: ClassVar[tuple[str, ...]] = ("r_xx",)
 
     def density(self, fields: PointFields) -> PerPoint:
-        """Returns W [J/m]."""
+        """W [J/m]."""
         return 0.5 * self.stiffness * dot(fields.r_xx, fields.r_xx)
 
     def point_forces(self, time: Instants, fields: PointFields, rates: PointFields) -> PointFields:
-        """Returns the stress dW/dr_xx of every point."""
+        """The stress dW/dr_xx of every point."""
         stress = jax.grad(lambda r_xx: self.density(fields._replace(r_xx=r_xx)).sum())(fields.r_xx)
         return PointFields(None, None, stress)
 
@@ -77,7 +77,7 @@ class Lane(NamedTuple):
 
 
 def scene_of(variant: str, elements: int, scene: str = "single-tether") -> esail.Scene:
-    """Returns the scene of a variant."""
+    """The scene of a variant."""
     loaded = esail.load_scene(scene)
     tethers = {"elements": elements}
     if variant == "truss":
@@ -90,7 +90,7 @@ def scene_of(variant: str, elements: int, scene: str = "single-tether") -> esail
 
 
 def system_of(variant: str, structure, numbers: dict, lane: Lane):
-    """Returns the system, its model with the initial state, and the sail's position from the Sun [m]."""
+    """The system, its model with the initial state, and the sail's position from the Sun [m]."""
     numbers = dict(numbers)
     numbers["tethers.axial_damping_time"] = jnp.full_like(numbers["tethers.length"], lane.axial)
     if variant in ("nonlinear", "linear"):
@@ -129,7 +129,7 @@ def integrate(stepper: GeneralizedAlpha, system, model, refine: int, saved: int)
 
 
 def history(variant: str, structure, numbers: dict, lane: Lane, refine: int, saved: int):
-    """Returns observables with the shape of tether 1 in the hub's frame, iterations per step, failed
+    """Observables with the shape of tether 1 in the hub's frame, iterations per step, failed
     steps."""
     system, model, origin = system_of(variant, structure, numbers, lane)
     stepper = GeneralizedAlpha(jnp.asarray(STEP / refine), jnp.asarray(SPECTRAL_RADIUS))

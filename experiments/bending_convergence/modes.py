@@ -22,17 +22,17 @@ XI, WEIGHTS = 0.5 * (GAUSS[0] + 1.0), 0.5 * GAUSS[1]
 
 
 def tension(x: np.ndarray | float) -> np.ndarray | float:
-    """Returns the tension T(x) [N] of the unstretched tether."""
+    """The tension T(x) [N] of the unstretched tether."""
     return SPIN**2 * (TIP_MASS * LENGTH + 0.5 * LINE_DENSITY * (LENGTH**2 - x**2))
 
 
 def boundary_layer(factor: float = 1.0) -> float:
-    """Returns the bending length sqrt(EI / T(L/2)) [m] for `factor` times the scene's EI."""
+    """The bending length sqrt(EI / T(L/2)) [m] for `factor` times the scene's EI."""
     return float(np.sqrt(factor * SCENE_EI / tension(0.5 * LENGTH)))
 
 
 def lagrange(degree: int) -> Callable:
-    """Returns the shape functions of a C0 element with `degree` + 1 equidistant nodes."""
+    """The shape functions of a C0 element with `degree` + 1 equidistant nodes."""
     nodes = np.linspace(0.0, 1.0, degree + 1)
     coefs = np.linalg.inv(np.vander(nodes, increasing=True))
 
@@ -53,7 +53,7 @@ INTERPOLATIONS = {
 
 
 def matrices(shapes: Callable, stride: int, n: int, stiffness: float) -> tuple[np.ndarray, np.ndarray]:
-    """Returns K and M of n elements with a fixed root."""
+    """K and M of n elements with a fixed root."""
     length = LENGTH / n
     s, ds = shapes(XI), shapes(XI, 1) / length
     dds = shapes(XI, 2) / length**2 if stiffness else 0.0 * s
@@ -73,7 +73,7 @@ def matrices(shapes: Callable, stride: int, n: int, stiffness: float) -> tuple[n
 
 
 def frequencies(name: str, n: int, factor: float = 0.0) -> np.ndarray:
-    """Returns the frequencies [rad/s] out of the plane, ascending; factor: EI / EI of the scene."""
+    """The frequencies [rad/s] out of the plane, ascending; factor: EI / EI of the scene."""
     shapes, stride = INTERPOLATIONS[name]
     k, m = matrices(shapes, stride, n, factor * SCENE_EI)
     # Slopes are multiplied by the element's length, so that all unknowns have the size of positions.

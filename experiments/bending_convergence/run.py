@@ -26,7 +26,7 @@ def write(name: str, rows: list[dict]) -> None:
 
 
 def result(scene: str, run: Run, reference: Run) -> dict:
-    """Returns a row of results.csv: the run, its reference, and the errors relative to each signal's
+    """A row of results.csv: the run, its reference, and the errors relative to each signal's
     range."""
     row = {
         "scene": scene,
@@ -46,7 +46,7 @@ def result(scene: str, run: Run, reference: Run) -> dict:
 
 
 def results(scene: str, found: Study) -> list[dict]:
-    """Returns rows that compare every run with its reference, and with the run without bending."""
+    """Rows that compare every run with its reference, and with the run without bending."""
     rows = []
     for run in found.runs.values():
         if run is not found.reference(run.lane):
@@ -58,7 +58,7 @@ def results(scene: str, found: Study) -> list[dict]:
 
 
 def frequency_table() -> list[dict]:
-    """Returns the relative errors of the frequencies of transverse modes."""
+    """The relative errors of the frequencies of transverse modes."""
     exact = modes.frequencies("cubic C1 (cable)", 80)
     rows = []
     for name in modes.INTERPOLATIONS:

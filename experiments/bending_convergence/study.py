@@ -23,12 +23,12 @@ SAIL = (("nonlinear", 5), *(("none", n) for n in (1, 3, 5, 15)), *(("truss", n) 
 
 
 def stiffer(*powers: int) -> tuple[Lane, ...]:
-    """Returns the parameters of tethers with 10^power times the EI."""
+    """The parameters of tethers with 10^power times the EI."""
     return tuple(Lane(stiffness=10.0**power) for power in powers)
 
 
 def lanes(variant: str, n: int) -> tuple[Lane, ...]:
-    """Returns the parameters with which a mesh is run."""
+    """The parameters with which a mesh is run."""
     if n >= FINEST:
         return AXIAL if variant == "nonlinear" else (DAMPED,)
     if variant == "nonlinear":

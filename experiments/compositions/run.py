@@ -65,7 +65,7 @@ SIZE = 1e-2
 
 
 def outcome(method: str) -> Callable:
-    """Returns the last coning angle of a tether as a function of the spin rate; for a chain the last place
+    """The last coning angle of a tether as a function of the spin rate; for a chain the last place
     of its end along the swing [m] as a function of the same number, as a part of gravity."""
     scene, overrides = METHODS[method]
 
@@ -84,12 +84,12 @@ def outcome(method: str) -> Callable:
 
 
 def over_members(apply: Callable) -> Callable:
-    """Returns the transformation into the mean over two members. apply: computes all of them."""
+    """The transformation into the mean over two members. apply: computes all of them."""
     return lambda g: lambda x: apply(g, jnp.asarray(MEMBERS) * x).mean()
 
 
 def sharded(g: Callable, members: jax.Array) -> jax.Array:
-    """Returns the members' results, whose arguments are divided among the devices."""
+    """The members' results, whose arguments are divided among the devices."""
     mesh, part = Mesh(np.array(jax.devices()[: len(MEMBERS)]), ("member",)), PartitionSpec("member")
     return jax.shard_map(
         lambda some: lax.map(g, some), mesh=mesh, in_specs=part, out_specs=part, check_vma=False
@@ -120,7 +120,7 @@ PAIRS = [pair for pair in itertools.product(TRANSFORMATIONS, repeat=2) if pair !
 
 
 def composed(names: tuple[str, ...], f: Callable) -> Callable:
-    """Returns the composition, the outermost transformation first."""
+    """The composition, the outermost transformation first."""
     for name in reversed(names):
         f = TRANSFORMATIONS[name](f)
     return f
@@ -130,7 +130,7 @@ def composed(names: tuple[str, ...], f: Callable) -> Callable:
 
 
 def terms_of(names: tuple[str, ...]) -> list[tuple[float, float, int]]:
-    """Returns a composition as a sum: (k, c, n) stands for k times the n-th derivative of f at c x."""
+    """A composition as a sum: (k, c, n) stands for k times the n-th derivative of f at c x."""
     terms = [(1.0, 1.0, 0)]
     for name in reversed(names):
         if name in DERIVATIVES:
@@ -141,7 +141,7 @@ def terms_of(names: tuple[str, ...]) -> list[tuple[float, float, int]]:
 
 
 def quotient(f: Callable, x: float) -> float:
-    """Returns the derivative of a function by a difference quotient of sixth order."""
+    """The derivative of a function by a difference quotient of sixth order."""
     h = SIZE * x / 3.0
     y = [float(f(x + k * h)) for k in (-3, -2, -1, 1, 2, 3)]
     return float(np.dot([-1.0, 9.0, -45.0, 45.0, -9.0, 1.0], y) / (60.0 * h))
@@ -169,7 +169,7 @@ HEADS = "method", "composition", "order", "found", "quotient", "difference", "fi
 
 
 def rows_of(path: Path) -> list[list[str]]:
-    """Returns the rows of the table."""
+    """The rows of the table."""
     if not path.exists():
         return []
     with open(path, newline="", encoding="utf-8") as file:

@@ -37,7 +37,7 @@ DRAWS = 32
 
 
 def rounding_sensitivity(scene: esail.Scene) -> dict[str, float]:
-    """Returns the largest change of every signal, relative to its size, when every number of a state (after
+    """The largest change of every signal, relative to its size, when every number of a state (after
     400 s) is rounded up or down to the next number in double precision."""
     point = esail.simulate(scene, {"integrator.t_end": 400.0}).final_state
     # Taken as it is: a projection on the constraints would remove a part of the changes.

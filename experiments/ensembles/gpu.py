@@ -49,7 +49,7 @@ COLUMNS = ("device", "method", "seconds", "members", "compile_s", "run_s", "sail
 
 
 def median_time(call) -> float:
-    """Returns the median time [s] of REPEATS calls."""
+    """The median time [s] of REPEATS calls."""
     times = []
     for _ in range(REPEATS):
         began = time.perf_counter()
@@ -59,7 +59,7 @@ def median_time(call) -> float:
 
 
 def kernel_times(call) -> dict[str, tuple[int, float]]:
-    """Returns number of launches and time [s] of every kernel during a call."""
+    """Number of launches and time [s] of every kernel during a call."""
     with tempfile.TemporaryDirectory() as folder:
         with jax.profiler.trace(folder, create_perfetto_trace=True):
             call()
@@ -77,7 +77,7 @@ def kernel_times(call) -> dict[str, tuple[int, float]]:
 
 
 def largest_differences(kept: Mapping[str, np.ndarray], rows: Mapping[str, np.ndarray]) -> dict[str, float]:
-    """Returns the largest difference of the first members, relative to the range of each observable."""
+    """The largest difference of the first members, relative to the range of each observable."""
     return {
         name: float(np.abs(rows[name][:COMPARED] - kept[name]).max() / np.ptp(kept[name])) for name in NAMES
     }

@@ -31,7 +31,7 @@ STEP = 5.0
 
 
 def seconds(loop, *arguments) -> float:
-    """Returns the median time [s] per iteration of a compiled loop of LOOPS iterations."""
+    """The median time [s] per iteration of a compiled loop of LOOPS iterations."""
     jax.block_until_ready(loop(*arguments))
     times = []
     for _ in range(REPEATS):
@@ -52,7 +52,7 @@ def iteration(system, now, h, kept, nodes, like):
 
 
 def measure_batch(size: int) -> tuple:
-    """Returns time [s], operations, traffic [B] and size of the data [B] of an iteration of `size`
+    """Time [s], operations, traffic [B] and size of the data [B] of an iteration of `size`
     members."""
     scene = esail.load_scene("baseline", {"integrator.t_end": 100.0})
     compiled = compile_scene(scene)
@@ -82,7 +82,7 @@ def measure_batch(size: int) -> tuple:
 
 
 def stream(size: float) -> float:
-    """Returns the rate [B/s] of a <- a + s b, which moves three arrays; a and b together take `size`
+    """The rate [B/s] of a <- a + s b, which moves three arrays; a and b together take `size`
     bytes."""
     n = max(int(size / 16), 64)
     a, b = jnp.ones(n), jnp.full(n, 1e-9)

@@ -32,7 +32,7 @@ COMMAND += ["--observables", ",".join(OBSERVABLES), "--set", f"output.interval={
 
 
 def drawn(members: int):
-    """Returns the scene and the inputs of `members` members."""
+    """The scene and the inputs of `members` members."""
     import esail_jax as esail
     from esail_jax.ensembles import draw, parse_variation
 
@@ -56,7 +56,7 @@ def single_runs(ready, done) -> None:
 
 
 def single_run_rate(processes: int) -> float:
-    """Returns single runs per second of all processes together."""
+    """Single runs per second of all processes together."""
     context = multiprocessing.get_context("spawn")
     ready, done = context.Barrier(processes), context.Queue()
     started = [context.Process(target=single_runs, args=(ready, done)) for _ in range(processes)]
@@ -69,7 +69,7 @@ def single_run_rate(processes: int) -> float:
 
 
 def in_process_rate() -> float:
-    """Returns members per second of an ensemble in this process, on all its cores."""
+    """Members per second of an ensemble in this process, on all its cores."""
     from esail_jax.ensembles import MemberRunner
 
     scene, inputs = drawn(MEMBERS)
@@ -82,7 +82,7 @@ def in_process_rate() -> float:
 
 
 def command_rate(scratch: Path, count: int) -> tuple[float, float]:
-    """Returns members per second of `esail ensemble` while members run, and the time [s] of the whole
+    """Members per second of `esail ensemble` while members run, and the time [s] of the whole
     command."""
     began = time.perf_counter()
     subprocess.run([*COMMAND, "-o", str(scratch), "--processes", str(count)], check=True)

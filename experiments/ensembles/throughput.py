@@ -36,7 +36,7 @@ SHORT = {"integrator.t_end": 400.0, "output.interval": 60.0}
 
 
 def timed(call) -> float:
-    """Returns the median processor time [s] of REPEATS calls."""
+    """The median processor time [s] of REPEATS calls."""
     times = []
     for _ in range(REPEATS):
         began = time.process_time()

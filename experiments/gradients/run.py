@@ -41,7 +41,7 @@ SCALARS = ("tip x", "spin rate", "coning of tether 3", "sailing angle", "thrust 
 
 
 def outcome(factors):
-    """Returns the five scalars as functions of the 22 factors."""
+    """The five scalars as functions of the 22 factors."""
     overrides = {key: value * factors[12 + i] for i, (key, value) in enumerate(NUMBERS.items())}
     overrides |= {"voltage.value": 20e3 * factors[:12], "output.interval": 4712.39 / 10}
     run = esail.simulate("baseline", overrides | {"integrator.tolerance": TOLERANCE})

@@ -54,14 +54,14 @@ POLL = 60.0
 
 
 def rotation_angles(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Returns the angle [deg] between two rotations at every instant. It is measured by the matrices'
+    """The angle [deg] between two rotations at every instant. It is measured by the matrices'
     difference, because the cosine of a small angle is one to rounding."""
     distance = np.linalg.norm(one - other, axis=(1, 2)) / np.sqrt(8.0)
     return np.degrees(2.0 * np.arcsin(np.clip(distance, 0.0, 1.0)))
 
 
 def differences(found, exact) -> dict[str, np.ndarray]:
-    """Returns the differences of two runs at every instant, largest over the tethers."""
+    """The differences of two runs at every instant, largest over the tethers."""
 
     def tips(run):
         return np.asarray(run["tip_position_I"]) - np.asarray(run["hub_position_I"])[:, None]
@@ -81,7 +81,7 @@ def differences(found, exact) -> dict[str, np.ndarray]:
 
 
 def growth_rows() -> list[dict]:
-    """Returns the largest differences from the run with the tight tolerance, up to every mark."""
+    """The largest differences from the run with the tight tolerance, up to every mark."""
     end = {"integrator.t_end": MARKS[-1] * SPIN_PERIOD, "output.interval": HOUR}
     solutions = {
         tolerance: esail.simulate("baseline", overrides=end | {"integrator.tolerance": tolerance})
@@ -132,12 +132,12 @@ def watched(tolerance: float, file: Path, log_file: Path) -> None:
 
 
 def size_of(file: Path) -> int:
-    """Returns the size of a file [bytes], 0 if it is not there."""
+    """The size of a file [bytes], 0 if it is not there."""
     return file.stat().st_size if file.exists() else 0
 
 
 def parts(time: np.ndarray) -> list[slice]:
-    """Returns the instants of every part of the year. A remainder belongs to the last part."""
+    """The instants of every part of the year. A remainder belongs to the last part."""
     turns = time / SPIN_PERIOD
     count = max(round(turns[-1] / PART), 1)
     ends = [*np.searchsorted(turns, PART * np.arange(1, count)), len(turns)]
@@ -145,7 +145,7 @@ def parts(time: np.ndarray) -> list[slice]:
 
 
 def year_rows(runs: dict) -> list[dict]:
-    """Returns a row for every run and part of the year, and what the runs differ by in it."""
+    """A row for every run and part of the year, and what the runs differ by in it."""
     rows = []
     apart = differences(runs["loose"], runs["default"])
     for name, run in runs.items():
@@ -179,7 +179,7 @@ def year_rows(runs: dict) -> list[dict]:
 
 
 def picture(runs: dict):
-    """Returns the figure: what the sail does in a year, and what limits the method."""
+    """The figure: what the sail does in a year, and what limits the method."""
     colours = {"default": BLUE, "loose": VERMILION}
 
     def lines(signal, width=0.5):

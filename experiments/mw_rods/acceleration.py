@@ -48,7 +48,7 @@ CALLS, LOOPS = 31, 7  # number of timings of a median
 
 
 def chain_of(rods: int) -> RodChain:
-    """Returns the chain of the first experiment with another number of rods."""
+    """The chain of the first experiment with another number of rods."""
     ones = jnp.ones((rods, 1))
     tethers = TetherBatch(ones * LENGTH, ones * MASS / LENGTH, jnp.zeros(1), rods, "rod", ("r_x",))
     roots = FrameRoots(jnp.eye(3), jnp.zeros(()), jnp.zeros((3, 1)), None)
@@ -59,13 +59,13 @@ def chain_of(rods: int) -> RodChain:
 
 
 def state_of(rods: int) -> RodState:
-    """Returns rods of about 1 m in random directions [m, m/s]."""
+    """Rods of about 1 m in random directions [m, m/s]."""
     x = np.random.default_rng(0).normal(size=(3, rods))
     return RodState(jnp.asarray(x / np.linalg.norm(x, axis=0) * 1.01), jnp.asarray(0.1 * x), None)
 
 
 def dense_rate(rods: int) -> Callable[[RodState], RodState]:
-    """Returns the function d(x, v)/dt that solves with the mass matrix in rod coordinates (Eq. 8) in every
+    """The function d(x, v)/dt that solves with the mass matrix in rod coordinates (Eq. 8) in every
     call."""
     k = np.arange(rods)
     beyond = MASS * (rods - 1 - np.maximum.outer(k, k))
@@ -85,26 +85,26 @@ jit = partial(jax.jit, compiler_options=CHAIN_OPTIONS)
 
 
 def seconds_of(call: Callable) -> float:
-    """Returns the time [s] of one call, result included."""
+    """The time [s] of one call, result included."""
     begin = time.perf_counter()
     jax.block_until_ready(call())
     return time.perf_counter() - begin
 
 
 def times_of(call: Callable, times: int) -> np.ndarray:
-    """Returns the median and the least time [s] of a call, after a first call that compiles."""
+    """The median and the least time [s] of a call, after a first call that compiles."""
     jax.block_until_ready(call())
     found = [seconds_of(call) for _ in range(times)]
     return np.array([np.median(found), np.min(found)])
 
 
 def median_of(call: Callable, times: int) -> float:
-    """Returns the median time [s] of a call."""
+    """The median time [s] of a call."""
     return float(times_of(call, times)[0])
 
 
 def looped(rate: Callable, count: int) -> Callable:
-    """Returns a compiled loop of `count` calls; each call depends on the one before."""
+    """A compiled loop of `count` calls; each call depends on the one before."""
 
     def body(_, state):
         return RodState(1.0 + 1e-6 * rate(state).v, state.v, None)
@@ -113,7 +113,7 @@ def looped(rate: Callable, count: int) -> Callable:
 
 
 def loop_time(rate: Callable, state: RodState) -> np.ndarray:
-    """Returns the median and the least time [s] per call inside a loop of at least some 30 ms."""
+    """The median and the least time [s] per call inside a loop of at least some 30 ms."""
     few = looped(rate, 3)
     once = median_of(lambda: few(state), 3) / 3
     count = int(np.clip(0.03 / once, 20, 30000))
@@ -122,7 +122,7 @@ def loop_time(rate: Callable, state: RodState) -> np.ndarray:
 
 
 def copy_time(total: float) -> float:
-    """Returns the time [s] in which NumPy moves `total` bytes: half of them read, half written."""
+    """The time [s] in which NumPy moves `total` bytes: half of them read, half written."""
     source = np.ones(max(1, int(total / 16)))
     target = np.zeros_like(source)
     count = int(np.clip(2e7 / max(total, 1.0), 3, 5000))
@@ -135,7 +135,7 @@ def copy_time(total: float) -> float:
 
 
 def line(rods: int) -> dict:
-    """Returns a row of acceleration.csv."""
+    """A row of acceleration.csv."""
     chain, state, none = chain_of(rods), state_of(rods), jnp.zeros(())
     program = jit(lambda chain, state: chain(none, state))
     counted = program.lower(chain, state).compile().cost_analysis()
@@ -164,7 +164,7 @@ def line(rods: int) -> dict:
 
 
 def bandwidth() -> list[dict]:
-    """Returns the rate of NumPy's copy (bytes read plus written) for arrays in the caches and in memory."""
+    """The rate of NumPy's copy (bytes read plus written) for arrays in the caches and in memory."""
     return [
         {"array_bytes": size, "GB_per_s": 2e-9 * size / copy_time(2 * size)}
         for size in (2**14, 2**17, 2**20, 2**23, 2**26, 2**28)
@@ -172,7 +172,7 @@ def bandwidth() -> list[dict]:
 
 
 def crossing(rows: list[dict]) -> str:
-    """Returns a sentence with the number of rods from which on the sweeps are faster than the dense
+    """A sentence with the number of rods from which on the sweeps are faster than the dense
     solve."""
     pairs = [(r["rods"], np.log(r["dense_us"] / r["loop_us"])) for r in rows if r["dense_us"] != ""]
     rods, gain = np.array(pairs).T

@@ -43,16 +43,16 @@ class Chain:
     speed: float  # [m/s]
 
     def start(self):
-        """Returns x [m] and x' [m/s] of the rods, (n, 3) each."""
+        """x [m] and x' [m/s] of the rods, (n, 3) each."""
         ones = np.ones((self.rods, 1))
         return ones * [0.0, -self.length, 0.0], ones * [self.speed, 0.0, 0.0]
 
     def times(self):
-        """Returns the times of the saved states [s]."""
+        """The times of the saved states [s]."""
         return np.linspace(0.0, self.duration, round(self.duration / self.saved) + 1)
 
     def matrices(self, dtype):
-        """Returns D M^-1 m' (n) and EA / l D M^-1 D^T (n, n) [1/s^2], computed in `dtype`."""
+        """D M^-1 m' (n) and EA / l D M^-1 D^T (n, n) [1/s^2], computed in `dtype`."""
         n, m = self.rods, dtype(self.mass)
         eye, below = np.eye(n, dtype=dtype), np.eye(n, k=-1, dtype=dtype)
         mass, weight = 2 * m / 3 * eye + m / 6 * (below + below.T), np.full(n, m)
@@ -65,7 +65,7 @@ class Chain:
         return difference @ inverse @ weight, spring * (difference @ inverse @ difference.T)
 
     def acceleration(self, direction, dtype):
-        """Returns the function x -> x'' [m/s^2] for arrays (..., n, 3) of `dtype`, with gravity along
+        """The function x -> x'' [m/s^2] for arrays (..., n, 3) of `dtype`, with gravity along
         `direction`."""
         weight, response = self.matrices(dtype)
         fall, one, length = weight[:, None] * (dtype(GRAVITY) * direction), dtype(1), dtype(self.length)
@@ -79,7 +79,7 @@ class Chain:
         return function
 
     def energy(self, x, v, direction):
-        """Returns T + U + V [J] from the definitions above, not from the matrices of the equations of
+        """T + U + V [J] from the definitions above, not from the matrices of the equations of
         motion."""
         mass, length, stiffness, gravity = np.array(
             [self.mass, self.length, self.stiffness, GRAVITY], x.dtype
@@ -92,7 +92,7 @@ class Chain:
 
 
 def gauss_coefficients(points, dtype):
-    """Returns nodes c, weights b, integrals of L_j from 0 to c_i, and L_j(1 + c_i), where L_j(c_k) =
+    """Nodes c, weights b, integrals of L_j from 0 to c_i, and L_j(1 + c_i), where L_j(c_k) =
     delta_jk."""
     z = np.cos(np.pi * (np.arange(points, 0, -1, dtype=dtype) - dtype(0.25)) / (points + dtype(0.5)))
     for _ in range(8):  # Newton's method on the Legendre polynomial
@@ -113,7 +113,7 @@ def gauss_coefficients(points, dtype):
 
 
 def gauss(chain, direction, x, v, step, points=8, dtype=np.longdouble):
-    """Returns x and v of the rods at the saved times, (times, ..., n, 3), from initial x, v (..., n, 3).
+    """x and v of the rods at the saved times, (times, ..., n, 3), from initial x, v (..., n, 3).
 
     Steps divide the interval between saved times and are at most `step` [s].
     """
@@ -143,7 +143,7 @@ def gauss(chain, direction, x, v, step, points=8, dtype=np.longdouble):
 
 
 def dop853(chain, direction, tolerance):
-    """Returns the same as `gauss`, from the chain's own start, by SciPy's DOP853.
+    """The same as `gauss`, from the chain's own start, by SciPy's DOP853.
 
     The tolerance is relative, and absolute in units of a rod's length. A step ends at every saved time,
     because SciPy's dense output has a lower order than the steps."""
@@ -170,5 +170,5 @@ def dop853(chain, direction, tolerance):
 
 
 def tip(x):
-    """Returns the position of the free end [m]."""
+    """The position of the free end [m]."""
     return x.sum(-2)

@@ -30,17 +30,17 @@ METHODS = {
 
 
 def reference_name(direction: str, experiment: int = 1) -> str:
-    """Returns the name of the file with the tip's path for gravity along `direction`, for example `+X`."""
+    """The name of the file with the tip's path for gravity along `direction`, for example `+X`."""
     return f"exp{experiment}_{'plus' if direction[0] == '+' else 'minus'}_{direction[1].lower()}"
 
 
 def table_of(name: str) -> np.ndarray:
-    """Returns the rows of references/<name>.csv, (row, column)."""
+    """The rows of references/<name>.csv, (row, column)."""
     return np.loadtxt(REFERENCES / f"{name}.csv", delimiter=",")
 
 
 def reference_error(name: str) -> float:
-    """Returns the final distance [m] between the reference and the next best solution, from the file's
+    """The final distance [m] between the reference and the next best solution, from the file's
     header."""
     with open(REFERENCES / f"{name}.csv", encoding="utf-8") as file:
         lines = [line for line in file if line.startswith("#") and "Gauss, step" in line]
@@ -48,12 +48,12 @@ def reference_error(name: str) -> float:
 
 
 def tip(solution: esail.Solution) -> np.ndarray:
-    """Returns the path of the free end [m], (time, 3)."""
+    """The path of the free end [m], (time, 3)."""
     return np.asarray(solution["joint_position"])[:, -1]
 
 
 def distance(solution: esail.Solution, reference: np.ndarray) -> np.ndarray:
-    """Returns the distance [m] between the tip and its reference (t, x, y, z), at the reference's
+    """The distance [m] between the tip and its reference (t, x, y, z), at the reference's
     instants."""
     every = round((len(solution.time) - 1) / (len(reference) - 1))
     if not np.allclose(solution.time[::every], reference[:, 0], atol=1e-9):
@@ -62,13 +62,13 @@ def distance(solution: esail.Solution, reference: np.ndarray) -> np.ndarray:
 
 
 def energies(solution: esail.Solution) -> dict[str, np.ndarray]:
-    """Returns kinetic, elastic, potential (zero at the anchor's height) and total energy [J]."""
+    """kinetic, elastic, potential (zero at the anchor's height) and total energy [J]."""
     parts = {name: np.asarray(solution[f"{name}_energy"]) for name in ("kinetic", "elastic", "potential")}
     return parts | {"total": sum(parts.values())}
 
 
 def relative_error(solution: esail.Solution) -> np.ndarray:
-    """Returns (E - E_0) / E_0, Eq. 31 of the paper; NaN if E_0 is zero."""
+    """(E - E_0) / E_0, Eq. 31 of the paper; NaN if E_0 is zero."""
     total = energies(solution)["total"]
     scale = max(np.abs(part).max() for part in energies(solution).values())
     start = total[0] if abs(total[0]) > 1e-12 * scale else np.nan

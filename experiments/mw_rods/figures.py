@@ -31,7 +31,7 @@ def save(figure, name: str) -> None:
 
 
 def six():
-    """Returns a figure with axes for the six directions."""
+    """A figure with axes for the six directions."""
     figure, axes = plt.subplots(2, 3, figsize=(10, 5.6), sharex=True)
     for axis in axes[-1]:
         axis.set_xlabel("time [s]")
@@ -155,7 +155,7 @@ def work_precision(rows: list[dict], cases: list[str]) -> None:
 
 
 def markers(name: str) -> str:
-    """Returns the marker of a model and an integrator of Exudyn."""
+    """The marker of a model and an integrator of Exudyn."""
     _, model, method = name.split()
     shapes = {"rigid": "sD", "tree": "^v<>", "elastic": "o*hp"}[model]
     order = ["GeneralizedAlpha", "TrapezoidalIndex2", "RK44", "RK67", "DOPRI5"]

@@ -34,13 +34,13 @@ POWER = 1 / 5
 
 
 def rate_of(chain: Chain, direction: str):
-    """Returns the function y -> y' for y = (x, x'), (2, n, 3)."""
+    """The function y -> y' for y = (x, x'), (2, n, 3)."""
     acceleration = chain.acceleration(DIRECTIONS[direction], np.float64)
     return lambda y: np.stack([y[1], acceleration(y[0])])
 
 
 def stages_of(rate, y, slope, h):
-    """Returns the end of a step and its seven slopes; the last slope belongs to the end."""
+    """The end of a step and its seven slopes; the last slope belongs to the end."""
     k = [slope]
     for row in A:
         end = y + h * np.tensordot(row, k, 1)
@@ -64,7 +64,7 @@ def step(rate, y, slope, h, relative, absolute):
 
 
 def ode45(chain: Chain, direction: str, relative=1e-3, absolute=1e-6, printed=1e-4):
-    """Returns times [s], states (time, 2, n, 3) and the number of steps; printed [s]: interval of
+    """Times [s], states (time, 2, n, 3) and the number of steps; printed [s]: interval of
     output."""
     rate, y, t, steps = rate_of(chain, direction), np.stack(chain.start()), 0.0, 0
     times = np.linspace(0.0, chain.duration, round(chain.duration / printed) + 1)

@@ -44,7 +44,7 @@ SAVED = dict(storeInternal=True, outputVariableType=exu.OutputVariableType.Posit
 
 
 def inertia_of(radius: float) -> np.ndarray:
-    """Returns the inertia [kg m^2] of a rod along Y about its centre; `radius` [m] has an effect across
+    """The inertia [kg m^2] of a rod along Y about its centre; `radius` [m] has an effect across
     the rod only."""
     across = MASS * (3 * radius**2 + LENGTH**2) / 12
     return np.diag([across, MASS * RADIUS**2 / 2, across])
@@ -115,7 +115,7 @@ class Method:
         return self.solver if self.tolerance == 1.0 else f"{self.solver} {self.tolerance:g}"
 
     def run(self, model: str, direction: str, substeps: int, rows: int = 1) -> tuple[np.ndarray, float]:
-        """Returns (instant, txyz) of the tip [s, m] and the run time [s]. Raises SolverError if Exudyn
+        """(instant, txyz) of the tip [s, m] and the run time [s]. Raises SolverError if Exudyn
         fails.
 
         Every INTERVAL has `substeps` steps (for DOPRI5: at least) and `rows` saved rows.
@@ -143,7 +143,7 @@ class Method:
 
 
 def gap(path: np.ndarray, fine: np.ndarray) -> float:
-    """Returns the largest distance [m] of `path`, at its instants, from a spline through `fine`."""
+    """The largest distance [m] of `path`, at its instants, from a spline through `fine`."""
     away = path[:, 1:] - CubicSpline(fine[:, 0], fine[:, 1:])(path[:, 0])
     return float(np.linalg.norm(away, axis=1).max())
 

@@ -33,7 +33,7 @@ SLOW = 3.0  # run time [s] above which a run is not repeated
 
 
 def settings(scene: str) -> list[tuple[str, float, dict]]:
-    """Returns curve, parameter and overrides of every point."""
+    """curve, parameter and overrides of every point."""
     tolerances = TOLERANCES if scene == "hanging-chain" else TOLERANCES[::2] + TOLERANCES[-1:]
     found = [
         (name, t, {"integrator.method": name, "integrator.tolerance": t})
@@ -53,7 +53,7 @@ def settings(scene: str) -> list[tuple[str, float, dict]]:
 
 
 def point(case: str, curve: str, parameter: float, options: dict) -> dict:
-    """Returns a row of the table; for a failed run with the message."""
+    """A row of the table; for a failed run with the message."""
     scene, direction, interval = CASES[case]
     run = functools.partial(
         esail.simulate,
@@ -81,7 +81,7 @@ def point(case: str, curve: str, parameter: float, options: dict) -> dict:
 
 
 def exudyn() -> list[dict]:
-    """Returns Exudyn's rows for the same experiment; errors are relative to its own converged solution."""
+    """Exudyn's rows for the same experiment; errors are relative to its own converged solution."""
     with open(REFERENCES / "exudyn_timing.csv", encoding="utf-8") as file:
         _, *lines = file.read().splitlines()
     rows = {}

@@ -95,7 +95,7 @@ def separations(direction, size, step=0.0025):
 
 
 def slope(times, distance, window):
-    """Returns the growth rate [1/s], the slope of ln(distance) by least squares."""
+    """The growth rate [1/s], the slope of ln(distance) by least squares."""
     inside = (times > window[0] - 1e-9) & (times < window[1] + 1e-9)
     return np.polyfit(times[inside], np.log(distance[inside]), 1)[0]
 
@@ -117,7 +117,7 @@ def growth_rates(size=1e-14, large=1e-9):
 
 
 def slack(direction):
-    """Returns sentences that say when rods of the soft chain are in compression."""
+    """Sentences that say when rods of the soft chain are in compression."""
     chain = replace(SOFT, saved=0.001)
     x, _ = gauss(chain, DIRECTIONS[direction], *chain.start(), 0.001)
     strain, times = np.sqrt((x * x).sum(-1)).astype(float) / chain.length - 1, chain.times()

@@ -97,7 +97,7 @@ def tips() -> None:
 
 
 def chaos(times: np.ndarray, off: np.ndarray) -> list[dict]:
-    """Returns, for gravity along -X, the times when errors exceed limits, and the growth rate of small
+    """For gravity along -X, the times when errors exceed limits, and the growth rate of small
     changes."""
     spread, growth = table_of("exp1_minus_x_spread"), table_of("exp1_growth")
     rows = []

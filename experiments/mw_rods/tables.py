@@ -12,14 +12,14 @@ RODS = (2, 20, 100, 1000, 10_000, 100_000, 1_000_000)
 
 
 def duration(seconds: float | None) -> str:
-    """Returns a duration with two digits and a unit."""
+    """A duration with two digits and a unit."""
     if seconds is None:
         return "-"
     return f"{seconds:.2g} s" if seconds >= 1.0 else f"{1e3 * seconds:.0f} ms"
 
 
 def precision() -> str:
-    """Returns the table of the least run time within each limit of the error, by case and method."""
+    """The table of the least run time within each limit of the error, by case and method."""
     groups: dict[tuple[str, str], list[tuple[float, float]]] = {}
     for row in read("work_precision.csv"):
         if row["error_m"] and row["run_s"]:
@@ -34,7 +34,7 @@ def precision() -> str:
 
 
 def acceleration() -> str:
-    """Returns the table of times per acceleration for the sizes RODS."""
+    """The table of times per acceleration for the sizes RODS."""
     head = (
         "rods",
         "call, us",

@@ -30,7 +30,7 @@ class PlainStart(GeneralizedAlpha):
 
 
 def run_ours(scene: esail.Scene, plain: bool) -> dict[str, np.ndarray]:
-    """Returns the signals of esail_jax; plain: with a_0 = vdot_0."""
+    """The signals of esail_jax; plain: with a_0 = vdot_0."""
     kind = PlainStart if plain else GeneralizedAlpha
     stepper = kind(jnp.asarray(scene.integrator.step), jnp.asarray(SPECTRAL_RADIUS))
     ours = esail.simulate(scene, stepper=stepper)
@@ -38,7 +38,7 @@ def run_ours(scene: esail.Scene, plain: bool) -> dict[str, np.ndarray]:
 
 
 def run_theirs(scene: esail.Scene, step: float, **options) -> dict[str, np.ndarray]:
-    """Returns the signals of Exudyn."""
+    """The signals of Exudyn."""
     given, every = sail_of(scene), round(INTERVAL / step)
     return signals(given, sail.simulate(given, step, round(T_END / step), every, **options))
 

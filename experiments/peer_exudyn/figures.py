@@ -17,7 +17,7 @@ SHOWN = (
 
 
 def component(run: dict, signal: str, index: int) -> np.ndarray:
-    """Returns one component (time); of tether 1 where there is one vector per tether."""
+    """One component (time); of tether 1 where there is one vector per tether."""
     values = run[signal]
     return values[:, 0, index] if values.ndim == 3 else values[:, index]
 

@@ -17,7 +17,7 @@ XI, WEIGHTS = (0.5 * (1.0 + np.polynomial.legendre.leggauss(POINTS)[0]),
 
 
 def hermite(xi: np.ndarray, derivative: int = 0) -> np.ndarray:
-    """Returns cubic shape functions of (r_i, l r_x,i, r_j, l r_x,j), or their derivatives in xi: (point,
+    """Cubic shape functions of (r_i, l r_x,i, r_j, l r_x,j), or their derivatives in xi: (point,
     4)."""
     powers = np.array([[1, 0, -3, 2], [0, 1, -2, 1], [0, 0, 3, -2], [0, 0, -1, 1]], float)
     polynomials = [np.polynomial.Polynomial(row).deriv(derivative) for row in powers]
@@ -76,12 +76,12 @@ class Sail:
         return np.concatenate([scaled[..., :-1, :, :], scaled[..., 1:, :, :]], axis=-2)
 
     def slopes(self, nodal: np.ndarray, xi: np.ndarray = XI) -> np.ndarray:
-        """Returns r_x at points xi of every element: (..., tether, elem, point, xyz)."""
+        """r_x at points xi of every element: (..., tether, elem, point, xyz)."""
         return hermite(xi, 1) @ self.element_vectors(nodal) / self.element_length[:, None, None, None]
 
 
 def sail_of(scene: Scene) -> Sail:
-    """Returns the sail of a scene. Raises ValueError for parts that this adapter does not support."""
+    """The sail of a scene. Raises ValueError for parts that this adapter does not support."""
     structure, numbers = split(scene)
     wanted = {"tethers.strain": "engineering", "tethers.element": "cable", "tethers.root": "pinned"}
     for key, value in wanted.items():

@@ -45,7 +45,7 @@ UNITS = {entry.name: entry.unit for entry in OBSERVABLES}
 
 
 def scene_of(step: float, elements: int, t_end: float) -> esail.Scene:
-    """Returns the baseline with the strain measure of Exudyn's cable."""
+    """The baseline with the strain measure of Exudyn's cable."""
     return esail.load_scene(
         "baseline",
         {
@@ -96,13 +96,13 @@ class Difference:
         return LOOSER.get(self.signal, BOUND)
 
     def row(self) -> list:
-        """Returns the row of differences.csv."""
+        """The row of differences.csv."""
         numbers = [f"{x:.3g}" for x in (self.largest, self.range, self.relative, self.bound)]
         return [self.compared, self.against, self.signal, UNITS[self.signal], *numbers]
 
 
 def differences(name: str, x: dict, against: str, y: dict) -> list[Difference]:
-    """Returns the differences of every signal between runs `x` and `y`; the ranges are those of `y`."""
+    """The differences of every signal between runs `x` and `y`; the ranges are those of `y`."""
     if not np.allclose(x["time"], y["time"], rtol=1e-12):
         raise ValueError(f"{name} and {against} are not saved at the same instants")
     found = []
@@ -114,7 +114,7 @@ def differences(name: str, x: dict, against: str, y: dict) -> list[Difference]:
 
 
 def compare(runs: dict) -> list[Difference]:
-    """Returns the differences between the codes in every case, then of each code from itself at half the
+    """The differences between the codes in every case, then of each code from itself at half the
     step."""
     found = []
     for (step, elements), case in runs.items():

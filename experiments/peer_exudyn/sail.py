@@ -41,7 +41,7 @@ class Thrust:
         self.speed, self.size = sail.wind_speed, sail.position.size
 
     def __call__(self, coordinates: np.ndarray) -> np.ndarray:
-        """Returns the generalized forces; coordinates and forces are flat, in the layout of
+        """The generalized forces; coordinates and forces are flat, in the layout of
         `Sail.position`."""
         fields = self.table @ (coordinates[self.index] * self.scale)
         away = (fields[:POINTS] + self.origin).reshape(POINTS, -1, 3)
@@ -56,7 +56,7 @@ class Thrust:
 
 
 def assemble(sail: Sail, lie_group: bool = False):
-    """Returns an Exudyn system with this sail, and the numbers of its spherical joints.
+    """An Exudyn system with this sail, and the numbers of its spherical joints.
 
     Coordinates are displacements from the initial state. The hub's node comes first (Euler
     parameters, or a rotation vector with the Lie group integrator), then the nodes of tether after
@@ -116,7 +116,7 @@ def assemble(sail: Sail, lie_group: bool = False):
 
 
 def load_object(sail: Sail, nodes: list):
-    """Returns one Exudyn object over all tether nodes that only applies the load, by one Python call per
+    """One Exudyn object over all tether nodes that only applies the load, by one Python call per
     residual.
 
     Its Jacobian is zero, because the load's tangent is a millionth of the stiffness.
@@ -160,7 +160,7 @@ class History:
 
 
 def settings_of(step: float, steps: int, tolerance: float):
-    """Returns settings for generalized-alpha with a fixed step, index 3 and spectral radius 0.25."""
+    """Settings for generalized-alpha with a fixed step, index 3 and spectral radius 0.25."""
     settings = exu.SimulationSettings()
     integration = settings.timeIntegration
     integration.numberOfSteps = steps

@@ -12,12 +12,12 @@ STRAIN_XI = np.linspace(0.0, 1.0, 11)
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
-    """Returns vectors along the last axis, normalised."""
+    """Vectors along the last axis, normalised."""
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
 def orbital_frames(position: np.ndarray) -> np.ndarray:
-    """Returns the axes i_O, j_O, k_O at positions (time, xyz) [m] from the Sun: (time, xyz, axis).
+    """The axes i_O, j_O, k_O at positions (time, xyz) [m] from the Sun: (time, xyz, axis).
 
     k_O points away from the Sun, i_O along the ecliptic."""
     k = unit(position)
@@ -26,7 +26,7 @@ def orbital_frames(position: np.ndarray) -> np.ndarray:
 
 
 def coning_and_lagging(body: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Returns coning and lagging angles [rad] of vectors (time, tether, xyz) in B.
+    """Coning and lagging angles [rad] of vectors (time, tether, xyz) in B.
 
     Coning is the angle from the plane of Y_B, Z_B towards X_B; lagging is the angle in that plane from the
     tether's own azimuth."""
@@ -37,7 +37,7 @@ def coning_and_lagging(body: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def signals(sail: Sail, history: History) -> dict[str, np.ndarray]:
-    """Returns all compared signals, time first."""
+    """All compared signals, time first."""
     r = history.position
     to_body = history.hub_rotation  # vectors are rows: row @ C_B^I gives components in B
     roots, tips = r[:, :, 0, 0], r[:, :, -1, 0]
@@ -68,7 +68,7 @@ def signals(sail: Sail, history: History) -> dict[str, np.ndarray]:
 
 
 def kinetic_energy(sail: Sail, history: History) -> np.ndarray:
-    """Returns the kinetic energy T [J] of tethers, remote units and hub."""
+    """The kinetic energy T [J] of tethers, remote units and hub."""
     v = hermite(XI) @ sail.element_vectors(history.velocity)
     squared = (v * v).sum(-1) @ WEIGHTS
     tips = (history.velocity[:, :, -1, 0] ** 2).sum(-1)
@@ -78,7 +78,7 @@ def kinetic_energy(sail: Sail, history: History) -> np.ndarray:
 
 
 def elastic_energy(sail: Sail, r: np.ndarray) -> np.ndarray:
-    """Returns the elastic energy U [J], with strain |r_x| - 1 and Exudyn's curvature |r_x x r_xx| /
+    """The elastic energy U [J], with strain |r_x| - 1 and Exudyn's curvature |r_x x r_xx| /
     |r_x|^2."""
     r_x = sail.slopes(r)
     r_xx = hermite(XI, 2) @ sail.element_vectors(r) / sail.element_length[:, None, None, None] ** 2

@@ -22,7 +22,7 @@ STEPS = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0)
 
 
 def dense(matrix: bordered.Bordered) -> np.ndarray:
-    """Returns the dense matrix that `bordered.solve` inverts, from the solutions for unit vectors."""
+    """The dense matrix that `bordered.solve` inverts, from the solutions for unit vectors."""
     factors = bordered.factor(matrix)
     links, rows, tethers = matrix.upper.shape[0], matrix.diag.shape[1], matrix.diag.shape[-1]
     free = matrix.free * tethers
@@ -41,7 +41,7 @@ def dense(matrix: bordered.Bordered) -> np.ndarray:
 
 
 def condition(matrix: np.ndarray) -> float:
-    """Returns the condition number of the matrix after equilibration (Ruiz)."""
+    """The condition number of the matrix after equilibration (Ruiz)."""
     for _ in range(20):
         rows, columns = (1.0 / np.sqrt(np.abs(matrix).max(axis)) for axis in (1, 0))
         matrix = rows[:, None] * matrix * columns

@@ -70,7 +70,7 @@ PARTS = {
 
 
 def equations_of(run: Started) -> int:
-    """Returns the number of traced equations of a block of steps."""
+    """The number of traced equations of a block of steps."""
 
     def block(problem, state):
         return problem.stepper.block(problem.model, state)
@@ -79,7 +79,7 @@ def equations_of(run: Started) -> int:
 
 
 def measure(method: str) -> list[tuple]:
-    """Returns the rows of the table for one method."""
+    """The rows of the table for one method."""
     runs = {}
     for name, overrides in PARTS.items():
         runs[name] = Started(esail.load_scene("baseline", METHODS[method] | overrides), BEGIN)

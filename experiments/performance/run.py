@@ -30,7 +30,7 @@ BLOCKS = 20
 
 
 def without(scene: esail.Scene, table: str, *keys: str) -> esail.Scene:
-    """Returns the scene without some keys of a table, or without the whole table."""
+    """The scene without some keys of a table, or without the whole table."""
     content = getattr(scene, table)
     part = dataclasses.replace(content, **dict.fromkeys(keys)) if keys else None
     return dataclasses.replace(scene, **{table: part})
@@ -54,7 +54,7 @@ class Started:
         return BLOCKS * self.problem.stepper.steps_per_block
 
     def statistics(self, done) -> dict[str, np.ndarray]:
-        """Returns the statistics of the blocks of one timed call, by name."""
+        """The statistics of the blocks of one timed call, by name."""
         return Log.from_table(np.asarray(done.kept), self.compiled.programs.statistics).statistics
 
     def advance(self, instants: bool = False):
@@ -66,14 +66,14 @@ class Started:
 
 
 def seconds_of(call) -> float:
-    """Returns the wall time [s] of one call, result included."""
+    """The wall time [s] of one call, result included."""
     begin = time.perf_counter()
     jax.block_until_ready(call())
     return time.perf_counter() - begin
 
 
 def median_of(program, *arguments) -> float:
-    """Returns the median time [s] of nine calls of a compiled program."""
+    """The median time [s] of nine calls of a compiled program."""
     return float(np.median([seconds_of(lambda: program(*arguments)) for _ in range(9)]))
 
 
@@ -95,7 +95,7 @@ def per_step() -> None:
 
 
 def equations_of_a_step(problem, state) -> int:
-    """Returns the number of traced equations of one factorisation and one step."""
+    """The number of traced equations of one factorisation and one step."""
 
     def one(problem, state):
         stepper, zero = problem.stepper, jnp.zeros(())
@@ -106,7 +106,7 @@ def equations_of_a_step(problem, state) -> int:
 
 
 def ten_blocks(problem, state):
-    """Returns the state after ten blocks of steps."""
+    """The state after ten blocks of steps."""
     return lax.fori_loop(0, 10, lambda _, state: problem.stepper.block(problem.model, state)[0], state)
 
 

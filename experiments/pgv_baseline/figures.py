@@ -26,7 +26,7 @@ Runs = dict
 
 
 def history(runs: Runs, letter: str, ylabel: str, signal, more: list[Line] | None = None) -> Panel:
-    """Returns a panel with a signal of both cases against time. signal: a function of a run."""
+    """A panel with a signal of both cases against time. signal: a function of a run."""
     lines = []
     for case, (label, colour, dashes) in STYLES.items():
         lines.append(Line(turns(runs[case]), signal(runs[case]), label, colour, dashes, 0.9))
@@ -34,7 +34,7 @@ def history(runs: Runs, letter: str, ylabel: str, signal, more: list[Line] | Non
 
 
 def spectrum(runs: Runs, letter: str, ylabel: str, signal) -> Panel:
-    """Returns a panel with the spectra of a signal in both cases and the lines of Table 2."""
+    """A panel with the spectra of a signal in both cases and the lines of Table 2."""
     lines = []
     for case, (label, colour, dashes) in STYLES.items():
         frequency, density = power_spectrum(np.asarray(runs[case].time), signal(runs[case]))
@@ -43,17 +43,17 @@ def spectrum(runs: Runs, letter: str, ylabel: str, signal) -> Panel:
 
 
 def of_first(name: str, factor: float = 1.0):
-    """Returns a function of a run: an observable of tether 1."""
+    """A function of a run: an observable of tether 1."""
     return lambda run: factor * run[name][:, 0]
 
 
 def component(name: str, k: int, factor: float = 1.0, tether: int | None = None):
-    """Returns a function of a run: a component of a vector, of one tether if given."""
+    """A function of a run: a component of a vector, of one tether if given."""
     return lambda run: factor * (run[name][:, k] if tether is None else run[name][:, tether, k])
 
 
 def motion(runs: Runs) -> Figure:
-    """Returns the figure after Fig. 6: motion of tether 1, with spectra."""
+    """The figure after Fig. 6: motion of tether 1, with spectra."""
     rigid = {case: rigid_pendulum(runs[case], 0) for case in STYLES}
     rows = []
     for letter, name, symbol, index in (
@@ -82,7 +82,7 @@ def motion(runs: Runs) -> Figure:
 
 
 def forces_on_one(runs: Runs) -> Figure:
-    """Returns the figure after Fig. 7: thrust, its moment and the root reaction of tether 1, in B."""
+    """The figure after Fig. 7: thrust, its moment and the root reaction of tether 1, in B."""
     rows = []
     for letter, name, symbol, unit, factor in (
         ("a", "thrust_B", "F_{c1", "mN", 1e3),
@@ -104,13 +104,13 @@ def forces_on_one(runs: Runs) -> Figure:
 
 
 def mean_power(run) -> np.ndarray:
-    """Returns the time average of the dissipated power since the start [W]; NaN at the start."""
+    """The time average of the dissipated power since the start [W]; NaN at the start."""
     time, energy = np.asarray(run.time), run["dissipated_energy"]
     return np.divide(energy, time, out=np.full(len(time), np.nan), where=time > 0.0)
 
 
 def energies(runs: Runs) -> Figure:
-    """Returns the figure after Fig. 8: energies. Panels (e) and (f) are not in the paper."""
+    """The figure after Fig. 8: energies. Panels (e) and (f) are not in the paper."""
     off = runs["voltage-off"]
 
     def total(run):
@@ -147,7 +147,7 @@ def energies(runs: Runs) -> Figure:
 
 
 def forces_on_sail(runs: Runs) -> Figure:
-    """Returns the figure after Fig. 9: thrust and reactions of the sail."""
+    """The figure after Fig. 9: thrust and reactions of the sail."""
     rows = []
     for letter, name, index in (("a", "thrust", "c"), ("b", "reaction", r"\lambda")):
         unit, factor = ("N m", 1.0) if name == "thrust" else ("mN m", 1e3)
@@ -176,17 +176,17 @@ def forces_on_sail(runs: Runs) -> Figure:
 
 
 def norm_of(name: str, factor: float):
-    """Returns a function of a run: the norm of a vector."""
+    """A function of a run: the norm of a vector."""
     return lambda run: factor * norm(run[name])
 
 
 def angle_of(name: str):
-    """Returns a function of a run: an angle in degrees."""
+    """A function of a run: an angle in degrees."""
     return lambda run: DEGREES * run[name]
 
 
 def attitude(runs: Runs) -> Figure:
-    """Returns the figure after Fig. 10: angular rates and attitude of the hub, attitude of the sail."""
+    """The figure after Fig. 10: angular rates and attitude of the hub, attitude of the sail."""
     names = (r"\psi", r"\theta", r"\phi")
     capitals = (r"\Psi", r"\Theta", r"\Phi")
 

@@ -38,7 +38,7 @@ UNITS = {entry.name: entry.unit for entry in OBSERVABLES}
 
 
 def largest_values(runs: dict[str, esail.Solution]) -> dict[str, float]:
-    """Returns the largest magnitude of every observable in all runs."""
+    """The largest magnitude of every observable in all runs."""
     found: dict[str, float] = {}
     for run in runs.values():
         for name in run.observables:
@@ -47,7 +47,7 @@ def largest_values(runs: dict[str, esail.Solution]) -> dict[str, float]:
 
 
 def range_rows(case: str, solution: esail.Solution, largest: dict[str, float]) -> list[list]:
-    """Returns rows (case, observable, component, unit, smallest, largest), over time and all tethers.
+    """Rows (case, observable, component, unit, smallest, largest), over time and all tethers.
     largest: largest magnitude of every observable."""
     rows = []
     for name in solution.observables:
@@ -62,7 +62,7 @@ def range_rows(case: str, solution: esail.Solution, largest: dict[str, float]) -
 
 
 def summary(solution: esail.Solution) -> dict[str, float]:
-    """Returns the numbers of one column of the README's second table."""
+    """The numbers of one column of the README's second table."""
     energy = solution["kinetic_energy"] + solution["elastic_energy"]
     spin = solution["angular_velocity_B"][:, 0]
     stats = solution.stats

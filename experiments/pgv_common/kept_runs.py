@@ -42,7 +42,7 @@ CASES = {"alpha-0": "sun-facing", "alpha-10": "baseline", "voltage-off": "voltag
 
 
 def source_checksum() -> str:
-    """Returns a checksum of the source of the package."""
+    """A checksum of the source of the package."""
     root, checksum = Path(esail.__file__).parent, hashlib.sha256()
     for path in sorted(root.rglob("*.py")):
         checksum.update(path.read_bytes())
@@ -56,7 +56,7 @@ def kept_run(
     save: Sequence[str] | None = None,
     shown: str | None = None,
 ) -> esail.Solution:
-    """Returns the solution of a scene, from its file if there is one.
+    """The solution of a scene, from its file if there is one.
 
     save: names of the observables to save, all of them if None; shown: name that is printed, if it is not
     that of the file. The statistics of a solution from a file
@@ -77,7 +77,7 @@ def kept_run(
 
 
 def model_run(model: str, elements: int, shown: str | None = None) -> esail.Solution:
-    """Returns three spin periods of the baseline at 10 deg, with one of MODELS and this many elements per
+    """Three spin periods of the baseline at 10 deg, with one of MODELS and this many elements per
     tether, by the paper's method. shown: as for `kept_run`."""
     overrides = PAPERS_METHOD | MODELS[model] | {"tethers.elements": elements}
     name = f"{model.replace(', ', '-').replace(' ', '-')}-{elements}"
@@ -85,7 +85,7 @@ def model_run(model: str, elements: int, shown: str | None = None) -> esail.Solu
 
 
 def case_run(case: str) -> esail.Solution:
-    """Returns three spin periods of one of CASES by the paper's method."""
+    """Three spin periods of one of CASES by the paper's method."""
     if case == "alpha-10":  # the study of convergence has this run, too, under the name of its model
         return model_run("cable", 5, shown=case)
     return kept_run(case, CASES[case], PAPERS_METHOD)

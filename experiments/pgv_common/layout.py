@@ -45,7 +45,7 @@ class Panel(NamedTuple):
 def draw(
     title: str, rows: Sequence[Sequence[Panel | None]], width: float = 4.0, height: float = 1.8
 ) -> Figure:
-    """Returns a figure with rows of panels, which may have different lengths. The legend below the panels
+    """A figure with rows of panels, which may have different lengths. The legend below the panels
     names every label once. width, height: size of the panels of the longest row [inch]."""
     longest, columns = max(map(len, rows)), math.lcm(*map(len, rows))
     figure = Figure(figsize=(width * longest, height * len(rows) + 0.8), layout="constrained")

@@ -10,17 +10,17 @@ __all__ = ["DEGREES", "norm", "peak_frequency", "per_period", "power_spectrum", 
 
 
 def turns(run: Any) -> np.ndarray:
-    """Returns the saved instants in spin periods."""
+    """The saved instants in spin periods."""
     return np.asarray(run.time) / spin_period(run)
 
 
 def norm(vectors: Any) -> np.ndarray:
-    """Returns the norms of vectors (time, 3)."""
+    """The norms of vectors (time, 3)."""
     return np.linalg.norm(np.asarray(vectors), axis=-1)
 
 
 def peak_frequency(run: Any, signal: np.ndarray, above: float = 0.0, below: float = np.inf) -> float:
-    """Returns the frequency [Hz] of the largest value of the spectrum of a signal within a band.
+    """The frequency [Hz] of the largest value of the spectrum of a signal within a band.
 
     The maximum of a parabola through the logarithms of the three highest values is taken, so that the
     result is finer than the spacing of the spectrum. A Hann window keeps the neighbours of a strong line
@@ -40,7 +40,7 @@ def peak_frequency(run: Any, signal: np.ndarray, above: float = 0.0, below: floa
 
 
 def per_period(run: Any, signal: np.ndarray, measure: Any) -> np.ndarray:
-    """Returns a measure (such as np.ptp) of a signal within each whole spin period."""
+    """A measure (such as np.ptp) of a signal within each whole spin period."""
     turn = turns(run)
     count = round(turn[-1])
     return np.array([measure(signal[(turn >= k) & (turn <= k + 1)]) for k in range(count)])

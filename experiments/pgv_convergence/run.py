@@ -67,7 +67,7 @@ def write(path: Path, rows: list[dict]) -> None:
 
 
 def measures(runs: dict) -> list[dict]:
-    """Returns one row per model and number of elements: the quantities of Fig. 4, and the errors relative
+    """One row per model and number of elements: the quantities of Fig. 4, and the errors relative
     to nine cables."""
     reference, rows = runs["cable", FINEST], []
     with open(TIMES, encoding="utf-8") as file:
@@ -92,13 +92,13 @@ def measures(runs: dict) -> list[dict]:
 
 
 def error(run, reference, component: int) -> float:
-    """Returns the rms difference of an angular rate from the reference, relative to its range."""
+    """The rms difference of an angular rate from the reference, relative to its range."""
     mine, true = (r["angular_velocity_B"][:, component] for r in (run, reference))
     return float(np.sqrt(np.mean((mine - true) ** 2)) / np.ptp(true))
 
 
 def normalised(rows: list[dict]):
-    """Returns the figure after Fig. 4: quantities over the number of elements, relative to one cable."""
+    """The figure after Fig. 4: quantities over the number of elements, relative to one cable."""
     first = next(row for row in rows if row["model"] == "cable" and row["elements"] == 1)
     threshold = model_run("cable", 1).scene.integrator.t_end / first["run_time_s"]
 
@@ -137,7 +137,7 @@ def normalised(rows: list[dict]):
 
 
 def rates(runs: dict):
-    """Returns the figure after Fig. 5: angular rates of cables (a, b) and trusses (c, d)."""
+    """The figure after Fig. 5: angular rates of cables (a, b) and trusses (c, d)."""
 
     def row(letter: str, model: str, detail: bool) -> list[Panel]:
         panels = []

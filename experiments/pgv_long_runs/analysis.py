@@ -11,12 +11,12 @@ from esail_jax.observables.rigid_pendulum import inertia
 
 
 def turns(run) -> np.ndarray:
-    """Returns the saved instants in spin periods."""
+    """The saved instants in spin periods."""
     return np.asarray(run.time) / TURN
 
 
 def wave(values: np.ndarray, number: int) -> np.ndarray:
-    """Returns the complex amplitude (time) of a wave over the tethers, from values (time, tether).
+    """The complex amplitude (time) of a wave over the tethers, from values (time, tether).
 
     A wave of number 1 has one maximum around the sail. Number 0 is the mean."""
     count = values.shape[1]
@@ -33,7 +33,7 @@ class Lines(NamedTuple):
 
 
 def lines(times: np.ndarray, signal: np.ndarray, guess: tuple[float, ...]) -> Lines:
-    """Returns the lines of a signal near guessed frequencies [1 / spin period], by least squares.
+    """The lines of a signal near guessed frequencies [1 / spin period], by least squares.
 
     A real signal is fitted by a mean and cosines, a complex one by a mean and rotating numbers. The
     amplitudes follow linearly from the frequencies.
@@ -60,14 +60,14 @@ def lines(times: np.ndarray, signal: np.ndarray, guess: tuple[float, ...]) -> Li
 
 
 def envelope(times: np.ndarray, signal: np.ndarray, measure=np.ptp) -> np.ndarray:
-    """Returns a measure of a real signal within each whole spin period."""
+    """A measure of a real signal within each whole spin period."""
     count = round(times[-1])
     edges = np.searchsorted(times, np.arange(count + 1) - 1e-9)
     return np.array([measure(signal[a : b + 1]) for a, b in pairwise(edges)])
 
 
 def in_plane(out_of_plane: float) -> float:
-    """Returns the frequency [1 / spin period] of the first transverse mode in the spin plane.
+    """The frequency [1 / spin period] of the first transverse mode in the spin plane.
 
     Out of the plane the tension alone restores. In the plane the centrifugal force, which is radial, takes
     the square of the spin rate from the square of this frequency.
@@ -76,7 +76,7 @@ def in_plane(out_of_plane: float) -> float:
 
 
 def slow_lines(scene) -> np.ndarray:
-    """Returns the two frequencies [1 / spin period] of the slow lagging wave of rigid tethers.
+    """The two frequencies [1 / spin period] of the slow lagging wave of rigid tethers.
 
     The hub (mass M) moves against the tethers. With q = p S^2 / (2 I (M + p m)), where S and I are the
     first and second moments of a tether with its remote unit about the root and m is their mass, and with
@@ -98,12 +98,12 @@ def slow_lines(scene) -> np.ndarray:
 
 
 def single_line(scene) -> float:
-    """Returns the frequency sqrt(eps) [1 / spin period] of a tether's lagging about a fixed hub."""
+    """The frequency sqrt(eps) [1 / spin period] of a tether's lagging about a fixed hub."""
     return float(np.sqrt(inertia(scene, 0)[1]))
 
 
 def slow_amplitudes(scene, forced: float) -> np.ndarray:
-    """Returns the amplitudes of both slow lines from that of the forced line at the spin frequency.
+    """The amplitudes of both slow lines from that of the forced line at the spin frequency.
 
     The tethers start undeflected and at rest: the sum of the three has W(0) = W'(0) = 0."""
     below, above = slow_lines(scene)

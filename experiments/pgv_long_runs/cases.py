@@ -32,7 +32,7 @@ class Case(NamedTuple):
 
 
 def alpha(step: float, radius: float = 0.25) -> dict[str, Any]:
-    """Returns the overrides for generalized-alpha."""
+    """The overrides for generalized-alpha."""
     return {
         "integrator.method": "generalized-alpha",
         "integrator.step": step,
@@ -41,7 +41,7 @@ def alpha(step: float, radius: float = 0.25) -> dict[str, Any]:
 
 
 def conserving(step: float) -> dict[str, Any]:
-    """Returns the overrides for the energy-momentum method."""
+    """The overrides for the energy-momentum method."""
     return {"integrator.method": "energy-momentum", "integrator.step": step}
 
 
@@ -91,7 +91,7 @@ VARIED = {
 
 
 def run(name: str, case: Case):
-    """Returns the solution of a case, from its file if there is one."""
+    """The solution of a case, from its file if there is one."""
     overrides = case.overrides | {
         "integrator.t_end": case.periods * TURN,
         "output.interval": TURN / INSTANTS,

@@ -14,7 +14,7 @@ SHOWN_TETHERS = (0, 3, 6, 9)
 
 
 def histories(runs: dict) -> Figure:
-    """Returns the figure of 300 spin periods at 10 deg (left) and facing the Sun (right)."""
+    """The figure of 300 spin periods at 10 deg (left) and facing the Sun (right)."""
     columns = []
     for letter, name in (("10 deg", "long-alpha-10"), ("facing the Sun", "long-alpha-0")):
         run = runs[name]
@@ -43,7 +43,7 @@ def histories(runs: dict) -> Figure:
 
 
 def tilt(runs: dict) -> Figure:
-    """Returns the figure of 1000 spin periods: oscillation of the hub's axis and of the spin rate."""
+    """The figure of 1000 spin periods: oscillation of the hub's axis and of the spin rate."""
     left, right = [], []
     for name, label, scale, colour, dashes in (
         ("longest-alpha-10", "10 deg", 10.0, VERMILION, "-"),
@@ -65,14 +65,14 @@ def tilt(runs: dict) -> Figure:
 
 
 def spectrum(signal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Returns frequencies [1 / spin period] in increasing order and amplitudes (Hann window)."""
+    """Frequencies [1 / spin period] in increasing order and amplitudes (Hann window)."""
     window = np.hanning(len(signal))
     size = np.abs(np.fft.fft((signal - signal.mean()) * window)) / window.sum()
     return np.fft.fftshift(np.fft.fftfreq(len(signal), 1.0 / INSTANTS)), np.fft.fftshift(size)
 
 
 def spectra(runs: dict) -> Figure:
-    """Returns the figure of the spectra of the spin rate and of the first wave of lagging."""
+    """The figure of the spectra of the spin rate and of the first wave of lagging."""
     panels = []
     coning = lines(
         turns(runs["long-alpha-10"]),
@@ -103,7 +103,7 @@ def spectra(runs: dict) -> Figure:
 
 
 def variations(runs: dict) -> Figure:
-    """Returns the figure of 30 spin periods by other methods and with other numbers."""
+    """The figure of 30 spin periods by other methods and with other numbers."""
     left, right = [], []
     for k, (name, run) in enumerate(runs.items()):
         times, colour = turns(run), COLOURS[k % len(COLOURS)]

@@ -29,17 +29,17 @@ GUESS = (7.086, 7.016)
 
 
 def spin(solution) -> np.ndarray:
-    """Returns the hub's spin rate [mrad/s]."""
+    """The hub's spin rate [mrad/s]."""
     return 1e3 * np.asarray(solution["angular_velocity_B"])[:, 0]
 
 
 def largest_lag(solution) -> np.ndarray:
-    """Returns the largest lagging angle of all tethers [deg], (time)."""
+    """The largest lagging angle of all tethers [deg], (time)."""
     return DEGREES * np.abs(np.asarray(solution["lagging_angle"])).max(1)
 
 
 def growth_rows(runs: dict) -> list[dict]:
-    """Returns one row per run and signal: its largest envelope in the first and the last 50 periods."""
+    """One row per run and signal: its largest envelope in the first and the last 50 periods."""
     rows = []
     for name, solution in runs.items():
         rates = np.asarray(solution["angular_velocity_B"])
@@ -65,7 +65,7 @@ def growth_rows(runs: dict) -> list[dict]:
 
 
 def line_rows(runs: dict) -> list[dict]:
-    """Returns measured and predicted lines of the run at 10 deg, and of the Sun-facing run."""
+    """Measured and predicted lines of the run at 10 deg, and of the Sun-facing run."""
     tilted, rows = runs["long-alpha-10"], []
 
     def add(what: str, measured: float, predicted: float, source: str) -> None:
@@ -128,7 +128,7 @@ def line_rows(runs: dict) -> list[dict]:
 
 
 def variation_rows(runs: dict) -> list[dict]:
-    """Returns one row per varied run of 30 periods: lines, largest motion, differences from the first."""
+    """One row per varied run of 30 periods: lines, largest motion, differences from the first."""
     reference, rows = next(iter(runs.values())), []
     base = {"spin": spin(reference), "lag": DEGREES * np.asarray(reference["lagging_angle"])}
     for name, solution in runs.items():
@@ -152,7 +152,7 @@ def variation_rows(runs: dict) -> list[dict]:
 
 
 def text_of(value) -> str:
-    """Returns a number with five digits, nothing for NaN, and other values as text."""
+    """A number with five digits, nothing for NaN, and other values as text."""
     if isinstance(value, float):
         return "" if np.isnan(value) else f"{value:.5g}"
     return str(value)

@@ -54,7 +54,7 @@ SAVED = ("coning_angle", "lagging_angle", "angular_velocity_B", "reaction_moment
 
 
 def overrides(factors, angle, turn: float) -> dict:
-    """Returns the overrides for factors of the three numbers. turn: spin period that sets the end [s]."""
+    """The overrides for factors of the three numbers. turn: spin period that sets the end [s]."""
     return {
         "initial.spin_rate": SPIN * factors[0],
         "tethers.length": LENGTH * factors[1],
@@ -66,7 +66,7 @@ def overrides(factors, angle, turn: float) -> dict:
 
 
 def histories(run, spin_rate):
-    """Returns the quantities whose means over time are the measures, (time, measure)."""
+    """The quantities whose means over time are the measures, (time, measure)."""
     rows = {name: jnp.asarray(run[name]) for name in SAVED}
     change = rows["angular_velocity_B"][:, 0] / spin_rate - 1.0
     return jnp.stack(
@@ -83,13 +83,13 @@ def histories(run, spin_rate):
 
 
 def time_mean(values):
-    """Returns the mean over time by Simpson's rule, (measure)."""
+    """The mean over time by Simpson's rule, (measure)."""
     inner = 4.0 * values[1:-1:2].sum(0) + 2.0 * values[2:-2:2].sum(0)
     return (values[0] + inner + values[-1]) / (3.0 * (len(values) - 1))
 
 
 def means_and_ends(factors, angle):
-    """Returns the means over three baseline spin periods, and the last values."""
+    """The means over three baseline spin periods, and the last values."""
     turn = 2.0 * np.pi / SPIN
     run = esail.simulate("baseline", overrides(factors, angle, turn), save=SAVED)
     found = histories(run, SPIN * factors[0])
@@ -97,14 +97,14 @@ def means_and_ends(factors, angle):
 
 
 def measured(factors, angle: float) -> np.ndarray:
-    """Returns the measures of a run over three of its own spin periods."""
+    """The measures of a run over three of its own spin periods."""
     turn = 2.0 * np.pi / (SPIN * factors[0])
     run = esail.simulate("baseline", overrides([float(x) for x in factors], angle, turn), save=SAVED)
     return final(np.asarray(time_mean(histories(run, SPIN * factors[0]))))
 
 
 def final(means: np.ndarray) -> np.ndarray:
-    """Returns the measures in their units from the means."""
+    """The measures in their units from the means."""
     rows = [
         factor * (np.sqrt(mean) if rms else mean)
         for mean, (_, _, factor, rms) in zip(means, MEASURES.values(), strict=True)
@@ -113,7 +113,7 @@ def final(means: np.ndarray) -> np.ndarray:
 
 
 def derivatives(jacobian, angle: float) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the measures, and their derivatives by the logarithms of the three numbers (measure, number).
+    """The measures, and their derivatives by the logarithms of the three numbers (measure, number).
 
     With the spin rate the end of the run changes, too: the derivative of a mean over [0, T], T proportional
     to 1 / spin rate, has the additional part mean - last value.
@@ -129,7 +129,7 @@ def derivatives(jacobian, angle: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def differences(angle: float) -> np.ndarray:
-    """Returns the same derivatives by differences of runs, of fourth order (measure, number)."""
+    """The same derivatives by differences of runs, of fourth order (measure, number)."""
     columns = []
     for k in range(3):
         ends = [measured(1.0 + step * STEP * np.eye(3)[k], angle) for step in (-2, -1, 1, 2)]
@@ -138,7 +138,7 @@ def differences(angle: float) -> np.ndarray:
 
 
 def sweep(angle: float) -> list[dict]:
-    """Returns the measures for every factor of every number."""
+    """The measures for every factor of every number."""
     rows = []
     for k, number in enumerate(NUMBERS):
         for factor in FACTORS:
@@ -149,7 +149,7 @@ def sweep(angle: float) -> list[dict]:
 
 
 def picture(rows: list[dict], found: dict):
-    """Returns the figure of the sweep, with the tangents of forward mode."""
+    """The figure of the sweep, with the tangents of forward mode."""
     grid = []
     for m, (measure, (_, unit, _, _)) in enumerate(MEASURES.items()):
         panels = []

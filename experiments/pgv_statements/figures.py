@@ -14,7 +14,7 @@ class Figure(NamedTuple):
 
 
 def ours(number: int, what: str, folder: str) -> Figure:
-    """Returns the entry of a figure in one of the folders of this study."""
+    """The entry of a figure in one of the folders of this study."""
     file = f"../{folder}/figures/fig-{number:02d}.png"
     return Figure(f"Fig. {number}", what, file, f"python experiments/{folder}/run.py")
 

@@ -27,7 +27,7 @@ STATEMENTS: list[Statement] = []
 
 
 def statement(section: str, figure: str, says: str):
-    """Returns a decorator that adds a judge to STATEMENTS."""
+    """A decorator that adds a judge to STATEMENTS."""
 
     def add(judge: Callable[[Any], Verdict]) -> Callable[[Any], Verdict]:
         STATEMENTS.append(Statement(section, figure, says, judge))
@@ -37,10 +37,10 @@ def statement(section: str, figure: str, says: str):
 
 
 def holds_if(condition: Any, numbers: str, otherwise: str = FAILS) -> Verdict:
-    """Returns the verdict HOLDS if the condition is true."""
+    """The verdict HOLDS if the condition is true."""
     return Verdict(HOLDS if bool(condition) else otherwise, numbers)
 
 
 def listed(values: Any, form: str = ".3g") -> str:
-    """Returns numbers as a text, separated by commas."""
+    """Numbers as a text, separated by commas."""
     return ", ".join(format(float(x), form) for x in values)

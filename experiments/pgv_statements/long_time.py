@@ -9,7 +9,7 @@ FOLDER = Path(__file__).parents[1] / "pgv_long_runs"
 
 
 def table(name: str, *keys: str) -> dict:
-    """Returns the rows of a table of the long runs by the values of these columns."""
+    """The rows of a table of the long runs by the values of these columns."""
     with open(FOLDER / name, encoding="utf-8") as file:
         return {tuple(row[key] for key in keys): row for row in csv.DictReader(file)}
 

@@ -25,7 +25,7 @@ class Runs(NamedTuple):
 
 
 def all_runs() -> Runs:
-    """Returns all runs, from their files if there are any."""
+    """All runs, from their files if there are any."""
     models = {(model, n): model_run(model, n) for model in MODELS for n in ELEMENTS}
     cases = {case: case_run(case) for case in CASES}
     printed = kept_run("printed-start", "voltage-off", PAPERS_METHOD | {"initial.elongation": "paper"})
@@ -37,32 +37,32 @@ def all_runs() -> Runs:
 
 
 def thrust(run) -> float:
-    """Returns the mean thrust [N]."""
+    """The mean thrust [N]."""
     return norm(run["thrust_O"]).mean()
 
 
 def thrust_angle(run) -> float:
-    """Returns the mean thrust angle [deg]."""
+    """The mean thrust angle [deg]."""
     return DEGREES * np.asarray(run["thrust_angle"]).mean()
 
 
 def strain_of_first(run) -> float:
-    """Returns the largest strain of tether 1."""
+    """The largest strain of tether 1."""
     return np.asarray(run["max_axial_strain"])[:, 0].max()
 
 
 def change(measure, runs: Runs, model: str, n: int) -> float:
-    """Returns the relative change of a measure from nine cables to this model."""
+    """The relative change of a measure from nine cables to this model."""
     return measure(runs.models[model, n]) / measure(runs.models["cable", max(ELEMENTS)]) - 1.0
 
 
 def run_time(runs: Runs, model: str, n: int) -> float:
-    """Returns the processor time of a run [s], from run_times.csv."""
+    """The processor time of a run [s], from run_times.csv."""
     return runs.times[model, n]
 
 
 def rms_error(runs: Runs, model: str, n: int, component: int) -> float:
-    """Returns the rms difference of an angular rate from nine cables, relative to its range."""
+    """The rms difference of an angular rate from nine cables, relative to its range."""
     mine, true = (
         np.asarray(r["angular_velocity_B"])[:, component]
         for r in (runs.models[model, n], runs.models["cable", max(ELEMENTS)])
@@ -71,24 +71,24 @@ def rms_error(runs: Runs, model: str, n: int, component: int) -> float:
 
 
 def line_of_spin(run) -> float:
-    """Returns the frequency [Hz] of the strongest oscillation of the hub's spin rate."""
+    """The frequency [Hz] of the strongest oscillation of the hub's spin rate."""
     return peak_frequency(run, run["angular_velocity_B"][:, 0], 2e-3, 0.02)
 
 
 def swing_of_spin(run) -> float:
-    """Returns the range of the hub's spin rate [rad/s]."""
+    """The range of the hub's spin rate [rad/s]."""
     return float(np.ptp(run["angular_velocity_B"][:, 0]))
 
 
 def density_at(run, signal, frequency: float) -> float:
-    """Returns the largest spectral density of a signal within 15 % of a frequency."""
+    """The largest spectral density of a signal within 15 % of a frequency."""
     found, density = power_spectrum(np.asarray(run.time), np.asarray(signal))
     near = np.abs(found / frequency - 1.0) < 0.15
     return float(density[near].max())
 
 
 def prominence(run, signal, frequency: float) -> float:
-    """Returns how far a signal's spectrum stands out at a frequency.
+    """How far a signal's spectrum stands out at a frequency.
 
     It is the largest density within 15 % of the frequency over the median density from 0.4 to 2.5 times the
     frequency, these 15 % left out."""

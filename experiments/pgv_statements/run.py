@@ -58,7 +58,7 @@ def statements() -> list[dict]:
 
 
 def figure_page() -> str:
-    """Returns the page of figures. Raises FileNotFoundError if one of them is missing."""
+    """The page of figures. Raises FileNotFoundError if one of them is missing."""
     lines = [FIGURES_HEAD, "| figure of the paper | ours | command |", "|---|---|---|"]
     for entry in FIGURES:
         if entry.file and not (HERE / entry.file).exists():

@@ -9,7 +9,7 @@ FACING, TILTED = "alpha-0", "alpha-10"
 
 
 def total_energy(run) -> np.ndarray:
-    """Returns kinetic plus elastic energy [J]."""
+    """Kinetic plus elastic energy [J]."""
     return np.asarray(run["kinetic_energy"]) + np.asarray(run["elastic_energy"])
 
 

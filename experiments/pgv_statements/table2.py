@@ -20,18 +20,18 @@ does not hold: [errata](../paper_errata/ERRATA.md)."""
 
 
 def span(modes, start: str) -> np.ndarray:
-    """Returns the frequencies [Hz] of the modes whose name begins with `start`."""
+    """The frequencies [Hz] of the modes whose name begins with `start`."""
     return np.asarray(modes.frequency_hz)[[name.startswith(start) for name in modes.name]]
 
 
 def rounded(values: np.ndarray) -> str:
-    """Returns the smallest and the largest of some frequencies, or one number if both are equal."""
+    """The smallest and the largest of some frequencies, or one number if both are equal."""
     ends = [f"{value:.3e}" for value in (values.min(), values.max())]
     return ends[0] if ends[0] == ends[1] else " to ".join(ends)
 
 
 def table() -> str:
-    """Returns Table 2 as a table of Markdown."""
+    """Table 2 as a table of Markdown."""
     modes = esail.modes(SCENE)
     axial = span(modes, "first axial")
     ringing = axial * np.sqrt(1.0 - np.max(modes.damping_ratio[np.isin(modes.frequency_hz, axial)]) ** 2)

@@ -13,19 +13,19 @@ PRINTED_BENDING, AXIAL = 7.34e-3, 2.17e-2
 
 
 def first(run, name: str) -> np.ndarray:
-    """Returns an observable of tether 1."""
+    """An observable of tether 1."""
     return np.asarray(run[name])[:, 0]
 
 
 def moments(run) -> tuple[np.ndarray, np.ndarray, float, float]:
-    """Returns the forcing terms of Eq. 83 and 85 [rad/s^2], the spin rate [rad/s], and eps."""
+    """The forcing terms of Eq. 83 and 85 [rad/s^2], the spin rate [rad/s], and eps."""
     total, eps = inertia(run.scene, 0)
     flap, lag = hinge_moments(np.asarray(run["thrust_moment_B"])[:, 0], 0.0)
     return flap / total, lag / total, float(run.scene.initial.spin_rate), eps
 
 
 def rms(values) -> float:
-    """Returns the root of the mean square."""
+    """The root of the mean square."""
     return float(np.sqrt(np.mean(np.asarray(values) ** 2)))
 
 

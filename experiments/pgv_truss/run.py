@@ -26,7 +26,7 @@ ANGLES = ("coning_angle", "root_coning_angle", "lagging_angle", "root_lagging_an
 
 
 def signals(run) -> dict[str, np.ndarray]:
-    """Returns the signals of both figures by name, (time) each."""
+    """The signals of both figures by name, (time) each."""
     found = {name: DEGREES * run[name][:, 0] for name in ANGLES}
     for k in range(3):
         found[f"omega_{k + 1}"] = 1e3 * run["angular_velocity_B"][:, k]
@@ -40,7 +40,7 @@ def signals(run) -> dict[str, np.ndarray]:
 
 
 def panels(found: dict[str, dict], letters: str, names: list[str], labels: list[str]) -> list[Panel]:
-    """Returns one row of panels."""
+    """One row of panels."""
     row = []
     for k, (name, label) in enumerate(zip(names, labels, strict=True)):
         lines = []
@@ -51,7 +51,7 @@ def panels(found: dict[str, dict], letters: str, names: list[str], labels: list[
 
 
 def motion(found: dict[str, dict]):
-    """Returns the figure after Fig. 11: angles of tether 1, angular rates and attitude of the hub."""
+    """The figure after Fig. 11: angles of tether 1, angular rates and attitude of the hub."""
     return draw(
         "[PGV] Fig. 11: five cables and nine trusses per tether, 10 deg",
         [
@@ -75,7 +75,7 @@ def motion(found: dict[str, dict]):
 
 
 def forces(found: dict[str, dict]):
-    """Returns the figure after Fig. 12: thrust, reactions and their moments in the orbital frame."""
+    """The figure after Fig. 12: thrust, reactions and their moments in the orbital frame."""
     rows = []
     for letter, name, symbol, unit in (
         ("a", "thrust", "F_{c", "mN"),
@@ -89,7 +89,7 @@ def forces(found: dict[str, dict]):
 
 
 def differences(found: dict[str, dict]) -> list[dict]:
-    """Returns the rms difference of each signal from nine cables, relative to the range of the signal."""
+    """The rms difference of each signal from nine cables, relative to the range of the signal."""
     reference, rows = found["9 cables"], []
     for name, true in reference.items():
         if name != "turns":

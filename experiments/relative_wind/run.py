@@ -40,7 +40,7 @@ CASES = {
 
 
 def azimuth(scene: esail.Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Returns times [s] and the mean azimuth [rad] of the tips in the spin plane of the start."""
+    """Times [s] and the mean azimuth [rad] of the tips in the spin plane of the start."""
     run = esail.simulate(scene, save=("tip_position_I", "hub_position_I", "rotation_IB"))
     away = np.asarray(run["tip_position_I"]) - np.asarray(run["hub_position_I"])[:, None]
     seen = away @ np.asarray(run["rotation_IB"])[0]
@@ -49,7 +49,7 @@ def azimuth(scene: esail.Scene) -> tuple[np.ndarray, np.ndarray]:
 
 
 def rigid(scene: esail.Scene) -> float:
-    """Returns the rate of decay [1/s] of rigid straight tethers."""
+    """The rate of decay [1/s] of rigid straight tethers."""
     wind, tethers = scene.solar_wind, scene.tethers
     push = COULOMB * (scene.voltage.value - wind.cutoff_voltage) * np.sqrt(wind.number_density)
     mass = scene.remote_units.mass + tethers.density * tethers.area * tethers.length / 3.0
@@ -57,7 +57,7 @@ def rigid(scene: esail.Scene) -> float:
 
 
 def measure(name: str, overrides: dict) -> dict:
-    """Returns the row of a case."""
+    """The row of a case."""
     spin = overrides.get("initial.spin_rate", 4e-3)
     t_end = TURNS * 2 * np.pi / spin
     settings = overrides | {"integrator.t_end": t_end, "output.interval": t_end / (40 * TURNS)}

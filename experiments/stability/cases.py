@@ -34,17 +34,17 @@ class Case:
 
 
 def run_for(seconds: float, **settings) -> dict:
-    """Returns settings with another end time and 200 saved instants."""
+    """Settings with another end time and 200 saved instants."""
     return {"integrator.t_end": seconds, "output.interval": seconds / 200.0} | settings
 
 
 def with_step(h: float) -> dict:
-    """Returns settings for 200 fixed steps; every tenth is saved."""
+    """Settings for 200 fixed steps; every tenth is saved."""
     return {"integrator.t_end": 200 * h, "output.interval": 10 * h}
 
 
 def bending(factor: float) -> dict:
-    """Returns settings with the flexural rigidity times a factor."""
+    """Settings with the flexural rigidity times a factor."""
     return {"tethers.second_moment": SECOND_MOMENT * factor}
 
 
@@ -169,7 +169,7 @@ RELEASED = [
 
 
 def size(count: int, elements: int, seconds: float) -> Case:
-    """Returns a case with other numbers of tethers and elements."""
+    """A case with other numbers of tethers and elements."""
     settings = {"tethers.count": count, "tethers.elements": elements}
     name = f"{count} tether{'s' * (count > 1)} x {elements}"
     return Case(name, run_for(seconds, **settings))

@@ -41,7 +41,7 @@ class OutOfTimeError(Exception):
 
 
 def scene_of(case: Case, variant: str) -> esail.Scene:
-    """Returns the scene of a case for one of `VARIANTS`."""
+    """The scene of a case for one of `VARIANTS`."""
     method, part = VARIANTS[variant]
     settings = SMALL | case.settings | {"integrator.method": method}
     if method == "generalized-alpha":
@@ -91,7 +91,7 @@ def out_of_time(*_) -> None:
 
 
 def where(chunks: list) -> str:
-    """Returns a sentence with the time, steps and step size that a run has reached."""
+    """A sentence with the time, steps and step size that a run has reached."""
     chunks = [chunk for chunk in chunks if len(chunk.time)]
     if not chunks:
         return ""
@@ -103,13 +103,13 @@ def where(chunks: list) -> str:
 
 
 def joined(chunks: list, part: str) -> dict[str, np.ndarray]:
-    """Returns the observables or the numerics of consecutive chunks in one."""
+    """The observables or the numerics of consecutive chunks in one."""
     parts = [getattr(chunk, part) for chunk in chunks]
     return {name: np.concatenate([x[name] for x in parts]) for name in parts[0]}
 
 
 def numbers(chunks: list) -> dict:
-    """Returns energy balance, constraint violation, steps and the final signals of a run."""
+    """Energy balance, constraint violation, steps and the final signals of a run."""
     rows, numerics = joined(chunks, "observables"), joined(chunks, "numerics")
     times = np.concatenate([chunk.time for chunk in chunks])
     energy = rows["kinetic_energy"] + rows["elastic_energy"]
@@ -138,12 +138,12 @@ def numbers(chunks: list) -> dict:
 
 
 def largest(x: np.ndarray) -> float:
-    """Returns the largest magnitude of the finite numbers."""
+    """The largest magnitude of the finite numbers."""
     return float(np.nanmax(np.abs(x), initial=0.0))
 
 
 def spread(x: np.ndarray) -> float:
-    """Returns the largest range of a component."""
+    """The largest range of a component."""
     return float(np.nanmax(np.nanmax(x, 0) - np.nanmin(x, 0), initial=0.0))
 
 

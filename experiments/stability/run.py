@@ -52,7 +52,7 @@ class Worker:
         threading.Thread(target=listen, args=(self.process, self.lines), daemon=True).start()
 
     def row(self, name: str, method: str) -> dict:
-        """Returns the row of a run; a hang and a crash have rows, too."""
+        """The row of a run; a hang and a crash have rows, too."""
         if self.process is None:
             self.begin()
         self.process.stdin.write(json.dumps([name, method]) + "\n")
@@ -85,7 +85,7 @@ def listen(process: subprocess.Popen, lines: queue.Queue) -> None:
 
 
 def group_done(group: str, names: list[str]) -> list[dict]:
-    """Returns the rows of a group: both methods, with finer steps where they disagree."""
+    """The rows of a group: both methods, with finer steps where they disagree."""
     worker = Worker(group)
     rows = [worker.row(name, method) for method in PLAIN for name in names]
     again = [name for name in names if disagree(rows, name)]
@@ -97,7 +97,7 @@ def group_done(group: str, names: list[str]) -> list[dict]:
 
 
 def complete_row(rows: list[dict], name: str, method: str) -> dict | None:
-    """Returns the row of a complete run, None if there is none."""
+    """The row of a complete run, None if there is none."""
     found = [r for r in rows if (r["case"], r["method"]) == (name, method) and r["outcome"] == "ran"]
     return found[0] if found and found[0]["finite"] else None
 
@@ -112,7 +112,7 @@ def disagree(rows: list[dict], name: str) -> bool:
 
 
 def apart(row: dict, other: dict) -> dict:
-    """Returns the differences at the end, relative to the range."""
+    """The differences at the end, relative to the range."""
     found = {}
     for name in ("tips", "reactions"):
         size = max(row[f"{name}_range"], other[f"{name}_range"])
@@ -122,7 +122,7 @@ def apart(row: dict, other: dict) -> dict:
 
 
 def best_of(rows: list[dict], row: dict) -> dict | None:
-    """Returns the reference of a run: the finest collocation run, for that run itself the next best one."""
+    """The reference of a run: the finest collocation run, for that run itself the next best one."""
     for method in ("collocation, finer", "collocation", "generalized-alpha, finer", "generalized-alpha"):
         found = complete_row(rows, row["case"], method)
         if found is not None and method != row["method"]:

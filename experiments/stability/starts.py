@@ -14,7 +14,7 @@ from esail_jax.system import Power, System
 
 
 def start_of(scene: esail.Scene, start: str) -> Point | None:
-    """Returns the initial state "short 0.9", "arc 180" or "inwards 5" of a scene; None for the scene's
+    """The initial state "short 0.9", "arc 180" or "inwards 5" of a scene; None for the scene's
     own."""
     if not start:
         return None
@@ -30,13 +30,13 @@ def start_of(scene: esail.Scene, start: str) -> Point | None:
 
 
 def rotating(omega: jnp.ndarray, tether: jnp.ndarray) -> jnp.ndarray:
-    """Returns the velocities of nodal vectors that rotate with the hub; omega: angular velocity in I
+    """The velocities of nodal vectors that rotate with the hub; omega: angular velocity in I
     [rad/s]."""
     return jnp.moveaxis(jnp.cross(omega, jnp.moveaxis(tether, 1, -1)), -1, 1)
 
 
 def shortened(system: System, q: Coordinates, v: Coordinates, omega: jnp.ndarray, part: float):
-    """Returns straight tethers that are compressed to a part of their initial length."""
+    """Straight tethers that are compressed to a part of their initial length."""
     root = q.tether[:1, :, :1]
     tether = part * q.tether
     tether = tether.at[0].add((1.0 - part) * root[0])
@@ -44,7 +44,7 @@ def shortened(system: System, q: Coordinates, v: Coordinates, omega: jnp.ndarray
 
 
 def bent(system: System, q: Coordinates, v: Coordinates, omega: jnp.ndarray, degrees: float):
-    """Returns unstretched arcs of `degrees` in the spin plane, radial at their roots."""
+    """Unstretched arcs of `degrees` in the spin plane, radial at their roots."""
     tethers = system.tethers
     root, total = q.tether[0, :, 0], np.deg2rad(degrees)
     length = jnp.broadcast_to(tethers.element_length, (tethers.elements, tethers.count)).sum(0)
@@ -61,7 +61,7 @@ def bent(system: System, q: Coordinates, v: Coordinates, omega: jnp.ndarray, deg
 
 
 def moving(system: System, q: Coordinates, v: Coordinates, omega: jnp.ndarray, speed: float):
-    """Returns tethers with a uniform rate of contraction; the tips move at `speed` [m/s] towards the
+    """Tethers with a uniform rate of contraction; the tips move at `speed` [m/s] towards the
     root."""
     offset = q.tether.at[0].add(-q.tether[0, :, :1])
     reach = jnp.linalg.norm(offset[0, :, -1], axis=0)

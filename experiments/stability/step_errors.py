@@ -39,7 +39,7 @@ error."""
 
 
 def rows_of(case: Case, variant: str) -> tuple[dict, dict] | None:
-    """Returns observables and numerics of a run, None if it fails or is too slow."""
+    """Observables and numerics of a run, None if it fails or is too slow."""
     scene = scene_of(case, variant)
     run = esail.run(scene, start=start_of(scene, case.start))
     signal.signal(signal.SIGPROF, out_of_time)
@@ -54,7 +54,7 @@ def rows_of(case: Case, variant: str) -> tuple[dict, dict] | None:
 
 
 def compared(case: Case) -> dict | None:
-    """Returns estimates and, if collocation succeeds, true errors of a case; None if generalized-alpha
+    """Estimates and, if collocation succeeds, true errors of a case; None if generalized-alpha
     fails."""
     run, true = (rows_of(case, method) for method in ("generalized-alpha", "collocation"))
     if run is None:
@@ -70,7 +70,7 @@ def compared(case: Case) -> dict | None:
 
 
 def verdict(row: dict) -> str:
-    """Returns whether the warning is right, missed or false."""
+    """Tells whether the warning is right, missed or false."""
     warned = not max(row["tips_estimate"], row["forces_estimate"]) <= WARN_ABOVE
     if "tips" not in row:
         return "warned, truth unknown" if warned else "truth unknown"

@@ -25,12 +25,12 @@ HEAD = (
 
 
 def digits(text: str, form: str = "{:.0e}") -> str:
-    """Returns a number with few digits, or a dash if there is none."""
+    """A number with few digits, or a dash if there is none."""
     return form.format(float(text)) if text else "-"
 
 
 def cells(row: dict | None) -> list[str]:
-    """Returns the cells of one run. Rejected steps and repairs follow the steps after a +."""
+    """The cells of one run. Rejected steps and repairs follow the steps after a +."""
     if row is None or row["outcome"] == "refused":
         return ["-" if row is None else "refused", "", "", "", ""]
     extra = float(row["rejected"] or 0) + float(row["repairs"] or 0)
@@ -43,7 +43,7 @@ def cells(row: dict | None) -> list[str]:
 
 
 def table(rows: list[dict]) -> str:
-    """Returns the table with a row per case: both methods, and their difference at the end."""
+    """The table with a row per case: both methods, and their difference at the end."""
     head = (*HEAD, "tips apart", "reactions apart")
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     for name in dict.fromkeys(row["case"] for row in rows):
@@ -55,7 +55,7 @@ def table(rows: list[dict]) -> str:
 
 
 def finer(rows: list[dict]) -> str:
-    """Returns the table of the runs with finer steps, beside the default ones."""
+    """The table of the runs with finer steps, beside the default ones."""
     head = ("case", *(f"{m}, {what}" for m in METHODS for what in ("tips", "reactions", "balance")))
     lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     for name in dict.fromkeys(row["case"] for row in rows if row["method"].endswith("finer")):

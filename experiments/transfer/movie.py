@@ -60,7 +60,7 @@ class Movie:
         self.map.legend(loc="lower left", fontsize=8)
 
     def image(self, day):
-        """Returns the picture of a day: (height, width, 3) numbers of 8 bits."""
+        """The picture of a day: (height, width, 3) numbers of 8 bits."""
         self.map.set_title(f"Four 10 km tethers, 6 W, about the Sun: day {day:.0f}", fontsize=10)
         for way, (path, plane, dots) in self.lines.items():
             table = self.tables[way]

@@ -33,7 +33,7 @@ WIND = ("speed", "number_density")
 
 
 def draws(first: int, count: int) -> dict[str, np.ndarray]:
-    """Returns time series of the wind and tether lengths for `count` seeds from `first`.
+    """Time series of the wind and tether lengths for `count` seeds from `first`.
 
     The logarithms of speed (5 %) and number density (30 %) are Ornstein-Uhlenbeck processes, correlated
     over 600 s; the errors of lengths are normal."""
@@ -45,7 +45,7 @@ def draws(first: int, count: int) -> dict[str, np.ndarray]:
 
 
 def sail() -> Scene:
-    """Returns the scene of `torque` in a constant wind that is given at the instants of the gusts."""
+    """The scene of `torque` in a constant wind that is given at the instants of the gusts."""
     steady = esail.load_scene("baseline", TORQUE)
     instants = gusty_wind(0, TURN)["time"]
     series = {f"solar_wind.{key}": [getattr(steady.solar_wind, key)] * len(instants) for key in WIND}
@@ -62,7 +62,7 @@ def measured(scene: Scene, circumstances: dict[str, np.ndarray]) -> np.ndarray:
 
 
 def summary(name: str, mesh: str, found: np.ndarray, constant: np.ndarray) -> tuple:
-    """Returns a row of robust.csv: mean and largest squared torque, reduction of the mean relative to
+    """A row of robust.csv: mean and largest squared torque, reduction of the mean relative to
     constant voltage, and the least thrust relative to constant voltage in the same wind."""
     torque, before = found[:, 0], constant[:, 0]
     kept = (found[:, 1] / constant[:, 1]).min()
@@ -127,7 +127,7 @@ def main() -> None:
 
 
 def scene_in_calm() -> Scene:
-    """Returns the sail of `torque` in the mean wind."""
+    """The sail of `torque` in the mean wind."""
     return esail.load_scene("baseline", TORQUE)
 
 

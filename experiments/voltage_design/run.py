@@ -40,12 +40,12 @@ WAVES = {f"voltage.{name}": Variable([0.0, 0.0], 0.1) for name in ("cosine", "si
 
 
 def torque() -> Design:
-    """Returns the problem: no mean torque across the spin axis at 10 deg, without loss of thrust."""
+    """The problem: no mean torque across the spin axis at 10 deg, without loss of thrust."""
     return Design(esail.load_scene("baseline", TORQUE), {"mean-torque": 1.0, "thrust": 1.0}, WAVES)
 
 
 def planar_cone_harmonic(scene: esail.Scene) -> dict[str, list[float]]:
-    """Returns the first harmonic of the published planar-cone law, sigma = sigma_bar (1 - x cos phi)^-3.
+    """The first harmonic of the published planar-cone law, sigma = sigma_bar (1 - x cos phi)^-3.
 
     The cone is that of rigid tethers at V_0:
 
@@ -64,13 +64,13 @@ def planar_cone_harmonic(scene: esail.Scene) -> dict[str, list[float]]:
 
 
 def smooth_step(scene: esail.Scene) -> dict[str, list[float]]:
-    """Returns the table of a switch-on without optimisation: a smooth step over the same time."""
+    """The table of a switch-on without optimisation: a smooth step over the same time."""
     time = np.asarray(scene.voltage.time)
     return {"voltage.table": np.asarray(steps.smooth_step(time / time[-1])).tolist()}
 
 
 def switch_on() -> Design:
-    """Returns the problem: switch on, facing the Sun, without variations of lagging, spin rate and
+    """The problem: switch on, facing the Sun, without variations of lagging, spin rate and
     coning."""
     knots = np.linspace(0.0, TURN / 2, 17)
     overrides = {
@@ -91,13 +91,13 @@ NUMBERS = {"torque": ("mean-torque", "thrust"), "switch-on": ("lagging", "spin",
 
 
 def finer(scene: esail.Scene) -> esail.Scene:
-    """Returns the scene with a finer mesh and shorter steps."""
+    """The scene with a finer mesh and shorter steps."""
     elements = FINER * scene.tethers.elements
     return scene.replace({"tethers.elements": elements, "integrator.tolerance": COARSE / 100})
 
 
 def plain(scene: esail.Scene) -> esail.Scene:
-    """Returns the scene with constant voltage."""
+    """The scene with constant voltage."""
     law = {f"voltage.{x}": None for x in vars(scene.voltage) if x not in ("value", "law")}
     return scene.replace(law | {"voltage.law": "constant"})
 
@@ -121,7 +121,7 @@ def designed(name: str) -> None:
 
 
 def checked(name: str) -> list[tuple]:
-    """Returns rows of results.csv: constant voltage, the known control, the design, and both on a finer
+    """Rows of results.csv: constant voltage, the known control, the design, and both on a finer
     mesh."""
     best = esail.load_scene(HERE / f"{name}.toml")
     known = best.replace(DESIGNS[name][2](best))

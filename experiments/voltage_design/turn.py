@@ -45,7 +45,7 @@ TIMES = (1.02,)
 
 
 def sail(turns: float, overrides: dict) -> Scene:
-    """Returns the baseline for some turns."""
+    """The baseline for some turns."""
     times = {"integrator.t_end": turns * TURN, "output.interval": TURN / SAVED}
     return esail.load_scene("baseline", times | {"integrator.tolerance": COARSE} | overrides)
 
@@ -54,7 +54,7 @@ def sail(turns: float, overrides: dict) -> Scene:
 
 
 def rigid_sail() -> tuple[float, float]:
-    """Returns H = N I omega [N m s] and N M [N m] of a flat rigid sail with N tethers.
+    """H = N I omega [N m s] and N M [N m] of a flat rigid sail with N tethers.
 
     I = (m_tip + m / 3) L^2; M = sigma u cos alpha L^2 / 2 is the moment of a tether's thrust at MAXIMUM;
     alpha is the mean of the initial and the wanted sailing angle."""
@@ -69,7 +69,7 @@ def rigid_sail() -> tuple[float, float]:
 
 
 def rigid_turns(wave: float) -> float:
-    """Returns the turns that the rigid sail needs, H angle / (N M wave).
+    """The turns that the rigid sail needs, H angle / (N M wave).
 
     wave: mean over the phase of sin phi times thrust / largest thrust."""
     momentum, moment = rigid_sail()
@@ -77,7 +77,7 @@ def rigid_turns(wave: float) -> float:
 
 
 def waves() -> dict[str, float]:
-    """Returns `wave` of bang-bang control, 1 / pi, and of the largest first harmonic within the limits.
+    """`wave` of bang-bang control, 1 / pi, and of the largest first harmonic within the limits.
 
     The second is computed by quadrature, including the loss by the cutoff voltage."""
     phase = np.linspace(0.0, 2.0 * np.pi, 3601)[:-1]
@@ -90,12 +90,12 @@ def waves() -> dict[str, float]:
 
 
 def instants(turns: float) -> np.ndarray:
-    """Returns evenly spaced knots of a table [s]."""
+    """Evenly spaced knots of a table [s]."""
     return np.linspace(0.0, turns * TURN, round(KNOTS * turns) + 1)
 
 
 def phase_table(knots: np.ndarray, amplitude: float) -> np.ndarray:
-    """Returns 1 + b cos(omega_0 t + 2 pi i / N), limited to [0, MAXIMUM / VOLTS].
+    """1 + b cos(omega_0 t + 2 pi i / N), limited to [0, MAXIMUM / VOLTS].
 
     Tethers on the side towards Y_B(0) have more thrust and turn the angular momentum, which is along X_B,
     to larger sailing angles."""
@@ -104,7 +104,7 @@ def phase_table(knots: np.ndarray, amplitude: float) -> np.ndarray:
 
 
 def table_law(knots: np.ndarray, table: np.ndarray) -> dict:
-    """Returns overrides for a table that is followed by V_0, one knot later."""
+    """Overrides for a table that is followed by V_0, one knot later."""
     after = knots[-1] + TURN / KNOTS
     return {
         "voltage.law": "piecewise-linear", "voltage.maximum": MAXIMUM,
@@ -114,7 +114,7 @@ def table_law(knots: np.ndarray, table: np.ndarray) -> dict:
 
 
 def known_controls() -> dict[str, dict]:
-    """Returns overrides of the known controls, which are not optimised."""
+    """Overrides of the known controls, which are not optimised."""
     knots = instants(LONGEST)
     harmonic = {"voltage.law": "harmonic", "voltage.maximum": MAXIMUM, "voltage.cosine": [0.0]}
     feedback = {
@@ -136,14 +136,14 @@ def known_controls() -> dict[str, dict]:
 
 
 def turned(run: esail.Solution) -> np.ndarray:
-    """Returns angles [deg] of the spin plane's normal from its start, towards the target and across
+    """Angles [deg] of the spin plane's normal from its start, towards the target and across
     (instant, 2)."""
     normal = np.asarray(plane_normals(run)) @ run["rotation_IB"][0]
     return np.rad2deg(np.stack([np.arctan2(-normal[:, 2], normal[:, 0]), np.arcsin(normal[:, 1])], axis=1))
 
 
 def turned_in_the_mean(run: esail.Solution) -> tuple[np.ndarray, np.ndarray]:
-    """Returns instants [s], and `turned` averaged over half a turn about them; the mean removes the
+    """Instants [s], and `turned` averaged over half a turn about them; the mean removes the
     nutation."""
     window = np.ones(SAVED // 2 + 1)
     window[[0, -1]] = 0.5
@@ -152,13 +152,13 @@ def turned_in_the_mean(run: esail.Solution) -> tuple[np.ndarray, np.ndarray]:
 
 
 def swing(run: esail.Solution) -> np.ndarray:
-    """Returns the angle between the hub's axis and the spin plane's normal [deg]."""
+    """The angle between the hub's axis and the spin plane's normal [deg]."""
     apart = np.linalg.norm(run["rotation_IB"][:, :, 0] - np.asarray(plane_normals(run)), axis=1)
     return np.rad2deg(2.0 * np.arcsin(0.5 * apart))
 
 
 def flown(name: str, run: esail.Solution) -> tuple:
-    """Returns the row of turn.csv of a control that does not stop.
+    """The row of turn.csv of a control that does not stop.
 
     It has the number of turns until ANGLE is reached (nan: never), and the state there, or at the end."""
     time, mean = turned_in_the_mean(run)
@@ -174,7 +174,7 @@ def flown(name: str, run: esail.Solution) -> tuple:
 
 
 def stopped(name: str, elements: int, turns: float, run: esail.Solution) -> tuple:
-    """Returns the row of turn.csv of a control that ends after some turns.
+    """The row of turn.csv of a control that ends after some turns.
 
     It has the mean of the spin plane's normal over REST from then on, the largest distance from that mean
     (nutation), and the largest swing of the hub before and after the end of the control."""
@@ -192,7 +192,7 @@ HEAD = "control elements turns along_deg off_deg nutation_deg hub_swing_deg hub_
 
 
 def controlled(turns: float, table: np.ndarray) -> Scene:
-    """Returns the scene with a table over some turns, then V_0 for REST."""
+    """The scene with a table over some turns, then V_0 for REST."""
     law = table_law(np.linspace(0.0, turns * TURN, len(table)), table)
     count = round(SAVED * turns)
     # Makes the end of the control a saved instant.
@@ -204,7 +204,7 @@ def controlled(turns: float, table: np.ndarray) -> Scene:
 
 
 def problem(turns: float) -> Design:
-    """Returns the design problem: the spin plane close to its target, and at rest, over REST after the
+    """The design problem: the spin plane close to its target, and at rest, over REST after the
     control.
 
     The optimisation starts from nine tenths of the largest first harmonic; V_0 after the control is

@@ -20,7 +20,7 @@ COLUMNS = ("scene", "method", "steps", "compared", "worst", "error", "doubt")
 
 
 def row_of(name: str) -> tuple:
-    """Returns scene, method, steps, number of compared observables, the worst of them, its error, and the
+    """scene, method, steps, number of compared observables, the worst of them, its error, and the
     uncertainty of the reference for it."""
     scene = esail.load_scene(name)
     reference, _ = bench.reference_line(scene)

@@ -26,12 +26,12 @@ WORKS = ("external_work", "dissipated_energy", "energy_balance_error")
 
 
 def moved(x, h, rate):
-    """Returns x + h rate."""
+    """x + h rate."""
     return jax.tree.map(lambda a, b: a + h * b, x, rate)
 
 
 def step(system, t, q, v, h):
-    """Returns q and v after one step of the classical method."""
+    """q and v after one step of the classical method."""
 
     def vdot(c, q, v):
         return consistent_acceleration(system, t + c * h, q, v)[0]
@@ -52,7 +52,7 @@ def step(system, t, q, v, h):
 
 @functools.partial(esail.jit, static_argnums=(4, 5))
 def states(system, q, v, h, rows, per_row):
-    """Returns q and v at the saved instants, including the start."""
+    """q and v at the saved instants, including the start."""
 
     def row(y, k):
         def one(j, y):

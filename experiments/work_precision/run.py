@@ -50,7 +50,7 @@ def exudyn(scene: esail.Scene, step: float) -> Run:
 
 
 def compared(run: Run, reference: Reference) -> dict[str, float]:
-    """Returns the errors of a run, which may be shorter than the reference or have fewer observables."""
+    """The errors of a run, which may be shorter than the reference or have fewer observables."""
     names = [name for name in reference.names if name in run.rows]
     rows = len(run.rows[names[0]])
     return bench.errors(run.rows, {name: reference.rows[name][:rows] for name in names}, names)

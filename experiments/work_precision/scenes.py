@@ -38,7 +38,7 @@ class Case:
 
 
 def curves(steps: tuple[float, ...], tolerances: tuple[float, ...] = TOLERANCES) -> tuple[Curve, ...]:
-    """Returns the package's methods with their settings; a new method is one more line."""
+    """The package's methods with their settings; a new method is one more line."""
     return (
         ("generalized-alpha", "step", steps),
         ("energy-momentum", "step", steps[:3]),

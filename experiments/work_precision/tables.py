@@ -52,7 +52,7 @@ STYLES = {
 
 
 def read(scene: str) -> list[dict]:
-    """Returns the lines of a scene, with the worst of the shared signals and the time of the whole span."""
+    """The lines of a scene, with the worst of the shared signals and the time of the whole span."""
     with open(HERE / f"{scene}.jsonl", encoding="utf-8") as file:
         entries = [json.loads(text) for text in file]
     for entry in entries:
@@ -68,7 +68,7 @@ def read(scene: str) -> list[dict]:
 
 
 def row(entry: dict) -> dict[str, str]:
-    """Returns a row of table.csv."""
+    """A row of table.csv."""
     key = "step" if "step" in entry else "tolerance"
     return {
         "scene": entry["scene"],
@@ -89,7 +89,7 @@ def row(entry: dict) -> dict[str, str]:
 
 
 def curve(entries: list[dict], method: str) -> tuple[np.ndarray, np.ndarray]:
-    """Returns times [s] and errors of a method's runs, coarsest first; runs over a short span are left
+    """Times [s] and errors of a method's runs, coarsest first; runs over a short span are left
     out."""
     runs = [x for x in entries if x["method"] == method and x["role"] != "reference"]
     runs = [x for x in runs if x["span"] > 0.3 * x["t_end"]]
@@ -97,7 +97,7 @@ def curve(entries: list[dict], method: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def seconds_for(entries: list[dict], method: str, bound: float) -> float:
-    """Returns the time [s] at which a method's error is `bound`, by a power law between two runs.
+    """The time [s] at which a method's error is `bound`, by a power law between two runs.
 
     The time of the fastest run if its error is already below the bound; nan if no run reaches the bound."""
     seconds, error = curve(entries, method)
@@ -111,7 +111,7 @@ def seconds_for(entries: list[dict], method: str, bound: float) -> float:
 
 
 def at_equal_error(entries: list[dict]) -> list[str]:
-    """Returns Markdown rows: time [s] of each method at every bound, in brackets relative to
+    """Markdown rows: time [s] of each method at every bound, in brackets relative to
     collocation."""
     methods = [m for m in dict.fromkeys(x["method"] for x in entries) if len(curve(entries, m)[0]) > 1]
     found = [f"| worst error | {' | '.join(methods)} |", "|---" * (len(methods) + 1) + "|"]

@@ -76,7 +76,7 @@ REVERSE = {
 
 
 def first_by_default(cases, kept):
-    """Returns cases for `parametrize`; all but `kept` are left to the night."""
+    """Cases for `parametrize`; all but `kept` are left to the night."""
     return [pytest.param(x, marks=[pytest.mark.nightly] * (x != kept)) for x in cases]
 
 

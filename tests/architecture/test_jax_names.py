@@ -25,7 +25,7 @@ TRACER = {"jax.core", "jax.core.Tracer"}
 
 
 def names_in(path: Path) -> set[str]:
-    """Returns the dotted names that a file imports or uses, without those in texts."""
+    """The dotted names that a file imports or uses, without those in texts."""
     found = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):

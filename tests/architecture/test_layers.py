@@ -47,12 +47,12 @@ FILES = {
 
 
 def room_of(module: str) -> str:
-    """Returns the first part of a dotted name inside the package."""
+    """The first part of a dotted name inside the package."""
     return module.partition(".")[0]
 
 
 def imported(path: Path) -> set[str]:
-    """Returns the absolute dotted names that a file imports, also inside functions.
+    """The absolute dotted names that a file imports, also inside functions.
 
     `from a import b` gives a.b, whether b is a module or not.
     """
@@ -67,7 +67,7 @@ def imported(path: Path) -> set[str]:
 
 
 def modules_used(path: Path) -> set[str]:
-    """Returns the modules of the package that a file imports."""
+    """The modules of the package that a file imports."""
     found = set()
     for name in imported(path):
         if room_of(name) != "esail_jax":

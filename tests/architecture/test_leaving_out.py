@@ -16,7 +16,7 @@ from support.quick import jit
 
 
 def equations_of_a_step(stepper, system, state):
-    """Returns the number of equations of one factorisation and one step."""
+    """The number of equations of one factorisation and one step."""
 
     def step(stepper, system, state):
         factors = stepper.factor(system, jnp.zeros(()), state.q, state.v, state.lam)

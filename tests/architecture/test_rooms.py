@@ -8,7 +8,7 @@ FILES = sorted(path.relative_to(TESTS).as_posix() for path in TESTS.rglob("*.py"
 
 
 def imported(path: Path) -> set[str]:
-    """Returns the parts of all dotted names that a file imports."""
+    """The parts of all dotted names that a file imports."""
     names = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
@@ -24,6 +24,18 @@ def test_no_module_imports_a_test_or_an_experiment():
         found = imported(TESTS / name)
         assert "experiments" not in found, name
         assert not {part for part in found if part.startswith("test_")}, name
+
+
+def test_docstrings_name_what_is_returned():
+    """A docstring says what a function returns, "The momentum [kg m/s].", or what it does, "Checks that
+    ...". Style is held by ruff; this is what ruff cannot know."""
+    root = TESTS.parent
+    for folder in ("esail_jax", "kept_programs", "tests", "docs", "experiments"):
+        for path in (root / folder).rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.FunctionDef | ast.ClassDef | ast.AsyncFunctionDef):
+                    words = (ast.get_docstring(node) or "").split()
+                    assert words[:1] not in (["Returns"], ["Return"]), f"{path}: {node.name}"
 
 
 def test_names_of_test_modules_are_unique():

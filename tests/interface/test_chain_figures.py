@@ -26,7 +26,7 @@ CHAINS = (*SHORT, "failed", "start only")
 
 
 def rows_of(run, change):
-    """Returns a copy with changed rows."""
+    """A copy with changed rows."""
     data = {name: change(np.array(run[name])) for name in run.observables}
     return FakeRun(run.scene, np.asarray(run.time)[: len(data["tension"])], data)
 

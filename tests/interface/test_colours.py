@@ -28,7 +28,7 @@ TO_XYZ = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 
 
 
 def least_difference(colours, kind):
-    """Returns the least CIE 1976 colour difference of two of the colours as seen by a reader."""
+    """The least CIE 1976 colour difference of two of the colours as seen by a reader."""
     c = np.array([to_rgb(colour) for colour in colours])
     linear = np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
     xyz = np.clip(linear @ np.transpose(SEEN[kind]), 0.0, 1.0) @ TO_XYZ.T / [0.9505, 1.0, 1.089]

@@ -59,7 +59,7 @@ def folder(tmp_path, capsys):
 
 
 def output_of(folder, *command):
-    """Returns what a command prints that runs in a folder."""
+    """What a command prints that runs in a folder."""
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True, timeout=300)
     return done.stdout
 

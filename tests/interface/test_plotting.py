@@ -77,7 +77,7 @@ def test_every_axis_says_what_it_shows(runs, make, name):
 
 
 def table_of(*modes):
-    """Returns an object that replaces a table of modes: (eigenvalue, kind, nodes, name) of each."""
+    """An object that replaces a table of modes: (eigenvalue, kind, nodes, name) of each."""
     values, kind, nodes, name = zip(*modes, strict=True)
     return SimpleNamespace(eigenvalue=np.array(values), kind=kind, nodes=nodes, name=name)
 

@@ -44,7 +44,7 @@ def test_releases_are_marked_in_every_plot_against_time():
 
 
 def lines_of_tethers(run):
-    """Returns the points (tether, point, 3) [km] of the tethers, the grey lines, in the last picture of a
+    """The points (tether, point, 3) [km] of the tethers, the grey lines, in the last picture of a
     sail."""
     lines = plotting.picture.sail_picture(run).axes[-1].lines
     return np.array([x.get_data_3d() for x in lines if isinstance(x.get_color(), str)][:3]).swapaxes(1, 2)

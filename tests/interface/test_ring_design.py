@@ -70,5 +70,5 @@ def test_design_of_a_sail_with_a_ring_from_the_shell(tmp_path, validate):
 
 
 def shown(value):
-    """Returns a value as the command line takes it."""
+    """A value as the command line takes it."""
     return f'"{value}"' if isinstance(value, str) else str(value)

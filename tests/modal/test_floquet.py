@@ -20,7 +20,7 @@ UNRESOLVED = 2e-9
 
 
 def at_angle(degrees, overrides=SMALL):
-    """Returns modes and multipliers of a small sail in the wind."""
+    """Modes and multipliers of a small sail in the wind."""
     scene = overrides | {"initial.sailing_angle_deg": degrees}
     return esail.modes("sun-facing", scene, converge=False, floquet=True)
 
@@ -31,7 +31,7 @@ def facing():
 
 
 def difference(table):
-    """Returns the worst difference of exponents and eigenvalues, relative to the latter, of all modes that
+    """The worst difference of exponents and eigenvalues, relative to the latter, of all modes that
     are slow enough."""
     orbit, known = table.floquet, np.isfinite(table.floquet.multiplier)
     assert known.sum() == (np.abs(table.eigenvalue) <= FASTEST * SPIN).sum() > 15

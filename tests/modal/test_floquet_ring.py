@@ -30,7 +30,7 @@ TILTED = SAIL | {"initial.sailing_angle_deg": 10.0, "tip_thrust.force": 1e-4}
 
 
 def with_multipliers(scene):
-    """Returns the modes of the sail in the wind, with their multipliers."""
+    """The modes of the sail in the wind, with their multipliers."""
     return esail.modes("sun-facing", scene, converge=False, floquet=True)
 
 
@@ -47,7 +47,7 @@ def test_facing_the_wind_multipliers_are_those_of_the_modes(validate):
 
 
 def after_a_turn(scene, setting, orbit, z):
-    """Returns the state after a turn from the state z, seen from its centre of mass and turned back by the
+    """The state after a turn from the state z, seen from its centre of mass and turned back by the
     precession, as `esail.simulate` computes it."""
     system, zero = setting.system, np.zeros(())
     q, v = from_state(system, setting.spin, jnp.asarray(z))

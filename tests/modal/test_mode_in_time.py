@@ -24,7 +24,7 @@ SCENE = {
 
 
 def started_in(name):
-    """Returns the eigenvalue of a mode of a coned sail and a start that is displaced along its shape by
+    """The eigenvalue of a mode of a coned sail and a start that is displaced along its shape by
     AMPLITUDE [m]."""
     scene = esail.load_scene("sun-facing", SCENE)
     moving = solved_scene(scene, None)
@@ -40,7 +40,7 @@ def started_in(name):
 
 
 def rate_of(time, signal, guess):
-    """Returns s of the signal c + Re(a exp(s t)) that fits best."""
+    """s of the signal c + Re(a exp(s t)) that fits best."""
 
     def parts(x):
         wave = np.exp((x[0] + 1j * x[1]) * time)

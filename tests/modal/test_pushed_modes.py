@@ -23,7 +23,7 @@ LIGHT = SMALL | {
 
 
 def swings(direction):
-    """Returns the frequencies [rad/s] of the lagging and of the coning swing on a resting hub (n = 2), and
+    """The frequencies [rad/s] of the lagging and of the coning swing on a resting hub (n = 2), and
     the mean coning angle [rad]."""
     table = esail.modes("voltage-off", LIGHT | {"tip_thrust.direction": direction}, converge=False)
     names = ("in-plane swing (lagging)", "out-of-plane swing (coning)")
@@ -107,7 +107,7 @@ def test_refused_loads_have_a_moment_about_the_spin_axis():
     frame = MovingFrame(spin, at.frame.acceleration)
 
     def moment(overrides):
-        """Returns the moment [N m] that is not balanced."""
+        """The moment [N m] that is not balanced."""
         other, _, _ = built("sun-facing", SMALL | overrides)
         return -linearised_sparse(other, frame, y, at.lam).balance @ turn
 

@@ -23,14 +23,14 @@ RINGS = SMALL | RING | {"auxiliary_tethers.length": 17322.0, "auxiliary_tethers.
 
 
 def solved(name, overrides):
-    """Returns the table of modes, and what is needed of them."""
+    """The table of modes, and what is needed of them."""
     scene = esail.load_scene(name, overrides)
     moving = solved_scene(scene, None)
     return assembled(scene, moving.found, None), moving
 
 
 def steady(moving):
-    """Returns the state of a sail in its steady rotation."""
+    """The state of a sail in its steady rotation."""
     q = moving.found.at.q
     v = MovingFrame(jnp.asarray(moving.axes[:, 0] * moving.found.spin), jnp.zeros(3)).turned(q)
     spin = abs(moving.found.spin)
@@ -38,7 +38,7 @@ def steady(moving):
 
 
 def turned(system, z, rotation, places=0):
-    """Returns a state that is turned by a rotation and then renumbered."""
+    """A state that is turned by a rotation and then renumbered."""
     x = (
         renumbered(system, part.rotate(rotation), places)
         for part in from_state(system, SPIN, jnp.asarray(z))

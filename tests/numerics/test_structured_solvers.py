@@ -21,7 +21,7 @@ BORDER = POINT_UNKNOWNS + HUB_OTHERS
 
 
 def random_system(p, elements, size, hub=False, extra=0, ring=None, seed=0):
-    """Returns matrix and right-hand side as NumPy arrays. ring: elements and block size of the segments.
+    """Matrix and right-hand side as NumPy arrays. ring: elements and block size of the segments.
 
     The matrix is diagonally dominant and symmetric but for a tenth. The extra unknowns have zero
     diagonals, as multipliers have.
@@ -80,7 +80,7 @@ def solved(matrix, rhs):
 
 @jit
 def derivatives(matrix, rhs, direction, weights):
-    """Returns the solution's derivative along a direction of the right-hand side, and the transposed
+    """The solution's derivative along a direction of the right-hand side, and the transposed
     derivative."""
     _, along = jax.jvp(lambda b: solve(matrix, b), (rhs,), (direction,))
     _, transposed = jax.vjp(lambda b: solve(matrix, b), rhs)
@@ -121,7 +121,7 @@ FIRST = DEFAULT | {
 
 
 def possible():
-    """Returns all combinations. A block of size 3 has no free rows and therefore no extra local unknowns. A
+    """All combinations. A block of size 3 has no free rows and therefore no extra local unknowns. A
     ring needs three tethers."""
     rings = NONE, TRUSS, TRUSSES, CABLE, CABLES
     axes = (1, 2, 3, 12), (1, 2, 5, 40), (3, 6), (False, True), (0, 2), rings
@@ -133,7 +133,7 @@ def possible():
 
 
 def triples(shape):
-    """Returns the values of every three properties of a system."""
+    """The values of every three properties of a system."""
     return set(itertools.combinations(enumerate(shape), 3))
 
 

@@ -8,7 +8,7 @@ from esail_jax.simulation.host import compile_scene
 
 
 def energy(run):
-    """Returns kinetic plus elastic energy [J] by saved instant."""
+    """Kinetic plus elastic energy [J] by saved instant."""
     return np.asarray(run["kinetic_energy"] + run["elastic_energy"])
 
 
@@ -139,7 +139,7 @@ def test_uniform_gravity_is_free_fall_and_does_work(small, drop_hub):
 
 
 def without(scene, *tables):
-    """Returns the scene without some of its tables."""
+    """The scene without some of its tables."""
     import dataclasses
 
     return dataclasses.replace(scene, **dict.fromkeys(tables))

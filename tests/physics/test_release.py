@@ -31,7 +31,7 @@ SLOW = pytest.mark.nightly
 
 
 def free_sail(method: str) -> Scene:
-    """Returns a sail without wind and damping, on which only internal forces act."""
+    """A sail without wind and damping, on which only internal forces act."""
     scene = load_scene("voltage-off", SMALL | METHODS[method])
     text = to_toml(scene)
     kept = [line for line in text.splitlines() if "damping_time" not in line]

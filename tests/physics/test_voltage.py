@@ -62,7 +62,7 @@ AZIMUTH = 2 * np.pi * np.arange(3) / 3
 
 
 def phases(axes, origin):
-    """Returns the phase phi of every tether [rad], (state, tether), from angles in the spin plane.
+    """The phase phi of every tether [rad], (state, tether), from angles in the spin plane.
 
     phi is zero at the azimuth at which the wind's component in the spin plane points outward, and positive
     about X_B. axes: attitudes C_B^I, (state, 3, 3).
@@ -72,7 +72,7 @@ def phases(axes, origin):
 
 
 def commanded(overrides, times):
-    """Returns the voltages [V] that the load of a scene commands at instants [s], (time, tether), on a sail
+    """The voltages [V] that the load of a scene commands at instants [s], (time, tether), on a sail
     that turns rigidly at its initial spin rate about its initial axis. The tethers are radial."""
     structure, numbers = split(esail.load_scene("baseline", FIXED | overrides))
     attitude, _ = starting_attitude(numbers)
@@ -185,7 +185,7 @@ IN_TIME = {"voltage.law": "piecewise-linear", "voltage.time": [20.0, 100.0, 250.
 
 
 def expected_of_table(time):
-    """Returns the voltages [V] of IN_TIME, (time, tether)."""
+    """The voltages [V] of IN_TIME, (time, tether)."""
     columns = [20e3 * np.interp(time, IN_TIME["voltage.time"], column) for column in np.transpose(TABLE)]
     return np.stack(columns, axis=1)
 
@@ -457,7 +457,7 @@ VARIED = {"solar_wind.speed": [4e5, 4e5, 6e5], "solar_wind.number_density": [7.3
 
 
 def factor_of_thrust(time):
-    """Returns the thrust in the wind VARIED, divided by that in the wind LEVEL."""
+    """The thrust in the wind VARIED, divided by that in the wind LEVEL."""
     speed, density = (np.interp(time, WIND_TIMES, row) for row in VARIED.values())
     return speed / 4e5 * np.sqrt(density / 7.3e6)
 

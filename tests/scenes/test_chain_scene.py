@@ -56,7 +56,7 @@ WIND = {
 
 
 def with_key(key, value):
-    """Returns the least overrides that make a key legal."""
+    """The least overrides that make a key legal."""
     needed = dict(NEEDS.get(key, {}))
     if "voltage.value" in (*needed, key):
         needed |= WIND

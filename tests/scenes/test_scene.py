@@ -81,7 +81,7 @@ SPACECRAFT = {
 
 
 def beside(key: str) -> dict:
-    """Returns the overrides that a key requires."""
+    """The overrides that a key requires."""
     table, name = key.split(".")
     if table == "event":
         return EVENT

@@ -37,7 +37,7 @@ def run(small):
 
 
 def numbers(scale=0.0):
-    """Returns the numbers of KEYS, moved along the direction by `scale`."""
+    """The numbers of KEYS, moved along the direction by `scale`."""
     return {key: jnp.asarray(value + scale * size) for key, (value, size) in KEYS.items()}
 
 

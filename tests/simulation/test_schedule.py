@@ -58,7 +58,7 @@ SCHEDULES = list(random_schedules())
 
 
 def used(schedule):
-    """Returns the windows of a schedule without those that follow its end, and the places of its times."""
+    """The windows of a schedule without those that follow its end, and the places of its times."""
     windows, number, place = schedule.plan()
     ends = windows.times[np.arange(len(windows.count)), windows.count - 1]
     count = np.argmax(ends == schedule.times[-1]) + 1
@@ -69,7 +69,7 @@ PLANS = [(schedule, *used(schedule)) for schedule in SCHEDULES]
 
 
 def instants_of(windows):
-    """Returns the instants of each window that matter."""
+    """The instants of each window that matter."""
     return [row[:count] for row, count in zip(windows.times, windows.count, strict=True)]
 
 
@@ -247,7 +247,7 @@ KINDS = {
 
 
 def random_log(count):
-    """Returns attempted steps in order, of which some are rejected and tried again with half the length,
+    """Attempted steps in order, of which some are rejected and tried again with half the length,
     and some were not tried."""
     rows, time, size = [], 0.0, 0.5
     while len(rows) < count:
@@ -261,13 +261,13 @@ def random_log(count):
 
 
 def part_of(log, begin, stop):
-    """Returns the attempts from `begin` to `stop` as a log of their own."""
+    """The attempts from `begin` to `stop` as a log of their own."""
     statistics = {name: x[begin:stop] for name, x in log.statistics.items()}
     return Log(*(x[begin:stop] for x in log[:4]), statistics)
 
 
 def expected_of(log, times):
-    """Returns the statistics for every instant, from their definition and one loop over the steps."""
+    """The statistics for every instant, from their definition and one loop over the steps."""
     found, before = [], -np.inf
     for time in times:
         attempts, rejected, sums, largest, last = 0, 0, 0.0, 0.0, 0.0
@@ -290,7 +290,7 @@ def expected_of(log, times):
 
 
 def cut_into_calls(log, times, instants, blocks):
-    """Returns the statistics of a run that is made of calls, as `HostRun` makes them: each takes blocks of
+    """The statistics of a run that is made of calls, as `HostRun` makes them: each takes blocks of
     steps until its instants are passed."""
     pending, found, row, done, reached = Pending.empty(KINDS), [], 0, 0, 0.0
     while row < len(times):

@@ -15,7 +15,7 @@ RHS = RANDOM.normal(size=6)
 
 
 def solution(rate, rhs):
-    """Returns B x and x of (1 + `rate` C) x = rhs, and the number of iterations, which use the solution of
+    """B x and x of (1 + `rate` C) x = rhs, and the number of iterations, which use the solution of
     x = rhs."""
     count = 0
 

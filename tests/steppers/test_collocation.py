@@ -281,7 +281,7 @@ def test_a_longer_run_goes_on_bit_for_bit(tmp_path):
 
 
 def outcome(x):
-    """Returns five numbers of different kinds at the end of a run."""
+    """Five numbers of different kinds at the end of a run."""
     end = esail.simulate("baseline", SMALL | {"integrator.step": 5.0} | numbers(x))
     picked = (
         end["tip_position_I"][-1, 0, 0],

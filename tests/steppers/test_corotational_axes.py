@@ -9,7 +9,7 @@ from esail_jax.steppers.corotational_axes import Axes, turn
 
 
 def unit_vectors(seed: int) -> np.ndarray:
-    """Returns a random unit vector for every node of every tether."""
+    """A random unit vector for every node of every tether."""
     vectors = np.random.default_rng(seed).normal(size=(3, 8))
     return vectors / np.linalg.norm(vectors, axis=0)
 

@@ -33,7 +33,7 @@ CONED = SMALL | FREE | {"initial.coning_angle_deg": 5.0}
 
 
 def random_fields(straight):
-    """Returns fields at the start and the end of a step with a large rotation and a stretch of some
+    """Fields at the start and the end of a step with a large rotation and a stretch of some
     percent.
 
     The curvature is random; with `straight` it is zero at the start.
@@ -59,12 +59,12 @@ ENERGIES = {
 
 @jit
 def gradient(term, at):
-    """Returns the gradient of the energy density."""
+    """The gradient of the energy density."""
     return term.point_forces(ZERO, at, at)
 
 
 def secant(term, start, at):
-    """Returns the discrete gradient of a step from `start`; `at` is the mean of start and end, or the
+    """The discrete gradient of a step from `start`; `at` is the mean of start and end, or the
     start."""
     return Secant(term, start).point_forces(ZERO, at, at)
 
@@ -97,7 +97,7 @@ def test_discrete_gradient(name, straight):
 
 
 def kicked(overrides):
-    """Returns system, q and v of a free sail with random velocities (0.5 m/s) of all nodes but the
+    """system, q and v of a free sail with random velocities (0.5 m/s) of all nodes but the
     roots."""
     model = build_jitted(*split(esail.load_scene("voltage-off", SMALL | FREE | overrides)))
     kick = 0.5 * np.random.default_rng(0).normal(size=model.v.tether[0, :, 1:].shape)
@@ -106,7 +106,7 @@ def kicked(overrides):
 
 
 def kept(system, q, v):
-    """Returns energy [J], momentum [kg m/s] and angular momentum about the origin [kg m^2/s]."""
+    """Energy [J], momentum [kg m/s] and angular momentum about the origin [kg m^2/s]."""
     momenta = system.momenta(v)
     kinetic = 0.5 * sum(jnp.vdot(x, p) for x, p in zip(*map(jax.tree.leaves, (v, momenta)), strict=True))
     fields = system.tethers.interpolate(q.tether)
@@ -168,7 +168,7 @@ def test_energy_over_many_turns(validate):
 
 
 def driven(hub, settings):
-    """Returns a run of 80 s with wind and damping; the sail has a hub or is held by a turning frame."""
+    """A run of 80 s with wind and damping; the sail has a hub or is held by a turning frame."""
     times = {"integrator.t_end": 80.0, "integrator.step": 2.0, "output.interval": 10.0}
     scene = esail.load_scene("baseline", SMALL | {"tethers.axial_damping_time": 50.0} | times | settings)
     return esail.simulate(scene if hub else dataclasses.replace(scene, hub=None))

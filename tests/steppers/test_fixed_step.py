@@ -65,7 +65,7 @@ def like(stepper, kind):
 
 
 def cubic(time, seed):
-    """Returns values and rates of random cubic polynomials at a time, as coordinates."""
+    """Values and rates of random cubic polynomials at a time, as coordinates."""
     tether, hub = (np.random.default_rng(seed).normal(size=(4, *shape)) for shape in ((1, 3, 2, 2), (4, 3)))
     powers, rates = time ** np.arange(4), np.arange(4) * time ** np.maximum(np.arange(4) - 1, 0)
     return [
@@ -74,7 +74,7 @@ def cubic(time, seed):
 
 
 def node(time):
-    """Returns the end of a step in a motion whose q, v and work are cubics."""
+    """The end of a step in a motion whose q, v and work are cubics."""
     (q, v), (_, vdot) = cubic(time, 0), cubic(time, 1)
     work, power = 2.0 - time + 3.0 * time**3, -1.0 + 9.0 * time**2
     return Node(q, v, vdot, Power(*jnp.array([work, -work])), Power(*jnp.array([power, -power])))
@@ -176,7 +176,7 @@ def test_a_trial_step_that_fails_improves_nothing(begun):
 
 
 def one_by_one(stepper, begun, trials, steps):
-    """Returns the state after blocks of a number of steps. trials: number of trial steps before each."""
+    """The state after blocks of a number of steps. trials: number of trial steps before each."""
     model, time, now = begun.problem.model, begun.motion.state.time, begun.motion.state.now
     infinite = jnp.asarray(jnp.inf)
     for block, count in enumerate(trials):
@@ -194,7 +194,7 @@ def one_by_one(stepper, begun, trials, steps):
 
 
 def blocks_and_replay(stepper, begun, count):
-    """Returns the states after each of the first blocks, and the state after the replay of these blocks."""
+    """The states after each of the first blocks, and the state after the replay of these blocks."""
     model, motion = begun.problem.model, begun.motion
     found, states, tapes = motion, [], []
     for _ in range(count):

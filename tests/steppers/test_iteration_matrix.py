@@ -42,7 +42,7 @@ SCENES = {
 
 
 def random_state(system, q, v):
-    """Returns random q, v, vdot and multipliers that violate the constraints; components differ in size."""
+    """Random q, v, vdot and multipliers that violate the constraints; components differ in size."""
     random = np.random.default_rng(0)
 
     def moved(x, position, slope):
@@ -64,7 +64,7 @@ def assembled(system, q, v, lam):
 
 @jit
 def derivatives(system, state, columns):
-    """Returns the derivatives of all equations along the columns, in the layout of the solver."""
+    """The derivatives of all equations along the columns, in the layout of the solver."""
 
     def equations(q, v, vdot, lam):
         q, pull_back = jax.vjp(lambda q: system.place_roots(TIME, q), q)

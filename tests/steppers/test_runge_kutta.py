@@ -58,14 +58,14 @@ def method_of(name, step=None):
 
 
 def motion_of(method, f, y0, until=np.inf):
-    """Returns the motion that begins at time 0."""
+    """The motion that begins at time 0."""
     zero = jnp.zeros(())
     begin = Point(zero, y0, y0, Power(zero, zero), jnp.asarray(True))
     return Motion(*method.init(f, begin, jnp.asarray(until)), jnp.zeros(2))
 
 
 def problem_of(f, method):
-    """Returns what a run of the equation needs of a problem."""
+    """What a run of the equation needs of a problem."""
     return Problem(f, method, None, None, None, None)
 
 

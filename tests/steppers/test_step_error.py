@@ -39,7 +39,7 @@ def runs():
 
 
 def stepped(step: float) -> dict:
-    """Returns overrides for a step size."""
+    """Overrides for a step size."""
     return {"integrator.step": step, "output.interval": 10.0 * step}
 
 
@@ -108,7 +108,7 @@ after_one_block = jit(updated)
 
 
 def after_blocks(errors, system, h, q, take, phase_error):
-    """Returns the estimates after `take` steps of length h [s], block by block. q: the coordinates at the
+    """The estimates after `take` steps of length h [s], block by block. q: the coordinates at the
     start and after each step (first axis); the last block need not be full."""
     for start in range(0, take, BLOCK):
         first = jax.tree.map(lambda x, i=start: x[i], q)
@@ -121,7 +121,7 @@ def after_blocks(errors, system, h, q, take, phase_error):
 
 
 def straight(system, stretch: float, steps: int) -> Coordinates:
-    """Returns equal coordinates for all steps: tethers along Y with the same strain in all elements, hub
+    """Equal coordinates for all steps: tethers along Y with the same strain in all elements, hub
     as built."""
     tethers = system.tethers
     along = stretch * tethers.element_length * np.arange(tethers.elements + 1)[:, None]
@@ -131,7 +131,7 @@ def straight(system, stretch: float, steps: int) -> Coordinates:
 
 
 def axial_force(system, stretch: float) -> float:
-    """Returns EA eps r_x [N] with the Green-Lagrange strain eps."""
+    """EA eps r_x [N] with the Green-Lagrange strain eps."""
     return float(find_term(system.energies, AxialEnergy).stiffness[0]) * 0.5 * (stretch**2 - 1.0) * stretch
 
 

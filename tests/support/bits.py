@@ -13,7 +13,7 @@ def esail_run(scene, path, *more):
 
 
 def status_of(path):
-    """Returns the status that a run file records."""
+    """The status that a run file records."""
     with h5py.File(path, "r") as file:
         return file.attrs["status"]
 

@@ -25,7 +25,7 @@ LONGEST_WAIT = 60.0
 
 
 def browser_path() -> str | None:
-    """Returns the path of an installed browser: that in the variable CHROME, or one of NAMES; None without
+    """The path of an installed browser: that in the variable CHROME, or one of NAMES; None without
     one."""
     return os.environ.get("CHROME") or next(filter(None, map(shutil.which, NAMES)), None)
 
@@ -60,7 +60,7 @@ class Browser:
             self.call(f"{domain}.enable")
 
     def call(self, method: str, **parameters):
-        """Returns the answer to a command. Raises RuntimeError if that is an error."""
+        """The answer to a command. Raises RuntimeError if that is an error."""
         self._number += 1
         message = {"id": self._number, "method": method, "params": parameters}
         if self._session:
@@ -75,7 +75,7 @@ class Browser:
                 return answer["result"]
 
     def _next(self) -> dict:
-        """Returns the next message, and notes what it says about requests and errors."""
+        """The next message, and notes what it says about requests and errors."""
         end = time.monotonic() + LONGEST_WAIT
         while b"\0" not in self._rest:
             ready, _, _ = select.select([self._read], [], [], max(0.0, end - time.monotonic()))
@@ -114,7 +114,7 @@ class Browser:
         self.settle()
 
     def value(self, expression: str):
-        """Returns the value of an expression of the page, a promise's when it is kept."""
+        """The value of an expression of the page, a promise's when it is kept."""
         found = self.call(
             "Runtime.evaluate",
             expression=expression,
@@ -137,11 +137,11 @@ class Browser:
         self.settle()
 
     def text(self, identity: str) -> str:
-        """Returns the text of an element."""
+        """The text of an element."""
         return self.value(f"document.getElementById({json.dumps(identity)}).textContent")
 
     def picture(self, number: int = 0) -> str:
-        """Returns the pixels of a canvas as a data URL."""
+        """The pixels of a canvas as a data URL."""
         return self.value(f"document.getElementById('picture-{number}').toDataURL()")
 
     def mouse(self, kind: str, x: float, y: float, **more) -> None:
@@ -154,7 +154,7 @@ class Browser:
         self.call("Emulation.setEmulatedMedia", features=features)
 
     def screenshot(self) -> bytes:
-        """Returns the page as PNG."""
+        """The page as PNG."""
         self.settle()
         return base64.b64decode(self.call("Page.captureScreenshot", captureBeyondViewport=True)["data"])
 

@@ -26,7 +26,7 @@ GROUP_OF: dict[str, str] = {}
 
 
 def group_of(keywords) -> str:
-    """Returns the group of a test by its markers."""
+    """The group of a test by its markers."""
     return next((group for group in GROUPS[1:] if group in keywords), "default")
 
 
@@ -71,5 +71,5 @@ def pytest_terminal_summary(terminalreporter, config):
 
 
 def read() -> dict:
-    """Returns what the file holds, nothing if there is none."""
+    """What the file holds, nothing if there is none."""
     return json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}

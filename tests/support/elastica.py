@@ -8,7 +8,7 @@ TIP_ANGLE = np.deg2rad(50.0)
 
 
 def elliptic(tip_angle):
-    """Returns alpha^2 = P L^2 / EI and the tip (along, down) / L for a given angle of the tip [rad].
+    """alpha^2 = P L^2 / EI and the tip (along, down) / L for a given angle of the tip [rad].
 
     `physics/systems/test_elastica.py` gives the equations.
     """

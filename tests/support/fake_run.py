@@ -34,7 +34,7 @@ def scene_of(count=3, **tables):
 
 
 def make_run(scene):
-    """Returns a run of smooth, invented signals with the names and shapes of a sail's observables."""
+    """A run of smooth, invented signals with the names and shapes of a sail's observables."""
     count = scene.tethers.count
     turn, rng = 2.0 * np.pi * TIME / PERIOD, np.random.default_rng(0)
 

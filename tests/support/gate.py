@@ -20,7 +20,7 @@ COLLECTED = pytest.StashKey[set[str]]()
 
 
 def gate_tests() -> list[str]:
-    """Returns the names of the nightly tests that the gate runs, without `tests/`."""
+    """The names of the nightly tests that the gate runs, without `tests/`."""
     groups = tomllib.loads((TESTS / "gate.toml").read_text(encoding="utf-8"))["group"]
     return [test for group in groups for test in group["tests"]]
 

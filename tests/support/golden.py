@@ -17,7 +17,7 @@ single tethers are compared."""
 
 
 def errors(solution, reference):
-    """Returns the largest error of every signal divided by the signal's range.
+    """The largest error of every signal divided by the signal's range.
 
     The range is taken over time and components, and is at least 1e-3 of the signal's magnitude.
     """

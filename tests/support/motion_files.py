@@ -21,12 +21,12 @@ SAIL = {
 
 
 def sail_scene(**overrides):
-    """Returns the scene of the invented sail. overrides: by key, with `__` for the point."""
+    """The scene of the invented sail. overrides: by key, with `__` for the point."""
     return load_scene("baseline", SAIL | {key.replace("__", "."): x for key, x in overrides.items()})
 
 
 def sail_rows(count=TETHERS, length=LENGTH):
-    """Returns the observables of a sail that spins about a fixed axis while its hub moves evenly and its
+    """The observables of a sail that spins about a fixed axis while its hub moves evenly and its
     tethers, straight, cone and lag; the directions at the roots are others."""
     phase = SPIN * TIME[:, None] + np.arange(count)
     angles = {
@@ -70,7 +70,7 @@ def released_run(folder, count=TETHERS):
 
 
 def chain_rows(rods=20, instants=41):
-    """Returns the observables of a chain that swings as a straight line."""
+    """The observables of a chain that swings as a straight line."""
     angle = 0.8 * np.cos(np.linspace(0.0, 6.0, instants))
     line = np.stack([np.sin(angle), -np.cos(angle), 0.0 * angle], axis=1)
     return {

@@ -9,7 +9,7 @@ HEAVY = {"jax", "scipy", "diffrax", "equinox", "matplotlib"}
 
 
 def output_of(code: str, **environment: str) -> str:
-    """Returns what the code prints in a process without the variables that `esail_jax` sets."""
+    """What the code prints in a process without the variables that `esail_jax` sets."""
     clean = {
         name: value for name, value in os.environ.items() if name not in ("JAX_ENABLE_X64", "XLA_FLAGS")
     }
@@ -19,7 +19,7 @@ def output_of(code: str, **environment: str) -> str:
 
 
 def heavy_imports_of(arguments: list[str]) -> tuple[int, list[str]]:
-    """Returns the exit code of a command line and the heavy libraries that it imports."""
+    """The exit code of a command line and the heavy libraries that it imports."""
     code = f"""
 import sys
 from esail_jax.cli import main

@@ -53,7 +53,7 @@ def one_tether(
     loads=(),
     hub=None,
 ):
-    """Returns the system of a tether at `radius` from the axis of a frame that turns at `spin`, or on a
+    """The system of a tether at `radius` from the axis of a frame that turns at `spin`, or on a
     hub.
 
     SI units; axial is EA [N], bending EI [N m^2].
@@ -76,7 +76,7 @@ def one_tether(
 
 
 def straight(system, direction=(0.0, 1.0, 0.0), line=None):
-    """Returns the coordinates of a straight tether, undeformed unless `line` gives its distances and
+    """The coordinates of a straight tether, undeformed unless `line` gives its distances and
     slopes.
 
     The tether starts at its root; the hub has its reference position.
@@ -95,7 +95,7 @@ class Pulled(System):
 
     @classmethod
     def of(cls, system: System, pull: Vector):
-        """Returns `system` with the force `pull`."""
+        """`system` with the force `pull`."""
         return cls(*(getattr(system, name) for name in System.__dataclass_fields__), pull=pull)
 
     def tether_forces(self, *state):
@@ -105,7 +105,7 @@ class Pulled(System):
 
 
 def turning(q, omega):
-    """Returns omega x q, the velocities of a rigid rotation about an axis through the origin."""
+    """omega x q, the velocities of a rigid rotation about an axis through the origin."""
     omega = jnp.asarray(omega, float)
     hub = None if q.hub is None else jnp.cross(omega, q.hub)
     return Coordinates(jnp.cross(omega, q.tether, axisb=1, axisc=1), hub)
@@ -122,7 +122,7 @@ STEPPERS = {
 # Every case compiles a program of its own and runs it once or twice.
 @functools.partial(jit, static_argnums=(0, 6))
 def _integrate(name, system, q, v, step, steps, rows, spectral_radius):
-    """Returns the points at the start and after every step, and whether every step converged.
+    """The points at the start and after every step, and whether every step converged.
 
     rows: number of steps in the result, at least `steps`; the later ones repeat the start."""
     stepper, zero = STEPPERS[name](step, spectral_radius), jnp.zeros(())
@@ -152,7 +152,7 @@ def _integrate(name, system, q, v, step, steps, rows, spectral_radius):
 # The steppers share this program.
 @jit
 def _on_constraints(system, points):
-    """Returns (time, q, v, lam) of points, projected on the constraints unless they are ends of steps."""
+    """(time, q, v, lam) of points, projected on the constraints unless they are ends of steps."""
 
     def on_constraints(point):
         mass = factor_mass(system, point.time, point.q)
@@ -164,7 +164,7 @@ def _on_constraints(system, points):
 
 
 def integrate(name, system, q, v, step, steps, spectral_radius=0.9, rows=None):
-    """Returns (time, q, v, lam) at every step, and checks that every step converged.
+    """(time, q, v, lam) at every step, and checks that every step converged.
 
     Runs with different numbers of steps share a program if `rows` is the largest of them.
 

@@ -8,7 +8,7 @@ LISTS = ROOT / "tests" / "architecture" / "mutations"
 
 
 def mutations() -> list[dict]:
-    """Returns all mutations, each with name, file, old, new and tests (arguments of pytest)."""
+    """All mutations, each with name, file, old, new and tests (arguments of pytest)."""
     found = []
     for path in sorted(LISTS.glob("*.toml")):
         found += tomllib.loads(path.read_text(encoding="utf-8"))["mutation"]
@@ -16,7 +16,7 @@ def mutations() -> list[dict]:
 
 
 def path_of(mutation: dict) -> Path:
-    """Returns the path of a mutation's file in the project. In the lists it begins within `esail_jax`, or
+    """The path of a mutation's file in the project. In the lists it begins within `esail_jax`, or
     with `kept_programs`."""
     file = mutation["file"]
     return Path(file if file.startswith("kept_programs/") else f"esail_jax/{file}")

@@ -50,7 +50,7 @@ def pytest_configure(config):
 
 
 def lasting_folder() -> Path:
-    """Returns the user's folder for JAX's compilation cache of the tests.
+    """The user's folder for JAX's compilation cache of the tests.
 
     Every kind of processor has its own: a program may use instructions that another processor lacks."""
     lines = CPU.read_text().splitlines() if CPU.exists() else []

@@ -23,7 +23,7 @@ build_jitted = jax.jit(build, static_argnums=0, compiler_options=START_OPTIONS)
 
 
 def quickly(cases, kept=()):
-    """Returns cases for `parametrize`; all are marked nightly but those in `kept`, or but the first."""
+    """Cases for `parametrize`; all are marked nightly but those in `kept`, or but the first."""
     cases = list(cases)
     kept = kept or cases[:1]
     return [pytest.param(case, marks=[pytest.mark.nightly] * (case not in kept)) for case in cases]

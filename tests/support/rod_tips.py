@@ -8,6 +8,6 @@ quadruple precision agree on it (`experiments/mw_rods/reference.py`)."""
 
 
 def tip(solution):
-    """Returns the position of the last joint relative to the first, by saved instant (time, 3) [m]."""
+    """The position of the last joint relative to the first, by saved instant (time, 3) [m]."""
     joints = solution["joint_position"]
     return np.asarray(joints[:, -1] - joints[:, 0])

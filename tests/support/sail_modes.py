@@ -30,14 +30,14 @@ RING = {
 
 
 def built(name, overrides):
-    """Returns the system under its mean load, its start, and its angular velocity."""
+    """The system under its mean load, its start, and its angular velocity."""
     model = build_jitted(*split(with_method(esail.load_scene(name, overrides))))
     axes = model.system.rotation(jnp.zeros(()), model.q)
     return with_mean_loads(model.system, axes), model.q, axes[:, 0] * SPIN
 
 
 def worst_of_matches(these, those):
-    """Returns the largest relative distance of one of `these` eigenvalues to the nearest of `those`."""
+    """The largest relative distance of one of `these` eigenvalues to the nearest of `those`."""
     return (np.abs(these[:, None] - those).min(1) / np.abs(these)).max()
 
 
@@ -47,7 +47,7 @@ def vibrating(values):
 
 
 def compared_with_dense(overrides):
-    """Returns the worst difference between the table and the derivatives of the residual as one dense
+    """The worst difference between the table and the derivatives of the residual as one dense
     matrix with its own equilibrium and eigenvalues, and the numbers of modes of both."""
     system, start, spin = built("sun-facing", overrides)
     other = dense_modes(system, jit(equilibrium)(system, start, spin))

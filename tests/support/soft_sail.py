@@ -23,11 +23,11 @@ STEPS = (0.2, 0.1, 0.05, 0.025, 0.0125)
 
 
 def stepped(h):
-    """Returns overrides for a step size. Saved instants are 80 steps apart, so that all step sizes share
+    """Overrides for a step size. Saved instants are 80 steps apart, so that all step sizes share
     programs."""
     return {"integrator.step": h, "output.interval": 80 * h}
 
 
 def orders(errors):
-    """Returns the order of convergence between successive halvings of the step."""
+    """The order of convergence between successive halvings of the step."""
     return np.log2(np.array(errors[:-1]) / errors[1:])

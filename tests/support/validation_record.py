@@ -34,7 +34,7 @@ with another multibody code.
 
 @pytest.fixture
 def validate(request, record_property):
-    """validate(id, case, reference, quantity, result, acceptance, unit=""): assert and record."""
+    """A function that asserts a result against its acceptance and records it as a row of VALIDATION.md."""
 
     def enter(id, case, reference, quantity, result, acceptance, unit=""):
         result, acceptance = float(result), float(acceptance)

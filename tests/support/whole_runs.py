@@ -9,7 +9,7 @@ from support.quick import jit
 
 
 def numbers(x):
-    """Returns overrides of four numbers of the baseline; `x` holds the factor of each."""
+    """Overrides of four numbers of the baseline; `x` holds the factor of each."""
     return {
         "voltage.value": 20e3 * x[0],
         "initial.spin_rate": 4e-3 * x[1],

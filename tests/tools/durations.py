@@ -30,7 +30,7 @@ SESSIONS = {
 
 
 def table(found: dict) -> str:
-    """Returns the text of DURATIONS.md."""
+    """The text of DURATIONS.md."""
     lines = [
         "# How long the tests take",
         "",
@@ -64,7 +64,7 @@ def table(found: dict) -> str:
 
 
 def in_words(seconds: float | None) -> str:
-    """Returns a duration as minutes."""
+    """A duration as minutes."""
     return "not measured yet" if seconds is None else f"{seconds / 60.0:.1f} minutes"
 
 

@@ -49,7 +49,7 @@ All entries, also those that hold, are in [errata.csv](errata.csv). This page is
 
 
 def evaluated() -> list[tuple[Entry, Errors]]:
-    """Returns all entries with their errors, in the order of the papers."""
+    """All entries with their errors, in the order of the papers."""
     for module in sorted(m.name for m in pkgutil.iter_modules(oracles.__path__)):
         importlib.import_module(f"oracles.{module}")
     found = sorted(ENTRIES, key=place)
@@ -57,7 +57,7 @@ def evaluated() -> list[tuple[Entry, Errors]]:
 
 
 def place(entry: Entry) -> tuple[int, int, int]:
-    """Returns the sort key of an entry: paper, then numbered equations (and text after one), then other
+    """The sort key of an entry: paper, then numbered equations (and text after one), then other
     text."""
     number = re.match(r"(after )?(\d+)(?!\.)", entry.equation)
     in_text = number is None
@@ -65,12 +65,12 @@ def place(entry: Entry) -> tuple[int, int, int]:
 
 
 def digits(error: float) -> str:
-    """Returns an error in two digits; rounding errors, whose digits differ by machine, give "<1e-10"."""
+    """An error in two digits; rounding errors, whose digits differ by machine, give "<1e-10"."""
     return "<1e-10" if error <= 1e-10 else f"{error:.1e}"
 
 
 def rows(found: list[tuple[Entry, Errors]]) -> list[tuple[str, ...]]:
-    """Returns the rows of the table."""
+    """The rows of the table."""
     return [
         (
             entry.paper,
@@ -85,7 +85,7 @@ def rows(found: list[tuple[Entry, Errors]]) -> list[tuple[str, ...]]:
 
 
 def table(found: list[tuple[Entry, Errors]]) -> str:
-    """Returns the text of errata.csv."""
+    """The text of errata.csv."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
@@ -94,7 +94,7 @@ def table(found: list[tuple[Entry, Errors]]) -> str:
 
 
 def page(found: list[tuple[Entry, Errors]]) -> str:
-    """Returns the text of ERRATA.md: printed and right form of every misprint, then the equations that
+    """The text of ERRATA.md: printed and right form of every misprint, then the equations that
     hold."""
     wrong = [(entry, errors) for entry, errors in found if not entry.holds]
     lines = [HEAD.format(count=len(found), wrong=len(wrong))]
@@ -118,7 +118,7 @@ def page(found: list[tuple[Entry, Errors]]) -> str:
 
 
 def name(entry: Entry) -> str:
-    """Returns the name of an entry, such as "Eq. 24", or the place of a claim."""
+    """The name of an entry, such as "Eq. 24", or the place of a claim."""
     if re.match(r"\d+\.", entry.equation):
         return f"Sec. {entry.equation}"
     return f"Eq. {entry.equation}" if entry.equation[:1].isdigit() else entry.equation

@@ -76,7 +76,7 @@ def run(name: str, package: Path, programs: Path, markers: str, options: list[st
 
 
 def failing_tests(mutation: dict, before: list[str], programs: Path, markers: str) -> list[str]:
-    """Returns the names of the tests that fail on the mutated copy, at most three: of those that failed
+    """The names of the tests that fail on the mutated copy, at most three: of those that failed
     `before`, or else of all that are named with the mutation."""
     with tempfile.TemporaryDirectory() as folder:
         mutated_copy(mutation, Path(folder))
@@ -88,7 +88,7 @@ def failing_tests(mutation: dict, before: list[str], programs: Path, markers: st
 
 
 def control(tests: list[str], programs: Path) -> list[str] | None:
-    """Returns the names of the tests that fail on an unchanged copy."""
+    """The names of the tests that fail on an unchanged copy."""
     if not tests:  # pytest would run all tests
         return []
     with tempfile.TemporaryDirectory() as folder:
@@ -98,7 +98,7 @@ def control(tests: list[str], programs: Path) -> list[str] | None:
 
 
 def recorded() -> dict[str, list[str]]:
-    """Returns the failing tests by mutation, as the table has them."""
+    """The failing tests by mutation, as the table has them."""
     if not TABLE.exists():
         return {}
     with TABLE.open(encoding="utf-8") as file:

@@ -26,7 +26,7 @@ lines are smoothed."""
 
 
 def frames_of(path):
-    """Returns the pictures of an animation, (frame, height, width, 3), and their durations [ms]."""
+    """The pictures of an animation, (frame, height, width, 3), and their durations [ms]."""
     with Image.open(path) as image:
         pictures, durations = [], []
         for k in range(image.n_frames):

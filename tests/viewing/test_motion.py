@@ -32,7 +32,7 @@ def motion_of(path, members=(), most=1000):
 
 
 def tethers_of(motion):
-    """Returns the vertices by tether, (frame, tether, point, 3)."""
+    """The vertices by tether, (frame, tether, point, 3)."""
     return motion.vertices.reshape(len(motion.time), len(motion.lines), -1, 3)
 
 

@@ -27,7 +27,7 @@ SINGLE = float(np.finfo(np.float32).eps)
 
 
 def unpacked(entry):
-    """Returns the array that the page packs."""
+    """The array that the page packs."""
     return np.frombuffer(base64.b64decode(entry["data"]), "<f4").reshape(entry["shape"])
 
 

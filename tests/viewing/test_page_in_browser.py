@@ -36,7 +36,7 @@ def shown(browser, page, tmp_path):
 
 
 def numbers_in(text):
-    """Returns the numbers in a text but those of tethers and rods."""
+    """The numbers in a text but those of tethers and rods."""
     text = re.sub(r"(tether|rod) \d+", "", text)
     return [float(x) for x in re.findall(r"-?\d+(?:\.\d+)?(?:e[-+]\d+)?", text)]
 

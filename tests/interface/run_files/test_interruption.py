@@ -184,7 +184,7 @@ def stopped(running):
 
 
 def content(folder):
-    """Returns the name and the bytes of every file."""
+    """The name and the bytes of every file."""
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 

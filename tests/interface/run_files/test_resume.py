@@ -89,7 +89,7 @@ def test_resume_of_a_complete_run_says_so(scene, whole, tmp_path, capsys):
 
 
 def test_resume_to_an_earlier_end_is_refused(scene, whole, tmp_path, capsys):
-    """This holds for a finished run, and for a run that was interrupted after that end."""
+    """A finished run refuses it, and so does one that was interrupted after that end."""
     path = tmp_path / "a.h5"
     path.write_bytes(whole.read_bytes())
     for status in ("complete", "interrupted"):

@@ -67,7 +67,7 @@ def test_run_file_says_what_ran_and_where(whole):
 
 @pytest.mark.parametrize("t_end", [80.0, 30.07, 0.35, 0.07])
 def test_saved_times_are_zero_the_multiples_of_the_interval_and_the_end(t_end, scene, tmp_path):
-    """This also holds if interval and t_end are no multiples of the step, and if t_end is less than the
+    """It holds, too, if interval and t_end are no multiples of the step, and if t_end is less than the
     step. The end makes no step shorter: the blocks of steps are those of a longer run."""
     assert esail_run(scene, tmp_path / "a.h5", "--t-end", t_end) == 0
     with h5py.File(tmp_path / "a.h5", "r") as file:

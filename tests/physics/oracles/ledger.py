@@ -95,7 +95,7 @@ def fails(
 
 
 def relative_error(value, truth) -> float:
-    """Returns the largest difference divided by the largest entry of the truth; inf if the shapes do not
+    """The largest difference divided by the largest entry of the truth; inf if the shapes do not
     fit."""
     value, truth = np.asarray(value, float), np.asarray(truth, float)
     if value.shape != truth.shape:

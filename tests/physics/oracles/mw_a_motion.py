@@ -51,7 +51,7 @@ def point_of_the_deformed_rod():
         return placed
 
     def distance_error(chain):
-        """Returns the error of the distance of the points."""
+        """The error of the distance of the points."""
         start = np.cumsum(chain.x, 0) - chain.x
         away = np.linalg.norm(np.array(points(chain)) - start[:, None], axis=2)
         return relative_error(away, FRACTIONS * chain.current[:, None])
@@ -120,7 +120,7 @@ def load_on_a_rod():
     note="The first two lines leave out dl, to be read after the scalar product.",
 )
 def virtual_work():
-    """Returns, for a unit change along each axis, the sum over all rods, over the outer rods, and by Eq.
+    """For a unit change along each axis, the sum over all rods, over the outer rods, and by Eq.
     14."""
 
     def works_of(chain):

@@ -55,7 +55,7 @@ class Chain(NamedTuple):
 
 @functools.cache
 def chains(n: int) -> tuple[Chain, ...]:
-    """Returns what both judges find: arrays (size, state, judge, ...) of chains padded to the longest.
+    """What both judges find: arrays (size, state, judge, ...) of chains padded to the longest.
 
     Outer rods without mass, stiffness and load do not change the inner rods, so that one program serves
     all sizes.
@@ -136,7 +136,7 @@ def package(rods: Rods, x, v, a, load) -> dict:
 
 @functools.cache
 def judged() -> dict:
-    """Returns the results of both judges: arrays (size, state, judge, ...) of chains padded to the longest.
+    """The results of both judges: arrays (size, state, judge, ...) of chains padded to the longest.
 
     Outer rods without mass, stiffness and load change nothing for those inside: one program serves all.
     """
@@ -163,7 +163,7 @@ def judged() -> dict:
 
 @functools.cache
 def judge(n: int) -> list[dict]:
-    """Returns the results of both judges for each state, judge first; accelerations by a dense solve."""
+    """The results of both judges for each state, judge first; accelerations by a dense solve."""
     found = []
     for k in range(STATES):
         values = {key: value[SIZES.index(n), k] for key, value in judged().items()}

@@ -159,7 +159,7 @@ def of_one_node(values) -> Coordinates:
 
 
 def at_the_node(coordinates: Coordinates) -> np.ndarray:
-    """Returns the values that `coordinates` has at the node."""
+    """The values that `coordinates` has at the node."""
     return np.asarray(coordinates.tether)[0, :, 1, 0]
 
 

@@ -84,7 +84,7 @@ def build() -> System:
 
 
 def flat(x: Coordinates) -> jax.Array:
-    """Returns coordinates in the order of Eq. 4: hub points, then tether by tether, node by node, position
+    """Coordinates in the order of Eq. 4: hub points, then tether by tether, node by node, position
     and slope."""
     return jnp.concatenate([x.hub.reshape(-1), x.tether.transpose(3, 2, 0, 1).reshape(-1)])
 
@@ -185,7 +185,7 @@ def _derivatives(*state) -> tuple[Parts, Parts]:
 
 @functools.cache
 def derivatives(index: int) -> Derivatives:
-    """Returns automatic derivatives of the package's functions at state number `index`."""
+    """Automatic derivatives of the package's functions at state number `index`."""
     value, by_motion = _derivatives(*(jnp.asarray(x) for x in states()[index]))
     columns = (Parts(*(np.asarray(x)[:, k * M : (k + 1) * M] for x in by_motion)) for k in range(3))
     return Derivatives(Parts(*(np.asarray(x) for x in value)), *columns)
@@ -261,7 +261,7 @@ def _solved(q, v, lam):
 
 @functools.cache
 def solved(index: int) -> Solved:
-    """Returns the package's results at state number `index`."""
+    """The package's results at state number `index`."""
     q, v, _, lam = (jnp.asarray(x) for x in states()[index])
     matrix, vdot, force, bend = jax.tree.map(np.asarray, _solved(q, v, lam))
     dense = Dense(matrix)

@@ -152,7 +152,7 @@ def judge_of_points(system: System, e, v) -> dict:
 
     @jax.vmap
     def half_hessian(slope, second):
-        """Returns the matrix of Phi_1, which is a quadratic form in r_xx."""
+        """The matrix of Phi_1, which is a quadratic form in r_xx."""
 
         def half(w):
             return (

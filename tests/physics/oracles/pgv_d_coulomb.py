@@ -33,7 +33,7 @@ def sigma(voltage: float) -> float:
 
 
 def factor(voltage: float) -> float:
-    """Returns the factor of u_perp in Eq. 29 and of the integral in Eq. 35."""
+    """The factor of u_perp in Eq. 29 and of the integral in Eq. 35."""
     return 0.18 * max(0, voltage - sail.CUTOFF) * np.sqrt(EPS_0 * M_I * sail.DENSITY)
 
 

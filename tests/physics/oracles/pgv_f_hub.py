@@ -28,7 +28,7 @@ POINTS = np.random.default_rng(8).normal(size=(5, 3))
 
 
 def base_points(k: int) -> np.ndarray:
-    """Returns the base points of state k. The body is deformed, which matters only to the formulas of
+    """The base points of state k. The body is deformed, which matters only to the formulas of
     motion."""
     return sail.states()[k].q[:12].reshape(4, 3)
 
@@ -43,7 +43,7 @@ class Motion:
 
     @classmethod
     def position(cls, body: np.ndarray) -> np.ndarray:
-        """Returns the position of a point given from the centre in body axes."""
+        """The position of a point given from the centre in body axes."""
         return cls.centre + cls.turn @ body
 
     @classmethod
@@ -70,7 +70,7 @@ def _observed(points, lam, locations):
 
 @functools.cache
 def observed(k: int) -> dict[str, np.ndarray]:
-    """Returns the package's results for the hub at state k."""
+    """The package's results for the hub at state k."""
     inputs = (base_points(k), sail.states()[k].lam, (POINTS - FROM_A).T)
     return {name: np.asarray(x) for name, x in _observed(*(jnp.asarray(x) for x in inputs)).items()}
 

@@ -52,7 +52,7 @@ def joint():
     "With all tethers one azimuth further on, every lagging angle of Eq. 59 starts at 30 deg.",
 )
 def anchors():
-    """Returns the package's initial root positions from A in the body frame: five tethers on Table 1's
+    """The package's initial root positions from A in the body frame: five tethers on Table 1's
     hub."""
     structure, numbers = split(
         load_scene("baseline", {"tethers.count": 5, "tethers.elements": 1, "initial.elongation": "paper"})

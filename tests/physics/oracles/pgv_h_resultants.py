@@ -103,7 +103,7 @@ def angle_from_sun_direction(force: np.ndarray) -> float:
 
 
 def angle_errors(force: np.ndarray, seen: float) -> Errors:
-    """Returns the errors of atan(axial / transverse), as printed, and of atan2(transverse, axial)."""
+    """The errors of atan(axial / transverse), as printed, and of atan2(transverse, axial)."""
     axial, transverse = force[2], np.hypot(force[0], force[1])
     truth, right = angle_from_sun_direction(force), np.arctan2(transverse, axial)
     return Errors(

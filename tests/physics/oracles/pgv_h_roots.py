@@ -45,7 +45,7 @@ def multipliers(state: State) -> np.ndarray:
 
 
 def hub_force_and_torque(state: State) -> tuple[np.ndarray, np.ndarray]:
-    """Returns force and moment of the tethers on the hub in I, from its inertia and the accelerations of
+    """Force and moment of the tethers on the hub in I, from its inertia and the accelerations of
     its base points; the moment is about its centre."""
     points = state.seen["hub_acceleration"]
     force = HUB_MASS * 0.5 * (points[0] + points[1])

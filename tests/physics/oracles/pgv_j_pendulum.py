@@ -70,14 +70,14 @@ def accelerations(angles, rates, moment, inertia, first_moment):
 
 @functools.cache
 def linearised() -> list[Linear]:
-    """Returns the linearised equations of each tether of the small sail at its spin, by complex steps."""
+    """The linearised equations of each tether of the small sail at its spin, by complex steps."""
     step, found = 1e-30, []
     for length, mass, tip in zip(LENGTH, TETHER_MASS, TIP_MASS, strict=True):
         places = XI * length
         numbers = mass * WEIGHTS @ places**2 + tip * length**2, mass * WEIGHTS @ places + tip * length
 
         def derivative(k, rates=(0.0, 0.0), numbers=numbers):
-            """Returns the derivative by the k-th of angles, rates and moment components."""
+            """The derivative by the k-th of angles, rates and moment components."""
             x = np.zeros(7, complex)
             x[2:4] = rates
             x[k] += 1j * step

@@ -167,7 +167,7 @@ def flat(x: Coordinates) -> np.ndarray:
 
 
 def model(overrides: dict | None = None) -> Model:
-    """Returns the small sail as the package builds it, with some numbers changed."""
+    """The small sail as the package builds it, with some numbers changed."""
     return built(*split(parse(TEXT, "oracles", overrides)))
 
 
@@ -204,7 +204,7 @@ def looking():
 
 
 def look(system: System, origin: np.ndarray, qs: list[Coordinates], vs: list[Coordinates]) -> list[dict]:
-    """Returns the package's observables in states of one system."""
+    """The package's observables in states of one system."""
     stacked = (jax.tree.map(lambda *x: jnp.stack(x), *batch) for batch in (qs, vs))
     seen = jax.device_get(looking()(system, jnp.asarray(origin), *stacked))
     return [jax.tree.map(lambda x, k=k: x[k], seen) for k in range(len(qs))]
@@ -230,7 +230,7 @@ def random_placement(rng: np.random.Generator, system: System) -> tuple:
 
 @functools.cache
 def states() -> list[State]:
-    """Returns the random states that the oracles share."""
+    """The random states that the oracles share."""
     rng, system = np.random.default_rng(2), model().system
     placed = [random_placement(rng, system) for _ in range(STATES)]
     seen = look(system, ORIGIN, [x[0] for x in placed], [x[1] for x in placed])
@@ -239,7 +239,7 @@ def states() -> list[State]:
 
 @functools.cache
 def starts() -> list[State]:
-    """Returns Table 1's sail as the package starts it, at sailing angles of 0, 10 and 25 deg."""
+    """Table 1's sail as the package starts it, at sailing angles of 0, 10 and 25 deg."""
     models = [model(TABLE_1 | {"initial.sailing_angle_deg": a}) for a in (0.0, 10.0, 25.0)]
     origin = np.array([0.5**0.5, 0.5**0.5, 0.0]) * ASTRONOMICAL_UNIT
     # One look per sail, padded to the number of states so that nothing is compiled again.
@@ -252,12 +252,12 @@ def starts() -> list[State]:
 
 
 def worst(error: Callable[[State], float]) -> float:
-    """Returns the largest error over the random states."""
+    """The largest error over the random states."""
     return max(error(state) for state in states())
 
 
 def worst_of_both(errors: Callable[[State], Errors]) -> Errors:
-    """Returns the largest error of the right form and the smallest error of the printed form over the
+    """The largest error of the right form and the smallest error of the printed form over the
     states.
 
     Every state must show the misprint.

@@ -24,7 +24,7 @@ LENGTH, AXIAL, DENSITY, GRAVITY = 10.0, 500.0, 1.5, 9.81
 
 @jit
 def hanging(made, pull):
-    """Returns the node positions (2, node), horizontal and down [m]."""
+    """The node positions (2, node), horizontal and down [m]."""
     system = Pulled.of(made, pull)
     # The start is stretched, because a straight cable without tension has no transverse stiffness.
     start = straight(made, direction=(0.0, 0.8, -0.6), line=1.1 * unstretched_line(made.tethers))
@@ -33,7 +33,7 @@ def hanging(made, pull):
 
 
 def closed_form(s, pull):
-    """Returns the node positions (2, node) for an end force (H, V_L), V_L downwards."""
+    """The node positions (2, node) for an end force (H, V_L), V_L downwards."""
     h, end = pull
     w = DENSITY * GRAVITY
     v = end + w * (LENGTH - s)

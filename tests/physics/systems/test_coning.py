@@ -31,7 +31,7 @@ quick_equilibrium = jit(equilibrium)
 
 
 def tip_height(sigma, acceleration=0.0):
-    """Returns y(L) [m]."""
+    """y(L) [m]."""
 
     def slope(x):
         beyond = LENGTH - x
@@ -42,7 +42,7 @@ def tip_height(sigma, acceleration=0.0):
 
 
 def sigma_of(volts):
-    """Returns the thrust per length [N/m] in the baseline's wind ([PGV] Eq. 27-28)."""
+    """The thrust per length [N/m] in the baseline's wind ([PGV] Eq. 27-28)."""
     return 0.18 * (volts - 1e3) * np.sqrt(8.854e-12 * 1.67e-27 * 7.3e6) * 4e5
 
 

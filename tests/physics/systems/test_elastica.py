@@ -29,7 +29,7 @@ pytestmark = pytest.mark.nightly
 
 
 def shooting(load, axial):
-    """Returns the tip (along, down) of the extensible cable with EI = L = 1."""
+    """The tip (along, down) of the extensible cable with EI = L = 1."""
 
     def stretch(turn, tension):
         """Solves EA (lambda^2 - 1) lambda / 2 - turn^2 lambda = tension for lambda.
@@ -58,14 +58,14 @@ def shooting(load, axial):
 
 @jit
 def tip_under(made, load):
-    """Returns the tip (along, down) under a load P [N]."""
+    """The tip (along, down) under a load P [N]."""
     made = eqx.tree_at(lambda s: s.fields[0].vector, made, jnp.array([0.0, 0.0, -1.0]) * load)
     found = equilibrium(made, straight(made), jnp.zeros(3))
     return found.q.tether[0, 1:, -1, 0] * jnp.array([1.0, -1.0])
 
 
 def cantilever(elements, axial):
-    """Returns a clamped cable with EI = L = 1 and a unit tip mass."""
+    """A clamped cable with EI = L = 1 and a unit tip mass."""
     return one_tether(
         elements=elements, axial=axial, bending=1.0, tip_mass=1.0, clamped=True, gravity=[0.0, 0.0, 0.0]
     )

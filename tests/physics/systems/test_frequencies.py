@@ -24,7 +24,7 @@ NO_GRAVITY = (0.0, 0.0, 0.0)
 
 
 def angular_frequencies(made, spin=0.0, direction=(0.0, 1.0, 0.0)):
-    """Returns the sorted angular frequencies of all modes [rad/s].
+    """The sorted angular frequencies of all modes [rad/s].
 
     The initial guess of the equilibrium is slightly stretched, because a straight cable without tension or
     bending stiffness has no transverse stiffness.
@@ -35,13 +35,13 @@ def angular_frequencies(made, spin=0.0, direction=(0.0, 1.0, 0.0)):
 
 
 def worst(measured, exact, each=1):
-    """Returns the largest relative error of the lowest modes; every frequency occurs `each` times."""
+    """The largest relative error of the lowest modes; every frequency occurs `each` times."""
     exact = np.repeat(exact, each)
     return np.abs(measured[: len(exact)] / exact - 1.0).max()
 
 
 def roots(function, guesses):
-    """Returns the zeros between neighbouring guesses."""
+    """The zeros between neighbouring guesses."""
     return [brentq(function, a, b) for a, b in itertools.pairwise(guesses)]
 
 
@@ -123,7 +123,7 @@ def test_rotating_string_without_tip_mass(validate):
 
 
 def rotating_string(spin, radius, length, axial, density, tip, points=32):
-    """Returns the frequencies of a stretched rotating string with a tip mass in the turning frame [rad/s].
+    """The frequencies of a stretched rotating string with a tip mass in the turning frame [rad/s].
 
     The steady state, (n(lambda))' = -Omega^2 rho A r with n = EA (lambda^2 - 1) lambda / 2, is found by
     Picard iteration, the modes by Chebyshev collocation in the material coordinate. With u along, w across
@@ -155,7 +155,7 @@ def rotating_string(spin, radius, length, axial, density, tip, points=32):
         r = radius + from_root(stretch)
 
     def stiffness(modulus):
-        """Returns -(modulus y_x)_x inside and modulus y_x at the tip, without the root's row and column."""
+        """-(modulus y_x)_x inside and modulus y_x at the tip, without the root's row and column."""
         rows = -derivative @ np.diag(modulus) @ derivative
         rows[-1] = modulus[-1] * derivative[-1]
         return rows[1:, 1:]

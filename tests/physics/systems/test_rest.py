@@ -19,7 +19,7 @@ quick_equilibrium = jit(equilibrium)
 
 
 def elastica():
-    """Returns the cantilever of `test_elastica.py` under its load."""
+    """The cantilever of `test_elastica.py` under its load."""
     load = elliptic(TIP_ANGLE)[0]
     made = one_tether(
         elements=4, axial=1e3, bending=1.0, line_density=0.2, tip_mass=1.0, clamped=True,
@@ -29,7 +29,7 @@ def elastica():
 
 
 def catenary():
-    """Returns a cable without bending stiffness under its weight and a force at its end."""
+    """A cable without bending stiffness under its weight and a force at its end."""
     made = one_tether(elements=4, length=10.0, axial=500.0, line_density=1.5, gravity=[0.0, 0.0, -9.81])
     system = Pulled.of(made, jnp.array([0.0, 60.0, 0.0]))
     start = straight(made, direction=(0.0, 0.8, -0.6), line=1.1 * unstretched_line(made.tethers))
@@ -37,7 +37,7 @@ def catenary():
 
 
 def coning():
-    """Returns the baseline's tether at 20 kV in a wind along the axis of its frame."""
+    """The baseline's tether at 20 kV in a wind along the axis of its frame."""
     wind = SteadyWind(*(jnp.asarray(x) for x in (4e5, 7.3e6, 1e3)), jnp.array([1.5e11, 0.0, 0.0]))
     made = one_tether(
         elements=4, length=1e4, axial=299.6, line_density=3.2755e-5, tip_mass=1.5, radius=1.0, spin=4e-3,

@@ -29,12 +29,12 @@ BODY = Spacecraft.of(jnp.asarray(MASS), jnp.diag(MASS * (EXTENTS.sum() - EXTENTS
 
 
 def moments():
-    """Returns I_1 < I_2 < I_3 [kg m^2]."""
+    """I_1 < I_2 < I_3 [kg m^2]."""
     return MASS * (EXTENTS.sum() - EXTENTS)
 
 
 def closed_form(time):
-    """Returns omega^B (time, 3) [rad/s]."""
+    """omega^B (time, 3) [rad/s]."""
     one, two, three = moments()
     energy, square = 0.5 * moments() @ START**2, (moments() ** 2) @ START**2  # E, M^2
     high, low = 2.0 * energy * three - square, square - 2.0 * energy * one
@@ -47,7 +47,7 @@ def closed_form(time):
 
 
 def alone():
-    """Returns the body with a tether of 1e-30 kg and no stiffness, which has no effect."""
+    """The body with a tether of 1e-30 kg and no stiffness, which has no effect."""
     made = one_tether(
         kind="truss", elements=1, axial=0.0, line_density=1e-30, tip_mass=1e-30, hub=BODY
     )  # fmt: skip

@@ -42,7 +42,7 @@ class Shear(Load):
 
 
 def numbers(n, seed=1):
-    """Returns the numbers of the rods and a random state."""
+    """The numbers of the rods and a random state."""
     rng = np.random.default_rng(100 * n + seed)
     data = {key: rng.uniform(0.5, 2.0, n) for key in ("mass", "length", "axial", "bending")}
     direction = rng.normal(size=(3, n + 1))
@@ -63,7 +63,7 @@ CLAMP = np.array([0.6, 0.0, 0.8])
 
 
 def package(data, ends, free, parts):
-    """Returns the package's chain."""
+    """The package's chain."""
     column = {key: jnp.asarray(data[key])[:, None] for key in ("mass", "length")}
     axial = jnp.asarray(data["axial"])
     base, tip = (jnp.asarray([end]) for end in ends)
@@ -101,7 +101,7 @@ def package(data, ends, free, parts):
 
 
 def judge(data, ends, free, parts, time):
-    """Returns the acceleration of the coordinates by Lagrange's equations, and d(T + V)/dt.
+    """The acceleration of the coordinates by Lagrange's equations, and d(T + V)/dt.
 
     V contains neither loads, nor the field, nor damping.
     """
@@ -144,13 +144,13 @@ def judge(data, ends, free, parts, time):
         return energy
 
     def masses_at(x):
-        """Returns all material points with their masses."""
+        """All material points with their masses."""
         r = jnp.concatenate([points(x).reshape(3, -1), ends_of(x)[:, [0, -1]]], axis=1)
         m = np.concatenate([(data["mass"][:, None] * w).ravel(), [ends[0] if free else 0.0, ends[1]]])
         return r, m
 
     def work_of(x, v, moved):
-        """Returns the virtual work of all other forces."""
+        """The virtual work of all other forces."""
         (r, m), (there, _) = masses_at(x), masses_at(moved)
         velocity = jax.jvp(lambda y: masses_at(y)[0], (x,), (v,))[1]
         field = jnp.zeros_like(r)

@@ -12,7 +12,7 @@ SCENE = esail.load_scene("tethered-satellite")
 
 
 def clohessy_wiltshire(start, rate, t):
-    """Returns the closed solution of Hill's equations."""
+    """The closed solution of Hill's equations."""
     n, s, c = MOTION, np.sin(MOTION * t), np.cos(MOTION * t)
     (x, y, z), (u, v, w) = start, rate
     return np.array([

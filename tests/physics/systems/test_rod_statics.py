@@ -36,7 +36,7 @@ t_end = 1.0
 
 
 def built(text, overrides=None):
-    """Returns the chain and the initial state of a scene."""
+    """The chain and the initial state of a scene."""
     scene = parse(text, "test")
     scene = scene.replace(overrides or {})
     structure, numbers = split(scene)
@@ -49,7 +49,7 @@ def beam(n, mass=1.0, tip=0.0, weight=0.0):
 
 @jit
 def newton(chain, x):
-    """Returns the state after one dense Newton step towards rest."""
+    """The state after one dense Newton step towards rest."""
 
     def acceleration(flat):
         return chain(jnp.zeros(()), RodState(flat.reshape(x.shape), 0 * x, None)).v.reshape(-1)

@@ -21,7 +21,7 @@ LENGTH, AXIAL, DENSITY, TIP, RADIUS, SPIN = 2.0, 50.0, 0.8, 1.5, 0.3, 1.2
 
 
 def closed_form(x, spin):
-    """Returns r(x) [m]."""
+    """r(x) [m]."""
     k = spin * jnp.sqrt(DENSITY / AXIAL)
     s, c = jnp.sin(k * LENGTH), jnp.cos(k * LENGTH)
     pull = TIP * spin**2
@@ -38,7 +38,7 @@ def system(spin=SPIN, elements=8):
 
 @jit
 def stretched(spin):
-    """Returns the node radii [m] of the steady initial stretch and of the relative equilibrium."""
+    """The node radii [m] of the steady initial stretch and of the relative equilibrium."""
     made = system(spin=1.0, elements=16)
     line, _ = steady_line(made.tethers, made.energies, jnp.asarray(RADIUS), spin, jnp.zeros(()))
     found = equilibrium(made, straight(made), jnp.array([1.0, 0.0, 0.0]) * spin)

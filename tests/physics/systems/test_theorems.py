@@ -14,7 +14,7 @@ GRAVITY = np.array([0.3, -0.2, 0.5])
 
 
 def energy_of(made, q, v):
-    """Returns the kinetic and elastic energy [J] of the tether, without the weight of its tip mass."""
+    """The kinetic and elastic energy [J] of the tether, without the weight of its tip mass."""
     kinetic = 0.5 * jnp.vdot(v.tether, made.tethers.inertia(v.tether))
     fields = made.tethers.interpolate(q.tether)
     return kinetic + made.integrate(sum(term.density(fields) for term in made.energies))
