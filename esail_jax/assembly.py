@@ -67,11 +67,12 @@ class Assembly(eqx.Module):
         names += [term.name for term in (*self.energies, *self.dissipations, *self.loads)]
         if self.ring is not None:
             slack = any(isinstance(term, TensionOnlyEnergy) for term in self.ring.energies)
-            names.append(f"auxiliary tethers ({self.ring.segments.kind}{', tension only' * slack})")
+            behaviour = ", tension only" if slack else ""
+            names.append(f"auxiliary tethers ({self.ring.segments.kind}{behaviour})")
             names += [f"auxiliary {term.name}" for term in self.ring.dissipations]
         names += [load.law_name for load in self.loads if has_law(load)]
-        names += [term.name for term in self.tip_loads] + [term.name for term in self.hub_loads]
-        return (*names, *(field.name for field in self.fields))
+        names += [term.name for term in (*self.tip_loads, *self.hub_loads, *self.fields)]
+        return tuple(names)
 
     # ---- inertia ----------------------------------------------------------------------------
 

@@ -24,7 +24,7 @@ from esail_jax.commands import (
     scenes,
     view,
 )
-from esail_jax.commands.command_line import ExitCode, Parser, ShowVersion, UsageError
+from esail_jax.commands.command_line import ExitCode, Parser, ShowVersion, UsageError, in_options
 from esail_jax.errors import InputError, NoSpaceError, SimulationError, sentence_of
 
 COMMANDS = {
@@ -121,7 +121,7 @@ def run_command(arguments: list[str] | None) -> ExitCode:
     except (InputError, OSError) as error:
         if isinstance(error, BrokenPipeError) and reader_has_ended():
             raise
-        complain(sentence_of(error) if isinstance(error, OSError) else error)
+        complain(sentence_of(error) if isinstance(error, OSError) else in_options(error))
         return ExitCode.BAD_INPUT
     except SimulationError as error:
         complain(error)

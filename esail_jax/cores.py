@@ -29,8 +29,8 @@ def processor(*names: str) -> str:
         lines = PROCESSOR.read_text().splitlines()
     except OSError:
         return platform.processor() or platform.machine()
-    found = (line.partition(":")[2].strip() for name in names for line in lines if line.startswith(name))
-    return next(found, platform.processor() or platform.machine())
+    values = (line.partition(":")[2].strip() for name in names for line in lines if line.startswith(name))
+    return next(values, platform.processor() or platform.machine())
 
 
 def share_cores(processes: int | None) -> None:

@@ -52,5 +52,8 @@ def nearest(name: str, known: Iterable[str]) -> str:
     the first three of which it is a word; empty if there are none."""
     known = list(known)
     near = difflib.get_close_matches(name, known, 1) or [x for x in known if name in re.split(r"[._]", x)]
-    *others, last = (f"`{x}`" for x in near[:3]) if near else ("",)
-    return f" (perhaps {' or '.join(filter(None, (', '.join(others), last)))})" if near else ""
+    if not near:
+        return ""
+    *others, last = [f"`{x}`" for x in near[:3]]
+    hint = f"{', '.join(others)} or {last}" if others else last
+    return f" (perhaps {hint})"

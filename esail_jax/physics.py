@@ -134,9 +134,9 @@ def fields_of(term: terms.Deformation) -> tuple[str, ...]:
     """The fields that a measure of deformation depends on: the slope, and its derivative if the measure
     cannot do without the curvature."""
     try:
-        found = term.deformation(terms.Invariants(jnp.ones(()), None))
+        measure = term.deformation(terms.Invariants(jnp.ones(()), None))
     except (AttributeError, TypeError):
         return ("r_x", "r_xx")
     except Exception:  # an error of the method, which its call reports
         return ("r_x",)
-    return ("r_x", "r_xx") if found is None else ("r_x",)
+    return ("r_x", "r_xx") if measure is None else ("r_x",)

@@ -87,7 +87,9 @@ class RodChain(eqx.Module):
     @property
     def terms(self) -> tuple[str, ...]:
         """Names of all parts that were built."""
-        return (*self.system.terms, *["hinges"] * (self.hinges is not None))
+        if self.hinges is None:
+            return self.system.terms
+        return (*self.system.terms, "hinges")
 
     @property
     def has_work(self) -> bool:

@@ -6,6 +6,7 @@ Every function loops over the terms that are present; an absent term leaves no t
 program.
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -78,9 +79,9 @@ class System(Assembly):
         """Instants [s] at which a load changes its form in time, in any order, as foreseen from a state;
         None if there are none."""
         measured = self.measurements(time, q, v) if self.controlled else None
-        found = [x for load in self.loads for x in load.knots(measured)]
-        found += [x for term in (*self.tip_loads, *self.hub_loads, *self.fields) for x in term.knots]
-        return jnp.concatenate([jnp.ravel(x) for x in found]) if found else None
+        instants = [x for load in self.loads for x in load.knots(measured)]
+        instants += [x for term in (*self.tip_loads, *self.hub_loads, *self.fields) for x in term.knots]
+        return jnp.concatenate([jnp.ravel(x) for x in instants]) if instants else None
 
     # ---- forces ----------------------------------------------------------------------------
 
@@ -138,8 +139,8 @@ class System(Assembly):
         inertial = system.relative_to_free_fall(time, q, v, vdot)
         commanded = system.with_commanded_loads(time, q, v)
         forces, power = commanded.member_forces(time, q, v, inertial)
-        found, power = system.complete_residual(time, q, v, forces, lam, power)
-        return self.with_moved_reactions(found), power
+        residual, power = system.complete_residual(time, q, v, forces, lam, power)
+        return self.with_moved_reactions(residual), power
 
     def residuals(
         self,
@@ -155,21 +156,21 @@ class System(Assembly):
         """
         place = self.place(times)
 
-        def of_every_state(method: str, *of_states: Any) -> Any:
+        def of_every_state(method: Callable[..., Any], *of_states: Any) -> Any:
             def of_one(place: PlaceOnOrbit | None, *of_state: Any) -> Any:
-                return getattr(at_place(self, place), method)(*of_state)
+                return method(at_place(self, place), *of_state)
 
             return jax.vmap(of_one, (-1, *(0,) * len(of_states)))(place, *of_states)
 
-        inertial = of_every_state("relative_to_free_fall", times, q, v, vdot)
+        inertial = of_every_state(type(self).relative_to_free_fall, times, q, v, vdot)
         motion = (states_inside(x) for x in (q, v, inertial))
         system = at_place(self, place)
         if self.controlled:
-            system = system.with_commands(of_every_state("commands", times, q, v))
-        found, power = system.member_forces(times[:, None], *motion)
-        ring = None if found.ring is None else jnp.moveaxis(found.ring, 1, 0)
-        forces = Coordinates(jnp.moveaxis(found.tether, 2, 0), inertial.hub, ring)
-        rows, power = of_every_state("complete_residual", times, q, v, forces, lam, power)
+            system = system.with_commands(of_every_state(type(self).commands, times, q, v))
+        members, power = system.member_forces(times[:, None], *motion)
+        ring = None if members.ring is None else jnp.moveaxis(members.ring, 1, 0)
+        forces = Coordinates(jnp.moveaxis(members.tether, 2, 0), inertial.hub, ring)
+        rows, power = of_every_state(type(self).complete_residual, times, q, v, forces, lam, power)
         return jax.vmap(self.with_moved_reactions)(rows), power
 
     @property
@@ -179,10 +180,10 @@ class System(Assembly):
 
     def measurements(self, time: Scalar, q: Coordinates, v: Coordinates) -> Measurements:
         """What the control laws of the loads may measure at a state, without the wind."""
-        found = self.directions(time, q, v)
+        measured = self.directions(time, q, v)
         if any(isinstance(load, ControlledLoad) and load.measures_motion for load in self.loads):
-            return with_motion(self, time, q, v, found)
-        return found
+            return with_motion(self, time, q, v, measured)
+        return measured
 
     def directions(self, time: Scalar, q: Coordinates, v: Coordinates) -> Measurements:
         """The measurements that are directions, and the position of a sail on an orbit."""
@@ -242,10 +243,10 @@ class System(Assembly):
         tether, power = self.tether_forces(time, q.tether, v.tether, inertial.tether)
         if self.ring is None:
             return Coordinates(tether, inertial.hub), power
-        found = self.ring.forces(q, v, inertial)
-        tether = tether.at[0, ..., -1, :].add(found.tips)
-        power = power._replace(dissipated=power.dissipated + found.dissipated)
-        return Coordinates(tether, inertial.hub, found.own), power
+        ring_forces = self.ring.forces(q, v, inertial)
+        tether = tether.at[0, ..., -1, :].add(ring_forces.tips)
+        power = power._replace(dissipated=power.dissipated + ring_forces.dissipated)
+        return Coordinates(tether, inertial.hub, ring_forces.own), power
 
     def tether_forces(self, time: Instants, q: Nodal, v: Nodal, inertial: Nodal) -> tuple[Nodal, Power]:
         """M vdot - Q of the tethers, and the power of loads and dissipations, for one or several states."""
@@ -305,13 +306,13 @@ class System(Assembly):
             external = external + sum(jax.tree.leaves(parts))
         return Residual(forces, constraints), power._replace(external=external)
 
-    def with_moved_reactions(self, found: Residual) -> Residual:
+    def with_moved_reactions(self, residual: Residual) -> Residual:
         """A residual for the derivative of an implicit function: where the places of the roots are numbers
         of their own, with the derivative of what a solver adds to it (`roots.moved_reactions`)."""
         if self.hub is None or self.roots.azimuth is None:
-            return found
-        added = self.roots.moved_reactions(found.forces.tether[0, :, 0])
-        return found._replace(forces=found.forces._replace(hub=found.forces.hub + added))
+            return residual
+        added = self.roots.moved_reactions(residual.forces.tether[0, :, 0])
+        return residual._replace(forces=residual.forces._replace(hub=residual.forces.hub + added))
 
     def tip_forces(self, time: Scalar, q: Coordinates, v: Coordinates) -> Float[Array, "3 tether"]:
         """Forces [N] on the remote units: the sum of the loads on them."""

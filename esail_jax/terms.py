@@ -362,8 +362,8 @@ class Field(BodyTerm):
             return self.acceleration(time, q[0], v[0])[None]
         # All nodes are on one axis: the compiler's loops over short axes are slow.
         (r, slope), (rate, slope_rate) = (x.reshape(2, 3, -1) for x in (q, v))
-        found = jax.jvp(lambda *x: self.acceleration(time, *x), (r, rate), (slope, slope_rate))
-        return jnp.stack(found).reshape(q.shape)
+        vectors = jax.jvp(lambda *x: self.acceleration(time, *x), (r, rate), (slope, slope_rate))
+        return jnp.stack(vectors).reshape(q.shape)
 
     def gradients(
         self, time: Scalar, position: Vector, velocity: Vector
@@ -416,7 +416,7 @@ def find_term(terms: Iterable[eqx.Module], kind: type) -> Any:
     """The only term of a kind among `terms`; None if there is none.
 
     Raises ValueError if there are several."""
-    found = [term for term in terms if isinstance(term, kind)]
-    if len(found) > 1:
-        raise ValueError(f"terms of kind {kind.__name__} must be one at most, but are {len(found)}")
-    return found[0] if found else None
+    of_kind = [term for term in terms if isinstance(term, kind)]
+    if len(of_kind) > 1:
+        raise ValueError(f"terms of kind {kind.__name__} must be one at most, but are {len(of_kind)}")
+    return of_kind[0] if of_kind else None

@@ -46,12 +46,14 @@ def updated(law: Any, measurements: Measurements, memory: Any) -> tuple[Any, Any
     """The voltages and the next memory, None for a law without one. Raises InputError."""
     if not hasattr(law, "update"):
         return commanded(law, measurements), None
-    found = called(law, "update", measurements, memory)
-    if not isinstance(found, tuple | list) or len(found) != 2:
-        many = f" of {len(found)}" if isinstance(found, tuple | list) else ""
+    returned = called(law, "update", measurements, memory)
+    if not isinstance(returned, tuple | list) or len(returned) != 2:
+        many = f" of {len(returned)}" if isinstance(returned, tuple | list) else ""
         must = "return two things, the voltages and the next memory"
-        raise InputError(f"`voltage_law.update` must {must}, but returned a {type(found).__name__}{many}")
-    volts, after = found
+        raise InputError(
+            f"`voltage_law.update` must {must}, but returned a {type(returned).__name__}{many}"
+        )
+    volts, after = returned
     return volts, after
 
 

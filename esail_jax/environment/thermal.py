@@ -84,13 +84,13 @@ def eclipse_temperature(
     if not (penumbra >= 0.0 and enter + penumbra <= leave):
         raise ValueError("`leave` must not be before `enter` plus `penumbra`, but is")
     now, start = np.array([wire.steady(flux)]), min(enter, float(times[0]))
-    found: list[np.ndarray] = []
+    temperatures: list[np.ndarray] = []
     parts = [start, enter, enter + penumbra, leave, leave + penumbra, np.inf]
     for begin, end in itertools.pairwise(parts):
         end = min(end, float(times[-1]))
-        inside = times[(times > begin) & (times <= end)] if found else times[times <= end]
+        inside = times[(times > begin) & (times <= end)] if temperatures else times[times <= end]
         if end <= begin:
-            found.append(np.full(len(inside), now[0]))
+            temperatures.append(np.full(len(inside), now[0]))
             continue
         # The light jumps, or changes its rate, between the parts only.
         light = (begin + 1e-9 * (end - begin), end - 1e-9 * (end - begin))
@@ -101,9 +101,9 @@ def eclipse_temperature(
 
         saved = np.union1d(inside, [end])
         run = solve_ivp(slope, (begin, end), now, "LSODA", saved, rtol=1e-9, atol=1e-9)
-        found.append(run.y[0][np.isin(saved, inside)])
+        temperatures.append(run.y[0][np.isin(saved, inside)])
         now = run.y[:, -1]
-    return np.concatenate(found)
+    return np.concatenate(temperatures)
 
 
 def eclipse_series(

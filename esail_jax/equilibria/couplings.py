@@ -106,13 +106,13 @@ def neighbours(members: list[tuple[Host, ...]], count: int) -> sp.csr_matrix:
     """The matrix whose entries are pairs of nodes in one element. members: the first nodes of
     elements, the second ones and so on; NONE for no node; count: number of nodes."""
     nodes = [np.stack([np.ravel(x) for x in group], axis=1) for group in members]
-    found = []
+    pairs = []
     for group in nodes:
         for i in range(group.shape[1]):
             for j in range(group.shape[1]):
                 pair = group[:, [i, j]]
-                found.append(pair[(pair != NONE).all(axis=1)])
-    row, column = np.concatenate(found).T
+                pairs.append(pair[(pair != NONE).all(axis=1)])
+    row, column = np.concatenate(pairs).T
     return sp.csr_matrix((np.ones(len(row)), (row, column)), shape=(count, count))
 
 
@@ -120,8 +120,8 @@ def colours(near: sp.spmatrix) -> Int[Host, " node"]:
     """A colour for every node, so that nodes of one colour have no common neighbour. near: its
     entries are the neighbours, with every node itself."""
     common = sp.csr_matrix(near @ near.T)
-    found = np.full(common.shape[0], NONE)
-    for node in range(len(found)):
-        others = found[common.indices[common.indptr[node] : common.indptr[node + 1]]]
-        found[node] = np.setdiff1d(np.arange(len(others) + 1), others)[0]
-    return found
+    colour = np.full(common.shape[0], NONE)
+    for node in range(len(colour)):
+        others = colour[common.indices[common.indptr[node] : common.indptr[node + 1]]]
+        colour[node] = np.setdiff1d(np.arange(len(others) + 1), others)[0]
+    return colour

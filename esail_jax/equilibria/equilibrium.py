@@ -135,8 +135,8 @@ def equilibrium(system: System, start: Coordinates, spin: Vector) -> Equilibrium
 
     z = jnp.concatenate([independent(system, start), ravel_pytree(system.no_multipliers())[0]])
     begin = (lax.stop_gradient(z), jnp.asarray(jnp.inf), 0)
-    found, step, _ = lax.while_loop(unfinished, iterate, begin)
-    last = found + fixed.solve(found, -fixed.left(found))
+    reached, step, _ = lax.while_loop(unfinished, iterate, begin)
+    last = reached + fixed.solve(reached, -fixed.left(reached))
     settled = known_solution(Balance.left, Balance.solve, balance, last)
     left, acceleration = balance.at_rest(settled)
     y, lam = balance.split(settled)
@@ -145,7 +145,7 @@ def equilibrium(system: System, start: Coordinates, spin: Vector) -> Equilibrium
         lam=lam,
         frame=MovingFrame(spin, acceleration),
         unbalanced=lax.stop_gradient(jnp.abs(left[: y.size]).max()),
-        converged=small(step, found),
+        converged=small(step, reached),
     )
 
 

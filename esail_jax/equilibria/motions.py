@@ -34,14 +34,14 @@ def hub_motions(system: System, y: Float[Host, " n"], axes: Float[Host, "3 3"]) 
     """The displacements of y in translations of the hub along `axes` (columns) and in rotations
     about the axes through its centre."""
     hub = indices(system).hub
-    found = np.zeros((len(y), 6))
+    displacements = np.zeros((len(y), 6))
     if len(hub):
         points = y[hub].reshape(4, 3)
         arms = points - 0.5 * (points[0] + points[1])
         for j, axis in enumerate(axes.T):
-            found[hub, j] = np.tile(axis, 4)
-            found[hub, 3 + j] = np.cross(axis, arms).ravel()
-    return found
+            displacements[hub, j] = np.tile(axis, 4)
+            displacements[hub, 3 + j] = np.cross(axis, arms).ravel()
+    return displacements
 
 
 def rigid_hub_basis(system: System, y: Float[Host, " n"], axes: Float[Host, "3 3"]) -> Sparse:
@@ -121,9 +121,9 @@ def conditions(system: System, matrices: SparseMatrices) -> Sparse:
     rows = [matrices.constraint]
     if system.hub is not None:
         rows.append(sp.csr_matrix((matrices.mass @ translations(system)).T))
-    found = sp.csr_matrix(sp.vstack(rows))
-    length = np.sqrt(np.asarray(found.multiply(found).sum(axis=1)).ravel())
-    return sp.csr_matrix(sp.diags(1.0 / np.maximum(length, 1e-300)) @ found)
+    stacked = sp.csr_matrix(sp.vstack(rows))
+    length = np.sqrt(np.asarray(stacked.multiply(stacked).sum(axis=1)).ravel())
+    return sp.csr_matrix(sp.diags(1.0 / np.maximum(length, 1e-300)) @ stacked)
 
 
 def allowed(rows: Inexact[Host, "c n"]) -> Inexact[Host, "n m"]:

@@ -115,22 +115,22 @@ def linearised_sparse(
 
 def assembled(coupled: Couplings, hub: Host, columns: Host, rows: Host) -> Sparse:
     """A sparse matrix from its derivatives along the directions of `linearised_sparse`."""
-    found = []
+    entries = []
     for (colour, slot), values in zip(coupled.seeds, columns, strict=False):
         of_colour = coupled.colour[coupled.second] == colour
         near = coupled.places[coupled.first[of_colour]]
         pairs = np.broadcast_arrays(near, coupled.places[coupled.second[of_colour], slot, None])
         used = (pairs[0] != NONE) & (pairs[1] != NONE)
         row = pairs[0][used]
-        found.append((values[row], row, pairs[1][used]))
+        entries.append((values[row], row, pairs[1][used]))
     size = columns.shape[1]
     for place, values in zip(hub, columns[len(coupled.seeds) :], strict=True):
         row = np.flatnonzero(values)
-        found.append((values[row], row, np.full(len(row), place)))
+        entries.append((values[row], row, np.full(len(row), place)))
     for place, values in zip(hub, rows, strict=True):
         column = np.setdiff1d(np.flatnonzero(values), hub)
-        found.append((values[column], np.full(len(column), place), column))
-    data, row, column = (np.concatenate(part) for part in zip(*found, strict=True))
+        entries.append((values[column], np.full(len(column), place), column))
+    data, row, column = (np.concatenate(part) for part in zip(*entries, strict=True))
     return sp.csr_matrix((data, (row, column)), shape=(size, size))
 
 
@@ -139,15 +139,15 @@ def assembled_constraints(coupled: Couplings, hub: Host, columns: Host) -> Spars
     the coordinates of its own tether's root."""
     count, held = len(coupled.roots), columns.shape[1]
     size = (coupled.places != NONE).sum() + len(hub)
-    found = [(np.zeros(0), np.zeros(0, int), np.zeros(0, int))]
+    entries = [(np.zeros(0), np.zeros(0, int), np.zeros(0, int))]
     own = 6 if len(hub) else 0
     for (colour, slot), values in zip(coupled.seeds, columns, strict=False):
         column = coupled.places[coupled.roots, slot]
         chosen = np.flatnonzero((coupled.colour[coupled.roots] == colour) & (column != NONE))
         for j, of_tether in enumerate(values[own:].reshape(-1, count)):
-            found.append((of_tether[chosen], own + j * count + chosen, column[chosen]))
+            entries.append((of_tether[chosen], own + j * count + chosen, column[chosen]))
     for place, values in zip(hub, columns[len(coupled.seeds) :], strict=True):
         row = np.flatnonzero(values)
-        found.append((values[row], row, np.full(len(row), place)))
-    data, row, column = (np.concatenate(part) for part in zip(*found, strict=True))
+        entries.append((values[row], row, np.full(len(row), place)))
+    data, row, column = (np.concatenate(part) for part in zip(*entries, strict=True))
     return sp.csr_matrix((data, (row, column)), shape=(held, size))

@@ -82,30 +82,30 @@ def sparse_spectrum(
         x = -solved(rate @ u + shift * (mass @ u) + mass @ velocity)
         return np.concatenate([x, x + u / shift])
 
-    found, radius = np.zeros((2 * size, 0)), np.inf
+    basis, radius = np.zeros((2 * size, 0)), np.inf
     random = np.random.default_rng(0)
     wanted = min(2 * count + 8, 2 * (size - held) - 2)
     for _ in range(MAX_PASSES):
 
-        def deflated(state, found=found):
+        def deflated(state, basis=basis):
             state = np.asarray(state).ravel()
-            new = inverse(state - found @ (found.T @ state))
-            return new - found @ (found.T @ new)
+            new = inverse(state - basis @ (basis.T @ state))
+            return new - basis @ (basis.T @ new)
 
         start = np.concatenate([solved(random.standard_normal(size)) for _ in range(2)])
         operator = LinearOperator((2 * size, 2 * size), matvec=deflated, dtype=float)
-        k = wanted if not found.size else min(wanted, max(16, wanted // 8))
+        k = wanted if not basis.size else min(wanted, max(16, wanted // 8))
         values, vectors = eigs(
             operator, k=k, v0=deflated(start), tol=1e-12, ncv=min(2 * size - 1, 2 * k + 20)
         )
-        if not found.size:
+        if not basis.size:
             radius = 1.0 / np.abs(values).min()
         near = np.abs(values) >= (1.0 - 1e-9) / radius
         if not near.any():
             break
-        new = np.hstack([found, vectors[:, near].real, vectors[:, near].imag])
+        new = np.hstack([basis, vectors[:, near].real, vectors[:, near].imag])
         left, size_of, _ = np.linalg.svd(new, full_matrices=False)
-        found = left[:, size_of > 1e-8 * size_of[0]]
-    image = np.stack([inverse(x) for x in found.T], axis=1)
-    values, vectors = np.linalg.eig(found.T @ image)
-    return Spectrum(shift + 1.0 / values.astype(complex), (found @ vectors)[:size]), radius - shift
+        basis = left[:, size_of > 1e-8 * size_of[0]]
+    image = np.stack([inverse(x) for x in basis.T], axis=1)
+    values, vectors = np.linalg.eig(basis.T @ image)
+    return Spectrum(shift + 1.0 / values.astype(complex), (basis @ vectors)[:size]), radius - shift

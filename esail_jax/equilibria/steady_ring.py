@@ -127,8 +127,8 @@ class Ringed(NamedTuple):
         matrix = stiffness(self.frame, self.coordinates(shape), shape.lam, softest)
         matrix = constrained(matrix, self.planes, softest)
         rows = rows._replace(blocks=within(rows.blocks, self.planes))
-        found = structured.solve(matrix, structured.factor(matrix), rows)
-        return self.change(*iteration_matrix.from_vector(self.frame, found))
+        solution = structured.solve(matrix, structured.factor(matrix), rows)
+        return self.change(*iteration_matrix.from_vector(self.frame, solution))
 
 
 class Shape(NamedTuple):
@@ -183,17 +183,17 @@ def steady_ring(
         return ((size > STEP_TOLERANCE) | (share > LAST_SHARE)) & (count < MAX_ITERATIONS)
 
     begin = (first, jnp.asarray(jnp.inf), jnp.asarray(FIRST_SHARE), jnp.zeros((), int))
-    found, *_ = lax.while_loop(unfinished, iterate, begin)
-    change = fixed.solved(found, jax.tree.map(jnp.negative, fixed.unbalanced(found)))
-    found = jax.tree.map(jnp.add, found, change)
-    q = fixed.coordinates(found)
-    forces, _ = balance(fixed.frame, q, found.lam)
+    shape, *_ = lax.while_loop(unfinished, iterate, begin)
+    change = fixed.solved(shape, jax.tree.map(jnp.negative, fixed.unbalanced(shape)))
+    shape = jax.tree.map(jnp.add, shape, change)
+    q = fixed.coordinates(shape)
+    forces, _ = balance(fixed.frame, q, shape.lam)
     blocks = within(iteration_matrix.to_blocks(fixed.frame, forces.tether), fixed.planes)
     left = jnp.abs(blocks.at[0, :END].set(0.0)).max((0, 1))
     if forces.ring is not None:
         left = jnp.maximum(left, jnp.abs(forces.ring).max((0, 1)))
     wrong = jnp.isnan(left) | bows_inwards(fixed.frame.ring, q)
-    q = ringed.coordinates(known_solution(Ringed.unbalanced, Ringed.solved, ringed, found))
+    q = ringed.coordinates(known_solution(Ringed.unbalanced, Ringed.solved, ringed, shape))
     return q.tether, q.ring, jnp.where(wrong, jnp.inf, left)
 
 
@@ -239,8 +239,8 @@ def projectors(planes: Planes) -> Float[Array, "3 3 tether"]:
 def within(blocks: Float[Array, "node row tether"], planes: Planes) -> Float[Array, "node row tether"]:
     """The parts of nodal vectors within the planes. Those of the root node are not changed."""
     vectors = blocks.reshape(blocks.shape[0], -1, 3, blocks.shape[-1])
-    found = jnp.einsum("xyt,nkyt->nkxt", projectors(planes), vectors[1:])
-    return jnp.concatenate([vectors[:1], found]).reshape(blocks.shape)
+    inside = jnp.einsum("xyt,nkyt->nkxt", projectors(planes), vectors[1:])
+    return jnp.concatenate([vectors[:1], inside]).reshape(blocks.shape)
 
 
 def constrained(matrix: Bordered, planes: Planes, share: Scalar) -> Bordered:

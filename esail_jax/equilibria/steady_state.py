@@ -130,15 +130,15 @@ def columns_of(vectors: list[Float[Host, " n"]], size: int) -> Float[Host, "n k"
 def translations(system: System) -> Float[Host, "n 3"]:
     """The displacements of y in the three translations of a system with a hub."""
     at = indices(system)
-    found = np.zeros((at.size, 3))
+    displacements = np.zeros((at.size, 3))
     points = at.ring
     if system.ring is not None and system.ring.segments.coefs == 2:
         points = at.ring[:, 1:-1:2]  # between the slopes at the ends, positions and slopes take turns
     for axis in range(3):
-        found[at.tether[0, axis, 1:].ravel(), axis] = 1.0
-        found[at.hub.reshape(4, 3)[:, axis], axis] = 1.0
-        found[points[axis].ravel(), axis] = 1.0
-    return found
+        displacements[at.tether[0, axis, 1:].ravel(), axis] = 1.0
+        displacements[at.hub.reshape(4, 3)[:, axis], axis] = 1.0
+        displacements[points[axis].ravel(), axis] = 1.0
+    return displacements
 
 
 def neutral_turns(system: System, y: Float[Host, " n"], axis: Float[Host, "3"]) -> list[Float[Host, " n"]]:
@@ -149,14 +149,14 @@ def neutral_turns(system: System, y: Float[Host, " n"], axis: Float[Host, "3"]) 
     if system.hub is not None or system.ring is not None:
         return [turn / np.linalg.norm(turn)]
     places = indices(system).tether
-    found = []
+    turns = []
     for tether in range(places.shape[-1]):
         own = places[..., tether]
         own = own[own >= 0]
         alone = np.zeros_like(turn)
         alone[own] = turn[own]
-        found.append(alone / np.linalg.norm(alone))
-    return found
+        turns.append(alone / np.linalg.norm(alone))
+    return turns
 
 
 def largest_slope(system: System, change: Float[Host, " n"]) -> float:

@@ -123,11 +123,11 @@ def steady_line(
         now = fixed._replace(spin_squared=part * fixed.spin_squared)
         return line + now.change(line, -now.unbalanced(line))
 
-    found = lax.fori_loop(0, NEWTON_STEPS + 1, ramped, unstretched_line(fixed.tethers))
-    left = jnp.abs(fixed.unbalanced(found).at[0, 0].set(0.0)[0]).max(0)
+    line = lax.fori_loop(0, NEWTON_STEPS + 1, ramped, unstretched_line(fixed.tethers))
+    left = jnp.abs(fixed.unbalanced(line).at[0, 0].set(0.0)[0]).max(0)
     # Above the largest spin that a tether can bear, elements folded back on themselves also balance.
-    folded = (jnp.diff(found[0], axis=0) <= 0.0).any(0) | (found[1:] <= 0.0).any((0, 1))
-    line = known_solution(Straight.unbalanced, Straight.change, balance, found)
+    folded = (jnp.diff(line[0], axis=0) <= 0.0).any(0) | (line[1:] <= 0.0).any((0, 1))
+    line = known_solution(Straight.unbalanced, Straight.change, balance, line)
     return line, jnp.where(folded, jnp.inf, left)
 
 

@@ -31,8 +31,8 @@ def azimuths_of(positions: Float[Array, "3 tether"]) -> PerTether:
     """Azimuths [rad] of roots at these body-fixed positions; that of a root on the spin axis is even."""
     _, y, z = positions
     on_axis = y**2 + z**2 == 0.0
-    found = jnp.arctan2(z, jnp.where(on_axis, 1.0, y))
-    return jnp.where(on_axis, even_azimuths(positions.shape[-1]), found)
+    azimuths = jnp.arctan2(z, jnp.where(on_axis, 1.0, y))
+    return jnp.where(on_axis, even_azimuths(positions.shape[-1]), azimuths)
 
 
 def clamp_normals(azimuth: PerTether) -> Float[Array, "2 3 tether"]:

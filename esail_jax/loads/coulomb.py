@@ -84,8 +84,8 @@ class CoulombThrust(ControlledLoad):
             none = jnp.zeros((0, *self.voltage_law.value.shape))
             return none, none
         wind, measured = self.wind_at(time, measurements), self.with_wind(measurements)
-        found = self.voltage_law.kinks(measured, self.wind.thresholds)
-        rows = [(x.margin, x.jump * wind.speed * slope_of(wind, x.volts)) for x in found]
+        kinks = self.voltage_law.kinks(measured, self.wind.thresholds)
+        rows = [(x.margin, x.jump * wind.speed * slope_of(wind, x.volts)) for x in kinks]
         if not rows:
             none = jnp.zeros((0, *measurements.chords.shape[1:]))
             return none, none

@@ -77,8 +77,8 @@ class PowerLimited(VoltageLaw):
         time, volts, position = measurements.time, self.commanded(measurements), measurements.position
         excess = self.collector.power(time, volts, position) / self.limit - 1.0
         acts, limited = excess > 0.0, self.voltage(measurements)
-        found = self.law.kinks(measurements, levels)
-        own = [x._replace(jump=jnp.where(acts, jnp.nan, x.jump)) for x in found]
+        kinks = self.law.kinks(measurements, levels)
+        own = [x._replace(jump=jnp.where(acts, jnp.nan, x.jump)) for x in kinks]
         begins = [
             VoltageKink(limited - level, jnp.where(acts, jnp.nan, 0.0), level + jnp.zeros_like(volts))
             for level in levels

@@ -29,17 +29,17 @@ def per_tether(volts: Any, count: int) -> PerTether:
     """The voltages that a law returned, one for every tether. Raises InputError for another shape, and for
     what is no number."""
     try:
-        found = None if volts is None else jnp.asarray(volts, float)
+        numbers = None if volts is None else jnp.asarray(volts, float)
     except (TypeError, ValueError):
-        found = None
-    if found is None:
+        numbers = None
+    if numbers is None:
         raise InputError(f"`voltage_law` must return voltages [V], but returned a {type(volts).__name__}")
-    if found.shape not in ((), (count,)):
+    if numbers.shape not in ((), (count,)):
         raise InputError(
             f"`voltage_law` must return one voltage, or one for each of {count} tethers, but returned an "
-            f"array of shape {found.shape}"
+            f"array of shape {numbers.shape}"
         )
-    return jnp.broadcast_to(found, (count,))
+    return jnp.broadcast_to(numbers, (count,))
 
 
 def arrays(memory: Any) -> Any:

@@ -74,9 +74,9 @@ class Own(eqx.Module):
         term = self.term
         return called(term, method, *given, subject=subject_of(term, self.place), own=True)
 
-    def like(self, method: str, found: Any, shape: tuple[int, ...], what: str) -> Array:
-        """A result as numbers of a shape. Raises InputError for another one."""
-        return checked(self.term, self.place, method, found, shape, what)
+    def like(self, method: str, returned: Any, shape: tuple[int, ...], what: str) -> Array:
+        """What a method returned, as numbers of a shape. Raises InputError for another shape."""
+        return checked(self.term, self.place, method, returned, shape, what)
 
 
 def subject_of(term: Any, place: int) -> str:
@@ -84,26 +84,26 @@ def subject_of(term: Any, place: int) -> str:
     return f"terms[{place}] ({type(term).__name__})"
 
 
-def checked(term: Any, place: int, method: str, found: Any, shape: tuple[int, ...], what: str) -> Array:
-    """A result of a term as numbers of a shape, to which axes of length one are repeated. Raises InputError
-    for another shape, and for what is no number."""
+def checked(term: Any, place: int, method: str, returned: Any, shape: tuple[int, ...], what: str) -> Array:
+    """What a method of a term returned, as numbers of a shape, to which axes of length one are repeated.
+    Raises InputError for another shape, and for what is no number."""
     try:
-        numbers = jnp.asarray(found)
+        numbers = jnp.asarray(returned)
     except (TypeError, ValueError):
         numbers = None
     if numbers is not None and jnp.result_type(numbers).kind in "fiu":
         same = zip(numbers.shape, shape, strict=False)
         if numbers.ndim == len(shape) and all(a in (1, b) for a, b in same):
             return jnp.broadcast_to(numbers.astype(float), shape)
-    must, got = f"return {what} of shape {shape}", f"returns {described(found)}"
+    must, got = f"return {what} of shape {shape}", f"returns {described(returned)}"
     raise InputError(f"`{subject_of(term, place)}.{method}` must {must}, but {line_of(term, method)} {got}")
 
 
-def described(found: Any) -> str:
-    """A result in words."""
-    shape, dtype = getattr(found, "shape", None), getattr(found, "dtype", None)
+def described(returned: Any) -> str:
+    """What a method returned, in words."""
+    shape, dtype = getattr(returned, "shape", None), getattr(returned, "dtype", None)
     if shape is None:
-        return f"a {type(found).__name__}"
+        return f"a {type(returned).__name__}"
     kind = "" if dtype is None or jnp.issubdtype(dtype, jnp.floating) else f" of {dtype}"
     return f"an array{kind} of shape {shape}"
 
@@ -172,8 +172,8 @@ class OwnDeformation(Own):
         if "r_xx" not in self.depends_on:
             invariants = invariants._replace(normal_squared=None)
         given = jax.tree.map(lambda x: divided(x, self.elements), invariants)
-        found = self.call("deformation", given)
-        return joined(self.like("deformation", found, given.stretch_squared.shape, "numbers"))
+        measure = self.call("deformation", given)
+        return joined(self.like("deformation", measure, given.stretch_squared.shape, "numbers"))
 
 
 class OwnEnergy(OwnDeformation, Energy):
@@ -181,8 +181,8 @@ class OwnEnergy(OwnDeformation, Energy):
 
     def energy_density(self, e: PerPoint) -> PerPoint:
         given = divided(e, self.elements)
-        found = self.call("energy_density", given)
-        return joined(self.like("energy_density", found, given.shape, "energies [J/m]"))
+        energies = self.call("energy_density", given)
+        return joined(self.like("energy_density", energies, given.shape, "energies [J/m]"))
 
 
 class OwnDissipation(OwnDeformation, Dissipation):
@@ -190,8 +190,8 @@ class OwnDissipation(OwnDeformation, Dissipation):
 
     def rayleigh_density(self, e: PerPoint, rate: PerPoint) -> PerPoint:
         given = divided(e, self.elements)
-        found = self.call("rayleigh_density", given, divided(rate, self.elements))
-        return joined(self.like("rayleigh_density", found, given.shape, "powers [W/m]"))
+        powers = self.call("rayleigh_density", given, divided(rate, self.elements))
+        return joined(self.like("rayleigh_density", powers, given.shape, "powers [W/m]"))
 
 
 def divided(x: Float[Array, "*batch element"], elements: int) -> Float[Array, "*batch elem tether"]:
@@ -228,7 +228,7 @@ class AlongTethers(Own):
         points, elements = self.distance.shape
         x = divided(self.distance.reshape(points, *batch, elements), self.elements)
         given = [self.given(c, x) for c in (fields, rates)]
-        found = called(
+        forces = called(
             term,
             "force",
             time[..., None] if jnp.ndim(time) else time,
@@ -236,7 +236,7 @@ class AlongTethers(Own):
             subject=subject_of(term, self.place),
             own=True,
         )
-        return joined(self.like("force", found, given[0].r_x.shape, "forces [N/m]"))
+        return joined(self.like("force", forces, given[0].r_x.shape, "forces [N/m]"))
 
     def given(self, fields: PointFields, x: Float[Array, "*point"]) -> LoadFields:
         """The fields as a load sees them."""
@@ -289,16 +289,16 @@ class OwnCommandedLoad(AlongTethers, ControlledLoad):
     def commanded(self, measurements: Measurements) -> PerTether:
         count = measurements.chords.shape[1]
         given = self.around.measured(measurements)
-        found = self.call("commanded", given)
-        if found is None and given.current is None:
+        numbers = self.call("commanded", given)
+        if numbers is None and given.current is None:
             raise InputError(
                 f"`{subject_of(self.term, self.place)}.commanded` must return numbers, but "
                 f"{line_of(self.term, 'commanded')} returns None, as `current` is None without "
                 "`tethers.wire_radius`"
             )
-        if isinstance(found, float | int) or getattr(found, "shape", None) == ():
-            found = jnp.full(count, found)
-        return self.like("commanded", found, (count,), "a number for every tether,")
+        if isinstance(numbers, float | int) or getattr(numbers, "shape", None) == ():
+            numbers = jnp.full(count, numbers)
+        return self.like("commanded", numbers, (count,), "a number for every tether,")
 
     def with_command(self, command: Float[Array, "*state element"]) -> "OwnCommandedLoad":
         return dataclasses.replace(self, value=command)
@@ -330,8 +330,8 @@ class OwnTipLoad(Own, TipLoad):
         return dataclasses.replace(self, around=self.around.holding(volts, elements))
 
     def force(self, measurements: Measurements) -> Float[Array, "3 tether"]:
-        found = self.call("force", self.around.measured(measurements))
-        return self.like("force", found, measurements.chords.shape, "forces [N]")
+        forces = self.call("force", self.around.measured(measurements))
+        return self.like("force", forces, measurements.chords.shape, "forces [N]")
 
 
 class OwnHubLoad(Own, HubLoad):
@@ -347,14 +347,14 @@ class OwnHubLoad(Own, HubLoad):
         sun, shift = self.around.sun(hub.heliocentric_position), self.around.shift(hub.time)
         if shift is not None:
             hub = hub._replace(position=hub.position + shift[0], velocity=hub.velocity + shift[1])
-        found = self.call("wrench", hub._replace(sun=sun))
-        if not isinstance(found, tuple | list) or len(found) != 2:
-            got = f"{len(found)} things" if isinstance(found, tuple | list) else described(found)
+        returned = self.call("wrench", hub._replace(sun=sun))
+        if not isinstance(returned, tuple | list) or len(returned) != 2:
+            got = f"{len(returned)} things" if isinstance(returned, tuple | list) else described(returned)
             raise InputError(
                 f"`{subject_of(self.term, self.place)}.wrench` must return two things, the force and the "
                 f"torque, but {line_of(self.term, 'wrench')} returns {got}"
             )
-        force, torque = found
+        force, torque = returned
         return self.like("wrench", force, (3,), "a force [N]"), self.like(
             "wrench", torque, (3,), "a torque [N m]"
         )
@@ -376,8 +376,8 @@ class OwnField(Own, Field):
         if shift is not None:
             moved = (x.reshape(3, *(1,) * (position.ndim - 1)) for x in shift)
             position, velocity = (c + x for c, x in zip((position, velocity), moved, strict=True))
-        found = self.call("acceleration", time, position, velocity)
-        return self.like("acceleration", found, position.shape, "accelerations [m/s^2]")
+        accelerations = self.call("acceleration", time, position, velocity)
+        return self.like("acceleration", accelerations, position.shape, "accelerations [m/s^2]")
 
 
 Divided = tuple[LawStructure, tuple[Array, ...]]
@@ -385,28 +385,23 @@ Divided = tuple[LawStructure, tuple[Array, ...]]
 
 def own_terms(terms: tuple[Divided, ...], tethers: TetherBatch, around: Surroundings) -> Terms:
     """The wrappers of terms that are divided into structure and numbers."""
-    elements, found = tethers.elements, Terms()
-
-    def add(kind: str, term: Any) -> None:
-        nonlocal found
-        found = dataclasses.replace(found, **{kind: (*getattr(found, kind), term)})
-
+    elements, wrappers = tethers.elements, Terms()
     for place, (structure, numbers) in enumerate(terms):
         term, own = structure.law(numbers), (structure, numbers, place)
         if isinstance(term, Energy):
-            add("energies", OwnEnergy(*own, elements))
+            wrappers += Terms(energies=(OwnEnergy(*own, elements),))
         elif isinstance(term, Dissipation):
-            add("dissipations", OwnDissipation(*own, elements))
+            wrappers += Terms(dissipations=(OwnDissipation(*own, elements),))
         elif isinstance(term, Load):
             kind = OwnCommandedLoad if hasattr(term, "commanded") else OwnLoad
-            add("loads", kind(*own, elements, distances(tethers), around))
+            wrappers += Terms(loads=(kind(*own, elements, distances(tethers), around),))
         elif isinstance(term, TipLoad):
-            add("tip_loads", OwnTipLoad(*own, around))
+            wrappers += Terms(tip_loads=(OwnTipLoad(*own, around),))
         elif isinstance(term, HubLoad):
-            add("hub_loads", OwnHubLoad(*own, around))
+            wrappers += Terms(hub_loads=(OwnHubLoad(*own, around),))
         else:
-            add("fields", OwnField(*own, around))
-    return found
+            wrappers += Terms(fields=(OwnField(*own, around),))
+    return wrappers
 
 
 def distances(tethers: TetherBatch) -> Float[Array, "point element"]:

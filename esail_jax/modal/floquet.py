@@ -50,8 +50,8 @@ def floquet(table: Any, moving: Moving) -> Floquet:
     """The multipliers. table: a `ModeTable` of all modes of a sail with a hub in the wind.
 
     Raises SimulationError if no periodic orbit is found."""
-    found, system, axes = moving.found, moving.system, moving.axes
-    spin, count = found.spin, system.tethers.count
+    solved, system, axes = moving.found, moving.system, moving.axes
+    spin, count = solved.spin, system.tethers.count
     equal = table.groups[0].n is not None and count > 1
     parts = count if equal else 1
     steps = int(np.ceil(2.0 * np.pi * FASTEST / STEP_ANGLE / parts))
@@ -59,7 +59,7 @@ def floquet(table: Any, moving: Moving) -> Floquet:
     thrust = next(load for load in system.loads if isinstance(load, CoulombThrust))
     wind = np.asarray(thrust.wind.origin)
     setting = Setting(system, abs(spin), wind / np.linalg.norm(wind), steps, places, parts)
-    q = found.at.q
+    q = solved.at.q
     v = MovingFrame(jnp.asarray(axes[:, 0] * spin), jnp.zeros(3)).turned(q)
     orbit = periodic_orbit(setting, np.asarray(to_state(system, abs(spin), q, v)))
     if not orbit.converged:
@@ -117,18 +117,18 @@ def signed_wave(table: Any, mode: int) -> int:
 
 def state_of(table: Any, moving: Moving, mode: int) -> Complex[Host, " m"]:
     """A mode as a change of the state (u, (Omega x u + s u) / |Omega|)."""
-    found, axes = moving.found, moving.axes
+    solved, axes = moving.found, moving.axes
     group, column, conjugate = table.motions[mode]
     shapes = table.groups[group]
     local, hub = shapes.local[:, :, column], shapes.hub[:, column]
     if shapes.n is not None:
         count = table.places.mass.shape[1]
         local = local * np.exp(2j * np.pi * shapes.n * np.arange(count) / count)
-    y = np.asarray(independent(moving.system, found.at.q))
+    y = np.asarray(independent(moving.system, solved.at.q))
     basis = motions.rigid_hub_basis(moving.system, y, axes)
     u = basis @ np.concatenate([local.T.ravel(), hub])
     u = u.conj() if conjugate else u
-    turning = axes[:, 0] * found.spin
+    turning = axes[:, 0] * solved.spin
 
     def turned(part):
         frame = MovingFrame(jnp.asarray(turning), jnp.zeros(3))
@@ -136,4 +136,4 @@ def state_of(table: Any, moving: Moving, mode: int) -> Complex[Host, " m"]:
         return np.asarray(independent(moving.system, frame.turned(motion)))
 
     rate = turned(u.real) + 1j * turned(u.imag) + table.eigenvalue[mode] * u
-    return np.concatenate([u, rate / abs(found.spin)])
+    return np.concatenate([u, rate / abs(solved.spin)])

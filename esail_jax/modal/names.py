@@ -63,18 +63,18 @@ def characters(shape: Shape, places: Places, copies: int) -> list[Character]:
         ring = copies * (places.ring.mass[None, :, :count, None] * np.abs(shape.ring) ** 2).sum((1, 2))
     shares = np.concatenate([energy, hub[None], ring.sum(0)[None]])
     shares /= shares.sum(0)
-    found = []
+    of_modes = []
     for m, share in enumerate(shares.T):
         largest = int(share.argmax())
         kind = KINDS[largest]
         if kind == "hub":
-            found.append(Character(kind, share, -1, -1))
+            of_modes.append(Character(kind, share, -1, -1))
             continue
         moving = shape.ring if kind == RING else shape.tether
         direction = int(ring[:, m].argmax()) if kind == RING else largest
         line = strongest_line(moving[direction, :, :, m])
-        found.append(Character(kind, share, sign_changes(line), direction))
-    return found
+        of_modes.append(Character(kind, share, sign_changes(line), direction))
+    return of_modes
 
 
 def strongest_line(displacement: Host) -> Float[Host, " point"]:

@@ -42,7 +42,7 @@ def named_group(
         shape = known[id(shapes.local)] = shape_of(system, places, shapes.local, shapes.hub, shapes.n)
     copies = 1 if shapes.n is None else count
     every = names.characters(shape, places, copies)
-    found = []
+    modes = []
     for vibration in group.vibrations:
         k = vibration.motion
         character = every[k]
@@ -62,7 +62,7 @@ def named_group(
         elif value.real > names.GROWING * abs(value):
             name += ", growing"
         n = -1 if shapes.n is None else shapes.n
-        found.append(
+        modes.append(
             NamedMode(
                 vibration.natural_frequency,
                 vibration.damping_ratio,
@@ -75,7 +75,7 @@ def named_group(
                 conjugate,
             )
         )
-    return found
+    return modes
 
 
 def plain_name(character: names.Character, hub: Host, places: Places) -> str:

@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax.array_types import Float
+from esail_jax.array_types import Float, Vector
 from esail_jax.compilation.kept import program_of
 from esail_jax.compilation.options import START_OPTIONS
 from esail_jax.modal.turn_map import Local, local, settled, turn_map
@@ -90,50 +90,150 @@ def periodic_orbit(setting: Setting, start: Float[Host, " m"]) -> Orbit:
     """The relative periodic orbit nearest to a state, which need not lie on the constraints.
 
     Nothing is raised: `converged` is false if no orbit was found."""
-    system, size = setting.system, len(start) // 2
-    z = run(settled, system, setting.spin, jnp.asarray(start))
-    first, duration, precession = z, 2.0 * np.pi / (setting.spin * setting.parts), 0.0
-    held: Local = run(local, system, setting.spin, jnp.asarray(z))
-    wanted = held.momentum
+    system, spin, wind = setting.system, setting.spin, setting.wind
+    z = run(settled, system, spin, jnp.asarray(start))
+    duration, precession = 2.0 * np.pi / (spin * setting.parts), 0.0
+    held: Local = run(local, system, spin, jnp.asarray(z))
+    wanted = Wanted(z, held.momentum)
     for _ in range(MAX_ITERATIONS):
         tangents = np.linalg.qr(held.conditions.T, mode="complete")[0][:, len(held.conditions) :]
-        image, rate, changes = mapped(setting, z, duration, precession, tangents)
-        matrix = tangents.T @ changes
-        axis = np.asarray(held.momentum / np.linalg.norm(held.momentum))
-        across = np.cross(setting.wind, axis)
-        facing = bool(np.linalg.norm(across) < FACING)
-        across = held_axis(axis) if facing else across / np.linalg.norm(across)
-        turning = np.cross(axis, across) if facing else setting.wind
-        turn, spin = axis @ held.turns, axis @ held.spins
-        free = np.stack([rate / setting.spin, -turning @ held.turns, -across @ held.turns, -spin])
-        phase = np.concatenate([turn[:size], np.zeros(size)]) / np.linalg.norm(turn[:size])
-        length = np.abs(z).max()
-        slopes = held.slopes * (length / np.linalg.norm(wanted))
-        identity = np.eye(len(matrix))
-        rows = np.vstack([slopes, phase]) @ tangents
-        bordered = np.block([[matrix - identity, tangents.T @ free.T], [rows, np.zeros((4, 4))]])
-        gap = tangents.T @ (image - z)
-        change = (wanted - held.momentum) * (length / np.linalg.norm(wanted))
-        right = np.concatenate([-gap, change, [phase @ (first - z)]])
-        if not (np.isfinite(bordered).all() and np.isfinite(right).all()):
+        image = mapped(setting, z, duration, precession, tangents)
+        along = directions(wind, held)
+        equations = bordered_system(Linearised(z, held, along, tangents, image), wanted, spin)
+        if not (np.isfinite(equations.matrix).all() and np.isfinite(equations.right).all()):
             return unknown(setting, z, tangents)
-        step = np.linalg.solve(bordered, right)
-        tilt, faster = step[-2:]
-        drift = free[2:].T @ step[-2:]
-        left = np.abs(gap + tangents.T @ drift).max() / length
-        moved = np.abs(step[:-4]).max() / length
-        converged = bool(moved <= CONVERGED)
-        sailing = float(np.arctan2(np.linalg.norm(np.cross(setting.wind, axis)), setting.wind @ axis))
+        step = newton_step(equations)
+        converged = bool(step.length <= CONVERGED)
         if converged:
             break
-        share = min(1.0, LONGEST_STEP / moved)
-        z = run(settled, system, setting.spin, jnp.asarray(z + share * (tangents @ step[:-4])))
-        duration += share * step[-4] / setting.spin
-        precession += 0.0 if facing else share * step[-3]
-        held = run(local, system, setting.spin, jnp.asarray(z))
-    neutral = np.stack([turn, spin], axis=1)
-    drifts = float(tilt), float(faster), float(left)
-    return Orbit(z, duration, precession, *drifts, tangents, matrix, neutral, sailing, converged)
+        share = min(1.0, LONGEST_STEP / step.length)
+        z = run(settled, system, spin, jnp.asarray(z + share * (tangents @ step.state)))
+        duration += share * step.angle / spin
+        precession += 0.0 if along.facing else share * step.precession
+        held = run(local, system, spin, jnp.asarray(z))
+    return Orbit(
+        state=z,
+        duration=duration,
+        precession=precession,
+        tilt=float(step.tilt),
+        spin=float(step.spin),
+        left=float(step.left),
+        tangents=tangents,
+        map=equations.map,
+        neutral=np.stack([along.turn, along.spin], axis=1),
+        sailing_angle=float(np.arctan2(np.linalg.norm(np.cross(wind, along.axis)), wind @ along.axis)),
+        converged=converged,
+    )
+
+
+class Wanted(NamedTuple):
+    """What an orbit shares with the state at the start of the iteration: its phase, and its angular
+    momentum H_0 [kg m^2/s]."""
+
+    state: Float[Host, " m"]
+    momentum: Vector
+
+
+class Directions(NamedTuple):
+    """Motions of a whole sail, at one of its states.
+
+    axis: that of the angular momentum; facing: whether the sail faces the wind; turning: axis of the
+    precession, which is the wind's, or one across if the sail faces the wind; across: axis about which the
+    spin axis turns away from the wind; turn, spin: changes of the state by a turn about `axis` and by a
+    faster spin about it."""
+
+    axis: Float[Host, "3"]
+    facing: bool
+    turning: Float[Host, "3"]
+    across: Float[Host, "3"]
+    turn: Float[Host, " m"]
+    spin: Float[Host, " m"]
+
+
+def directions(wind: Float[Host, "3"], held: Local) -> Directions:
+    """The motions of a whole sail. wind: unit vector."""
+    axis = np.asarray(held.momentum / np.linalg.norm(held.momentum))
+    across = np.cross(wind, axis)
+    facing = bool(np.linalg.norm(across) < FACING)
+    across = held_axis(axis) if facing else across / np.linalg.norm(across)
+    turning = np.cross(axis, across) if facing else wind
+    return Directions(axis, facing, turning, across, axis @ held.turns, axis @ held.spins)
+
+
+class Linearised(NamedTuple):
+    """A state of the iteration, with what its Newton step depends on. tangents: basis of the changes of the
+    state that the conditions of `held` allow, one a column."""
+
+    state: Float[Host, " m"]
+    held: Local
+    along: Directions
+    tangents: Float[Host, "m n"]
+    image: Image
+
+
+class Equations(NamedTuple):
+    """The linear equations `matrix` @ step = `right` of a Newton step, and what it is judged by.
+
+    A step has the change of the state, in the basis of the tangents, and four numbers: |Omega| dT, d Delta,
+    a and b. tangents: as in `Linearised`; map: derivative of F in their basis; gap: F(z) - z in it;
+    numbers: derivatives of F(z) - z - a e_tilt - b e_spin by the four numbers, one a row; size: largest
+    coordinate [m]."""
+
+    matrix: Float[Host, "k k"]
+    right: Float[Host, " k"]
+    tangents: Float[Host, "m n"]
+    map: Float[Host, "n n"]
+    gap: Float[Host, " n"]
+    numbers: Float[Host, "4 m"]
+    size: float
+
+
+def bordered_system(at: Linearised, wanted: Wanted, spin: float) -> Equations:
+    """The equations of a Newton step. First rows: F(z) - z in the basis of the tangents; then three for the
+    angular momentum and one for the phase. All are in metres. spin: |Omega| [rad/s]."""
+    z, held, along, tangents, image = at
+    by_state = tangents.T @ image.changes
+    numbers = np.stack(
+        [image.rate / spin, -along.turning @ held.turns, -along.across @ held.turns, -along.spin]
+    )
+    half = len(z) // 2
+    phase = np.concatenate([along.turn[:half], np.zeros(half)]) / np.linalg.norm(along.turn[:half])
+    size = np.abs(z).max()
+    slopes = held.slopes * (size / np.linalg.norm(wanted.momentum))
+    rows = np.vstack([slopes, phase]) @ tangents
+    identity = np.eye(len(by_state))
+    matrix = np.block([[by_state - identity, tangents.T @ numbers.T], [rows, np.zeros((4, 4))]])
+    gap = tangents.T @ (image.state - z)
+    change = (wanted.momentum - held.momentum) * (size / np.linalg.norm(wanted.momentum))
+    right = np.concatenate([-gap, change, [phase @ (wanted.state - z)]])
+    return Equations(matrix, right, tangents, by_state, gap, numbers, size)
+
+
+class Step(NamedTuple):
+    """A Newton step.
+
+    state: change of the state in the basis of the tangents; angle: |Omega| dT [rad]; precession: d Delta
+    [rad]; tilt, spin: the drifts a and b; length: largest displacement, relative to the largest coordinate;
+    left: as in `Orbit`."""
+
+    state: Float[Host, " n"]
+    angle: float
+    precession: float
+    tilt: float
+    spin: float
+    length: float
+    left: float
+
+
+def newton_step(equations: Equations) -> Step:
+    """The solution of the equations of a Newton step."""
+    solution = np.linalg.solve(equations.matrix, equations.right)
+    state, drifts = solution[:-4], solution[-2:]
+    drift = equations.numbers[2:].T @ drifts
+    left = np.abs(equations.gap + equations.tangents.T @ drift).max() / equations.size
+    length = np.abs(state).max() / equations.size
+    angle, precession, tilt, spin = solution[-4:]
+    return Step(state, angle, precession, tilt, spin, length, left)
 
 
 def held_axis(axis: Float[Host, "3"]) -> Float[Host, "3"]:
@@ -154,20 +254,19 @@ def unknown(setting: Setting, z: Host, tangents: Host) -> Orbit:
 def mapped(setting: Setting, z: Host, duration: float, precession: float, tangents: Host) -> Image:
     """The image of a state with the derivatives along all tangents, which are computed TOGETHER at
     a time, by one program."""
-    directions = tangents.T
-    missing = -len(directions) % TOGETHER
-    directions = np.pad(directions, ((0, missing), (0, 0)))
+    rows = tangents.T
+    missing = -len(rows) % TOGETHER
+    rows = np.pad(rows, ((0, missing), (0, 0)))
     numbers = (setting.spin, setting.wind, z, duration, precession)
     arguments = (setting.system, *(jnp.asarray(x, jnp.float64) for x in numbers))
     static = (setting.steps, setting.places)
-    program = program_of(turn_map, static, (*arguments, jnp.asarray(directions[:TOGETHER])))
-    found = [
-        program(*arguments, jnp.asarray(directions[k : k + TOGETHER]))
-        for k in range(0, len(directions), TOGETHER)
+    program = program_of(turn_map, static, (*arguments, jnp.asarray(rows[:TOGETHER])))
+    images = [
+        program(*arguments, jnp.asarray(rows[k : k + TOGETHER])) for k in range(0, len(rows), TOGETHER)
     ]
-    changes = np.concatenate([np.asarray(part.changes) for part in found])
+    changes = np.concatenate([np.asarray(image.changes) for image in images])
     changes = changes[: len(changes) - missing]
-    return Image(np.asarray(found[0].state), np.asarray(found[0].rate), changes.T)
+    return Image(np.asarray(images[0].state), np.asarray(images[0].rate), changes.T)
 
 
 def run(function, system, spin, z):

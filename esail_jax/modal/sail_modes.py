@@ -77,8 +77,8 @@ def modes(
 def with_floquet(table: ModeTable, moving: Moving, count: int | None) -> ModeTable:
     """The table with the multipliers, and of the modes the first `count`. Raises
     SimulationError."""
-    found = multipliers_of(table, moving)
-    table = dataclasses.replace(table, floquet=found, notes=(*table.notes, *floquet_notes(found)))
+    floquet = multipliers_of(table, moving)
+    table = dataclasses.replace(table, floquet=floquet, notes=(*table.notes, *floquet_notes(floquet)))
     return table if count is None else table.first(count)
 
 
@@ -87,12 +87,12 @@ def solved_scene(scene: Scene, count: int | None) -> Moving:
     equilibrium."""
     structure, numbers = split(with_method(scene))
     program = program_of(start_of, (structure,), (numbers,), START_OPTIONS)
-    begun: Start = program(numbers)
-    system, axes = begun.model.system, np.asarray(begun.axes)
+    first: Start = program(numbers)
+    system, axes = first.model.system, np.asarray(first.axes)
     spin = float(np.asarray(scene.initial.spin_rate))
-    found = solve(begun.under_mean_loads, begun.model.q, axes, spin, count)
-    if not bool(found.at.converged):
-        left = float(found.at.unbalanced)
+    solved = solve(first.under_mean_loads, first.model.q, axes, spin, count)
+    if not bool(solved.at.converged):
+        left = float(solved.at.unbalanced)
         advice = "Try a faster spin, a weaker load or tethers under tension."
         if scene.tip_thrust is not None:
             advice = (
@@ -103,7 +103,7 @@ def solved_scene(scene: Scene, count: int | None) -> Moving:
             f"No steady spinning state was found: a force of {left:.1e} N is left. {advice}",
             RESULTS.nonfinite,
         )
-    return Moving(found, system, axes)
+    return Moving(solved, system, axes)
 
 
 class Start(NamedTuple):
@@ -122,13 +122,13 @@ def start_of(structure: Structure, numbers: Numbers) -> Start:
     return Start(model, axes, with_mean_loads(model.system, axes))
 
 
-def assembled(scene: Scene, found: Solved, count: int | None) -> ModeTable:
+def assembled(scene: Scene, solved: Solved, count: int | None) -> ModeTable:
     """The table of modes from the spectra of all groups of motions."""
     known: dict[int, Shape] = {}
     entries = [
         (entry, place)
-        for place, group in enumerate(found.groups)
-        for entry in named_group(found.system, group, found.places, found.spin, known)
+        for place, group in enumerate(solved.groups)
+        for entry in named_group(solved.system, group, solved.places, solved.spin, known)
     ]
     entries.sort(key=lambda pair: (pair[0].natural_frequency, pair[0].n, pair[0].name))
     entries = entries[:count]
@@ -142,14 +142,14 @@ def assembled(scene: Scene, found: Solved, count: int | None) -> ModeTable:
         kind=tuple(e.kind for e in each),
         nodes=np.array([e.nodes for e in each], int),
         relative_change=np.full(len(each), np.nan),
-        notes=notes_of(scene, found),
-        coning_angle=found.coning_angle,
-        acceleration=found.acceleration,
-        spin_rate=found.spin,
+        notes=notes_of(scene, solved),
+        coning_angle=solved.coning_angle,
+        acceleration=solved.acceleration,
+        spin_rate=solved.spin,
         motions=tuple((place, entry.motion, entry.conjugate) for entry, place in entries),
-        groups=tuple(group.shapes for group in found.groups),
-        places=found.places,
-        system=found.system,
+        groups=tuple(group.shapes for group in solved.groups),
+        places=solved.places,
+        system=solved.system,
     )
 
 

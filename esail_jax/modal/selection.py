@@ -55,11 +55,12 @@ def vibrations(
     at_rest[np.argsort(np.abs(values))[:neutral]] = True
     at_rest &= np.abs(values) < AT_REST * abs(spin)
     real = ~at_rest & (np.abs(values.imag) <= (REAL if waves else 0.0) * np.abs(values))
-    found = []
+    kept = []
     for k in np.flatnonzero(~at_rest & ~real & ((values.imag > 0.0) | waves)):
         s = complex(values[k])
         shown = complex(s.real, abs(s.imag))
-        found.append(Vibration(shown, abs(s), -s.real / abs(s), int(k), int(np.sign(s.imag)) * waves))
+        wave = int(np.sign(s.imag)) if waves else 0
+        kept.append(Vibration(shown, abs(s), -s.real / abs(s), int(k), wave))
     copies = 2 if waves else 1
     for slow, fast in overdamped(values, motions, mass, np.flatnonzero(real)):
         a = complex(values[slow].real)
@@ -69,8 +70,8 @@ def vibrations(
             b = values[fast].real
             natural = float(np.sqrt(a.real * b))
             alone = Vibration(a, natural, float(-(a.real + b) / (2.0 * natural)), int(slow), 0)
-        found += [alone] * copies
-    return found, int(at_rest.sum())
+        kept += [alone] * copies
+    return kept, int(at_rest.sum())
 
 
 def overdamped(

@@ -60,11 +60,11 @@ def nodal(system: System, local: Host, hub: Host) -> Host:
             turned = rotation_about_x(-2.0 * np.pi * i / tethers.count)
             arm = arms[:, i]
             root[0, :, i] = turned @ (hub[:3] + np.cross(hub[3:], arm, axis=0))
-    found = np.concatenate([root, free])[None]
+    displacements = np.concatenate([root, free])[None]
     if k == 1:
-        return found
+        return displacements
     slopes = local[3 * n : 3 * (2 * n + 1)]
-    return np.concatenate([found, slopes.reshape(1, n + 1, 3, count, modes)])
+    return np.concatenate([displacements, slopes.reshape(1, n + 1, 3, count, modes)])
 
 
 def arms_of(system: System) -> Host:

@@ -70,20 +70,20 @@ class ModeTable:
             "frequency_hz damping_ratio name eigenvalue wave_number kind nodes relative_change motions"
         )
         shorter = {name: getattr(self, name)[:count] for name in of_modes.split()}
-        found = None if self.floquet is None else self.floquet.first(count)
-        return dataclasses.replace(self, **shorter, floquet=found)
+        floquet = None if self.floquet is None else self.floquet.first(count)
+        return dataclasses.replace(self, **shorter, floquet=floquet)
 
     def shape(self, mode: int) -> Shape:
         """The shape of a mode: displacements at the points of `places`, along every tether in its
         axes, and of the hub. The largest displacement of a tether is 1."""
         from esail_jax.modal.shapes import shape_of
 
-        group, column, conjugate = self.motions[mode]
-        found = self.groups[group]
-        local, hub = found.local[:, :, column : column + 1], found.hub[:, column : column + 1]
-        if found.n is not None:
+        place, column, conjugate = self.motions[mode]
+        group = self.groups[place]
+        local, hub = group.local[:, :, column : column + 1], group.hub[:, column : column + 1]
+        if group.n is not None:
             count = self.places.mass.shape[1]
-            phase = np.exp(2j * np.pi * found.n * np.arange(count) / count)
+            phase = np.exp(2j * np.pi * group.n * np.arange(count) / count)
             local = local * phase[:, None]
         tether, hub, ring = shape_of(self.system, self.places, local, hub, None)
         if conjugate:
@@ -95,10 +95,10 @@ class ModeTable:
 
     def records(self) -> list[dict[str, Any]]:
         """The modes as dictionaries that JSON can hold."""
-        found = []
+        records = []
         for k, name in enumerate(self.name):
             change = float(self.relative_change[k])
-            found.append(
+            records.append(
                 {
                     "frequency_hz": float(self.frequency_hz[k]),
                     "damping_ratio": float(self.damping_ratio[k]),
@@ -112,7 +112,7 @@ class ModeTable:
                 }
                 | self.floquet_record(k)
             )
-        return found
+        return records
 
     def floquet_record(self, mode: int) -> dict[str, Any]:
         """Multiplier and exponent of a mode for `records`: none unless they were asked for, null

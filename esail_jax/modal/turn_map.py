@@ -164,9 +164,9 @@ def local(system: System, spin: Scalar | float, z: State) -> Local:
 
     def conditions(z):
         q, v = from_state(system, spin, z)
-        found, rates = jax.jvp(lambda q: system.constraints(jnp.zeros(()), q), (q,), (v,))
+        gaps, rates = jax.jvp(lambda q: system.constraints(jnp.zeros(()), q), (q,), (v,))
         rates = jax.tree.map(lambda x: x / spin, rates)
-        rows = [jnp.ravel(x) for x in jax.tree.leaves((found, rates))]
+        rows = [jnp.ravel(x) for x in jax.tree.leaves((gaps, rates))]
         return jnp.concatenate([*rows, system.mean(q), system.mean(v) / spin])
 
     def momentum(z):

@@ -12,17 +12,17 @@ from esail_jax.numerics.symbolic_zeros import jvp_of_perturbed
 
 
 def known_solution(
-    residual: Callable[[Any, Any], Any], solve: Callable[[Any, Any, Any], Any], numbers: Any, found: Any
+    residual: Callable[[Any, Any], Any], solve: Callable[[Any, Any, Any], Any], numbers: Any, solution: Any
 ) -> Any:
-    """`found` as it is, with the derivatives, of any order, of the solution x of
+    """`solution` as it is, with the derivatives, of any order, of the x that solves
     residual(numbers, x) = 0 (implicit function theorem): dx = -J^-1 d(residual), J = d(residual)/dx.
 
     solve: returns J^-1 rhs from (numbers, x, rhs), as a differentiable function. The two functions depend
     on traced arrays through their arguments only."""
 
     @custom_jvp
-    def known(numbers: Any, found: Any) -> Any:
-        return found
+    def known(numbers: Any, solution: Any) -> Any:
+        return solution
 
     @functools.partial(known.defjvp, symbolic_zeros=True)
     def _known_jvp(primals, tangents):
@@ -30,4 +30,4 @@ def known_solution(
         _, moved = jvp_of_perturbed(lambda numbers: residual(numbers, x), primals[:1], tangents[:1])
         return x, solve(numbers, x, jax.tree.map(lambda y: -y, moved))
 
-    return known(numbers, lax.stop_gradient(found))
+    return known(numbers, lax.stop_gradient(solution))

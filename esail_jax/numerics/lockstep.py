@@ -95,8 +95,8 @@ def cond_of_members(
     finite for their operands, too. JAX's own rule for a condition that differs between members stops the
     gradient of the operands; within a batched rule of `jax.custom_jvp` these are tangents, and reverse mode
     (`jax.grad` of `jax.vmap`) then ends in an error."""
-    found = lax.cond(any_member(condition), yes, no, *operands)
-    return select(true_or_of_members(condition), found, no(*operands))
+    chosen = lax.cond(any_member(condition), yes, no, *operands)
+    return select(true_or_of_members(condition), chosen, no(*operands))
 
 
 @custom_vmap
@@ -168,5 +168,8 @@ def per_member_table(
 
     Without the copies XLA moves the member axis behind the table's rows and transposes the arrays around
     the product. The compiler removes the selection that makes the copies."""
+    # The condition says nothing: it is true for a number and false for NaN, and both choices are the table,
+    # so that NaN does no harm. But it is computed from `like`, and so there is one of every member: under
+    # `vmap` JAX selects, and by that copies, the table once for every member.
     token = like.reshape(-1)[0].real
     return jnp.where(token == token, table, table)

@@ -32,10 +32,10 @@ def perturbed(function: Callable, primals: tuple, tangents: tuple) -> tuple[Call
     moving = [i for i, move in enumerate(moves) if not is_symbolic(move)]
 
     def of_moving(*some):
-        found = list(leaves)
+        merged = list(leaves)
         for i, x in zip(moving, some, strict=True):
-            found[i] = x
-        return function(*jax.tree.unflatten(structure, found))
+            merged[i] = x
+        return function(*jax.tree.unflatten(structure, merged))
 
     at, along = (tuple(x[i] for i in moving) for x in (leaves, moves))
     return of_moving, at, along
@@ -122,5 +122,6 @@ def of_every_member(values: Any, of: Any) -> Any:
     """The values as numbers of every member, if `of` differs between the members of a batch: JAX
     0.10 fails where tangents differ and values do not. The compiler removes the selection."""
     numbers = [jnp.asarray(x) for x in jax.tree.leaves(of)]
+    # Both choices are the values: the condition is there for its axis of members only (`lockstep.py`).
     token = linear_zero([x for x in numbers if jnp.issubdtype(x.dtype, jnp.floating)])
     return jax.tree.map(lambda x: jnp.where(token == token, x, x), values)

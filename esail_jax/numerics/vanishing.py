@@ -154,8 +154,8 @@ def product_operation() -> Any:
             for y, axis in pairs
         ]
         like = [jax.ShapeDtypeStruct((size, *y.shape), y.dtype) for y in results]
-        found = zero_product(derivative.of_batch(axes[:points]), arguments[:points], d, like)
-        return found, [0] * len(found)
+        products = zero_product(derivative.of_batch(axes[:points]), arguments[:points], d, like)
+        return products, [0] * len(products)
 
     def inside(**parameters):
         return functools.partial(zeros, **parameters)
@@ -202,8 +202,8 @@ def slope(x: Numbers, c: Numbers) -> Numbers:
 
 @slope.defjvp
 def _slope_jvp(primals, tangents):
-    found = slope(*primals)
-    return found, jnp.where(found == 0.0, 0.0, jnp.nan) * tangents[0]
+    inverse = slope(*primals)
+    return inverse, jnp.where(inverse == 0.0, 0.0, jnp.nan) * tangents[0]
 
 
 def half_product(x: Scalar, y: Numbers) -> Numbers:

@@ -20,8 +20,8 @@ def lost_warning(rows: Mapping[str, np.ndarray], scene: Scene) -> str:
     """A sentence that says what has happened to a sail and when it was first seen, otherwise an
     empty text. A run that did not save the observables of which this follows is not judged. Released
     tethers do not count."""
-    found = [f(rows, scene) for f in (lagging, turned_over, reordered, close)]
-    said = [(time, words) for time, words in filter(None, found)]
+    findings = [f(rows, scene) for f in (lagging, turned_over, reordered, close)]
+    said = [(time, words) for time, words in filter(None, findings)]
     if not said:
         return ""
     first = min(index for index, _ in said)
@@ -40,10 +40,10 @@ def first_row(is_seen: np.ndarray) -> int | None:
 
 def held(scene: Scene) -> np.ndarray:
     """Tells of every tether that it is never released."""
-    found = np.ones(scene.tethers.count, bool)
+    stays = np.ones(scene.tethers.count, bool)
     if scene.event is not None:
-        found[np.array(scene.event.release) - 1] = False
-    return found
+        stays[np.array(scene.event.release) - 1] = False
+    return stays
 
 
 def lagging(rows: Mapping[str, np.ndarray], scene: Scene) -> Finding:

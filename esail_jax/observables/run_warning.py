@@ -37,8 +37,13 @@ def run_warning(
     if scene is None:
         return joined_warnings(rows, parts)
     lost = "" if scene.chain is not None else lost_warning(rows, scene)
-    found = (*doubts(scene), idle_warning(rows, scene), lost, joined_warnings(rows, parts, scene.thermal))
-    return " ".join(filter(None, found))
+    warnings = (
+        *doubts(scene),
+        idle_warning(rows, scene),
+        lost,
+        joined_warnings(rows, parts, scene.thermal),
+    )
+    return " ".join(filter(None, warnings))
 
 
 def joined_warnings(

@@ -190,8 +190,8 @@ def move(
 
     The derivative, in forward and in reverse mode, is that of the steps that were taken. They are recorded,
     in at most `stepper.blocks_per_window` batches of blocks, and replayed in loops of fixed length."""
-    found = advance(problem, motion, window, max_steps, jnp.asarray(NO_LIMIT))
-    return found.motion, found.points, found.passed
+    advanced = advance(problem, motion, window, max_steps, jnp.asarray(NO_LIMIT))
+    return advanced.motion, advanced.points, advanced.passed
 
 
 @functools.partial(move.defjvp, symbolic_zeros=True)
@@ -199,14 +199,14 @@ def _move_jvp(primals, tangents):
     problem, motion, window, max_steps = primals
     stepper, room = problem.stepper, problem.stepper.blocks_per_window
     given = lax.stop_gradient((problem, motion, window, max_steps))
-    found = advance(*given, jnp.asarray(room), stepper.tape, room)
-    short = (found.passed < window.count) & (found.motion.state.result == RESULTS.successful)
-    result = RESULTS.where(short, RESULTS.too_many_steps, found.motion.state.result)
-    ended = with_result(found.motion, result)
-    taken = lax.stop_gradient(Taken(found.kept, ended, found.batches, found.points))
+    advanced = advance(*given, jnp.asarray(room), stepper.tape, room)
+    short = (advanced.passed < window.count) & (advanced.motion.state.result == RESULTS.successful)
+    result = RESULTS.where(short, RESULTS.too_many_steps, advanced.motion.state.result)
+    ended = with_result(advanced.motion, result)
+    taken = lax.stop_gradient(Taken(advanced.kept, ended, advanced.batches, advanced.points))
     taken = jax.tree.map(lambda x: checkpoint_name(x, TAPES), taken)
     results, moved = as_taken_and_moved(taken, primals, tangents)
-    return (*results, found.passed), (*moved, none_like(found.passed))
+    return (*results, advanced.passed), (*moved, none_like(advanced.passed))
 
 
 class Taken(NamedTuple):

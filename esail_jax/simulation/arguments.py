@@ -42,9 +42,9 @@ def check_start(scene: Scene, start: AnyPoint | None) -> None:
     for name, expected in shapes_of(scene).items():
         for part in ("q", "v"):
             value = getattr(getattr(start, part), name)
-            found = None if value is None else np.shape(value)
-            if found != expected:
-                raise SceneError(f"start.{part}.{name}", f"have the shape {expected}", f"has {found}")
+            shape = None if value is None else np.shape(value)
+            if shape != expected:
+                raise SceneError(f"start.{part}.{name}", f"have the shape {expected}", f"has {shape}")
 
 
 def shapes_of(scene: Scene) -> dict[str, tuple[int, ...] | None]:

@@ -20,11 +20,11 @@ from esail_jax.simulation.schedule import Plan, Schedule, Windows, repeated, rou
 class DividedPlan(NamedTuple):
     """The times of a run that is divided at instants without a value yet, as arguments of its program.
 
-    begin: the start [s]; times: the saved instants; known: all instants at which a window ends, but for
+    start: of the run [s]; times: the saved instants; known: all instants at which a window ends, but for
     those without a value; switches, samples: those of the schedule. The last ones are repeated, or are
     infinite or negative, so that their numbers are rounded up."""
 
-    begin: float | Scalar
+    start: float | Scalar
     times: Float[Array | np.ndarray, " time"]
     known: Float[Array | np.ndarray, " window"]
     switches: Float[Array | np.ndarray, " switch"]
@@ -40,7 +40,7 @@ def divided_plan(schedule: Schedule) -> DividedPlan:
         return repeated(np.array([*times, value]), rounded_up(len(times) + 1))
 
     return DividedPlan(
-        np.asarray(schedule.begin, float), padded(schedule.times, schedule.times[-1]),
+        np.asarray(schedule.start, float), padded(schedule.times, schedule.times[-1]),
         padded(known, known[-1]), padded(schedule.switches, np.inf), padded(schedule.samples, -1.0),
     )  # fmt: skip
 
@@ -48,7 +48,7 @@ def divided_plan(schedule: Schedule) -> DividedPlan:
 def divided_windows(plan: DividedPlan, instants: Float[Array, " knot"]) -> Plan:
     """The windows of a plan that is also divided at these instants [s]. Instants outside of the run
     divide nothing: they become windows at its end, in which nothing happens."""
-    begin, end = plan.begin, plan.known[-1]
+    begin, end = plan.start, plan.known[-1]
     knots = lax.stop_gradient(instants)
     inner = (knots > begin) & (knots < end)
     switches = jnp.concatenate([plan.switches, jnp.where(inner, knots, jnp.inf)])
@@ -58,9 +58,9 @@ def divided_windows(plan: DividedPlan, instants: Float[Array, " knot"]) -> Plan:
     start = jnp.where(before & (switches > begin), switches, begin).max(1)
     until = jnp.where(after, switches, jnp.inf).min(1)
     previous = jnp.concatenate([jnp.reshape(begin, 1), times[:-1]])
-    begins = (previous == start) & (start > begin)
+    after_switch = (previous == start) & (start > begin)
     number = jnp.searchsorted(times, plan.times)
     ones = np.ones(len(times), int)
-    samples = begins & jnp.isin(start, plan.samples)
-    windows = Windows(times[:, None], ones, start, begins, until, samples)
+    samples = after_switch & jnp.isin(start, plan.samples)
+    windows = Windows(times[:, None], ones, start, after_switch, until, samples)
     return Plan(windows, number, np.zeros(len(plan.times), int))

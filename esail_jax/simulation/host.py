@@ -40,7 +40,7 @@ NO_LIMIT = np.inf
 
 class CompiledScene(NamedTuple):
     """A scene with its compiled programs and its start. scene: as given; resolved: with its method;
-    carried: what the run carries along at its start; begin: start of the run [s]."""
+    carried: what the run carries along at its start; start_time: start of the run [s]."""
 
     scene: Scene
     resolved: Scene
@@ -48,14 +48,14 @@ class CompiledScene(NamedTuple):
     problem: Problem
     motion: Motion
     carried: Carried
-    begin: float
+    start_time: float
 
     @property
     def numerics(self) -> dict[str, str]:
         """Names and units of the statistics that the run reports."""
-        found = {name: how.unit for name, how in self.problem.stepper.statistics.items()}
+        of_stepper = {name: how.unit for name, how in self.problem.stepper.statistics.items()}
         constrained = {} if not self.problem.system.has_constraints else {"constraint_violation": "m"}
-        return COUNTS | found | constrained
+        return COUNTS | of_stepper | constrained
 
 
 def compile_scene(
@@ -72,11 +72,11 @@ def compile_scene(
     resolved = scene if stepper is not None else with_method(scene)
     structure, numbers = split(resolved)
     programs = compile_programs(structure, numbers, stepper, point, names)
-    begun = programs.start(numbers, stepper, point)
+    first = programs.start(numbers, stepper, point)
     if scene.chain is None:
-        check_steady(scene, begun)
-    begin = 0.0 if point is None else float(point.time)
-    return CompiledScene(scene, resolved, programs, begun.problem, begun.motion, begun.carried, begin)
+        check_steady(scene, first)
+    start_time = 0.0 if point is None else float(point.time)
+    return CompiledScene(scene, resolved, programs, first.problem, first.motion, first.carried, start_time)
 
 
 class HostRun:
@@ -112,7 +112,7 @@ class HostRun:
         restarts = compiled.programs.restart is not None
         end = float(self.times[-1])
         switches = switch_times(scene, end) if restarts else ()
-        self.segments = segments(compiled.begin, end, switches)
+        self.segments = segments(compiled.start_time, end, switches)
         self.samples = set(sampling_instants(scene, end))
 
     @property
@@ -132,26 +132,31 @@ class HostRun:
         if self.checkpoint.rows == len(self.times):
             return  # interrupted after the last instant
         with ThreadPoolExecutor(1) as pool:
-            yield from self._calls(functools.partial(pool.submit, self._begin))
+            yield from self._calls(functools.partial(pool.submit, self._submitted))
 
-    def _calls(self, begin: "Callable[[int, int, Motion], Future[Begun]]") -> Iterator[Chunk]:
-        """Yields the chunks. begin: begins a call in another thread."""
-        number, ahead = self.checkpoint.segment, None
-        while number < len(self.segments):
+    def _calls(self, submit: "Callable[[int, int, Motion], Future[Submitted]]") -> Iterator[Chunk]:
+        """Yields the chunks. submit: makes a call in another thread.
+
+        Two calls overlap: while the observables of one are evaluated here, the next one computes there.
+        Only within a segment is it known before what the next call starts from."""
+        segment_index, next_call = self.checkpoint.segment, None
+        while segment_index < len(self.segments):
             checkpoint = self.checkpoint
-            begun = ahead or begin(number, checkpoint.rows, checkpoint.motion)
-            call, ahead = self._finished(begun.result()), None
-            if not call.ended and name_of(call.done.motion.state.result) == "successful":
+            if next_call is None:
+                next_call = submit(segment_index, checkpoint.rows, checkpoint.motion)
+            call, next_call = self._finished(next_call.result()), None
+            if not call.ended and name_of(call.motion.state.result) == "successful":
                 rows = self._rows_after(call, min(call.passed, call.saved))
-                ahead = begin(number, rows, call.done.motion)
+                next_call = submit(segment_index, rows, call.motion)
             seen = self._look(call)
             if seen.result == "successful":
-                self.checkpoint = self._after(call, seen, number)
+                self.checkpoint = self._after(call, seen, segment_index)
             if seen.count:
                 yield Chunk(call.times[: seen.count], seen.rows, seen.numerics, float(call.done.time))
             if seen.result != "successful":
                 raise self._failure(call, seen)
-            number += call.ended
+            if call.ended:
+                segment_index += 1
 
     def _problem(self, number: int) -> Problem:
         """The problem during a segment."""
@@ -162,7 +167,7 @@ class HostRun:
         problem = problem.in_segment(np.asarray(segment.start), np.asarray(segment.until))
         return problem.under(self.checkpoint.carried)
 
-    def _begin(self, number: int, row: int, motion: Motion) -> "Begun":
+    def _submitted(self, number: int, row: int, motion: Motion) -> "Submitted":
         """Calls the compiled program for the next saved instants of a segment. Its results may not be
         there yet."""
         segment, programs = self.segments[number], self.compiled.programs
@@ -176,11 +181,11 @@ class HostRun:
         window, batches = Window(padded, np.asarray(len(times))), np.asarray(programs.batches)
         problem = self._problem(number)
         done = programs.advance(problem, motion, window, self.max_steps, batches)
-        return Begun(problem, times, saved, segment.stop, done)
+        return Submitted(problem, times, saved, segment.stop, done)
 
-    def _finished(self, begun: "Begun") -> "Call":
+    def _finished(self, submitted: "Submitted") -> "Call":
         """Waits for the results of a call."""
-        problem, times, saved, stop, done = begun
+        problem, times, saved, stop, done = submitted
         self.counts = np.asarray(done.counts)
         log = Log.from_table(np.asarray(done.kept), self.compiled.programs.statistics)
         passed = int(done.passed)
@@ -196,14 +201,14 @@ class HostRun:
         """Evaluates the observables and the statistics at the saved instants that a call has passed."""
         programs, energy = self.compiled.programs, self.checkpoint.energy
         steps = self.checkpoint.pending.with_steps(call.log, self.statistics)
-        result = name_of(call.done.motion.state.result)
+        result = name_of(call.motion.state.result)
         if not call.passed:
             return Seen({}, {}, 0, None, steps, steps, energy, result)
-        found, last, gaps = programs.look(call.problem, call.done.points, np.asarray(call.passed))
+        observables, last, gaps = programs.look(call.problem, call.done.points, np.asarray(call.passed))
         count = min(call.passed, call.saved)
         # Copies: a view would keep the memory of all instants of the window, of which few may be passed.
-        rows = {name: np.asarray(x)[:count].copy() for name, x in found.items()}
-        numerics, left = steps.values(call.times[:count], self.compiled.begin, self.statistics)
+        rows = {name: np.asarray(x)[:count].copy() for name, x in observables.items()}
+        numerics, left = steps.values(call.times[:count], self.compiled.start_time, self.statistics)
         if "constraint_violation" in self.compiled.numerics:
             numerics.setdefault("constraint_violation", np.asarray(gaps)[:count].copy())
         if count:
@@ -218,7 +223,7 @@ class HostRun:
     def _after(self, call: "Call", seen: "Seen", number: int) -> Checkpoint:
         """The checkpoint after a good call, at the start of the next segment if this one has
         ended."""
-        motion, before = call.done.motion, self.checkpoint
+        motion, before = call.motion, self.checkpoint
         rows, pending, energy = self._rows_after(call, seen.count), seen.steps, before.energy
         carried = before.carried
         if rows - before.rows == seen.count:
@@ -249,7 +254,7 @@ class HostRun:
 
     def _failure(self, call: "Call", seen: "Seen") -> SimulationError:
         """The error that describes a failed run."""
-        result, state = getattr(RESULTS, seen.result), call.done.motion.state
+        result, state = getattr(RESULTS, seen.result), call.motion.state
         stepper = call.problem.stepper
         if seen.result == "energy_drift":
             text = f"At t = {call.times[seen.count]:.6g} s. {stepper.energy_hint()}"
@@ -261,7 +266,7 @@ class HostRun:
         return SimulationError(" ".join(filter(None, (RESULTS[result], text, hint))), result)
 
 
-class Begun(NamedTuple):
+class Submitted(NamedTuple):
     """A call of the compiled program that may not have ended. times: the instants [s], the first `saved` of
     which are saved; stop: end of the segment [s]; done: the results, for which the host may have to
     wait."""
@@ -286,6 +291,11 @@ class Call(NamedTuple):
     passed: int
     log: Log
     ended: bool
+
+    @property
+    def motion(self) -> Motion:
+        """The motion at its end."""
+        return self.done.motion
 
 
 class Seen(NamedTuple):

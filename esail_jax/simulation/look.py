@@ -54,8 +54,8 @@ def violation(system: System, point: Point) -> Scalar:
     """The largest constraint violation [m]."""
     if not system.has_constraints:
         return jnp.zeros(())
-    found = jax.tree.leaves(system.constraints(point.time, point.q))
-    return jnp.stack([jnp.abs(x).max() for x in found]).max()
+    violations = jax.tree.leaves(system.constraints(point.time, point.q))
+    return jnp.stack([jnp.abs(x).max() for x in violations]).max()
 
 
 def look_at_window(

@@ -135,16 +135,16 @@ def start(
         floor = energy_floor(chain) if stepper.energy_guard else None
         model = chain if stepper.relative_coordinates else chain.system
         q, v = chain.coordinates(rods)
-        begin = rods if stepper.relative_coordinates else Point(zero, q, v, nothing, jnp.asarray(True))
+        first = rods if stepper.relative_coordinates else Point(zero, q, v, nothing, jnp.asarray(True))
         if point is not None:
-            q, v, begin = point.q, point.v, point
+            q, v, first = point.q, point.v, point
         energy = observables.chain.internal_energy(chain.system, chain.hinges, q, v)
     else:
         built = build(structure, numbers)
         model, q, v, unbalanced = built.system, built.q, built.v, built.unbalanced
         if stepper is None:
             stepper = stepper_of(structure, numbers, model, None)
-        begin = Point(zero, q, v, nothing, jnp.asarray(True))
+        first = Point(zero, q, v, nothing, jnp.asarray(True))
         scene_orbit = orbit = model.kepler_orbit
         if point is not None:
             if orbit is not None:
@@ -152,11 +152,11 @@ def start(
                 point, orbit = rectified(model, *parts)
             model = model.with_events_until(point.time)
             q, v = project(model, point.time, point.q, point.v)
-            begin = point._replace(q=q, v=v)
-        energy = observables.kinetic_energy(model, v) + observables.elastic_energy(model, begin.time, q)
-        thermal = observables.thermal_energy(model, begin.time, q)
+            first = point._replace(q=q, v=v)
+        energy = observables.kinetic_energy(model, v) + observables.elastic_energy(model, first.time, q)
+        thermal = observables.thermal_energy(model, first.time, q)
         if thermal is not None and point is None:
-            begin = begin._replace(work=Power(-thermal, zero))
+            first = first._replace(work=Power(-thermal, zero))
         elif thermal is not None:
             energy = energy - thermal
         inertia, floor = inertia_of(model), None
@@ -165,8 +165,8 @@ def start(
     problem = Problem(model, stepper, origin, energy, inertia, floor, scene_orbit)
     carried = Carried(None, orbit)
     if not structure.has("chain") and sampled_load(model) is not None:
-        carried = carried._replace(control=sample(at_place(model, orbit), begin, None))
-    state, last = stepper.init(problem.under(carried).settled().model, begin, jnp.asarray(jnp.inf))
+        carried = carried._replace(control=sample(at_place(model, orbit), first, None))
+    state, last = stepper.init(problem.under(carried).settled().model, first, jnp.asarray(jnp.inf))
     jump = None if law_of(model) is None else zero
     return Start(problem, Motion(state, last, jnp.zeros(2), jump), unbalanced, q, carried)
 
@@ -203,18 +203,18 @@ def require_64_bit() -> None:
         )
 
 
-def check_steady(scene: Scene, begun: Start) -> None:
+def check_steady(scene: Scene, first: Start) -> None:
     """Raises SceneError if the elements have no steady elongation at the initial spin rate."""
-    tethers = begun.problem.system.tethers
-    q, spin = begun.q.tether, float(np.abs(scene.initial.spin_rate))
+    tethers = first.problem.system.tethers
+    q, spin = first.q.tether, float(np.abs(scene.initial.spin_rate))
     lengths = np.asarray(tethers.element_length) * tethers.elements
     mass = np.asarray(tethers.line_density) * lengths + np.asarray(tethers.tip_mass)
     allowed = UNBALANCED * mass * lengths * spin**2 + 1e-9
-    unbalanced = np.asarray(begun.unbalanced)
+    unbalanced = np.asarray(first.unbalanced)
     positions = np.asarray(q)
     radial = np.linalg.norm(positions[0, :, -1] - positions[0, :, 0], axis=0)
     bad = ~(unbalanced <= allowed) | ~np.isfinite(radial)
-    if bad.any() and begun.problem.system.ring is not None:
+    if bad.any() and first.problem.system.ring is not None:
         raise SceneError(
             "auxiliary_tethers.length",
             "leave the sail a steady start",

@@ -86,7 +86,7 @@ def _compiled(structure: Structure, tree: Any, types: tuple, names: tuple[str, .
 
         starting, starts = ready("the start", start, (structure,), given, START_OPTIONS)
         problem, motion, carried = (getattr(starting.result, x) for x in ("problem", "motion", "carried"))
-        begun = problem.under(carried)
+        problem = problem.under(carried)
         step = motion.last.taken.shape[0]
         size = degrees_of_freedom(problem.system)
         instants = int(np.clip(NUMBERS_PER_CALL // (4 * size), 1, MAX_INSTANTS))
@@ -98,17 +98,17 @@ def _compiled(structure: Structure, tree: Any, types: tuple, names: tuple[str, .
             "the time steps",
             advance_window,
             (batches,),
-            (begun, motion, window, number, integer),
+            (problem, motion, window, number, integer),
             step_options,
         )
         points = stepping.result.points
-        arguments = begun, points, integer
+        arguments = problem, points, integer
         looking, looks = ready("the observables", look_at_points, (names,), arguments, look_options)
         restarting = None
         if structure.is_switched:
             one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), points)
             due = None if carried.control is None else jax.ShapeDtypeStruct((), bool)
-            arguments = begun, motion, one, number, carried, due
+            arguments = problem, motion, one, number, carried, due
             restarting, restarts = ready("switch times", restart, (), arguments, switch_options)
             restarts.result()
         for done in (starts, advances, looks):

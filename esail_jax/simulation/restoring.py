@@ -27,7 +27,7 @@ def restored(like: T, arrays: Mapping[str, np.ndarray]) -> T:
         if name not in expected or name not in arrays:
             raise ValueError(f"{name} is {'missing' if name in expected else 'unknown'}")
         kind = (np.shape(expected[name]), jnp.result_type(expected[name]))
-        found = (np.shape(arrays[name]), jnp.result_type(arrays[name]))
-        if kind != found:
-            raise ValueError(f"{name} is {found[1]}{list(found[0])}, not {kind[1]}{list(kind[0])}")
+        held = (np.shape(arrays[name]), jnp.result_type(arrays[name]))
+        if kind != held:
+            raise ValueError(f"{name} is {held[1]}{list(held[0])}, not {kind[1]}{list(kind[0])}")
     return jax.tree.unflatten(jax.tree.structure(like), [arrays[name] for name in expected])

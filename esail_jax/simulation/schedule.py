@@ -96,10 +96,10 @@ class Segment:
     last: bool
 
 
-def segments(begin: float, end: float, switches: Sequence[float]) -> list[Segment]:
-    """The segments of a run from `begin` to `end` [s], in order."""
-    inner = [time for time in switches if begin < time < end]
-    starts, stops = [begin, *inner], [*inner, end]
+def segments(start: float, end: float, switches: Sequence[float]) -> list[Segment]:
+    """The segments of a run from `start` to `end` [s], in order."""
+    inner = [time for time in switches if start < time < end]
+    starts, stops = [start, *inner], [*inner, end]
     known = np.append(np.sort(np.asarray(switches, float)), np.inf)
     later = known[np.searchsorted(known, starts, side="right")].tolist()
     last = [stop == end for stop in stops]
@@ -113,13 +113,14 @@ class Windows(NamedTuple):
     """The windows of a traced run. The first axis is `window`.
 
     times: instants [s]; count: how many of them are used, the others repeat the last; start: the start of
-    the segment that contains the window [s]; begins: true if the window is the first one after a switch
-    time; until: the next switch time [s]; samples: true if the window begins at a sampling instant."""
+    the segment that contains the window [s]; after_switch: true if the window is the first one after a
+    switch time; until: the next switch time [s]; samples: true if the window begins at a sampling
+    instant."""
 
     times: Float[Array | np.ndarray, "window instant"]
     count: Int[Array | np.ndarray, " window"]
     start: Float[Array | np.ndarray, " window"]
-    begins: Bool[Array | np.ndarray, " window"]
+    after_switch: Bool[Array | np.ndarray, " window"]
     until: Float[Array | np.ndarray, " window"]
     samples: Bool[Array | np.ndarray, " window"]
 
@@ -137,7 +138,7 @@ class Plan(NamedTuple):
 class Schedule:
     """The times of a traced run.
 
-    times: the saved instants [s]; switches: the switch times [s]; begin: the start [s]; size: the largest
+    times: the saved instants [s]; switches: the switch times [s]; start: the start [s]; size: the largest
     number of instants in a window; least: the least number of windows; divided: keys of traced numbers of
     the scene at whose instants the run is divided, too; samples: the switch times that are sampling
     instants of a voltage law. Windows also contain instants that are not saved: the ends of segments, and
@@ -145,7 +146,7 @@ class Schedule:
 
     times: tuple[float, ...]
     switches: tuple[float, ...]
-    begin: float
+    start: float
     size: int
     least: int
     divided: tuple[str, ...] = ()
@@ -154,7 +155,7 @@ class Schedule:
     @property
     def is_switched(self) -> bool:
         """Tells whether the run has a switch time, or may have one."""
-        return bool(self.divided) or any(self.begin < time < self.times[-1] for time in self.switches)
+        return bool(self.divided) or any(self.start < time < self.times[-1] for time in self.switches)
 
     def plan(self) -> Plan:
         """The windows of the run. Further windows follow, at the end of the run, in which nothing
@@ -163,33 +164,33 @@ class Schedule:
         rows: list[tuple] = []
         where: dict = {}
         end, times = self.times[-1], np.array(self.times)
-        for segment in segments(self.begin, end, self.switches):
-            share = (segment.stop - segment.start) / max(end - self.begin, 1e-300)
+        for segment in segments(self.start, end, self.switches):
+            share = (segment.stop - segment.start) / max(end - self.start, 1e-300)
             cuts = segment.start + (segment.stop - segment.start) * (
                 np.arange(1, max(1, int(np.ceil(self.least * share))))
                 / max(1, int(np.ceil(self.least * share)))
             )
-            first = segment.start == self.begin
+            first = segment.start == self.start
             low, high = np.searchsorted(times, (segment.start, segment.stop), side="right")
             saved = self.times[0 if first else low : high]
             ends = {*cuts.tolist(), segment.stop}
             window: list[float] = []
-            begins = not first
+            after_switch = not first
             for time in sorted({*saved, *ends}):
                 window.append(time)
                 where[time] = (len(rows), len(window) - 1)
                 if len(window) == self.size or time in ends:
-                    rows.append((window, segment.start, begins, segment.until))
-                    window, begins = [], False
+                    rows.append((window, segment.start, after_switch, segment.until))
+                    window, after_switch = [], False
         last = rows[-1]
         rows += [([end], last[1], False, last[3])] * (rounded_up(len(rows)) - len(rows))
         padded = np.array([[*w, *[w[-1]] * (self.size - len(w))] for w, *_ in rows])
         count = np.array([len(w) for w, *_ in rows])
-        start, begins, until = (np.array([row[i] for row in rows]) for i in (1, 2, 3))
-        samples = begins & np.isin(start, self.samples)
+        start, after_switch, until = (np.array([row[i] for row in rows]) for i in (1, 2, 3))
+        samples = after_switch & np.isin(start, self.samples)
         index = np.array([where[time] for time in self.times])
         number, place = (repeated(x, rounded_up(len(index))) for x in index.T)
-        return Plan(Windows(padded, count, start, begins, until, samples), number, place)
+        return Plan(Windows(padded, count, start, after_switch, until, samples), number, place)
 
 
 def rounded_up(count: int) -> int:

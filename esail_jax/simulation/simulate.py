@@ -23,7 +23,7 @@ from esail_jax.simulation.host import HostRun, compile_scene
 from esail_jax.simulation.rectification import AnyPoint
 from esail_jax.simulation.results import Checkpoint, Chunk, all_rows
 from esail_jax.simulation.schedule import save_times
-from esail_jax.simulation.solution import Solution
+from esail_jax.simulation.solution import Solution, Stats
 from esail_jax.simulation.stability import INSTANTS, Stability, stability_of
 from esail_jax.simulation.under_trace import simulate_traced, under_trace
 from esail_jax.simulation.voltage_jumps import DERIVATIVE, jump_warning
@@ -92,12 +92,13 @@ def simulate(
             raise SceneError("stability", "be False under a trace", "is True")
         given = {"save": save, "times": times, "start": start, "stepper": stepper}
         return raised(simulate_traced(scene, max_steps=max_steps, **given), throw)
-    run = begin(scene, save, times, start, max_steps, stepper)
+    run = compiled_run(scene, save, times, start, max_steps, stepper)
     solution = collected(run, save, throw, progress)
     if stability and solution.result == RESULTS.successful:
-        found = stability_along(scene, float(solution.time[-1]), solution.steps, start, stepper)
-        solution.stats["stability"] = found
-        solution.stats["message"] = " ".join(filter(None, (solution.stats["message"], found.warning)))
+        stability_of_run = stability_along(scene, float(solution.time[-1]), solution.steps, start, stepper)
+        solution.stats["stability"] = stability_of_run
+        said = solution.stats["message"], stability_of_run.warning
+        solution.stats["message"] = " ".join(filter(None, said))
     return solution
 
 
@@ -153,7 +154,7 @@ def run(
         raise SceneError(
             "scene", "have plain numbers in `run`", "has a number under a trace (use `simulate`)"
         )
-    return begin(scene, save, times, start, max_steps, stepper).host.chunks()
+    return compiled_run(scene, save, times, start, max_steps, stepper).host.chunks()
 
 
 def with_own(overrides: Mapping[str, Any] | None, law: Any, terms: Any) -> Mapping[str, Any] | None:
@@ -182,7 +183,7 @@ def raised(solution: Solution, throw: bool) -> Solution:
 # ---- on the host --------------------------------------------------------------------------------
 
 
-class Begun(NamedTuple):
+class CompiledRun(NamedTuple):
     """A run that is compiled and ready. compile_time: seconds that this took; save, times, start, stepper:
     arguments of `simulate`."""
 
@@ -201,7 +202,7 @@ class Begun(NamedTuple):
         return self.host.checkpoint if all(x is None for x in given) else None
 
 
-def begin(scene, save, times, start, max_steps, stepper) -> Begun:
+def compiled_run(scene, save, times, start, max_steps, stepper) -> CompiledRun:
     """Compiles a scene and returns its run at the start. Arguments are those of `simulate`."""
     began = clock.perf_counter()
     names = None if save is None or scene.chain is not None else tuple(save)
@@ -213,10 +214,10 @@ def begin(scene, save, times, start, max_steps, stepper) -> Begun:
         times = save_times(scene.integrator.t_end, scene.output.interval)
         times = times[times >= float(start.time)]
     limit = np.inf if max_steps is None else float(max_steps)
-    return Begun(scene, HostRun(compiled, None, times, limit), clock.perf_counter() - began, *given)
+    return CompiledRun(scene, HostRun(compiled, None, times, limit), clock.perf_counter() - began, *given)
 
 
-def collected(run: Begun, save, throw: bool, progress=None) -> Solution:
+def collected(run: CompiledRun, save, throw: bool, progress=None) -> Solution:
     """Runs to the end, or to a failure, and returns the solution. Raises SimulationError if `throw`."""
     host, chunks, message, result = run.host, [], "", RESULTS.successful
     began = clock.perf_counter()
@@ -232,15 +233,15 @@ def collected(run: Begun, save, throw: bool, progress=None) -> Solution:
     shapes = host.compiled.programs.shapes
     rows = all_rows(chunks, "observables", len(host.times), shapes)
     numerics = all_rows(chunks, "numerics", len(host.times), dict.fromkeys(host.compiled.numerics, ()))
-    stats = {
-        "steps": int(host.counts[0]),
-        "rejected_steps": int(host.counts[1]),
-        "compile_time": run.compile_time,
-        "wall_time": clock.perf_counter() - began,
-        "terms": host.compiled.problem.terms,
-        "numerics_units": host.compiled.numerics,
-        "method": host.compiled.problem.stepper.name,
-    }
+    stats = Stats(
+        steps=int(host.counts[0]),
+        rejected_steps=int(host.counts[1]),
+        compile_time=run.compile_time,
+        wall_time=clock.perf_counter() - began,
+        terms=host.compiled.problem.terms,
+        numerics_units=host.compiled.numerics,
+        method=host.compiled.problem.stepper.name,
+    )
     if host.jump is not None:
         stats["voltage_jump"] = host.jump
     said = jump_warning(host.jump), run_warning(rows, numerics, run.scene)
@@ -248,39 +249,39 @@ def collected(run: Begun, save, throw: bool, progress=None) -> Solution:
     if save is not None:
         rows = {name: rows[name] for name in save}
     return Solution(
-        host.times,
-        rows,
-        result,
-        host.point,
-        stats,
-        numerics,
-        run.longer,
-        run.scene,
-        run.save,
-        run.start,
-        run.stepper,
-        observables_at,
+        time=host.times,
+        observables=rows,
+        result=result,
+        final_state=host.point,
+        stats=stats,
+        numerics=numerics,
+        checkpoint=run.longer,
+        scene=run.scene,
+        save=run.save,
+        start=run.start,
+        stepper=run.stepper,
+        again=observables_at,
     )
 
 
 def observables_at(solution: Solution, time: float | Sequence[float]) -> dict[str, np.ndarray]:
-    """The observables of a solution at any time or times [s]. It is `Solution.at`, with its
-    errors."""
+    """The observables of a solution at any time or times [s], by a second run. It is `Solution.at`, with
+    its errors."""
     times = numbers_of("time", time)
     if times is None or times.ndim > 1 or not times.size:
         raise ValueError(f"`time` must be a number or a list of numbers, but is {time!r}")
     first, last = float(solution.time[0]), float(solution.time[-1])
     inside = (first <= times) & (times <= last)
     if not inside.all():
-        found = np.atleast_1d(times)[~np.atleast_1d(inside)][0]
-        raise ValueError(f"`time` must lie within the run, {first:g} to {last:g} s, but is {found:g}")
-    if solution.checkpoint is None and "schema_version" in solution.stats:
+        outside = np.atleast_1d(times)[~np.atleast_1d(inside)][0]
+        raise ValueError(f"`time` must lie within the run, {first:g} to {last:g} s, but is {outside:g}")
+    if solution.checkpoint is None and solution.source == "file":
         raise ValueError("`solution` must hold its `start` and its stepper, but was read from a file")
     given = {"save": solution.save, "start": solution.start, "stepper": solution.stepper}
     wanted, place = np.unique(times, return_inverse=True)
     # The energy error of a chain refers to the instants before.
     before = solution.time if solution.scene.chain is not None else solution.time[:0]
     instants = np.union1d(before[before < wanted[-1]], wanted)
-    found = simulate(solution.scene, times=instants.tolist(), **given)
+    repeated = simulate(solution.scene, times=instants.tolist(), **given)
     rows = np.searchsorted(instants, wanted)[place.reshape(times.shape)]
-    return {name: np.asarray(found[name][rows]) for name in solution}
+    return {name: np.asarray(repeated[name][rows]) for name in solution}

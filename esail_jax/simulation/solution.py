@@ -1,7 +1,7 @@
 """The result of a run: a mapping from names of observables to arrays."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, Literal, TypedDict
 
 import equinox as eqx
 import jax
@@ -18,6 +18,35 @@ from esail_jax.steppers.results import RESULTS
 from esail_jax.steppers.stepper import AbstractStepper
 
 
+class Stats(TypedDict, total=False):
+    """What a run says of itself, by name.
+
+    Every run has steps and rejected_steps, their numbers. A run on the host has compile_time and wall_time
+    [s]; terms: the names of what was built; numerics_units: the unit of each statistic of the steps;
+    method; and message, which is empty unless something is to be said; voltage_jump: the largest jump of a
+    voltage of a user's law; stability: with `simulate(stability=True)`. Under a trace there are
+    voltage_jumped: whether a voltage has jumped; and step_errors: the estimates on which warnings rest. A
+    run from a file also has the attributes of that file, such as schema_version and the versions of
+    libraries."""
+
+    steps: Any
+    rejected_steps: Any
+    compile_time: float
+    wall_time: float
+    terms: tuple[str, ...]
+    numerics_units: dict[str, str]
+    method: str
+    message: str
+    voltage_jump: float
+    stability: Any
+    voltage_jumped: Any
+    step_errors: Any
+
+
+Source = Literal["run", "trace", "file"]
+"""Where a solution comes from: a run on the host, a run under a trace, or a run file."""
+
+
 class Solution(eqx.Module, Mapping):
     """The result of a run: a mapping from names of observables to arrays with time as first axis.
 
@@ -29,12 +58,12 @@ class Solution(eqx.Module, Mapping):
 
     time: saved instants [s]; observables: the mapping itself; result: a member of `RESULTS`; final_state:
     the point at the last saved instant, for `simulate(scene, start=...)`. A failed run may have a later
-    point, at an instant where something was switched, or None if it has no instant; stats: `steps`,
-    `rejected_steps`, `compile_time` and `wall_time` [s], `method`, `terms` and `message`, which is empty
-    unless the run failed, its energy balance has a large error, or its step is too long; numerics:
-    statistics of the steps by name, with the axis `time`; checkpoint: the state from which a longer run
-    continues (None if `times`, `save`, `start` or `stepper` was given); save, start and stepper: these
-    arguments of `simulate`; again: the function behind `at`.
+    point, at an instant where something was switched, or None if it has no instant; stats: what the run
+    says of itself (`Stats`), such as `steps`, `wall_time` and `message`, which is empty unless the run
+    failed, its energy balance has a large error, or its step is too long; numerics: statistics of the steps
+    by name, with the axis `time`; checkpoint: the state from which a longer run continues (None if `times`,
+    `save`, `start` or `stepper` was given); save, start and stepper: these arguments of `simulate`; again:
+    the function behind `at`; source: where it comes from.
 
     After a failure with `throw=False` the arrays are NaN from the failure on. Under a trace `numerics`,
     `checkpoint`, `again` and `scene` are None, and `stats` has the numbers of steps only. Two solutions
@@ -44,7 +73,7 @@ class Solution(eqx.Module, Mapping):
     observables: dict[str, Array | np.ndarray]
     result: RESULTS
     final_state: AnyPoint | None
-    stats: dict[str, Any]
+    stats: Stats
     numerics: dict[str, np.ndarray] | None = None
     checkpoint: Checkpoint | None = None
     scene: Scene | None = eqx.field(static=True, default=None)
@@ -52,6 +81,7 @@ class Solution(eqx.Module, Mapping):
     start: AnyPoint | None = None
     stepper: AbstractStepper | None = None
     again: Callable[["Solution", Any], dict[str, np.ndarray]] | None = eqx.field(static=True, default=None)
+    source: Source = eqx.field(static=True, default="run")
 
     def __getitem__(self, name: str) -> Array | np.ndarray:
         if name not in self.observables:
@@ -95,12 +125,13 @@ class Solution(eqx.Module, Mapping):
         return {name: described(name).unit for name in self}
 
     def at(self, time: float | Sequence[float]) -> dict[str, np.ndarray]:
-        """The observables at any time [s] of the run, by dense output: without the axis `time` for
-        a number, and with it for a list, in the order of the list.
+        """Runs the scene again up to the last of these times [s], and gives the observables there: without
+        the axis `time` for a number, and with it for a list, in the order of the list.
 
-        The run is repeated up to the last time with the programs that are compiled already, and takes the
-        same steps. Raises ValueError for a time outside the run, a run made under a trace, and a run from
-        a file that does not hold all of its arguments."""
+        The second run takes the same steps as the first, with the programs that are compiled already, and
+        the times between saved instants are those of its dense output. It costs what the run did. Raises
+        ValueError for a time outside the run, a run made under a trace, and a run from a file that does not
+        hold all of its arguments."""
         if self.again is None:
             raise ValueError("`solution` must come from a run on concrete numbers, but was traced")
         return self.again(self, time)

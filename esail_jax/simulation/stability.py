@@ -96,9 +96,9 @@ def stability_of(
     def tangent(point, direction):
         return jax.jvp(lambda v: positions(point._replace(v=v)), (point.v,), (direction,))
 
-    found, change = (np.asarray(x) for x in jit(tangent)(start, perturbation(start)))
+    values, change = (np.asarray(x) for x in jit(tangent)(start, perturbation(start)))
     size = np.sqrt(np.square(change).reshape(len(times), -1).sum(1))
-    good = np.isfinite(found).reshape(len(times), -1).all(1) & np.isfinite(size)
+    good = np.isfinite(values).reshape(len(times), -1).all(1) & np.isfinite(size)
     return measured(size, times) if good.all() else cut_short(size, times, int(np.argmin(good)))
 
 

@@ -27,7 +27,7 @@ from esail_jax.simulation.schedule import Plan, Schedule
 from esail_jax.simulation.voltage_jumps import without_derivative
 from esail_jax.steppers.kinks import between_segments
 from esail_jax.steppers.results import RESULTS
-from esail_jax.steppers.stepper import INSTANTS_TOGETHER, AbstractStepper, Point
+from esail_jax.steppers.stepper import INSTANTS_TOGETHER, AbstractStepper, Motion, Point
 from esail_jax.system import Power
 from kept_programs.calls import call
 
@@ -73,12 +73,12 @@ def traced_run(
     arguments = plan, numbers, max_steps, stepper, point
     program = program_of(run, how, arguments)
     if program.program.key is None or jax.config.jax_disable_jit or not get_abstract_mesh().empty:
-        found = ordinary_run(*how, names, *arguments)
+        traced = ordinary_run(*how, names, *arguments)
     else:
         moved = call(program, *arguments, expected=usual_cotangents)
         looking = (numbers, stepper, point), moved
-        found = call(program_of(observe, (names,), looking, LOOK_OPTIONS), *looking, recompute=True)
-    return found._replace(rows=first_rows(len(schedule.times), found.rows))
+        traced = call(program_of(observe, (names,), looking, LOOK_OPTIONS), *looking, recompute=True)
+    return traced._replace(rows=first_rows(len(schedule.times), traced.rows))
 
 
 @functools.partial(jax.jit, static_argnums=0)
@@ -108,6 +108,15 @@ class Moved(NamedTuple):
     jumped: Bool[Array, ""] | None
 
 
+class BetweenWindows(NamedTuple):
+    """What goes from one window of a traced run to the next: the motion, the last instant passed, and what
+    the run carries along."""
+
+    motion: Motion
+    point: Point
+    carried: Carried
+
+
 def usual_cotangents(moved: Moved) -> Moved:
     """Which parts of the motion most objectives depend on: not energies, work and times."""
     usual = jax.tree.map(lambda _: True, moved)
@@ -131,39 +140,45 @@ def run(
 ) -> Moved:
     """Integrates the whole run. divided: keys of traced numbers at whose instants it is divided;
     is_switched: whether the stepper may be initialised again within the run."""
-    begun = start(structure, numbers, stepper, point)
-    problem = begun.problem
+    first = start(structure, numbers, stepper, point)
+    problem = first.problem
     if divided:
         instants = jnp.concatenate([jnp.ravel(numbers[key]) for key in divided])
         plan = divided_windows(plan, instants)
     windows, number, place = jax.tree.map(jnp.asarray, plan)
 
+    def restart_if_switched(now, at, window):
+        """The motion, and what the run carries along, at the start of a window: those at the end of the one
+        before, unless a switch time lies between the two."""
+        due = None if at.carried.control is None else window.samples
+
+        def restarted():
+            point = on_constraints(now, at.point)[0]
+            if ROWS in divided:
+                rows = jnp.ravel(numbers[ROWS])
+                point = in_next_segment(now.under(at.carried).settled(), point, rows, window.start)
+            good = restart(now, at.motion, point, window.until, at.carried, due)
+            return select(is_good(at.motion), good, (at.motion, at.carried))
+
+        return lax.cond(window.after_switch, restarted, lambda: (at.motion, at.carried))
+
     @keep_tapes
-    def body(carry, window):
-        motion, before, carried = carry
-        now = problem.in_segment(window.start, window.until) if is_switched else problem
+    def one_window(at, window):
+        now, motion, carried = problem, at.motion, at.carried
         if is_switched:
-            due = None if carried.control is None else window.samples
-
-            def begin():
-                point = on_constraints(now, before)[0]
-                if ROWS in divided:
-                    rows = jnp.ravel(numbers[ROWS])
-                    point = in_next_segment(now.under(carried).settled(), point, rows, window.start)
-                found = restart(now, motion, point, window.until, carried, due)
-                return select(is_good(motion), found, (motion, carried))
-
-            motion, carried = lax.cond(window.begins, begin, lambda: (motion, carried))
+            now = problem.in_segment(window.start, window.until)
+            motion, carried = restart_if_switched(now, at, window)
         now = now.under(carried).settled()
         motion, points, passed = move(now, motion, Window(window.times, window.count), max_steps)
         last = jax.tree.map(lambda x: x[window.count - 1], points)
-        return (motion, last, carried), (points, passed, carried.without_memory)
+        return BetweenWindows(motion, last, carried), (points, passed, carried.without_memory)
 
     nothing = jax.tree.map(
-        lambda x: x[0], room_for(1, lambda: point_of(problem, begun.motion, windows.times[0, 0]))
+        lambda x: x[0], room_for(1, lambda: point_of(problem, first.motion, windows.times[0, 0]))
     )
-    first = differentiable((begun.motion, nothing, begun.carried), (numbers, stepper, point))
-    (motion, _, last), (points, passed, carried) = lax.scan(body, first, windows)
+    at_start = BetweenWindows(first.motion, nothing, first.carried)
+    at_start = differentiable(at_start, (numbers, stepper, point))
+    (motion, _, last), (points, passed, carried) = lax.scan(one_window, at_start, windows)
 
     points = jax.tree.map(lambda x: x[number, place], points)
     carried = jax.tree.map(lambda x: x[number], carried)
@@ -208,8 +223,8 @@ def observe(
         return look(now.under(carried).settled(), point, names)[:2]
 
     each = jax.tree.map(lambda x: x[number], (segments, points, carried))
-    found = lax.map(observed, each, batch_size=together)
-    rows, points = jax.tree.map(lambda x: x[:instants], found)
+    seen = lax.map(observed, each, batch_size=together)
+    rows, points = jax.tree.map(lambda x: x[:instants], seen)
     rows, _, kept = with_running_observables(problem, rows, (jnp.nan, 0.0), jnp)
     if kept is not None:
         drifted = ~(kept | ~good).all()

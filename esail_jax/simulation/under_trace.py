@@ -23,7 +23,7 @@ from esail_jax.simulation.schedule import (
     save_times,
     switch_times,
 )
-from esail_jax.simulation.solution import Solution
+from esail_jax.simulation.solution import Solution, Stats
 from esail_jax.simulation.traced import Traced, nan_unless, traced_run, zero_of
 from esail_jax.steppers.results import RESULTS
 from esail_jax.steppers.stepper import AbstractStepper
@@ -56,44 +56,50 @@ def simulate_traced(
     require_64_bit()
     resolved = scene if stepper is not None else with_method(scene)
     structure, numbers = split(resolved)
-    kind = type(stepper) if stepper is not None else stepper_class(resolved.integrator.method)
+    method = type(stepper) if stepper is not None else stepper_class(resolved.integrator.method)
     if times is None:
         saved = save_times(scene.integrator.t_end, scene.output.interval)
         if start is not None and known_time(start) is not None:
             saved = saved[saved >= known_time(start)]
     else:
         saved = np.asarray(times, float)
-    begin = 0.0 if start is None else known_time(start)
-    begin = float(saved[0]) if begin is None else begin
-    step = resolved.integrator.step
-    wanted = max_steps
+    start_time = 0.0 if start is None else known_time(start)
+    start_time = float(saved[0]) if start_time is None else start_time
+    end, step = float(saved[-1]), resolved.integrator.step
+    steps_expected = max_steps
     if step is not None and stepper is None:
-        wanted = np.ceil((saved[-1] - begin) / step) + 1
-    room = kind.blocks_per_window * kind.blocks_per_batch * kind.steps_per_block
-    least = 1
+        steps_expected = np.ceil((end - start_time) / step) + 1
+    windows_at_least = 1
     if step is None or stepper is not None:
-        least = max(LEAST_WINDOWS, int(np.ceil(WINDOWS_PER_TURN * turns(scene, saved[-1] - begin))))
-        least = max(least, int(np.ceil(kinks(scene, begin, saved[-1]) / KINKS_PER_WINDOW)))
-    if wanted is not None:
-        least = max(least, int(np.ceil(wanted / room * (UNEVEN if step is None else MARGIN))))
-    end = float(saved[-1])
-    switches = switch_times(scene, end)
-    instants = tuple(saved.tolist()), switches, begin
-    samples = sampling_instants(scene, end)
-    schedule = Schedule(*instants, kind.instants_per_window, least, divided_at(scene), samples)
+        by_turns = int(np.ceil(WINDOWS_PER_TURN * turns(scene, end - start_time)))
+        by_kinks = int(np.ceil(kinks(scene, start_time, end) / KINKS_PER_WINDOW))
+        windows_at_least = max(LEAST_WINDOWS, by_turns, by_kinks)
+    if steps_expected is not None:
+        steps_per_window = method.blocks_per_window * method.blocks_per_batch * method.steps_per_block
+        by_steps = steps_expected / steps_per_window * (UNEVEN if step is None else MARGIN)
+        windows_at_least = max(windows_at_least, int(np.ceil(by_steps)))
+    schedule = Schedule(
+        times=tuple(saved.tolist()),
+        switches=switch_times(scene, end),
+        start=start_time,
+        size=method.instants_per_window,
+        least=windows_at_least,
+        divided=divided_at(scene),
+        samples=sampling_instants(scene, end),
+    )
     names = None if save is None or scene.chain is not None else tuple(save)
     if limit is None:
         limit = jnp.asarray(jnp.inf if max_steps is None else float(max_steps))
-    found = traced_run(structure, schedule, names, numbers, limit, stepper, start)
+    traced = traced_run(structure, schedule, names, numbers, limit, stepper, start)
     if start is not None and known_time(start) is None:
-        found = failed_unless(start.time == begin, found, zero_of((numbers, start)))
-    stats = {"steps": found.counts[0], "rejected_steps": found.counts[1]}
-    if found.jumped is not None:
-        stats["voltage_jumped"] = found.jumped
-    if found.errors:
-        stats["step_errors"] = jnp.stack([found.errors[name] for name in STEP_ERRORS])
-    rows = found.rows if save is None else {name: found.rows[name] for name in save}
-    return Solution(jnp.asarray(saved), rows, found.result, found.point, stats)
+        traced = failed_unless(start.time == start_time, traced, zero_of((numbers, start)))
+    stats = Stats(steps=traced.counts[0], rejected_steps=traced.counts[1])
+    if traced.jumped is not None:
+        stats["voltage_jumped"] = traced.jumped
+    if traced.errors:
+        stats["step_errors"] = jnp.stack([traced.errors[name] for name in STEP_ERRORS])
+    rows = traced.rows if save is None else {name: traced.rows[name] for name in save}
+    return Solution(jnp.asarray(saved), rows, traced.result, traced.point, stats, source="trace")
 
 
 KINKS_PER_WINDOW = 2
@@ -106,12 +112,12 @@ MARGIN, UNEVEN = 1.25, 4.0
 with error control, where blocks of 7 steps alternate with blocks of 24 in a long run of the baseline."""
 
 
-def failed_unless(here: Bool[Array, ""], found: Traced, zero: Scalar) -> Traced:
+def failed_unless(here: Bool[Array, ""], traced: Traced, zero: Scalar) -> Traced:
     """A run, or a failed one unless its traced start is where the run begins: its steps would begin
     elsewhere than its windows. zero: `zero_of` its arguments."""
-    rows, point = jax.tree.map(lambda x: nan_unless(here, x, zero), (found.rows, found.point))
-    return found._replace(
-        rows=rows, point=point, result=RESULTS.where(here, found.result, RESULTS.other_start)
+    rows, point = jax.tree.map(lambda x: nan_unless(here, x, zero), (traced.rows, traced.point))
+    return traced._replace(
+        rows=rows, point=point, result=RESULTS.where(here, traced.result, RESULTS.other_start)
     )
 
 
@@ -126,16 +132,16 @@ EDGES = 10
 """Instants in a turn at which steps end for one tether with the law phase-window (`loads/phase_window`)."""
 
 
-def kinks(scene: Scene, begin: float, end: float) -> int:
+def kinks(scene: Scene, start: float, end: float) -> int:
     """The number of instants in a run [s] at which the wind, a table of voltages or a window of the
     phase has a kink. If the instants are tracers, all are counted."""
     tables = () if scene.chain is not None else (scene.solar_wind, scene.voltage)
     series = [table.time for table in tables if table is not None and table.time is not None]
     times = [known(x) for x in series]
-    found = sum(
-        np.size(x) if time is None else int(((time > begin) & (time < end)).sum())
+    count = sum(
+        np.size(x) if time is None else int(((time > start) & (time < end)).sum())
         for x, time in zip(series, times, strict=True)
     )
     if scene.chain is None and scene.voltage is not None and scene.voltage.law == "phase-window":
-        found += int(np.ceil(EDGES * scene.tethers.count * turns(scene, end - begin)))
-    return found
+        count += int(np.ceil(EDGES * scene.tethers.count * turns(scene, end - start)))
+    return count

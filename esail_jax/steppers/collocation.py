@@ -109,8 +109,8 @@ class Collocation(AbstractStepper):
         if h is None:
             h = jnp.minimum(first_step(system, vdot, self.tolerance), until - time)
         history = History(constant, jnp.asarray(jnp.inf))
-        begun = StepEnd(time, q, v, vdot, work, power)
-        state = CollocationState(begun, history, h, zero, zero, time, RESULTS.successful)
+        at_start = StepEnd(time, q, v, vdot, work, power)
+        state = CollocationState(at_start, history, h, zero, zero, time, RESULTS.successful)
         return state, zero_length_steps(state, STEPS_PER_FACTORISATION)
 
     def block(self, model: System, state: CollocationState) -> tuple[CollocationState, CollocationSteps]:
@@ -218,8 +218,8 @@ class Collocation(AbstractStepper):
         parts = point.q, point.v, point.work
         if kinked(model):
             nodes = nodes_of_step(step.start, step.h, step.stages.vdot)
-            found = kinks_passed(model, nodes, (time, point.q, point.v))
-            parts = jax.tree.map(jnp.add, parts, (found.q, found.v, found.work))
+            kicks = kinks_passed(model, nodes, (time, point.q, point.v))
+            parts = jax.tree.map(jnp.add, parts, (kicks.q, kicks.v, kicks.work))
         return Point(time, *parts, jnp.asarray(False))
 
     def failure(self, model: System, state: CollocationState, log: Log) -> str:

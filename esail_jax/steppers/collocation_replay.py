@@ -140,10 +140,10 @@ def behind_kinks(
     if not kinked(system):
         return end, None
     nodes = nodes_of_step(now, h, unknowns.vdot)
-    found = kinks_passed(system, nodes, (nodes.time[-1], end.q, end.v))
-    added = found.q, found.v, found.vdot
+    kicks = kinks_passed(system, nodes, (nodes.time[-1], end.q, end.v))
+    added = kicks.q, kicks.v, kicks.vdot
     q, v, vdot = jax.tree.map(jnp.add, (end.q, end.v, end.vdot), added)
-    return end._replace(q=q, v=v, vdot=vdot), Kick(found.work, found.power)
+    return end._replace(q=q, v=v, vdot=vdot), Kick(kicks.work, kicks.power)
 
 
 def replay_work(

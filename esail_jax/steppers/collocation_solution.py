@@ -5,6 +5,7 @@ with the same factors and the exact derivative of the equations. It belongs to a
 already, so that no nonlinear equation is solved for it.
 """
 
+import dataclasses
 import functools
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -16,7 +17,7 @@ from jax import lax
 from esail_jax.array_types import Array, Float, Int, Scalar
 from esail_jax.coordinates import Coordinates
 from esail_jax.numerics.own_derivative import custom_jvp
-from esail_jax.numerics.symbolic_zeros import bundled, jvp_of_perturbed, tied
+from esail_jax.numerics.symbolic_zeros import jvp_of_perturbed
 from esail_jax.numerics.vectors import greatest
 from esail_jax.steppers.collocation_stages import (
     TABLE,
@@ -32,6 +33,7 @@ from esail_jax.steppers.collocation_stages import (
     turns_to,
 )
 from esail_jax.steppers.corotational_axes import Turn, axes_of
+from esail_jax.steppers.implicit_derivative import Linearised, implicit_change
 from esail_jax.steppers.transposable import Transposable
 from esail_jax.system import Residual, System
 
@@ -127,7 +129,7 @@ def _known_stages_jvp(primals, tangents):
     given = (system, start.time, h)
     _, short = jvp_of_perturbed(at_rest, given, (tangents[0], tangents[1].time, tangents[2]))
     axes = jax.vmap(lambda time, q: axes_of(system, time, q))(times, q)
-    linear = Linearised(system, times, h, StageStates(q, v), unknowns)
+    linear = LinearisedStages(system, times, h, StageStates(q, v), unknowns)
     change = linear_solution(linear, moved, short, turns_to(axes, factors), factors)
     by_places = jvp_of_perturbed(lambda system: with_moved_roots(system, unknowns), (system,), tangents[:1])
     return unknowns, jax.tree.map(jnp.add, change, by_places[1])
@@ -149,16 +151,17 @@ class StageStates(NamedTuple):
     v: Coordinates
 
 
-class Linearised(NamedTuple):
-    """The equations of all stages, linearised about a solution for changes of the states and the unknowns.
+@dataclasses.dataclass(frozen=True)
+class LinearisedStages(Linearised[StageStates, StageUnknowns]):
+    """The equations of all stages; changes of the start are those of the states.
 
-    Roots move with the hub: in the square system, their rows are added to those of the hub, and their
-    columns are left out."""
+    times: of the stages [s]; h: the step size [s]. Roots move with the hub: in the square system, their
+    rows are added to those of the hub, and their columns are left out."""
 
     system: System
     times: Float[Array, " stage"]
     h: Scalar
-    motion: StageStates
+    start: StageStates
     unknowns: StageUnknowns
 
     def with_roots(self, x: StageUnknowns) -> StageUnknowns:
@@ -179,72 +182,46 @@ class Linearised(NamedTuple):
         return jax.linear_transpose(self.with_roots, rows)(rows)[0]
 
     def rows(self, system: System, moved: StageStates, x: StageUnknowns) -> StageUnknowns:
-        """The left-hand sides after changes of the states and of the unknowns."""
         change = self.with_roots(x)
         once = jax.tree.map(lambda a: jnp.tensordot(TABLE.matrix, a, 1), change.vdot)
         twice = jax.tree.map(lambda a: jnp.tensordot(TABLE.squared, a, 1), change.vdot)
-        q = jax.tree.map(lambda q, m, a: q + m + self.h**2 * a, self.motion.q, moved.q, twice)
-        v = jax.tree.map(lambda v, m, a: v + m + self.h * a, self.motion.v, moved.v, once)
+        q = jax.tree.map(lambda q, m, a: q + m + self.h**2 * a, self.start.q, moved.q, twice)
+        v = jax.tree.map(lambda v, m, a: v + m + self.h * a, self.start.v, moved.v, once)
         unknowns = jax.tree.map(jnp.add, self.unknowns, change)
-        found = self.folded(residuals_at(system, self.times, q, v, unknowns))
-        return jax.tree.map(lambda f, x, y: f + x - y, found, x, self.without_roots(x))
+        rows = self.folded(residuals_at(system, self.times, q, v, unknowns))
+        return jax.tree.map(lambda f, x, y: f + x - y, rows, x, self.without_roots(x))
 
-    @property
-    def nothing(self) -> tuple[StageStates, StageUnknowns]:
-        """Zero changes of the states and of the unknowns."""
-        return jax.tree.map(jnp.zeros_like, (self.motion, self.unknowns))
-
-    def forwards(self) -> Callable[[StageStates, StageUnknowns], StageUnknowns]:
-        """The derivative of `rows` as a linear function."""
-        return jax.linearize(lambda *x: self.rows(self.system, *x), *self.nothing)[1]
-
-    def backwards(self) -> Callable[[StageUnknowns], tuple[StageStates, StageUnknowns]]:
-        """The transpose of that derivative."""
-        return jax.vjp(lambda *x: self.rows(Transposable.of(self.system), *x), *self.nothing)[1]
+    def transposable(self) -> System:
+        return Transposable.of(self.system)
 
 
 def linear_solution(
-    linear: Linearised,
+    linear: LinearisedStages,
     moved: StageStates,
     given: Residual,
     turns: Turn,
     factors: FrozenFactors,
 ) -> StageUnknowns:
-    """x with A_1 moved + A_2 x + given = 0, by simplified Newton iterations, and knows the
-    transpose for reverse mode.
-
-    The start's change is made part of the linear system, (1, 0; A_1, A_2) (moved, x) = (moved, -given), so
-    that JAX transposes both blocks by the hand-written rule of `transposable` instead of transposing the
-    forward product."""
+    """The change of the unknowns with a change of the states, by simplified Newton iterations. given: that
+    of the left-hand sides by the numbers of the system."""
     turns, factors = lax.stop_gradient((turns, factors))
     nothing, zero = linear.nothing
     along = linear.forwards()
-
-    def product(both):
-        return bundled((both[0], along(*both)))
 
     def precondition(residual):
         residual = linear.without_roots(residual)
         vdot, lam = residual
         return linear.without_roots(correction(linear.system, Residual(vdot, lam), turns, factors))
 
-    def solve(_, rhs):
-        moved, rhs = rhs
-        rhs = jax.tree.map(jnp.subtract, rhs, along(moved, zero))
-        return moved, improved(lambda x: ((), along(nothing, x)), precondition, rhs, ((), zero))[1]
+    def solve(along, rows):
+        return improved(lambda x: ((), along(nothing, x)), precondition, rows, ((), zero))[1]
 
-    def solve_transposed(_, rhs):
-        moved, rhs = rhs
+    def solve_transposed(rows):
         back_precondition = jax.linear_transpose(precondition, zero)
-        back = linear.backwards()
-        by_motion, x = improved(back, lambda x: back_precondition(x)[0], rhs, (nothing, zero))
-        return jax.tree.map(jnp.subtract, moved, by_motion), x
+        return improved(linear.backwards(), lambda x: back_precondition(x)[0], rows, (nothing, zero))
 
-    equations = linear.folded
-    rhs = jax.tree.map(jnp.negative, equations(given))
-    both = bundled((moved, rhs))
-    moved, x = lax.custom_linear_solve(product, both, solve, solve_transposed)
-    return linear.with_roots(tied(x, moved))
+    given = linear.folded(given)
+    return linear.with_roots(implicit_change(lambda: along, moved, given, zero, solve, solve_transposed))
 
 
 def improved(

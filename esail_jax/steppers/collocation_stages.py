@@ -139,9 +139,9 @@ def residuals_at(
     system: System, times: Float[Array, " stage"], q: Coordinates, v: Coordinates, unknowns: StageUnknowns
 ) -> Residual:
     """The residuals of `stage_residuals` at given states of the stages."""
-    found, _ = system.residuals(times, q, v, *unknowns)
+    rows, _ = system.residuals(times, q, v, *unknowns)
     phi_ddot = jax.vmap(system.constraint_acceleration)(times, q, v, unknowns.vdot)
-    return Residual(found.forces, phi_ddot)
+    return Residual(rows.forces, phi_ddot)
 
 
 def stage_powers(system: System, start: StepEnd, h: Scalar, unknowns: StageUnknowns) -> Power:

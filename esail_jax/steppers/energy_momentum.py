@@ -181,8 +181,8 @@ class EnergyMomentum(FixedStep):
         secants = tuple(Secant(term, start) for term in system.energies)
         system = dataclasses.replace(system, energies=secants)
         if system.ring is not None:
-            begun = system.ring.segments.interpolate(system.ring.nodal(q0))
-            secants = tuple(Secant(term, begun) for term in system.ring.energies)
+            before = system.ring.segments.interpolate(system.ring.nodal(q0))
+            secants = tuple(Secant(term, before) for term in system.ring.energies)
             system = dataclasses.replace(system, ring=dataclasses.replace(system.ring, energies=secants))
         return Middle(system, end - 0.5 * h, q0.axpy(0.5 * h, u), u, w)
 

@@ -15,14 +15,14 @@ are then taken (`FixedStepMethod.after_trial`)."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from esail_jax.array_types import Array, Float, Int, Scalar
+from esail_jax.array_types import Array, Bool, Float, Int, Scalar
 from esail_jax.numerics.lockstep import any_member, bounded_loop, cond_of_members, select, while_active
 from esail_jax.steppers import step_error
 from esail_jax.steppers.consistent import consistent_motion
@@ -45,6 +45,22 @@ from esail_jax.system import System
 
 STEPS_PER_FACTORISATION = 20
 """Largest number of steps in a block."""
+
+
+class Attempts(NamedTuple):
+    """What goes from one attempt of a block to the next.
+
+    limit: number of steps that the next attempt takes; again: whether there is one; failure: convergence of
+    the step that failed; start: the state from which the block starts; trying: whether the next attempt is
+    a trial step, which improves that state at the start of a run; trials: number of trials that
+    succeeded."""
+
+    limit: Int[Array, ""]
+    again: Bool[Array, ""]
+    failure: IterationInfo
+    start: StepState
+    trying: Bool[Array, ""]
+    trials: Int[Array, ""]
 
 
 class FixedStep(FixedStepMethod):
@@ -97,9 +113,11 @@ class FixedStep(FixedStepMethod):
         The same loop takes the trial steps, so that a run compiles a step once."""
         fine, one_step, wanted = self.stepping(model, state)
 
-        def attempts(carry, records, _):
+        def attempt(before, records, _):
+            """Takes the steps, or a trial step. A failed step lowers the limit to the steps before it; a
+            trial that succeeds gives a better start."""
             # Under `vmap` a member that has ended repeats its last turn, and writes the same records again.
-            limit, _, failure, start, trying, trials = carry
+            limit, _, failure, start, trying, trials = before
             most = jnp.where(trying, 1, limit)
             (now, *_), (ends, info, good) = bounded_loop(
                 one_step, beginning(start), most, nothing, STEPS_PER_FACTORISATION
@@ -113,18 +131,19 @@ class FixedStep(FixedStepMethod):
             trials = trials + better
             again, limit = trying | failed, jnp.where(trying, limit, count)
             trying = better & (trials < self.trials)
-            return (limit, again, failure, start, trying, trials), (now, ends, info)
+            return Attempts(limit, again, failure, start, trying, trials), (now, ends, info)
 
         nothing = (Node.of(state.now), no_info(), jnp.asarray(False))
         room = jax.tree.map(
             lambda x: jnp.broadcast_to(x, (STEPS_PER_FACTORISATION, *jnp.shape(x))), nothing
         )
         trying = (state.taken == 0) & (self.trials > 0)
-        carry = (wanted, jnp.asarray(True), no_info(), state.now, trying, jnp.zeros((), int))
-        (count, _, failure, _, _, trials), (now, ends, info) = while_active(
-            lambda carry: carry[1], attempts, carry, (state.now, *room[:2])
+        first = Attempts(wanted, jnp.asarray(True), no_info(), state.now, trying, jnp.zeros((), int))
+        last, (now, ends, info) = while_active(
+            lambda attempts: attempts.again, attempt, first, (state.now, *room[:2])
         )
-        return self.finished(model, state, now, ends, info, Tape(count, count < wanted, trials), failure)
+        tape = Tape(last.limit, last.limit < wanted, last.trials)
+        return self.finished(model, state, now, ends, info, tape, last.failure)
 
     def stepping(
         self, model: System, state: FixedStepState
@@ -280,8 +299,8 @@ def behind_kinks(system: System, time: Scalar, h: Scalar, start: StepState, end:
         return end
     pairs = jax.tree.map(lambda *x: jnp.stack(x), (start.q, start.v), (end.q, end.v))
     nodes = Nodes(jnp.stack([time, time + h]), *pairs)
-    found = kinks_passed(system, nodes, nodes.at(-1))
-    added = found.q, found.v, found.work
+    kicks = kinks_passed(system, nodes, nodes.at(-1))
+    added = kicks.q, kicks.v, kicks.work
     q, v, work = jax.tree.map(jnp.add, (end.q, end.v, end.work), added)
     return end._replace(q=q, v=v, work=work)
 

@@ -1,8 +1,10 @@
 """The solution of the equations of a fixed step by simplified Newton iterations, and its derivative.
 
 The derivative follows from the implicit function theorem at the solution, with a new tangent matrix. It
-does not depend on the iterations, and a run without derivatives does not compute it."""
+does not depend on the iterations, and a run without derivatives does not compute it
+(`implicit_derivative.py`)."""
 
+import dataclasses
 import functools
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -27,6 +29,7 @@ from esail_jax.numerics.symbolic_zeros import (
 )
 from esail_jax.steppers.fixed_step import FixedStep
 from esail_jax.steppers.fixed_step_state import FrozenFactors, IterationInfo, Unknowns
+from esail_jax.steppers.implicit_derivative import Linearised, implicit_change
 from esail_jax.system import Power, Residual, System
 
 MARGIN = 10.0
@@ -93,7 +96,7 @@ def _solve_step_jvp(primals, tangents):
 
     _, given = jvp_of_perturbed(at_that_start, primals[:3], tangents[:3])
     start_dot = Start(*jax.tree.map(materialised, tangents[3:5], is_leaf=is_symbolic))
-    linear = Linearised(stepper, system, end, Start(q0, v0), unknowns)
+    linear = LinearisedStep(stepper, system, end, Start(q0, v0), unknowns)
     unknowns_dot = linear_solution(linear, start_dot, given)
     at = (*primals[:5], unknowns)
     power_dot = jvp_if_wanted(lambda *x: equations(*x)[1], at, (*tangents[:5], unknowns_dot))
@@ -110,9 +113,9 @@ class Start(NamedTuple):
     v: Coordinates
 
 
-class Linearised(NamedTuple):
-    """The equations of a step, linearised about their solution for changes of the start and the
-    unknowns."""
+@dataclasses.dataclass(frozen=True)
+class LinearisedStep(Linearised[Start, Unknowns]):
+    """The equations of a step with their stepper. end: the time at its end [s]."""
 
     stepper: FixedStep
     system: System
@@ -121,24 +124,12 @@ class Linearised(NamedTuple):
     unknowns: Unknowns
 
     def rows(self, system: System, moved: Start, change: Unknowns) -> Unknowns:
-        """The left-hand sides after changes of the start and of the unknowns."""
         q0, v0 = jax.tree.map(jnp.add, self.start, moved)
         unknowns = jax.tree.map(jnp.add, self.unknowns, change)
         return Unknowns(*self.stepper.residual(system, self.end, q0, v0, unknowns)[0])
 
-    @property
-    def nothing(self) -> tuple[Start, Unknowns]:
-        """Zero changes of the start and of the unknowns."""
-        return jax.tree.map(jnp.zeros_like, (self.start, self.unknowns))
-
-    def forwards(self) -> Callable[[Start, Unknowns], Unknowns]:
-        """The derivative of `rows` as a linear function."""
-        return jax.linearize(lambda *x: self.rows(self.system, *x), *self.nothing)[1]
-
-    def backwards(self) -> Callable[[Unknowns], tuple[Start, Unknowns]]:
-        """The transpose of that derivative."""
-        system = self.stepper.transposable(self.system)
-        return jax.vjp(lambda *x: self.rows(system, *x), *self.nothing)[1]
+    def transposable(self) -> System:
+        return self.stepper.transposable(self.system)
 
     def inverse(self) -> Callable[[Unknowns], Unknowns]:
         """The inverse of the derivative with respect to the unknowns, from a new tangent matrix."""
@@ -151,16 +142,10 @@ class Linearised(NamedTuple):
         return solved
 
 
-def linear_solution(linear: Linearised, moved: Start, given: Residual) -> Unknowns:
-    """x with A_1 moved + A_2 x + given = 0, and knows the transpose for reverse mode.
-
-    The start's change is made part of the linear system, (1, 0; A_1, A_2) (moved, x) = (moved, -given), so
-    that JAX transposes both blocks by the hand-written rule of `transposable` instead of transposing the
-    forward product."""
+def linear_solution(linear: LinearisedStep, moved: Start, given: Residual) -> Unknowns:
+    """The change of the unknowns with a change of the start. given: that of the left-hand sides by the
+    numbers of the system."""
     nothing, zero = linear.nothing
-
-    def matrix_product(both):
-        return bundled((both[0], linear.forwards()(*both)))
 
     def improved(product, inverse, rows):
         x = inverse(rows)
@@ -170,23 +155,16 @@ def linear_solution(linear: Linearised, moved: Start, given: Residual) -> Unknow
             x = jax.tree.map(jnp.add, x, inverse(left))
         return x
 
-    def solve(_, rhs):
-        moved, rows = rhs
-        along = linear.forwards()
-        rows = jax.tree.map(jnp.subtract, rows, along(moved, zero))
-        return moved, improved(lambda x: along(nothing, x), linear.inverse(), rows)
+    def solve(along, rows):
+        return improved(lambda x: along(nothing, x), linear.inverse(), rows)
 
-    def solve_transposed(_, rhs):
-        moved, rows = rhs
+    def solve_transposed(rows):
         back = linear.backwards()
         inverse = jax.linear_transpose(linear.inverse(), zero)
         x = improved(lambda x: back(x)[1], lambda x: inverse(x)[0], rows)
-        return jax.tree.map(jnp.subtract, moved, back(x)[0]), x
+        return back(x)[0], x
 
-    rows = jax.tree.map(jnp.negative, Unknowns(*given))
-    both = bundled((moved, rows))
-    moved, x = lax.custom_linear_solve(matrix_product, both, solve, solve_transposed)
-    return tied(x, moved)
+    return implicit_change(linear.forwards, moved, Unknowns(*given), zero, solve, solve_transposed)
 
 
 def jvp_if_wanted(function: Callable, primals: tuple, tangents: tuple) -> Any:

@@ -88,7 +88,7 @@ def changes(system: System, nodes: Nodes, until: Moment) -> Passed:
     """What the kinks add. An impulse acts at the start of the step and at the instant, in the ratio
     that preserves its first moment, and moves the latter by the time in between: both right to second order
     of the step."""
-    found = [add(at_knots(system, nodes, i), at_margins(system, nodes, i)) for i in kinked(system)]
+    impulses = [add(at_knots(system, nodes, i), at_margins(system, nodes, i)) for i in kinked(system)]
     time, *end = until
     span = time - nodes.time[0]
     length = jnp.where(span > 0.0, span, 1.0)
@@ -99,14 +99,14 @@ def changes(system: System, nodes: Nodes, until: Moment) -> Passed:
         return jnp.stack([(size * weight).sum(0) for weight in weights])
 
     states = jax.tree.map(lambda x, y: jnp.stack([x, y, y]), nodes.at(0), until)
-    impulses = tuple(three(x) for x in found)
+    impulses = tuple(three(x) for x in impulses)
     moved, works = lax.map(lambda row: response(system, *row), (*states, impulses))
     v, work = jax.tree.map(lambda x: x[0] + x[1], (moved, works))
     moved = jax.tree.map(lambda x: x[2], moved)
 
     def motion(q, v):
-        begun = consistent_motion(system, time, q, v)
-        return begun.vdot, begun.power
+        motion = consistent_motion(system, time, q, v)
+        return motion.vdot, motion.power
 
     vdot, power = jax.jvp(motion, tuple(end), (moved, v))[1]
     return Passed(moved, v, vdot, work, power)
@@ -131,8 +131,8 @@ def response(
 
     def motion(added):
         stronger = system.with_added_strength(dict(zip(kinked(system), added, strict=True)))
-        begun = consistent_motion(stronger, time, q, v)
-        return begun.vdot, begun.power
+        motion = consistent_motion(stronger, time, q, v)
+        return motion.vdot, motion.power
 
     return jax.jvp(motion, (jax.tree.map(jnp.zeros_like, impulses),), (impulses,))[1]
 
@@ -143,15 +143,15 @@ def response(
 def knots_within(system: System, nodes: Nodes) -> tuple[Array, ...]:
     """Which knots of the system lie in the step, whose ends are shifted behind knots there: all in
     increasing order, and equal ones once."""
-    return () if (found := ordered_knots(system, nodes)) is None else (found[1],)
+    return () if (ordered := ordered_knots(system, nodes)) is None else (ordered[1],)
 
 
 def ordered_knots(system: System, nodes: Nodes) -> tuple[Array, Array] | None:
     """The knots [s] in increasing order, and which of them count; None for a system without."""
-    found = system.knots(*nodes.at(0))
-    if found is None:
+    foreseen = system.knots(*nodes.at(0))
+    if foreseen is None:
         return None
-    knots = jnp.sort(lax.stop_gradient(found))
+    knots = jnp.sort(lax.stop_gradient(foreseen))
     begin, end = (t + 4.0 * near(t) for t in (nodes.time[0], nodes.time[-1]))
     another = jnp.append(True, jnp.diff(knots) > 4.0 * near(knots[1:]))
     return knots, (knots > begin) & (knots <= end) & another
@@ -163,9 +163,9 @@ def at_knots(system: System, nodes: Nodes, index: int) -> Impulses:
     w = D^2/(2 J), for every tether its own. A knot of the law and one of the wind may lie at the same
     instant and move apart: each of the two is held while the other one passes."""
     load, (time, q, v) = system.loads[index], nodes.at(-1)
-    if (found := ordered_knots(system, nodes)) is None:
+    if (ordered := ordered_knots(system, nodes)) is None:
         return Impulses(*(jnp.zeros((0, system.tethers.count)),) * 2)
-    knots, inside = found
+    knots, inside = ordered
 
     def strength(of_law, of_wind):
         measured = system.measurements(of_law, q, v) if system.controlled else None

@@ -28,8 +28,8 @@ def near(time: Float[Array, "*any"]) -> Float[Array, "*any"]:
 
 def knots_ahead(system: System, now: StepEnd) -> Float[Array, " knot"] | None:
     """The knots [s] of the system as foreseen from a state; None if it has none."""
-    found = system.knots(now.time, now.q, now.v)
-    return None if found is None else lax.stop_gradient(found)
+    knots = system.knots(now.time, now.q, now.v)
+    return None if knots is None else lax.stop_gradient(knots)
 
 
 def fitting_step(knots: Float[Array, " knot"], time: Scalar, h: Scalar) -> tuple[Scalar, Scalar]:
@@ -43,5 +43,5 @@ def fitting_step(knots: Float[Array, " knot"], time: Scalar, h: Scalar) -> tuple
 
 def behind(system: System, now: StepEnd) -> StepEnd:
     """The end of a step with acceleration and power just behind a knot that may be there."""
-    begun = consistent_motion(system, now.time + 2.0 * near(now.time), now.q, now.v)
-    return now._replace(vdot=begun.vdot, power=begun.power)
+    motion = consistent_motion(system, now.time + 2.0 * near(now.time), now.q, now.v)
+    return now._replace(vdot=motion.vdot, power=motion.power)

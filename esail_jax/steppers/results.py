@@ -26,8 +26,8 @@ NAMES = (
 
 def name_of(result: RESULTS) -> str:
     """The name of a result that is not a tracer. This compiles nothing."""
-    found = number_of(result)
-    return next(name for name in NAMES if number_of(getattr(RESULTS, name)) == found)
+    number = number_of(result)
+    return next(name for name in NAMES if number_of(getattr(RESULTS, name)) == number)
 
 
 def number_of(result: RESULTS) -> int:

@@ -126,7 +126,7 @@ def test_switch_times_are_events_edges_of_the_voltage_and_kinks_of_the_temperatu
 def test_segments_follow_each_other_from_switch_to_switch():
     """Segments cover the run without a gap; each knows the next switch time, also beyond the run."""
     for schedule in SCHEDULES:
-        begin, end, switches = schedule.begin, schedule.times[-1], schedule.switches
+        begin, end, switches = schedule.start, schedule.times[-1], schedule.switches
         found = segments(begin, end, switches)
         assert found[0].start == begin and found[-1].stop == end
         assert all(one.stop == after.start for one, after in itertools.pairwise(found))
@@ -158,7 +158,7 @@ def test_instants_increase_through_all_windows():
         rows = instants_of(windows)
         instants = np.concatenate(rows)
         assert (np.diff(instants) > 0.0).all()
-        assert instants[0] >= schedule.begin and instants[-1] == schedule.times[-1]
+        assert instants[0] >= schedule.start and instants[-1] == schedule.times[-1]
         assert windows.times.shape == (len(rows), schedule.size)
         assert all(1 <= len(row) <= schedule.size for row in rows)
         for row, count in zip(windows.times, windows.count, strict=True):
@@ -169,11 +169,11 @@ def test_windows_never_cross_a_switch_time():
     """Every switch time within the run ends a window; the next one begins there, and knows the next switch
     time."""
     for schedule, windows, *_ in PLANS:
-        inner = [time for time in schedule.switches if schedule.begin < time < schedule.times[-1]]
-        rows, before = instants_of(windows), schedule.begin
+        inner = [time for time in schedule.switches if schedule.start < time < schedule.times[-1]]
+        rows, before = instants_of(windows), schedule.start
         for number, row in enumerate(rows):
             assert not [time for time in inner if before < time < row[-1]], "crosses a switch time"
-            latest = max((time for time in inner if time <= before), default=schedule.begin)
+            latest = max((time for time in inner if time <= before), default=schedule.start)
             assert windows.start[number] == latest
             later = [time for time in schedule.switches if time > latest]
             assert windows.until[number] == min(later, default=np.inf)
@@ -184,19 +184,19 @@ def test_a_stepper_begins_afresh_after_events_only():
     """`begins` is true for the first window after each switch time, and for no other."""
     for schedule, windows, *_ in PLANS:
         rows = instants_of(windows)
-        inner = [time for time in schedule.switches if schedule.begin < time < schedule.times[-1]]
+        inner = [time for time in schedule.switches if schedule.start < time < schedule.times[-1]]
         expected = [False, *(row[-1] in inner for row in rows[:-1])]
-        assert windows.begins.tolist() == expected
-        assert windows.begins.sum() == len(inner)
+        assert windows.after_switch.tolist() == expected
+        assert windows.after_switch.sum() == len(inner)
 
 
 def test_there_are_enough_windows_for_a_derivative():
     """At least `least` windows; between two of them lies at most a part 1/least of the run."""
     for schedule, windows, *_ in PLANS:
-        length = schedule.times[-1] - schedule.begin
+        length = schedule.times[-1] - schedule.start
         if length > 0.0:
             assert len(windows.times) >= schedule.least
-            ends = [schedule.begin, *(row[-1] for row in instants_of(windows))]
+            ends = [schedule.start, *(row[-1] for row in instants_of(windows))]
             assert np.diff(ends).max() <= length / schedule.least * (1.0 + 1e-12)
 
 
@@ -216,7 +216,7 @@ def test_nothing_happens_in_the_windows_behind_the_end():
         count = len(inner.count)
         assert len(windows.count) == rounded_up(count) and len(number) == rounded_up(len(schedule.times))
         assert (windows.times[count:] == schedule.times[-1]).all() and (windows.count[count:] == 1).all()
-        assert not windows.begins[count:].any() and not windows.samples[count:].any()
+        assert not windows.after_switch[count:].any() and not windows.samples[count:].any()
         for x in (windows.start, windows.until):
             assert (x[count:] == x[count - 1]).all()
         for x in (number, place):
