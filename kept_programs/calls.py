@@ -59,14 +59,14 @@ def is_off(variable: str) -> bool:
 def works(keeper: Keeper) -> bool:
     """Tells whether the operation computes what it should with this version of JAX. Warns, once in a
     process, if it does not."""
-    found = fault(keeper)
-    if found:
+    reason = fault(keeper)
+    if reason:
         warnings.warn(
             f"with JAX {jax.__version__} derivatives are compiled anew in every process, because its "
-            f"interface for operations is another one ({found}); results are not concerned",
+            f"interface for operations is another one ({reason}); results are not concerned",
             stacklevel=2,
         )
-    return not found
+    return not reason
 
 
 @functools.lru_cache(maxsize=16)

@@ -99,9 +99,10 @@ def pushed_forward(program: Program, moving: Mask) -> ForwardMode:
     numbers have no tangents."""
 
     def function(*leaves):
-        primals, tangents = leaves[: len(moving)], leaves[len(moving) :]
-        results, moved = jax.jvp(of_moving(program, moving, primals), chosen(primals, moving), tangents)
-        return (*results, *chosen(moved, with_tangent(results)))
+        primals, tangents_in = leaves[: len(moving)], leaves[len(moving) :]
+        of_primals = of_moving(program, moving, primals)
+        results, tangents_out = jax.jvp(of_primals, chosen(primals, moving), tangents_in)
+        return (*results, *chosen(tangents_out, with_tangent(results)))
 
     def make():
         primals = types_of(program)
@@ -132,8 +133,9 @@ def tangent(program: Program, moving: Mask) -> Program:
 
     def function(*leaves):
         count = len(leaves) - sum(moving)
-        moved = jax.tree.unflatten(linearised(program, moving)[1], leaves[:count])(*leaves[count:])
-        return chosen(moved, with_tangent(program.facts.results))
+        residuals, tangents_in = leaves[:count], leaves[count:]
+        linear = jax.tree.unflatten(linearised(program, moving)[1], residuals)
+        return chosen(linear(*tangents_in), with_tangent(program.facts.results))
 
     def make():
         split = forward(program, moving).facts

@@ -48,11 +48,11 @@ class Pruning(NamedTuple):
 
 class Division(NamedTuple):
     """An operation in two parts, for the reverse mode of `jax.checkpoint`. The first one has the first
-    `arguments` arguments and gives the known results; moved: the results of the second one."""
+    `arguments` arguments and gives the known results; later: which results the second one gives."""
 
     parameters: dict[str, Any]
     arguments: int
-    moved: Mask
+    later: Mask
 
 
 class Rules(NamedTuple):
@@ -90,9 +90,9 @@ def operation(name: str, rules: Rules) -> Primitive:
 
     def push_forward(arguments, tangents, **parameters):
         unknown = any(isinstance(x, pe.JaxprTracer) for x in tangents)
-        moved = [None if isinstance(x, ad.Zero) else x for x in tangents]
-        results, found = rules.push_forward(arguments, moved, unknown, **parameters)
-        pairs = zip(results, found, strict=True)
+        tangents_in = [None if isinstance(x, ad.Zero) else x for x in tangents]
+        results, tangents_out = rules.push_forward(arguments, tangents_in, unknown, **parameters)
+        pairs = zip(results, tangents_out, strict=True)
         return results, [zero_tangent(x) if tangent is None else tangent for x, tangent in pairs]
 
     def lower(context, *arguments, **parameters):
@@ -142,11 +142,11 @@ def pruned(rules: Rules, used: Mask, equation: Any) -> tuple[list[bool], Any]:
     """The rule for results that are not used."""
     if not any(used):
         return [False] * len(equation.invars), None
-    found = rules.prune(used, **equation.params)
-    return list(found.needed), equation.replace(
-        invars=[x for x, is_needed in zip(equation.invars, found.needed, strict=True) if is_needed],
-        outvars=[x for x, is_used in zip(equation.outvars, found.used, strict=True) if is_used],
-        params=found.parameters,
+    pruning = rules.prune(used, **equation.params)
+    return list(pruning.needed), equation.replace(
+        invars=[x for x, is_needed in zip(equation.invars, pruning.needed, strict=True) if is_needed],
+        outvars=[x for x, is_used in zip(equation.outvars, pruning.used, strict=True) if is_used],
+        params=pruning.parameters,
     )
 
 
@@ -159,14 +159,14 @@ def division(rules: Rules) -> Callable:
         new = [x for x in missing if not isinstance(x, Literal)]
         if not any(unknown):
             return equation, None, [False] * count, [False] * count, []
-        found = rules.split(unknown, **equation.params)
-        if found is None:
+        parts = rules.split(unknown, **equation.params)
+        if parts is None:
             return None, equation, [True] * count, [True] * count, new
-        outvars = [x for x, later in zip(equation.outvars, found.moved, strict=True) if not later]
-        invars = equation.invars[: found.arguments]
-        known = equation.replace(invars=invars, outvars=outvars, params=found.parameters)
-        _, staged = pruned(rules, found.moved, equation)
-        return known, staged, list(found.moved), list(found.moved), new
+        outvars = [x for x, is_later in zip(equation.outvars, parts.later, strict=True) if not is_later]
+        invars = equation.invars[: parts.arguments]
+        known = equation.replace(invars=invars, outvars=outvars, params=parts.parameters)
+        _, staged = pruned(rules, parts.later, equation)
+        return known, staged, list(parts.later), list(parts.later), new
 
     return split
 

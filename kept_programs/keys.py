@@ -40,8 +40,8 @@ def processor() -> str:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
         lines = []
-    found = (line.partition(":")[2].strip() for line in lines if line.startswith(("flags", "Features")))
-    return next(found, platform.processor() or platform.machine())
+    flags = (line.partition(":")[2].strip() for line in lines if line.startswith(("flags", "Features")))
+    return next(flags, platform.processor() or platform.machine())
 
 
 UNRELATED = ("cache", "log", "traceback", "warn", "explain", "dump")
@@ -165,10 +165,10 @@ class Environment:
 
 def named(module: str, name: str) -> Any:
     """The object of that name in a module that has been imported; None if there is none."""
-    found = sys.modules.get(module)
+    value = sys.modules.get(module)
     for part in name.split("."):
-        found = getattr(found, part, None)
-    return found
+        value = getattr(value, part, None)
+    return value
 
 
 def version(library: str) -> str:
@@ -187,8 +187,8 @@ def settings() -> str:
 def binary_of_jaxlib() -> Path | None:
     """The largest shared library in the folder of jaxlib, which holds XLA; None if there is
     none."""
-    found = util.find_spec("jaxlib")
-    places = () if found is None else found.submodule_search_locations or ()
+    spec = util.find_spec("jaxlib")
+    places = () if spec is None else spec.submodule_search_locations or ()
     libraries = [
         path for place in places for path in Path(place).iterdir()
         if path.suffix in (".so", ".pyd", ".dylib", ".dll") or ".so." in path.name

@@ -1,4 +1,10 @@
-"""Masks: one truth value for every argument, or for every result, of a program."""
+"""Masks: one truth value for every argument, or for every result, of a program.
+
+A program may lose arguments, and a mask of its arguments then loses the same places. With `kept` =
+(T, F, T) for the arguments that remain, `chosen(mask, kept)` goes from the old arguments to the new ones,
+such as from (F, T, T) to (F, T), and `placed(kept, mask)` goes back, to (F, F, T): what was left out is
+false.
+"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -16,6 +22,11 @@ def chosen(values: Sequence, mask: Sequence[bool]) -> tuple:
 def not_(mask: Sequence[bool]) -> Mask:
     """The opposite mask."""
     return tuple(not x for x in mask)
+
+
+def both(mask: Sequence[bool], other: Sequence[bool]) -> Mask:
+    """The mask that is true where two masks are."""
+    return tuple(x and y for x, y in zip(mask, other, strict=True))
 
 
 def merged(mask: Sequence[bool], where_true: Sequence, where_false: Sequence) -> tuple:

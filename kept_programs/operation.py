@@ -90,26 +90,31 @@ def batch(size, leaves, axes, program, reverse):
 
 
 def push_forward(primals, tangents, unknown, program, reverse):
-    """Forward mode. `jax.linearize` and reverse mode come here, too, with tangents that are unknown."""
+    """Forward mode. `jax.linearize` and reverse mode come here, too, with tangents that are unknown: the
+    results are then computed without them, and their tangents from residuals, or from the arguments."""
     moving = tuple(x is not None for x in tangents)
-    along = chosen(tangents, moving)
-    count = len(program.facts.results)
+    tangents_in = chosen(tangents, moving)
     if not unknown:
-        found = bind(pushed_forward(program, moving), *primals, *along)
-        results, moved = found[:count], found[count:]
+        with_tangents = bind(pushed_forward(program, moving), *primals, *tangents_in)
+        results, tangents_out = parted(program, with_tangents)
     elif reverse.recompute:
         results = bind(program, *primals, reverse=reverse)
-        moved = bind(tangent_again(program, moving), *primals, *along)
+        tangents_out = bind(tangent_again(program, moving), *primals, *tangents_in)
     else:
-        first, linear = forward(program, moving), tangent(program, moving)
+        to_residuals, to_tangents = forward(program, moving), tangent(program, moving)
         expected = reverse.expected and chosen(reverse.expected, with_tangent(program.facts.results))
         if uses_executables() and not any(map(is_traced, primals)):
             prepare(program, moving, expected)
-        found = bind(first, *primals)
-        results, residuals = found[:count], found[count:]
-        moved = bind(linear, *residuals, *along, reverse=Reverse(expected=expected))
+        results, residuals = parted(program, bind(to_residuals, *primals))
+        tangents_out = bind(to_tangents, *residuals, *tangents_in, reverse=Reverse(expected=expected))
     mask = with_tangent(results)
-    return results, merged(mask, moved, [None] * mask.count(False))
+    return results, merged(mask, tangents_out, [None] * mask.count(False))
+
+
+def parted(program: Program, leaves: Leaves) -> tuple[Leaves, Leaves]:
+    """The results of a program, and what a program derived from it gives after these."""
+    count = len(program.facts.results)
+    return leaves[:count], leaves[count:]
 
 
 def transpose(cotangents, leaves, linear, program, reverse):
@@ -124,11 +129,11 @@ def transpose(cotangents, leaves, linear, program, reverse):
             zero if x is None and y else x for x, y, zero in zip(cotangents, expected, zeros, strict=True)
         ]
         given = expected
-    found = transposed(program, linear, given)
+    back = transposed(program, linear, given)
     remember_transpose(program, linear, given)
-    arguments = *chosen(leaves, found.arguments), *chosen(cotangents, given)
-    results = iter(bind(found.program, *arguments) if any(found.reached) else ())
-    return [next(results) if is_reached else None for is_reached in found.reached]
+    arguments = *chosen(leaves, back.arguments), *chosen(cotangents, given)
+    results = iter(bind(back.program, *arguments) if any(back.reached) else ())
+    return [next(results) if is_reached else None for is_reached in back.reached]
 
 
 TRANSPOSE = "transpose"
@@ -149,14 +154,14 @@ def remember_transpose(program: Program, linear: Mask, given: Mask) -> None:
 def prepare(program: Program, moving: Mask, expected: Mask | None) -> None:
     """Starts, once in a process, to load or compile the two programs of reverse mode side by side. The
     transpose is the one that was needed last, or else the one for the expected cotangents."""
-    first, linear = forward(program, moving), tangent(program, moving)
-    first.prepare()
-    found = load(program.keeper.store, linear.key, TRANSPOSE)
-    if found is None and expected is not None:
-        residuals = len(first.facts.results) - len(program.facts.results)
-        found = (False,) * residuals + (True,) * sum(moving), expected
-    if found is not None:
-        transposed(linear, *found).program.prepare()
+    to_residuals, to_tangents = forward(program, moving), tangent(program, moving)
+    to_residuals.prepare()
+    linear_and_given = load(program.keeper.store, to_tangents.key, TRANSPOSE)
+    if linear_and_given is None and expected is not None:
+        _, residuals = parted(program, to_residuals.facts.results)
+        linear_and_given = (False,) * len(residuals) + (True,) * sum(moving), expected
+    if linear_and_given is not None:
+        transposed(to_tangents, *linear_and_given).program.prepare()
 
 
 def is_traced(x: Any) -> bool:
@@ -183,9 +188,9 @@ def split(unknown, program, reverse) -> Division | None:
     asks for one operation with the results, which are known, and one with the tangents, which are not."""
     if not isinstance(program, ForwardMode) or any(unknown[: program.arguments]):
         return None
-    count, results = len(program.facts.results), len(program.primal.facts.results)
-    moved = [place >= results for place in range(count)]
-    return Division({"program": program.primal, "reverse": UNKNOWN}, program.arguments, moved)
+    results, tangents = parted(program.primal, program.facts.results)
+    later = [False] * len(results) + [True] * len(tangents)
+    return Division({"program": program.primal, "reverse": UNKNOWN}, program.arguments, later)
 
 
 def function(program, reverse) -> Callable[..., Leaves]:

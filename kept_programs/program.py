@@ -119,29 +119,29 @@ class Program:
         results = tuple(
             jax.ShapeDtypeStruct(x.shape, x.dtype, weak_type=x.weak_type) for x in traced.jaxpr.out_avals
         )
-        found = Facts(results, about)
-        save(self.keeper.store, self.key, "facts", found)
-        return found
+        facts = Facts(results, about)
+        save(self.keeper.store, self.key, "facts", facts)
+        return facts
 
     @property
     def executable(self) -> Callable:
         """The executable, loaded or compiled. Other programs are compiled at the same time."""
         with self._lock:
-            found = self._executable
-            if found is None:
-                found = self._executable = self._loaded() or self._compiled()
+            executable = self._executable
+            if executable is None:
+                executable = self._executable = self._loaded() or self._compiled()
         EXECUTABLES.use(self)
-        return found
+        return executable
 
     def on_devices(self, make: Callable[[], Callable]) -> Callable:
         """The function of `jax.jit` that runs the program on the devices of its arguments. make: returns
         it."""
         with self._lock:
-            found = self._on_devices
-            if found is None:
-                found = self._on_devices = make()
+            function = self._on_devices
+            if function is None:
+                function = self._on_devices = make()
         EXECUTABLES.use(self)
-        return found
+        return function
 
     def forget(self) -> None:
         """Lets the executable and the traced function go. They come back when they are needed."""
@@ -219,9 +219,9 @@ class TreeProgram:
         if structure != self.structure:
             raise TypeError(f"the arguments must have the structure {self.structure}, but have {structure}")
         for x, expected in zip(leaves, self.types, strict=True):
-            found = type_of(x)
-            if (found.shape, found.dtype) != (expected.shape, expected.dtype):
-                raise TypeError(f"an argument must be {text_of(expected)}, but is {text_of(found)}")
+            given = type_of(x)
+            if (given.shape, given.dtype) != (expected.shape, expected.dtype):
+                raise TypeError(f"an argument must be {text_of(expected)}, but is {text_of(given)}")
         return leaves
 
     def unflatten(self, results: Leaves) -> Any:
@@ -283,9 +283,9 @@ def tree_program(
         def flat(*leaves):
             nonlocal skeleton
             result = function(*jax.tree.unflatten(structure, leaves))
-            found, tree = jax.tree.flatten(result)
-            skeleton = jax.tree.unflatten(tree, range(len(found)))
-            return found
+            results, tree = jax.tree.flatten(result)
+            skeleton = jax.tree.unflatten(tree, range(len(results)))
+            return results
 
         return jax.jit(flat).trace(*types), skeleton
 

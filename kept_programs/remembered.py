@@ -39,9 +39,9 @@ def remembered(maxsize: int) -> Callable[[Callable], Any]:
     """Decorator: as `functools.lru_cache`, and emptied by `clear_caches`."""
 
     def decorate(function: Callable) -> Any:
-        found = functools.lru_cache(maxsize)(function)
-        FUNCTIONS.append(found)
-        return found
+        cached = functools.lru_cache(maxsize)(function)
+        FUNCTIONS.append(cached)
+        return cached
 
     return decorate
 

@@ -66,10 +66,10 @@ def fault(keeper: Keeper) -> str:
     tried = ["import"]
     try:
         with keeper.at_work():
-            found = by_executables(keeper, tried) | in_one_program(keeper, tried)
+            results = by_executables(keeper, tried) | in_one_program(keeper, tried)
     except Exception as error:
         return f"{tried[-1]}: {type(error).__name__}"
-    for what, result in found.items():
+    for what, result in results.items():
         if not np.array_equal(np.asarray(result), np.asarray(CHECKS[what.split(",")[0]][1])):
             return f"{what} differs"
     if name is not None:
@@ -89,12 +89,12 @@ def by_executables(keeper: Keeper, tried: list[str]) -> dict[str, Any]:
     the ways to treat the results that have no cotangent. tried: gets the name of each check."""
     from kept_programs.operation import Reverse
 
-    found = {}
+    results = {}
     for reverse in (Reverse(expected=(True, False)), Reverse(recompute=True)):
         tried.append(f"grad, {'computed again' if reverse.recompute else 'expected'}")
         with jax.ensure_compile_time_eval():
-            found[tried[-1]] = CHECKS["grad"][0](objective(keeper, reverse))
-    return found
+            results[tried[-1]] = CHECKS["grad"][0](objective(keeper, reverse))
+    return results
 
 
 def in_one_program(keeper: Keeper, tried: list[str]) -> dict[str, Any]:
@@ -103,11 +103,11 @@ def in_one_program(keeper: Keeper, tried: list[str]) -> dict[str, Any]:
     from kept_programs.operation import UNKNOWN
 
     def every():
-        found = {}
+        results = {}
         for what, (transform, _) in CHECKS.items():
             tried.append(what)
-            found[what] = transform(objective(keeper, UNKNOWN))
-        return found
+            results[what] = transform(objective(keeper, UNKNOWN))
+        return results
 
     return jax.jit(every).lower().compile()()  # for a check while a function is traced: not a part of that
 

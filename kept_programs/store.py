@@ -108,13 +108,13 @@ class Store:
         """Removes all programs, and what JAX keeps here. Returns the number of programs that were there.
         Windows does not remove a file that a process uses."""
         folder = self.private_folder()
-        found = files(folder)
-        for file in found:
+        stored = files(folder)
+        for file in stored:
             with contextlib.suppress(OSError):
                 file.path.unlink()
         if folder is not None:
             shutil.rmtree(folder / CACHE_OF_JAX, ignore_errors=True)
-        return len(found)
+        return len(stored)
 
     def private_folder(self, create: bool = False) -> Path | None:
         """The folder if there is one that only this user can write to, otherwise None."""
@@ -124,14 +124,14 @@ class Store:
         try:
             if create:
                 folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            found = folder.stat()
+            status = folder.stat()
         except OSError:
             return None
-        if not stat.S_ISDIR(found.st_mode):
+        if not stat.S_ISDIR(status.st_mode):
             return None
         # Windows has neither user numbers nor these bits: there the folder is that of the user's profile.
         if hasattr(os, "getuid"):
-            open_to_others = found.st_uid != os.getuid() or found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+            open_to_others = status.st_uid != os.getuid() or status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
             if open_to_others:
                 warnings.warn(
                     f"`{self.variable}` must be a folder that only you can write to, but {folder} is open "
@@ -144,9 +144,9 @@ class Store:
     def remove_old(self, folder: Path) -> None:
         """Removes the files used longest ago until the others fit into `most_bytes`."""
         with contextlib.suppress(OSError):
-            found = files(folder)
-            excess = sum(file.size for file in found) - self.most_bytes
-            for file in found:
+            stored = files(folder)
+            excess = sum(file.size for file in stored) - self.most_bytes
+            for file in stored:
                 if excess <= 0:
                     break
                 file.path.unlink(missing_ok=True)
@@ -169,10 +169,10 @@ def replace(path: Path, content: bytes) -> None:
 def files(folder: Path | None) -> list[File]:
     """All files of a folder, the one used longest ago first, including what a killed process left
     behind."""
-    found = []
+    stored = []
     for path in folder.iterdir() if folder is not None else ():
         if path.name.endswith((SUFFIX, PART)):
             with contextlib.suppress(OSError):  # another process may have removed it
                 seen = path.stat()
-                found.append(File(seen.st_mtime, seen.st_size, path))
-    return sorted(found)
+                stored.append(File(seen.st_mtime, seen.st_size, path))
+    return sorted(stored)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import jax
 
 from kept_programs.derived import Pruned, backward, derivation, derived, of_moving, pruned, types_of
-from kept_programs.masks import Mask, chosen, not_, placed, with_tangent
+from kept_programs.masks import Mask, both, chosen, not_, placed, with_tangent
 from kept_programs.program import Facts, Program
 
 
@@ -35,9 +35,10 @@ def tangent_again(program: Program, moving: Mask) -> TangentAgain:
     those of `program`, followed by the tangents of the moving ones."""
 
     def function(*leaves):
-        primals, tangents = leaves[: len(moving)], leaves[len(moving) :]
-        results, moved = jax.jvp(of_moving(program, moving, primals), chosen(primals, moving), tangents)
-        return chosen(moved, with_tangent(results))
+        primals, tangents_in = leaves[: len(moving)], leaves[len(moving) :]
+        of_primals = of_moving(program, moving, primals)
+        results, tangents_out = jax.jvp(of_primals, chosen(primals, moving), tangents_in)
+        return chosen(tangents_out, with_tangent(results))
 
     def make():
         primals = types_of(program)
@@ -80,27 +81,32 @@ class Transposed(NamedTuple):
 
 def transposed(program: Program, linear: Mask, given: Mask) -> Transposed:
     """The transpose of a program for cotangents of the given results, without everything that it
-    does not need. A pruned program and the whole one share their transposes."""
+    does not need. A pruned program and the whole one share their transposes.
+
+    Example: a program of (a, b, x, y) has the results a x and b y. It is linear in x and y, `linear` =
+    (F, F, T, T), and the second result alone has a cotangent, `given` = (F, T). That result needs b and y,
+    `kept` = (F, T, F, T). The transpose therefore takes b and the cotangent of b y, and gives the cotangent
+    of y: `arguments` = (F, T, F, F), `reached` = (F, F, F, T)."""
     if isinstance(program, Pruned):
-        found, left = transposed(*of_whole(program, linear, given)), program.facts.about
-        return found._replace(arguments=chosen(found.arguments, left), reached=chosen(found.reached, left))
+        whole, remain = transposed(*of_whole(program, linear, given)), program.facts.about
+        return Transposed(whole.program, chosen(whole.arguments, remain), chosen(whole.reached, remain))
     if isinstance(program, TangentAgain) and not any(linear[: len(program.moving)]):
         return pulled_back_along(program, linear[len(program.moving) :], given)
     shorter = pruned(program, given)
     kept = shorter.facts.about
-    reached = placed(linear, chosen(kept, linear))
-    constants = placed(not_(linear), chosen(kept, not_(linear)))
-    return Transposed(backward(shorter, chosen(linear, kept)), constants, reached)
+    back = backward(shorter, chosen(linear, kept))
+    return Transposed(back, arguments=both(kept, not_(linear)), reached=both(kept, linear))
 
 
 def pulled_back_along(program: TangentAgain, linear: Mask, given: Mask) -> Transposed:
-    """The transpose of recomputed tangents. linear: which tangents are linear arguments."""
+    """The transpose of recomputed tangents, whose arguments are those of the primal program, followed by
+    the tangents of the moving ones. linear: which tangents are linear arguments."""
     shorter = pruned(program.primal, placed(with_tangent(program.primal.facts.results), given))
     kept, moving = shorter.facts.about, placed(program.moving, linear)
-    reached = tuple(x and y for x, y in zip(chosen(kept, program.moving), linear, strict=True))
     back = pulled_back(shorter, chosen(moving, kept))
-    none = (False,) * len(reached)
-    return Transposed(back, (*kept, *none), (*(False,) * len(kept), *reached))
+    reached = both(chosen(kept, program.moving), linear)
+    no_primal, no_tangent = (False,) * len(kept), (False,) * len(reached)
+    return Transposed(back, arguments=(*kept, *no_tangent), reached=(*no_primal, *reached))
 
 
 def with_fewer_results(program: TangentAgain, used: Mask) -> tuple[TangentAgain, Mask]:

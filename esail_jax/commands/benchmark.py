@@ -68,12 +68,12 @@ class NoReference(RuntimeError):
 # ---- error --------------------------------------------------------------------------------------
 
 
-def errors(found: Mapping[str, Any], exact: Mapping[str, Any], names: Iterable[str]) -> dict[str, float]:
+def errors(rows: Mapping[str, Any], exact: Mapping[str, Any], names: Iterable[str]) -> dict[str, float]:
     """Errors by observable: the largest difference over time and components, divided by the range of the
     exact observable. NaN for a run that did not reach its end."""
     result = {}
     for name in names:
-        difference, y = np.asarray(found[name]) - exact[name], np.asarray(exact[name])
+        difference, y = np.asarray(rows[name]) - exact[name], np.asarray(exact[name])
         if name in ANGLES:
             difference = (difference + np.pi) % (2.0 * np.pi) - np.pi
         width = max(np.ptp(y), LEAST_RANGE * np.abs(y).max(), np.finfo(float).tiny)
@@ -81,9 +81,9 @@ def errors(found: Mapping[str, Any], exact: Mapping[str, Any], names: Iterable[s
     return result
 
 
-def worst(found: Mapping[str, float]) -> str:
+def worst(error: Mapping[str, float]) -> str:
     """Name of the observable with the largest error. NaN counts as the largest."""
-    return max(found, key=lambda name: np.inf if np.isnan(found[name]) else found[name])
+    return max(error, key=lambda name: np.inf if np.isnan(error[name]) else error[name])
 
 
 # ---- time ---------------------------------------------------------------------------------------
@@ -189,11 +189,11 @@ def reference_of(best: Run, second: Run) -> Reference:
     return Reference(best.rows, names, doubt)
 
 
-def line(run: Run, found: Mapping[str, float], **more: Any) -> dict[str, Any]:
+def line(run: Run, error: Mapping[str, float], **more: Any) -> dict[str, Any]:
     """A run as a JSON line, with the speed of the machine just after the run. Errors that are no finite
     number are None."""
-    name = worst(found)
-    known = {signal: error if np.isfinite(error) else None for signal, error in found.items()}
+    name = worst(error)
+    known = {signal: x if np.isfinite(x) else None for signal, x in error.items()}
     typical = statistics.median(run.seconds)
     return more | {
         "method": run.method,

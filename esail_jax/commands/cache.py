@@ -23,10 +23,10 @@ def run(options: argparse.Namespace) -> ExitCode:
     if folder is None:
         print(f"Compiled programs are not kept ({STORE.variable} is off).")
         return ExitCode.DONE
-    found = STORE.usage()
+    usage = STORE.usage()
     print(f"folder    {folder}")
-    print(f"files     {found.files}")
-    print(f"size      {in_words(found.size)} (at most {in_words(STORE.most_bytes)})")
+    print(f"files     {usage.files}")
+    print(f"size      {in_words(usage.size)} (at most {in_words(STORE.most_bytes)})")
     if options.clear:
         print(f"removed   {STORE.clear()}")
     return ExitCode.DONE

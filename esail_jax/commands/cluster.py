@@ -65,8 +65,8 @@ def run_distributed(task: Task, folder: Path, resume: bool, quiet: bool) -> Exit
             else:
                 publish_pieces(task, folder, missing, jax.process_count())
                 lock.share()
-        except (RunFileError, OSError) as found:
-            error, state = found, REFUSED
+        except (RunFileError, OSError) as refusal:
+            error, state = refusal, REFUSED
         if lock is not None and state != COMPUTE:
             lock.release()
     state = int(multihost_utils.broadcast_one_to_all(np.array(state)))

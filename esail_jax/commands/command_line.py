@@ -35,6 +35,25 @@ class UsageError(InputError):
     """A command line that cannot be understood."""
 
 
+OPTIONS = {
+    "members": "--member",
+    "observables": "--observables",
+    "output": "-o",
+    "path": "-o",
+    "task": "--resume",
+    "vary": "--vary",
+}
+"""The options that stand for arguments of Python functions, whose names errors give as their `key`."""
+
+
+def in_options(error: InputError) -> str:
+    """The message of an error, which begins with an option if the error is about its argument: `--vary` in
+    place of `vary`."""
+    argument = getattr(error, "key", "").partition(" ")[0]
+    option = OPTIONS.get(argument, argument)
+    return str(error).replace(f"`{argument}", f"`{option}", 1)
+
+
 class Parser(argparse.ArgumentParser):
     """A parser whose errors are one line."""
 
@@ -138,15 +157,15 @@ def missing_law(options: argparse.Namespace) -> UsageError:
 
 def settings(options: argparse.Namespace) -> dict[str, Any]:
     """Overrides from `--set` and `--t-end`, by scene key."""
-    found = {}
+    overrides = {}
     for text in options.settings:
         key, equals, value = text.partition("=")
         if not equals or "." not in key:
             raise UsageError(f"`--set` must look like table.key=VALUE, but is {text!r}")
-        found[key.strip()] = toml_or_text(value)
+        overrides[key.strip()] = toml_or_text(value)
     if options.t_end is not None:
-        found["integrator.t_end"] = toml_or_text(options.t_end)
-    return found
+        overrides["integrator.t_end"] = toml_or_text(options.t_end)
+    return overrides
 
 
 def toml_or_text(text: str) -> Any:
@@ -167,18 +186,18 @@ def read_law(text: str) -> Any:
 def read_terms(texts: list[str]) -> list[Any]:
     """The terms called NAME in Python files, each given as FILE.py:NAME. NAME is a term, a list of terms,
     or a class or function without arguments that gives either. Raises UsageError."""
-    found = [read_object("--terms", "a term, or a list of terms", text, is_terms) for text in texts]
-    return [term for one in found for term in (one if isinstance(one, list | tuple) else [one])]
+    objects = [read_object("--terms", "a term, or a list of terms", text, is_terms) for text in texts]
+    return [term for one in objects for term in (one if isinstance(one, list | tuple) else [one])]
 
 
-def is_law(found: Any) -> bool:
+def is_law(value: Any) -> bool:
     """Tells whether an object is a law, and not what gives one."""
-    return not isinstance(found, type) and (hasattr(found, "commanded") or hasattr(found, "update"))
+    return not isinstance(value, type) and (hasattr(value, "commanded") or hasattr(value, "update"))
 
 
-def is_terms(found: Any) -> bool:
+def is_terms(value: Any) -> bool:
     """Tells whether an object is a term or a list, and not what gives one."""
-    return isinstance(found, list | tuple) or not callable(found)
+    return isinstance(value, list | tuple) or not callable(value)
 
 
 def read_object(option: str, what: str, text: str, is_made: Callable[[Any], bool]) -> Any:
@@ -199,8 +218,8 @@ def read_object(option: str, what: str, text: str, is_made: Callable[[Any], bool
     sys.modules.setdefault(path.stem, module)
     try:
         spec.loader.exec_module(module)
-        found = getattr(module, name)
-        return found if is_made(found) else found()
+        value = getattr(module, name)
+        return value if is_made(value) else value()
     except InputError:
         raise
     except Exception as error:

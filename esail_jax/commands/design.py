@@ -64,14 +64,14 @@ def check(options: argparse.Namespace) -> None:
 
 def objective_weights(options: argparse.Namespace) -> dict[str, float]:
     """Weights from `--objective`, by objective. Raises UsageError."""
-    found = {}
+    weights = {}
     for text in options.weights:
         name, equals, weight = text.partition("=")
         value = toml_or_text(weight)
         if not equals or isinstance(value, bool) or not isinstance(value, (int, float)):
             raise UsageError(f"`--objective` must look like NAME=WEIGHT, but is {text!r}")
-        found[name.strip()] = float(value)
-    return found
+        weights[name.strip()] = float(value)
+    return weights
 
 
 def run(options: argparse.Namespace) -> ExitCode:
@@ -83,6 +83,6 @@ def run(options: argparse.Namespace) -> ExitCode:
     from esail_jax.plotting.design import design_figure
 
     how = Optimisation(options.iterations, options.method, options.starts, options.seed)
-    found = run_design(scene, options.output, weights, how, options.resume, options.quiet)
-    design_figure(*found).savefig(options.output / "design.png", dpi=110)
+    runs_and_history = run_design(scene, options.output, weights, how, options.resume, options.quiet)
+    design_figure(*runs_and_history).savefig(options.output / "design.png", dpi=110)
     return ExitCode.DONE

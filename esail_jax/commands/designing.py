@@ -54,7 +54,7 @@ def run_design(
     Raises SceneError and RunFileError before anything is written, SimulationError if a run fails."""
     path = folder / DESIGN
     if path.exists() and not resume:
-        raise RunFileError(f"{path} must not exist (or ask for --resume), but does")
+        raise RunFileError(f"`{path}` must not exist (or ask for --resume), but does")
     scene = with_free_law(scene)
     weights = weights or WEIGHTS
     design = Design(scene, weights, law_variables(scene), method=how.method)

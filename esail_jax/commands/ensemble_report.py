@@ -94,15 +94,15 @@ def progress_of(folder: Path) -> str:
 def distributions(ensemble: Ensemble) -> list[str]:
     """A line for every outcome: mean, deviation, 5 % and 95 % quantiles, extremes, and its most important
     inputs. A last line if there are too few members to name inputs."""
-    found = outcomes_of(ensemble)
-    if not found:
+    outcomes = outcomes_of(ensemble)
+    if not outcomes:
         return []
     columns = "".join(f"{name:>11s}" for name in ("mean", "deviation", "5 %", "95 %", "least", "most"))
     numbers_drawn = sum(x[0].size for x in ensemble.inputs.values())
     needed = MEMBERS_PER_COLUMN * numbers_drawn
     enough = numbers_drawn and int(ensemble.complete.sum()) >= needed
     lines = [f"  {'':32s}{columns}" + ("  driven by" if enough else "")]
-    for outcome in found:
+    for outcome in outcomes:
         y = outcome.of(ensemble)
         known = y[np.isfinite(y)]
         low, high = np.quantile(known, (0.05, 0.95))

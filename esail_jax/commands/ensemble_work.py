@@ -71,12 +71,12 @@ class Work:
                 )
                 run.compile()
             compiled = time.perf_counter()
-            found = run(members)
+            piece = run(members)
             seconds = (compiled - began, time.perf_counter() - compiled)
             with self._writing:
                 if self._given_up:
                     return
-                write_piece(self._folder, name, task, found, seconds)
+                write_piece(self._folder, name, task, piece, seconds)
             if self._stop():
                 return
 

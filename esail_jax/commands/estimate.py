@@ -41,10 +41,10 @@ def print_estimate(scene: Scene, nodes: bool, quiet: bool) -> None:
     progress = RunProgress(scene, quiet)
     try:
         with announced_to(progress.stage):
-            found = tried(scene, nodes)
+            trial = tried(scene, nodes)
     finally:
         progress.close()
-    print(estimate_text(scene, found, peak_memory()))
+    print(estimate_text(scene, trial, peak_memory()))
 
 
 def tried(scene: Scene, nodes: bool) -> Trial:
@@ -52,7 +52,7 @@ def tried(scene: Scene, nodes: bool) -> Trial:
     began = time.perf_counter()
     compiled = compile_scene(scene, names=names_with_nodes(scene) if nodes else None)
     compiling = time.perf_counter() - began
-    run, reached, rows = HostRun(compiled), compiled.begin, 0
+    run, reached, rows = HostRun(compiled), compiled.start_time, 0
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "trial.h5"
         writer = RunWriter(path, Content.of_run(compiled), resume=False)
@@ -69,19 +69,19 @@ def tried(scene: Scene, nodes: bool) -> Trial:
     return Trial(reached, rows, run.steps, compiling, running, empty, size)
 
 
-def estimate_text(scene: Scene, found: Trial, memory: float | None) -> str:
+def estimate_text(scene: Scene, trial: Trial, memory: float | None) -> str:
     """The estimate as lines of text. memory: largest memory of the process so far [bytes], None if
     the system does not tell."""
     end = scene.integrator.t_end
-    factor = max(end / found.reached, 1.0) if found.reached > 0.0 else 1.0
+    factor = max(end / trial.reached, 1.0) if trial.reached > 0.0 else 1.0
     saved = len(save_times(end, scene.output.interval))
-    whole = found.reached >= end
-    size = found.empty + (found.size - found.empty) * saved / max(found.rows, 1)
-    basis = "the whole run was tried" if whole else f"from the first {found.reached:.4g} s"
+    whole = trial.reached >= end
+    size = trial.empty + (trial.size - trial.empty) * saved / max(trial.rows, 1)
+    basis = "the whole run was tried" if whole else f"from the first {trial.reached:.4g} s"
     lines = [
         f"{size_of(scene)}, {end:g} s, {saved} saved instants ({basis})",
-        f"  steps      {found.steps if whole else rounded(found.steps * factor)}",
-        f"  time       {clock(found.running * factor)} after compiling, which took {found.compiling:.1f} s",
+        f"  steps      {trial.steps if whole else rounded(trial.steps * factor)}",
+        f"  time       {clock(trial.running * factor)} after compiling, which took {trial.compiling:.1f} s",
         ""
         if memory is None
         else f"  memory     {in_words(round(memory))}, which does not grow with the run",

@@ -46,12 +46,12 @@ def motions_of(paths: Sequence[Path], options: argparse.Namespace, most: int) ->
     Raises RunFileError, and UsageError for a colour or axes that they do not have."""
     from esail_jax.viewing.motions import read_motions
 
-    found = read_motions(paths, tuple(options.members), most)
-    if len({motion.turning for motion in found}) > 1:
+    motions = read_motions(paths, tuple(options.members), most)
+    if len({motion.turning for motion in motions}) > 1:
         raise UsageError("`RUN.h5` must be files of sails or of chains, but there are both")
-    known = [*dict.fromkeys(name for motion in found for name in motion.colours), "none"]
+    known = [*dict.fromkeys(name for motion in motions for name in motion.colours), "none"]
     if options.colour is not None and options.colour not in known:
         raise UsageError(f"`--colour` must be one of {', '.join(known)} here, but is {options.colour!r}")
-    if options.axes is not None and not found[0].turning:
+    if options.axes is not None and not motions[0].turning:
         raise UsageError(f"`--axes` must be left out with a chain, but is {options.axes!r}")
-    return found
+    return motions

@@ -121,18 +121,18 @@ class RunProgress(Progress):
     def texts(self, reached: float, speed: float) -> tuple[str, ...]:
         """The texts of the line, the most important first. reached: simulated time [s]; speed:
         simulated seconds per second."""
-        found = [f"{min(reached, self.total):.0f} of {self.total:.0f} s", f"{speed:.0f} x real time"]
+        texts = [f"{min(reached, self.total):.0f} of {self.total:.0f} s", f"{speed:.0f} x real time"]
         chunk = self.latest
         if chunk is None or not len(chunk.time):
-            return tuple(found)
-        found.append(f"step {chunk.numerics['last_step'][-1]:.3g} s")
+            return tuple(texts)
+        texts.append(f"step {chunk.numerics['last_step'][-1]:.3g} s")
         if "iterations_per_step" in chunk.numerics:
-            found.append(f"{chunk.numerics['iterations_per_step'][-1]:.1f} iterations")
+            texts.append(f"{chunk.numerics['iterations_per_step'][-1]:.1f} iterations")
         for name, unit in (("energy_balance_error", " J"), ("energy_error", "")):
             if name in chunk.observables:
-                found.append(f"energy error {np.abs(chunk.observables[name][-1]):.0e}{unit}")
+                texts.append(f"energy error {np.abs(chunk.observables[name][-1]):.0e}{unit}")
                 break
-        return tuple(found)
+        return tuple(texts)
 
 
 class Interrupts:

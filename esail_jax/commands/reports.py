@@ -62,16 +62,16 @@ def stability_text(attributes: Mapping[str, Any]) -> str:
 def release_text(scene: Scene, reached: float) -> str:
     """A line on the tethers that were released up to an instant [s], and what still includes them; empty
     if there are none."""
-    found = [
+    tethers = [
         f"tether {number} at {time:g} s"
         for time, numbers in releases(scene).items()
         for number in numbers
         if time <= reached
     ]
-    if not found:
+    if not tethers:
         return ""
-    them = "it" if len(found) == 1 else "them"
-    return f"  released   {', '.join(found)}; thrust, energies and powers still include {them}"
+    them = "it" if len(tethers) == 1 else "them"
+    return f"  released   {', '.join(tethers)}; thrust, energies and powers still include {them}"
 
 
 def heading(path: Path, attributes: Mapping[str, Any], scene: Scene, terms: str) -> list[str]:

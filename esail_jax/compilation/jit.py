@@ -118,9 +118,9 @@ def compile_traced(traced: jax.stages.Traced) -> Callable:
         with collector_paused():
             named = text_with_keys(traced)
         key = key_of("lowered", named.as_text(), COMPILER_OPTIONS)
-        found = load_executable(STORE, key, (named.in_tree, named.out_tree))
-        if found is not None:
-            return found
+        executable = load_executable(STORE, key, (named.in_tree, named.out_tree))
+        if executable is not None:
+            return executable
     with compiler_at_work():
         with collector_paused():
             lowered = lower(traced)

@@ -55,8 +55,8 @@ def products_are_right() -> bool:
     matrix = np.arange(9.0).reshape(3, 3)
     rows = np.linspace(-1.0, 1.0, 3 * (MOST_ROWS + 1)).reshape(-1, 3)
     with jax.ensure_compile_time_eval():
-        found = jax.jit(jax.vmap(lambda row: ((matrix @ row) ** 2).sum()))(rows)
-    return np.allclose(found, ((rows @ matrix.T) ** 2).sum(1), rtol=1e-10)
+        products = jax.jit(jax.vmap(lambda row: ((matrix @ row) ** 2).sum()))(rows)
+    return np.allclose(products, ((rows @ matrix.T) ** 2).sum(1), rtol=1e-10)
 
 
 def refuse_wrong_products() -> None:

@@ -40,7 +40,7 @@ def read_state(path: Path, optimiser: Optimiser, identity: Mapping[str, str]) ->
     with h5py.File(path) as file:
         for name, value in identity.items():
             if file.attrs[name] != value:
-                raise RunFileError(f"{path} must be of the same {name} to go on with, but is of another")
+                raise RunFileError(f"`{path}` must be of the same {name} to go on with, but is of another")
         x, value, gradient = (jnp.asarray(file[name][-1]) for name in COLUMNS)
         iteration = len(file["value"]) - 1
         leaves = [jnp.asarray(file[f"memory/{i}"][()]) for i in range(len(file["memory"]))]

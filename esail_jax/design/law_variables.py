@@ -40,7 +40,7 @@ def law_variables(scene: Scene) -> dict[str, Variable]:
     """Variables of the scene's law, by scene key, which start at the scene's values.
 
     A table stays between 0 and the maximum voltage."""
-    table, found = scene.voltage, {}
+    table, variables = scene.voltage, {}
     for name, scale in SCALES[table.law].items():
         start = getattr(table, name)
         bounds: dict[str, Any] = {}
@@ -48,5 +48,5 @@ def law_variables(scene: Scene) -> dict[str, Variable]:
             top = 1.0 if table.maximum is None else float(table.maximum / np.max(table.value))
             bounds = {"lower": 0.0, "upper": top}
         if start is not None:
-            found[f"voltage.{name}"] = Variable(start, scale, **bounds)
-    return found
+            variables[f"voltage.{name}"] = Variable(start, scale, **bounds)
+    return variables

@@ -80,8 +80,8 @@ class Objective:
 
     def measure(self, run: Solution) -> dict[objectives.Goal, float]:
         """Values of the objectives of a run, by name."""
-        found = objectives.values(run, tuple(self.weights))
-        return {name: float(value) for name, value in found.items()}
+        values = objectives.values(run, tuple(self.weights))
+        return {name: float(value) for name, value in values.items()}
 
     # ---- reference ------------------------------------------------------------------------------
 
@@ -115,8 +115,8 @@ class Objective:
         count = len(next(iter(self.circumstances.values())))
         each = [{key: x[i] for key, x in self.circumstances.items()} for i in range(count)]
         with jax.ensure_compile_time_eval():
-            found = [self.measure(self.simulate_reference(circumstance)) for circumstance in each]
-        rows = {name: np.array([one[name] for one in found]) for name in self.weights}
+            measured = [self.measure(self.simulate_reference(circumstance)) for circumstance in each]
+        rows = {name: np.array([one[name] for one in measured]) for name in self.weights}
         for name, values in rows.items():
             objectives.check_reference(name, values.min() if name in objectives.RETAINED else values.mean())
         retained = objectives.RETAINED

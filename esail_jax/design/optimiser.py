@@ -88,13 +88,14 @@ class Optimiser:
         x, value, gradient = state.x, state.value, state.gradient
         for _ in range(MAX_BACKTRACKS):
             trial = state.x + length[:, None] * direction
-            found, slopes = self.evaluate(trial)
-            good = jnp.isfinite(found)
+            trial_value, trial_gradient = self.evaluate(trial)
+            good = jnp.isfinite(trial_value)
             if self.method == "lbfgs":
-                good &= found <= state.value + ARMIJO * length * slope
+                good &= trial_value <= state.value + ARMIJO * length * slope
             new = good & (x == state.x).all(1)
             x = jnp.where(new[:, None], trial, x)
-            value, gradient = jnp.where(new, found, value), jnp.where(new[:, None], slopes, gradient)
+            value = jnp.where(new, trial_value, value)
+            gradient = jnp.where(new[:, None], trial_gradient, gradient)
             if bool(good.all()):
                 break
             length = jnp.where(good, length, BACKTRACK * length)

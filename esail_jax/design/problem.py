@@ -78,13 +78,13 @@ class Design:
 
     def parameters_at(self, x: Float[Array | np.ndarray, " variable"]) -> dict[str, Any]:
         """The variables at coordinates x, by scene key, in the units of the scene."""
-        found, first = {}, 0
+        parameters, first = {}, 0
         for key, variable in self.variables.items():
             shape = np.shape(variable.start)
             size = int(np.prod(shape, dtype=int))
-            found[key] = value_of(variable, x[first : first + size].reshape(shape))
+            parameters[key] = value_of(variable, x[first : first + size].reshape(shape))
             first += size
-        return found
+        return parameters
 
     def scene_at(self, x: Float[Array | np.ndarray, " variable"]) -> Scene:
         """The scene with the variables at coordinates x."""

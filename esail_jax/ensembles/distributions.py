@@ -61,8 +61,8 @@ class Distribution(abc.ABC):
         return number
 
     def _error(self, must: str, *names: str) -> SceneError:
-        found = " and ".join(f"{name} = {getattr(self, name)!r}" for name in names)
-        return SceneError(type(self).__name__, must, f"has {found}")
+        values = " and ".join(f"{name} = {getattr(self, name)!r}" for name in names)
+        return SceneError(type(self).__name__, must, f"has {values}")
 
 
 @dataclasses.dataclass(frozen=True)

@@ -46,10 +46,10 @@ class Ensemble:
     def __repr__(self) -> str:
         complete, end = int(self.complete.sum()), float(self.time[-1])
         names = list(self.observables)
-        found = f"{len(names)} observables" if len(names) > 6 else f"observables {', '.join(names)}"
+        observables = f"{len(names)} observables" if len(names) > 6 else f"observables {', '.join(names)}"
         return (
             f"Ensemble({len(self)} members, {complete} complete; {len(self.time)} instants to {end:g} s; "
-            f"{found})"
+            f"{observables})"
         )
 
     def keys(self) -> Iterable[str]:

@@ -22,7 +22,14 @@ import numpy as np
 from esail_jax.ensembles.ensemble import Ensemble
 from esail_jax.ensembles.sampling import Inputs
 from esail_jax.files.hdf5 import atomic_hdf5_in_memory
-from esail_jax.files.opening import WHOLE, RunFileError, intact, open_run, to_python
+from esail_jax.files.opening import (
+    WHOLE,
+    ArgumentError,
+    RunFileError,
+    intact,
+    open_run,
+    to_python,
+)
 from esail_jax.scenes.loading import parse
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.toml_text import to_toml
@@ -130,16 +137,16 @@ def take_pieces(folder: Path, pieces: Sequence[np.ndarray]) -> Iterator[tuple[st
 # ---- pieces -------------------------------------------------------------------------------------
 
 
-def write_piece(folder: Path, name: str, task: Task, found: Ensemble, seconds: tuple[float, float]) -> None:
+def write_piece(folder: Path, name: str, task: Task, piece: Ensemble, seconds: tuple[float, float]) -> None:
     """Writes a computed piece. seconds: spent on compiling and on running."""
     with atomic_hdf5_in_memory(parts_of(folder) / f"{name}.h5") as file:
         write_identity(file, task)
         file.attrs.update({"compile_time": seconds[0], "wall_time": seconds[1]})
         file.attrs["device"] = jax.devices()[0].device_kind
-        file["member"], file["time"], file["steps"] = found.members, found.time, found.steps
-        file["complete"] = found.complete
-        file.create_dataset("message", data=list(found.messages), dtype=TEXT)
-        for observable, values in found.observables.items():
+        file["member"], file["time"], file["steps"] = piece.members, piece.time, piece.steps
+        file["complete"] = piece.complete
+        file.create_dataset("message", data=list(piece.messages), dtype=TEXT)
+        for observable, values in piece.observables.items():
             file[f"observables/{observable}"] = values
 
 
@@ -200,7 +207,7 @@ def check_same(path: Path, file: h5py.File, task: Task) -> None:
     same["scene"] = file["scene"].asstr()[()] == to_toml(task.scene)
     for name, agrees in same.items():
         if not agrees:
-            raise RunFileError(f"`--resume` must go on with the same {name}, but {path} is of another")
+            raise ArgumentError("task", f"go on with the same {name}", f"{path} is of another")
 
 
 # ---- the whole ensemble -------------------------------------------------------------------------

@@ -56,8 +56,8 @@ def mean_gradient(
             value, gradient = jax.value_and_grad(objective)(parameters, own)
             leaves = [value, *jax.tree.leaves(gradient)]
             good = jnp.stack([jnp.isfinite(x).all() for x in leaves]).all() & (weight > 0.0)
-            found = jax.tree.map(lambda x: jnp.where(good, x, 0.0), (value, gradient))
-            return *found, jnp.where(good, 1.0, 0.0)
+            finite = jax.tree.map(lambda x: jnp.where(good, x, 0.0), (value, gradient))
+            return *finite, jnp.where(good, 1.0, 0.0)
 
         sums = jax.tree.map(lambda x: x.sum(0), lax.map(evaluate_member, share))
         value, gradient, counted = lax.psum(sums, MEMBER)

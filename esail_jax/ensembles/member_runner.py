@@ -79,8 +79,8 @@ class MemberRunner:
     def __call__(self, members: np.ndarray) -> Ensemble:
         """Computes these members, at most `batch`."""
         self.compile()
-        found = self._in_lockstep(members) if self.lockstep else self._on_cores(members)
-        rows, complete, steps, errors, jumped = jax.tree.map(np.array, found)
+        results = self._in_lockstep(members) if self.lockstep else self._on_cores(members)
+        rows, complete, steps, errors, jumped = jax.tree.map(np.array, results)
         steps, messages = steps.astype(float), []
         for k, member in enumerate(members):
             of_member = {name: x[k] for name, x in rows.items()}
@@ -136,21 +136,21 @@ class MemberRunner:
         # The program has a fixed number of members: the last one is repeated to fill the batch.
         padded = np.append(members, np.full(self.batch - len(members), members[-1]))
         limits = np.full(self.batch, self._limit)
-        found = jax.device_get(self._program(padded, select_members(self.inputs, padded), limits))
-        return jax.tree.map(lambda x: x[: len(members)], found)
+        results = jax.device_get(self._program(padded, select_members(self.inputs, padded), limits))
+        return jax.tree.map(lambda x: x[: len(members)], results)
 
     def _on_cores(self, members: np.ndarray) -> MemberResult:
         """Results of members, one per core at a time."""
         if self.threads == 1:
-            found = [self._run_one(member) for member in members]
+            results = [self._run_one(member) for member in members]
         else:
             # From one thread the runs would be sequential, although JAX's calls return at once.
             pool = ThreadPoolExecutor(self.threads)
             try:
-                found = list(pool.map(self._run_one, members))
+                results = list(pool.map(self._run_one, members))
             finally:
                 pool.shutdown(cancel_futures=True)
-        return jax.tree.map(lambda *x: np.stack(x), *found)
+        return jax.tree.map(lambda *x: np.stack(x), *results)
 
     def _run_one(self, member: np.integer) -> MemberResult:
         """Result of one member, by the compiled program."""

@@ -42,8 +42,8 @@ def simulate_members(
     Raises SceneError."""
     scene = load_scene(scene, None if terms is None else {OWN_TERMS: terms})
     if (inputs is None) == (vary is None and members is None):
-        found = "neither is" if inputs is None else "both are"
-        raise SceneError("inputs", "be given, or `vary` and `members`", found)
+        got = "neither is" if inputs is None else "both are"
+        raise SceneError("inputs", "be given, or `vary` and `members`", got)
     if inputs is None:
         if members is None:
             raise SceneError("members", "be given with `vary`", "is missing")

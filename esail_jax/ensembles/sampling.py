@@ -47,7 +47,7 @@ PER_TETHER = "[*]"
 
 
 class VariationError(SceneError):
-    """A `--vary` that cannot be understood."""
+    """An entry of `vary` that cannot be understood."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,31 +70,31 @@ in `[*]` gets one number per tether."""
 
 
 def parse_variation(text: str) -> Variation:
-    """Reads KEY=DIST or KEY[*]=DIST of the command line. Raises VariationError."""
-    key, equals, distribution = text.partition("=")
+    """Reads KEY=DIST or KEY[*]=DIST. Raises VariationError."""
+    key, equals, distribution_text = text.partition("=")
     key = key.strip()
-    if not equals or "." not in key or distribution.strip().partition(":")[0] not in FORMS:
+    if not equals or "." not in key or distribution_text.strip().partition(":")[0] not in FORMS:
         forms = ", ".join(f"KEY={form_of(kind)}" for kind in FORMS.values())
-        raise VariationError("--vary", f"look like one of {forms}", f"is {text!r}")
+        raise VariationError("vary", f"look like one of {forms}", f"is {text!r}")
     try:
-        found = parse_distribution(distribution, key.endswith(PER_TETHER))
+        distribution = parse_distribution(distribution_text, key.endswith(PER_TETHER))
     except SceneError as error:
-        raise VariationError(f"--vary {key}", error.must, error.got) from None
-    return Variation(key.removesuffix(PER_TETHER), found)
+        raise VariationError(f"vary {key}", error.must, error.got) from None
+    return Variation(key.removesuffix(PER_TETHER), distribution)
 
 
 def variations_of(vary: Vary) -> list[Variation]:
     """The variations that a mapping or a list describes. Raises SceneError, VariationError."""
     if not isinstance(vary, Mapping):
         return [parse_variation(item) if isinstance(item, str) else item for item in vary]
-    found = []
+    variations = []
     for key, value in vary.items():
         try:
             distribution = as_distribution(value, key.endswith(PER_TETHER))
         except SceneError as error:
             raise SceneError(key, error.must, error.got) from None
-        found.append(Variation(key.removesuffix(PER_TETHER), distribution))
-    return found
+        variations.append(Variation(key.removesuffix(PER_TETHER), distribution))
+    return variations
 
 
 def draw(
@@ -118,7 +118,7 @@ def draw(
     keys = [variation.key for variation in variations]
     for key in keys:
         if keys.count(key) > 1:
-            raise VariationError(f"--vary {key}", "be given once", f"is given {keys.count(key)} times")
+            raise VariationError(f"vary {key}", "be given once", f"is given {keys.count(key)} times")
     points = unit_points(variations, counts, members, seed, sampling)
     inputs, stride = {}, 1
     for variation, count, u in reversed(list(zip(variations, counts, points, strict=True))):
@@ -223,20 +223,20 @@ def checked_inputs(scene: Scene, inputs: Mapping[str, Any]) -> Inputs:
     first member with a value that the scene refuses."""
     if not inputs:
         raise SceneError("inputs", "have a value for every member", "is empty")
-    found = {}
+    arrays = {}
     for key, values in inputs.items():
         varied_rule(scene, key)
         numbers = numbers_of(f"inputs[{key}]", values)
         if numbers is None or not numbers.ndim or not numbers.size:
             raise SceneError(f"inputs[{key}]", "have a value for every member", describe(values))
-        found[key] = numbers
-    first, *others = found
+        arrays[key] = numbers
+    first, *others = arrays
     for key in others:
-        if len(found[key]) != len(found[first]):
-            must = f"have {len(found[first])} members, as `inputs[{first}]` does"
-            raise SceneError(f"inputs[{key}]", must, f"has {len(found[key])}")
-    check(scene, found)
-    return found
+        if len(arrays[key]) != len(arrays[first]):
+            must = f"have {len(arrays[first])} members, as `inputs[{first}]` does"
+            raise SceneError(f"inputs[{key}]", must, f"has {len(arrays[key])}")
+    check(scene, arrays)
+    return arrays
 
 
 def select_members(inputs: Inputs, members: int | np.integer | np.ndarray) -> dict[str, Any]:

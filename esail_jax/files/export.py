@@ -17,8 +17,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from esail_jax.errors import InputError
-from esail_jax.files.opening import intact, open_single
+from esail_jax.files.opening import ArgumentError, intact, open_single
 
 
 def write_csv(run: str | os.PathLike, path: Path) -> None:
@@ -45,12 +44,10 @@ def columns(file: h5py.File) -> Iterator[tuple[str, np.ndarray]]:
 
 
 def check_netcdf() -> None:
-    """Raises InputError if the library that writes netCDF files is missing."""
+    """Raises ArgumentError if the library that writes netCDF files is missing."""
     if importlib.util.find_spec("xarray") is None:
-        raise InputError(
-            "`-o` must end in .csv unless xarray is installed, but ends in .nc: "
-            "`pip install 'esail_jax[xarray]'` installs it"
-        )
+        got = "ends in .nc: `pip install 'esail_jax[xarray]'` installs it"
+        raise ArgumentError("path", "end in .csv unless xarray is installed", got)
 
 
 def write_netcdf(run: str | os.PathLike, path: Path) -> None:

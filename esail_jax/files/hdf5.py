@@ -155,10 +155,10 @@ def append(data: h5py.Dataset, values: np.ndarray) -> None:
 def versions() -> dict[str, str]:
     """Attributes with the versions of Python and of the packages that compute a run."""
     packages = ("esail_jax", "jax", "jaxlib", "numpy", "h5py")
-    found = {}
+    attributes = {}
     for name in packages:
         try:
-            found[f"version_{name}"] = metadata.version(name)
+            attributes[f"version_{name}"] = metadata.version(name)
         except metadata.PackageNotFoundError:  # run from a source tree that is not installed
-            found[f"version_{name}"] = "not installed"
-    return found | {"version_python": platform.python_version()}
+            attributes[f"version_{name}"] = "not installed"
+    return attributes | {"version_python": platform.python_version()}

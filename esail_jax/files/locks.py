@@ -9,7 +9,7 @@ import os
 from pathlib import Path
 from typing import IO
 
-from esail_jax.files.opening import RunFileError
+from esail_jax.files.opening import ArgumentError, RunFileError
 
 try:
     import fcntl
@@ -33,7 +33,7 @@ class Lock:
             self._file = opened(self.path, output)
             if not self._take(shared):
                 self._file.close()
-                raise RunFileError(f"`-o` must not be in use by another process, but {output} is")
+                raise ArgumentError("output", "not be in use by another process", f"{output} is")
             if is_file_at(self._file, self.path):
                 return
             self._file.close()  # the process that held the lock has just removed the file
@@ -93,9 +93,8 @@ def opened(path: Path, output: Path) -> IO:
     try:
         return open(path, "a+")
     except OSError as error:
-        raise RunFileError(
-            f"`-o` must be where files can be made, but {output} is not ({error.strerror})"
-        ) from error
+        got = f"{output} is not ({error.strerror})"
+        raise ArgumentError("output", "be where files can be made", got) from error
 
 
 def is_file_at(file: IO, path: Path) -> bool:

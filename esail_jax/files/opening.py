@@ -31,20 +31,28 @@ class RunFileError(InputError):
     """A run file that cannot be used as asked."""
 
 
+class ArgumentError(RunFileError):
+    """An argument that does not suit a file. The message names it, what it must be, and what it is."""
+
+    def __init__(self, key: str, must: str, got: str):
+        super().__init__(f"`{key}` must {must}, but {got}")
+        self.key = key
+
+
 def files_of(paths: Iterable[Path]) -> list[Path]:
     """The run files that paths stand for: of the folder of an ensemble its file, of the folder of a
     design its two runs, otherwise the path itself. Raises RunFileError for another folder."""
-    found = []
+    files = []
     for path in paths:
         if not path.is_dir():
-            found.append(path)
+            files.append(path)
         elif (path / DESIGN).exists():
-            found += [path / name for name in RUNS_OF_DESIGN]
+            files += [path / name for name in RUNS_OF_DESIGN]
         elif (path / WHOLE).exists():
-            found.append(path / WHOLE)
+            files.append(path / WHOLE)
         else:
             raise RunFileError(f"`{path}` must be a run file, but is a folder without an {WHOLE}")
-    return found
+    return files
 
 
 def holds_ensemble(path: str | os.PathLike) -> bool:
@@ -84,10 +92,10 @@ def open_run(path: str | os.PathLike) -> h5py.File:
         file.close()
         raise RunFileError(f"`{path}` must be a run file, but {reason}")
     if file.attrs["schema_version"] != SCHEMA_VERSION:
-        found = file.attrs["schema_version"]
+        version = file.attrs["schema_version"]
         file.close()
         raise RunFileError(
-            f"`{path}` must have schema version {SCHEMA_VERSION}, but has {found}: "
+            f"`{path}` must have schema version {SCHEMA_VERSION}, but has {version}: "
             "read it with the version of esail_jax that wrote it"
         )
     if "members" not in file and not has_seal(path):

@@ -8,7 +8,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from esail_jax.files.opening import RunFileError, intact, open_run
+from esail_jax.files.opening import ArgumentError, RunFileError, intact, open_run
 from esail_jax.scenes.loading import parse
 from esail_jax.scenes.own_terms import OWN_TERMS, AbsentTerms
 from esail_jax.scenes.scene import Scene
@@ -50,16 +50,14 @@ def read_runs(path: Path, members: tuple[int, ...]) -> list[SavedRun]:
     with open_run(path) as file, intact(path):
         if "members" not in file:
             if members:
-                raise RunFileError(
-                    f"`--member` must be left out with a file of one run, but is {members[0]}"
-                )
+                raise ArgumentError("members", "be left out with a file of one run", f"is {members[0]}")
             return [read_rows(file, path, None)]
         count = int(file.attrs["members"])
         if not members:
-            raise RunFileError(f"`--member` must be given with an ensemble (0 to {count - 1}), but is not")
+            raise ArgumentError("members", f"be given with an ensemble (0 to {count - 1})", "is not")
         for member in members:
             if not 0 <= member < count:
-                raise RunFileError(f"`--member` must be between 0 and {count - 1}, but is {member}")
+                raise ArgumentError("members", f"be between 0 and {count - 1}", f"is {member}")
         return [read_rows(file, path, member) for member in members]
 
 

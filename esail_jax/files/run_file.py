@@ -153,8 +153,8 @@ class Progress(NamedTuple):
 def progress_of(run: HostRun, times: tuple[float, float], *ended: Any) -> Progress:
     """The progress of a run on the host. ended: status, message and result, if it has ended."""
     counts = run.counts
-    found = Progress(run.checkpoint, run.point, int(counts[0]), int(counts[1]), times, *ended)
-    return found._replace(jump=run.jump)
+    progress = Progress(run.checkpoint, run.point, int(counts[0]), int(counts[1]), times, *ended)
+    return progress._replace(jump=run.jump)
 
 
 class RunWriter:
@@ -241,12 +241,13 @@ def rows_of(file: h5py.File) -> list[h5py.Dataset]:
     return [file["time"], *file["observables"].values(), *file["numerics"].values()]
 
 
-def save_stability(path: Path, found: Stability) -> None:
+def save_stability(path: Path, stability: Stability) -> None:
     """Adds the growth of a small perturbation to a finished run file: the attributes `growth_rate` [1/s]
     and `growth`, and the warning in `message`."""
     with atomic_hdf5(path, update=True, sealed=True) as file:
-        message = " ".join(filter(None, (str(file.attrs["message"]), found.warning)))
-        file.attrs.update({"growth_rate": found.growth_rate, "growth": found.growth, "message": message})
+        message = " ".join(filter(None, (str(file.attrs["message"]), stability.warning)))
+        growth = {"growth_rate": stability.growth_rate, "growth": stability.growth}
+        file.attrs.update(growth | {"message": message})
 
 
 def save(solution: Solution, path: str | os.PathLike, overwrite: bool = False) -> None:
@@ -293,4 +294,15 @@ def load(path: str | os.PathLike) -> Solution:
         checkpoint = load_checkpoint(file) if "state" in file else None
         point, times = load_point(file), file["time"][()]
     result = getattr(RESULTS, stats["result"])
-    return Solution(times, rows, result, point, stats, numerics, checkpoint, scene, again=observables_at)
+    return Solution(
+        time=times,
+        observables=rows,
+        result=result,
+        final_state=point,
+        stats=stats,
+        numerics=numerics,
+        checkpoint=checkpoint,
+        scene=scene,
+        again=observables_at,
+        source="file",
+    )

@@ -44,14 +44,14 @@ def load_checkpoint(file: h5py.File) -> Checkpoint:
 
 def arrays_of(group: h5py.Group) -> dict[str, np.ndarray]:
     """The arrays in a group and its groups, by path."""
-    found = {}
+    arrays = {}
 
     def visit(name, data):
         if isinstance(data, h5py.Dataset):
-            found[name] = np.asarray(data[()])
+            arrays[name] = np.asarray(data[()])
 
     group.visititems(visit)
-    return found
+    return arrays
 
 
 def save_point(file: h5py.File, point: AnyPoint) -> None:

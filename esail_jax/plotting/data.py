@@ -38,11 +38,11 @@ class Mark(NamedTuple):
 def release_marks(run: Any) -> list[Mark]:
     """The instants of the run at which tethers are released. The first one has the label of all."""
     scene, time = run.scene, np.asarray(run.time)
-    found = {t: x for t, x in releases(scene).items() if len(time) and t <= time[-1]}
-    numbers = sorted(number for tethers in found.values() for number in tethers)
+    released = {t: tethers for t, tethers in releases(scene).items() if len(time) and t <= time[-1]}
+    numbers = sorted(number for tethers in released.values() for number in tethers)
     named = f"tether{'s' * (len(numbers) > 1)} {', '.join(map(str, numbers))}"
     label = f"{named if len(numbers) <= MOST_NUMBERED else f'{len(numbers)} tethers'} released"
-    return [Mark(t, None if k else label) for k, t in enumerate(found)]
+    return [Mark(t, None if k else label) for k, t in enumerate(released)]
 
 
 def change(values: np.ndarray | None) -> np.ndarray | None:

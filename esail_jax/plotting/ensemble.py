@@ -125,9 +125,9 @@ def draw_quantiles(ensemble: Ensemble, name: str, ax: Axes | None = None) -> Axe
 
 def distributions(ensemble: Ensemble) -> Figure:
     """The figure of histograms of the outcomes, each one number per member."""
-    found = outcomes_of(ensemble)
-    figure, axes = grid_of(len(found))
-    for ax, outcome in zip(axes, found, strict=True):
+    outcomes = outcomes_of(ensemble)
+    figure, axes = grid_of(len(outcomes))
+    for ax, outcome in zip(axes, outcomes, strict=True):
         y = outcome.of(ensemble)
         y = y[np.isfinite(y)]
         ax.hist(y, bins=int(np.clip(len(y) ** 0.5, 5, 60)), color=BLUE, alpha=0.7)
@@ -142,9 +142,9 @@ def distributions(ensemble: Ensemble) -> Figure:
 @styled
 def drivers_figure(ensemble: Ensemble) -> Figure:
     """The figure of every outcome's shares of variance by input."""
-    found = outcomes_of(ensemble)
-    table = [sensitivities(ensemble.inputs, outcome.of(ensemble)) for outcome in found]
-    known = [(o, d) for o, d in zip(found, table, strict=True) if np.isfinite(d.explained)]
+    outcomes = outcomes_of(ensemble)
+    table = [sensitivities(ensemble.inputs, outcome.of(ensemble)) for outcome in outcomes]
+    known = [(o, d) for o, d in zip(outcomes, table, strict=True) if np.isfinite(d.explained)]
     if not known:
         return Figure()
     figure = Figure(figsize=(9.0, 0.45 * len(known) + 1.6), layout="constrained")

@@ -33,14 +33,14 @@ def modal_lines(table: Any, kind: str) -> list[ModalLine]:
     table: an `esail_jax.ModeTable`, or None for no lines; kind: "in-plane" (lagging), "out-of-plane"
     (coning) or "axial" (length). Overdamped motions do not ring. The precession of the spin axis is left
     out: its line is that of the spin."""
-    found = []
+    lines = []
     for k in range(0 if table is None else len(table.name)):
         ringing = float(table.eigenvalue[k].imag) / (2.0 * np.pi)
         name = table.name[k].partition(",")[0]
         lowest = table.kind[k] == kind and table.nodes[k] <= HIGHEST_NODES
         if lowest and ringing > 0.0 and not name.startswith("spin-axis precession"):
-            found.append(ModalLine(ringing, name, int(table.nodes[k])))
-    return sorted(found)
+            lines.append(ModalLine(ringing, name, int(table.nodes[k])))
+    return sorted(lines)
 
 
 def draw_modal_lines(ax: Axes, lines: Sequence[ModalLine], lowest: float, highest: float) -> None:

@@ -54,21 +54,23 @@ def build(structure: Structure, numbers: Numbers) -> Model:
 
     The scene is a sail ([PGV] Sec. 4.1), or a chain, whose state is then that of its joints.
     """
-    n = numbers
     if structure.has("chain"):
-        chain, state = build_chain(structure, n)
+        chain, state = build_chain(structure, numbers)
         q, v = chain.coordinates(state)
         return Model(chain.system, q, v, jnp.zeros(1))
-    system = system_of(structure, n)
-    q, v, unbalanced = initial_state(structure, n, system)
+    system = system_of(structure, numbers)
+    q, v, unbalanced = initial_state(structure, numbers, system)
     return Model(system, q, v, unbalanced)
 
 
-def hub_of(structure: Structure, n: Numbers) -> Body | None:
+def hub_of(structure: Structure, numbers: Numbers) -> Body | None:
     """The hub: a cylinder, or a body with a mass and an inertia tensor."""
     if structure.has("hub.mass"):
-        return Spacecraft.of(n["hub.mass"], n["hub.inertia"], n.get("hub.centre", jnp.zeros(3)))
-    return RigidBody(n["hub.height"], n["hub.radius"], n["hub.density"]) if structure.has("hub") else None
+        centre = numbers.get("hub.centre", jnp.zeros(3))
+        return Spacecraft.of(numbers["hub.mass"], numbers["hub.inertia"], centre)
+    if structure.has("hub"):
+        return RigidBody(numbers["hub.height"], numbers["hub.radius"], numbers["hub.density"])
+    return None
 
 
 class RootPlaces(NamedTuple):
@@ -92,110 +94,111 @@ class RootPlaces(NamedTuple):
         return self.radius * self.outward if self.positions is None else self.positions
 
 
-def root_places(structure: Structure, n: Numbers) -> RootPlaces:
+def root_places(structure: Structure, numbers: Numbers) -> RootPlaces:
     """The places of the roots: those of `hub.roots`, or at the azimuths 2 pi i/p in the hub's mid-plane, at
     `hub.radius` from its axis; without a hub at the centre of a turning frame."""
     if structure.has("hub.roots"):
-        positions = n["hub.roots"].T
+        positions = numbers["hub.roots"].T
         azimuth = joints.azimuths_of(positions)
         radius = (positions * joints.radial_directions(azimuth)).sum(0)
         return RootPlaces(azimuth, radius, positions)
-    radius = n["hub.radius"] if structure.has("hub") else jnp.zeros(())
+    radius = numbers["hub.radius"] if structure.has("hub") else jnp.zeros(())
     return RootPlaces(joints.even_azimuths(structure["tethers.count"]), radius, None)
 
 
-def system_of(structure: Structure, n: Numbers) -> System:
+def system_of(structure: Structure, numbers: Numbers) -> System:
     """The system of a sail."""
-    start, _ = starting_attitude(n)
-    hub, acting = hub_of(structure, n), terms_of_parts(structure, n)
-    tethers = tethers_of(structure, n, bool(acting.loads))
-    acting = material_terms(structure, n) + acting + terms_of_user(structure, n, tethers, acting)
+    start, _ = starting_attitude(numbers)
+    hub, acting = hub_of(structure, numbers), terms_of_parts(structure, numbers)
+    tethers = tethers_of(structure, numbers, bool(acting.loads))
+    material = material_terms(structure, numbers)
+    acting = material + acting + terms_of_user(structure, numbers, tethers, acting)
     return System(
         tethers=tethers,
-        roots=roots_of(structure, n, hub, start),
+        roots=roots_of(structure, numbers, hub, start),
         hub=hub,
         **vars(acting),
-        ring=ring_of(structure, n) if structure.has("auxiliary_tethers") else None,
-        kepler_orbit=kepler_orbit_of(n),
+        ring=ring_of(structure, numbers) if structure.has("auxiliary_tethers") else None,
+        kepler_orbit=kepler_orbit_of(numbers),
         parts=structure.parts,
     )
 
 
-def terms_of_parts(structure: Structure, n: Numbers) -> Terms:
+def terms_of_parts(structure: Structure, numbers: Numbers) -> Terms:
     """What the parts of the scene bring, in the order of the parts (`Part.terms`)."""
     acting = Terms()
     for part in parts_of(structure.model).values():
         if part.terms and structure.has(part.name):
             module, _, function = part.terms.partition(":")
-            acting += getattr(import_module(module), function)(structure, n)
+            acting += getattr(import_module(module), function)(structure, numbers)
     return acting
 
 
-def terms_of_user(structure: Structure, n: Numbers, tethers: TetherBatch, acting: Terms) -> Terms:
+def terms_of_user(structure: Structure, numbers: Numbers, tethers: TetherBatch, acting: Terms) -> Terms:
     """The terms that a user added to the scene, and what they may know. acting: what the parts bring."""
     if not structure.own_terms:
         return Terms()
-    orbit, thrust = kepler_orbit_of(n), None
+    orbit, thrust = kepler_orbit_of(numbers), None
     if structure.model == SAIL:
         thrust = find_term(acting.loads, CoulombThrust)
     first = None if orbit is None else (orbit.position, orbit.velocity)
     given = tuple(
-        (term, tuple(n[f"{OWN_TERMS}.{i}.{j}"] for j in range(term.others.count(NUMBER))))
+        (term, tuple(numbers[f"{OWN_TERMS}.{i}.{j}"] for j in range(term.others.count(NUMBER))))
         for i, term in enumerate(structure.own_terms)
     )
-    return own_terms(given, tethers, Surroundings(origin_of(n), orbit, first, thrust))
+    return own_terms(given, tethers, Surroundings(origin_of(numbers), orbit, first, thrust))
 
 
-def material_terms(structure: Structure, n: Numbers) -> Terms:
+def material_terms(structure: Structure, numbers: Numbers) -> Terms:
     """Energies and dissipations of the tethers, for the keys that are given."""
     strain = structure["tethers.strain"]
-    axial = n["tethers.youngs_modulus"] * n["tethers.area"]
+    axial = numbers["tethers.youngs_modulus"] * numbers["tethers.area"]
     energies: list[Energy] = [AxialEnergy(axial, strain)]
     dissipations: list[Dissipation] = []
     if structure.has("tethers.axial_damping_time"):
-        dissipations.append(AxialDissipation(axial, n["tethers.axial_damping_time"], strain))
+        dissipations.append(AxialDissipation(axial, numbers["tethers.axial_damping_time"], strain))
     if structure["tethers.bending"]:
-        bending = n["tethers.youngs_modulus"] * n["tethers.second_moment"]
+        bending = numbers["tethers.youngs_modulus"] * numbers["tethers.second_moment"]
         energies.append(BendingEnergy(bending))
         if structure.has("tethers.bending_damping_time"):
-            straight = n.get("tethers.straight_turn", STRAIGHT_TURN) / n["tethers.length"]
-            time = n["tethers.bending_damping_time"]
+            straight = numbers.get("tethers.straight_turn", STRAIGHT_TURN) / numbers["tethers.length"]
+            time = numbers["tethers.bending_damping_time"]
             dissipations.append(BendingDissipation(bending, time, straight))
     elements = structure["tethers.elements"]
     terms = jax.tree.map(lambda x: per_element(x, elements), (tuple(energies), tuple(dissipations)))
     if structure.has("thermal"):
         (axial_energy, *others), dissipations = terms
-        terms = ((heated(structure, n, axial_energy), *others), dissipations)
+        terms = ((heated(structure, numbers, axial_energy), *others), dissipations)
     return Terms(*terms)
 
 
-def heated(structure: Structure, n: Numbers, axial: AxialEnergy) -> ThermalEnergy:
+def heated(structure: Structure, numbers: Numbers, axial: AxialEnergy) -> ThermalEnergy:
     """The axial energy of tethers with the temperatures of [thermal]."""
-    table, p = n["thermal.temperature"], structure["tethers.count"]
+    table, p = numbers["thermal.temperature"], structure["tethers.count"]
     if structure.has("thermal.time"):
-        time = n["thermal.time"]
+        time = numbers["thermal.time"]
         rows = jnp.broadcast_to(table if table.ndim == 2 else table[:, None], (time.shape[0], p))
         temperature = TemperatureSeries.undivided(time, rows)
     else:
         temperature = SteadyTemperature(jnp.broadcast_to(table, (p,)))
-    numbers = n["thermal.expansion"], n["thermal.reference_temperature"], temperature
-    return ThermalEnergy(axial.stiffness, *numbers, axial.strain, structure["tethers.elements"])
+    expansion = numbers["thermal.expansion"], numbers["thermal.reference_temperature"], temperature
+    return ThermalEnergy(axial.stiffness, *expansion, axial.strain, structure["tethers.elements"])
 
 
-def tethers_of(structure: Structure, n: Numbers, loaded: bool) -> TetherBatch:
+def tethers_of(structure: Structure, numbers: Numbers, loaded: bool) -> TetherBatch:
     """The batch of tethers. It interpolates the fields that its terms need: r only if it is `loaded`."""
     elements = structure["tethers.elements"]
-    length = n["tethers.length"]
+    length = numbers["tethers.length"]
     needed = fields_needed(structure.own_terms)
     if loaded:
         needed |= {"r"}
     if structure["tethers.bending"]:
         needed |= {"r_xx"}
     used = tuple(name for name in PointFields._fields if name == "r_x" or name in needed)
-    mass = n.get("remote_units.mass", jnp.zeros_like(length))
+    mass = numbers.get("remote_units.mass", jnp.zeros_like(length))
     return TetherBatch(
         element_length=length / elements,
-        line_density=n["tethers.density"] * n["tethers.area"],
+        line_density=numbers["tethers.density"] * numbers["tethers.area"],
         tip_mass=mass,
         elements=elements,
         kind=structure["tethers.element"],
@@ -203,23 +206,23 @@ def tethers_of(structure: Structure, n: Numbers, loaded: bool) -> TetherBatch:
     )
 
 
-def ring_of(structure: Structure, n: Numbers) -> Ring:
+def ring_of(structure: Structure, numbers: Numbers) -> Ring:
     """The ring of auxiliary tethers. Its strain is that of the tethers unless it has its own."""
     elements = structure["auxiliary_tethers.elements"]
     strain = structure["auxiliary_tethers.strain"] or structure["tethers.strain"]
-    area = n["auxiliary_tethers.area"]
-    axial = per_element(n["auxiliary_tethers.youngs_modulus"] * area, elements)
+    area = numbers["auxiliary_tethers.area"]
+    axial = per_element(numbers["auxiliary_tethers.youngs_modulus"] * area, elements)
     energy: Energy = AxialEnergy(axial, strain)
     if structure.has("auxiliary_tethers.slack_strain"):
-        width = per_element(n["auxiliary_tethers.slack_strain"], elements)
+        width = per_element(numbers["auxiliary_tethers.slack_strain"], elements)
         energy = TensionOnlyEnergy(axial, width, strain)
     dissipations: tuple[Dissipation, ...] = ()
     if structure.has("auxiliary_tethers.axial_damping_time"):
-        time = per_element(n["auxiliary_tethers.axial_damping_time"], elements)
+        time = per_element(numbers["auxiliary_tethers.axial_damping_time"], elements)
         dissipations = (AxialDissipation(axial, time, strain),)
     segments = TetherBatch(
-        element_length=n["auxiliary_tethers.length"] / elements,
-        line_density=area * n["auxiliary_tethers.density"],
+        element_length=numbers["auxiliary_tethers.length"] / elements,
+        line_density=area * numbers["auxiliary_tethers.density"],
         tip_mass=jnp.zeros_like(area),
         elements=elements,
         kind=structure["auxiliary_tethers.element"],
@@ -229,15 +232,16 @@ def ring_of(structure: Structure, n: Numbers) -> Ring:
 
 
 def roots_of(
-    structure: Structure, n: Numbers, hub: Body | None, start: Rotation
+    structure: Structure, numbers: Numbers, hub: Body | None, start: Rotation
 ) -> joints.HubRoots | joints.FrameRoots:
     """Spherical or clamped roots at their places."""
-    places = root_places(structure, n)
+    places = root_places(structure, numbers)
     clamped = structure["tethers.root"] == "clamped"
     normals = joints.clamp_normals(places.azimuth) if clamped else None
-    releases = joints.Releases(n.get("event.time")).with_events_until(jnp.zeros(()))
+    releases = joints.Releases(numbers.get("event.time")).with_events_until(jnp.zeros(()))
     if hub is None:
-        return joints.FrameRoots(start, n["initial.spin_rate"], 0.0 * places.outward, normals, releases)
+        spin = numbers["initial.spin_rate"]
+        return joints.FrameRoots(start, spin, 0.0 * places.outward, normals, releases)
     if clamped:
         normals = jnp.moveaxis(hub.direction_weights(jnp.moveaxis(normals, 1, 0)), 0, 1)
     azimuth = None if places.positions is None else places.azimuth
@@ -245,16 +249,16 @@ def roots_of(
 
 
 def initial_state(
-    structure: Structure, n: Numbers, system: System
+    structure: Structure, numbers: Numbers, system: System
 ) -> tuple[Coordinates, Coordinates, PerTether]:
     """Initial positions and velocities: straight tethers on their cone that turn rigidly with the hub. Also
     the largest force [N] of every tether that the steady elongation leaves unbalanced."""
-    (start, _), places = starting_attitude(n), root_places(structure, n)
-    coning = jnp.deg2rad(n["initial.coning_angle_deg"])
+    (start, _), places = starting_attitude(numbers), root_places(structure, numbers)
+    coning = jnp.deg2rad(numbers["initial.coning_angle_deg"])
     radius, outward = places.radius, places.outward
-    spin = n["initial.spin_rate"]
+    spin = numbers["initial.spin_rate"]
     if structure["initial.elongation"] == "paper":
-        line, unbalanced = printed_line(n, system.tethers, radius), jnp.zeros_like(places.azimuth)
+        line, unbalanced = printed_line(numbers, system.tethers, radius), jnp.zeros_like(places.azimuth)
     else:
         line, unbalanced = steady_line(system.tethers, system.energies, radius, spin, coning)
     x_axis = jnp.array([[1.0], [0.0], [0.0]])
@@ -285,59 +289,59 @@ def initial_state(
     return system.place_roots(zero, q), system.place_roots(zero, v, derivative=1), unbalanced
 
 
-def printed_line(n: Numbers, tethers: TetherBatch, radius: Array) -> Line:
+def printed_line(numbers: Numbers, tethers: TetherBatch, radius: Array) -> Line:
     """The initial elongation of [PGV] Eq. 79-80 as printed.
 
     It is that of a rotating cable whose tip mass is the tether's own mass m_t, stretched from the axis
     rather than from the root. `place_roots` then puts the root on the hub; the errata describe the
     consequences.
     """
-    modulus, spin_squared = n["tethers.youngs_modulus"], n["initial.spin_rate"] ** 2
-    length, density = n["tethers.length"], n["tethers.density"]
+    modulus, spin_squared = numbers["tethers.youngs_modulus"], numbers["initial.spin_rate"] ** 2
+    length, density = numbers["tethers.length"], numbers["tethers.density"]
     tether_mass = tethers.line_density * length
-    tip = tether_mass * spin_squared * length / (modulus * n["tethers.area"])
+    tip = tether_mass * spin_squared * length / (modulus * numbers["tethers.area"])
     r = radius + unstretched_line(tethers)[0]
     position = (1.0 + density * spin_squared / (6.0 * modulus) * (3.0 * length**2 - r**2) + tip) * r
     slope = 1.0 + density * spin_squared / (2.0 * modulus) * (length**2 - r**2) + tip
     return jnp.stack([position - radius, slope][: tethers.coefs])
 
 
-def build_chain(structure: Structure, n: Numbers) -> tuple[RodChain, RodState]:
+def build_chain(structure: Structure, numbers: Numbers) -> tuple[RodChain, RodState]:
     """A chain of rods and its initial state ([MW] Sec. 3)."""
-    column = {key: value[:, None] for key, value in n.items() if key.startswith("chain.") and value.ndim}
+    column = {key: x[:, None] for key, x in numbers.items() if key.startswith("chain.") and x.ndim}
     length, free = column["chain.length"], structure["chain.anchor"] == "free"
     rods = structure["chain.rods"]
     axial = per_element(column["chain.youngs_modulus"] * column["chain.area"], rods)
     strain = structure["chain.strain"]
     energy = AxialEnergy(axial, strain)
     if structure.has("chain.slack_strain"):
-        energy = TensionOnlyEnergy(axial, n["chain.slack_strain"], strain)
+        energy = TensionOnlyEnergy(axial, numbers["chain.slack_strain"], strain)
     dissipations: tuple[Dissipation, ...] = ()
     if structure.has("chain.axial_damping_time"):
         time = per_element(column["chain.axial_damping_time"], rods)
         dissipations = (AxialDissipation(axial, time, strain),)
-    acting = terms_of_parts(structure, n)
+    acting = terms_of_parts(structure, numbers)
     tethers = TetherBatch(
         element_length=length,
         line_density=column["chain.mass"] / length,
-        tip_mass=n["chain.tip_mass"][None],
+        tip_mass=numbers["chain.tip_mass"][None],
         elements=rods,
         kind="rod",
         fields_used=("r",) * (bool(acting.loads) or "r" in fields_needed(structure.own_terms)) + ("r_x",),
-        base_mass=n.get("chain.base_mass", jnp.zeros(()))[None] if free else None,
+        base_mass=numbers.get("chain.base_mass", jnp.zeros(()))[None] if free else None,
     )
     held = joints.FrameRoots(jnp.eye(3), jnp.zeros(()), jnp.zeros((3, 1)), None)
-    acting = Terms((energy,), dissipations) + acting + terms_of_user(structure, n, tethers, acting)
+    acting = Terms((energy,), dissipations) + acting + terms_of_user(structure, numbers, tethers, acting)
     system = System(tethers, None if free else held, None, **vars(acting), parts=structure.parts)
-    x, v = n["initial.rod_vector"].T, n["initial.rod_rate"].T
+    x, v = numbers["initial.rod_vector"].T, numbers["initial.rod_rate"].T
     hinges = None
     if structure["chain.bending"]:
-        bending = n["chain.youngs_modulus"] * n["chain.second_moment"]
+        bending = numbers["chain.youngs_modulus"] * numbers["chain.second_moment"]
         clamped = structure["chain.root"] == "clamped"
         direction = x[:, 0] / jnp.linalg.norm(x[:, 0]) if clamped else None
-        hinges = Hinges.of(bending, n["chain.length"], direction)
+        hinges = Hinges.of(bending, numbers["chain.length"], direction)
     if free:
-        first = (n.get(f"initial.{key}", jnp.zeros(3))[:, None] for key in ("position", "velocity"))
+        first = (numbers.get(f"initial.{key}", jnp.zeros(3))[:, None] for key in ("position", "velocity"))
         x, v = (jnp.concatenate(pair, axis=1) for pair in zip(first, (x, v), strict=True))
     chain = RodChain.of(system, hinges)
     zero = jnp.zeros(())

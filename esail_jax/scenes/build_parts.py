@@ -30,153 +30,153 @@ from esail_jax.scenes.voltage import OWN_LAW, PERIOD
 from esail_jax.terms import Terms
 
 
-def solar_wind(structure: Structure, n: Numbers) -> Terms:
+def solar_wind(structure: Structure, numbers: Numbers) -> Terms:
     """The thrust of [solar_wind] and [voltage] on a sail."""
-    wind = wind_of(n, origin_of(n))
-    law, collector = voltage_law(structure, n, wind), None
+    wind = wind_of(numbers, origin_of(numbers))
+    law, collector = voltage_law(structure, numbers, wind), None
     if structure.has("tethers.wire_radius"):
-        width = 2.0 * n["tethers.wire_radius"] * (structure["tethers.wires"] or 1)
-        collector = Collector(width * n["tethers.length"], wind)
+        width = 2.0 * numbers["tethers.wire_radius"] * (structure["tethers.wires"] or 1)
+        collector = Collector(width * numbers["tethers.length"], wind)
     if collector is not None and structure.has("voltage.power_limit"):
-        law = power_limited(law, collector, n["voltage.power_limit"])
+        law = power_limited(law, collector, numbers["voltage.power_limit"])
     elements, relative = structure["tethers.elements"], structure["solar_wind.relative"]
     return Terms(loads=(CoulombThrust.of(wind, law, elements, relative, collector),))
 
 
-def solar_wind_at_chain(structure: Structure, n: Numbers) -> Terms:
+def solar_wind_at_chain(structure: Structure, numbers: Numbers) -> Terms:
     """The thrust of [solar_wind] and [voltage] on a chain, which has a voltage for every rod."""
-    law, relative = voltage.Constant(n["voltage.value"]), structure["solar_wind.relative"]
-    return Terms(loads=(CoulombThrust.of(wind_of(n, origin_of(n)), law, 1, relative),))
+    law, relative = voltage.Constant(numbers["voltage.value"]), structure["solar_wind.relative"]
+    return Terms(loads=(CoulombThrust.of(wind_of(numbers, origin_of(numbers)), law, 1, relative),))
 
 
-def tip_thrust(structure: Structure, n: Numbers) -> Terms:
+def tip_thrust(structure: Structure, numbers: Numbers) -> Terms:
     """The forces of [tip_thrust] on the remote units."""
     switching = None
     if structure.has("tip_thrust.on"):
-        switching = Switching(*(n[f"tip_thrust.{key}"] for key in ("on", "off", "rise_time")))
+        switching = Switching(*(numbers[f"tip_thrust.{key}"] for key in ("on", "off", "rise_time")))
     direction = structure["tip_thrust.direction"]
-    return Terms(tip_loads=(TipThrust(n["tip_thrust.force"], switching, direction),))
+    return Terms(tip_loads=(TipThrust(numbers["tip_thrust.force"], switching, direction),))
 
 
-def plasma_brake(structure: Structure, n: Numbers) -> Terms:
+def plasma_brake(structure: Structure, numbers: Numbers) -> Terms:
     """The load of [plasma_brake] on a chain."""
     names = ("speed", "number_density", "ion_mass_u", "tether_radius", "voltage")
-    speed, density, mass, radius, voltage = (n[f"plasma_brake.{name}"] for name in names)
+    speed, density, mass, radius, voltage = (numbers[f"plasma_brake.{name}"] for name in names)
     return Terms(loads=(PlasmaBrake(speed, density, ions(mass), radius, voltage),))
 
 
-def gravity(structure: Structure, n: Numbers) -> Terms:
+def gravity(structure: Structure, numbers: Numbers) -> Terms:
     """The field of [gravity]."""
-    return Terms(fields=(UniformGravity(n["gravity.acceleration"]),))
+    return Terms(fields=(UniformGravity(numbers["gravity.acceleration"]),))
 
 
-def circular_orbit(structure: Structure, n: Numbers) -> Terms:
+def circular_orbit(structure: Structure, numbers: Numbers) -> Terms:
     """The field in the axes of the [orbit] of a chain."""
-    return Terms(fields=(OrbitalField(CircularOrbit(n["orbit.mean_motion"])),))
+    return Terms(fields=(OrbitalField(CircularOrbit(numbers["orbit.mean_motion"])),))
 
 
-def heliocentric_orbit(structure: Structure, n: Numbers) -> Terms:
+def heliocentric_orbit(structure: Structure, numbers: Numbers) -> Terms:
     """The tide of the Sun on a sail with an [orbit]."""
-    return Terms(fields=(SolarTide(KeplerOrbit(*state_on_orbit(n))),))
+    return Terms(fields=(SolarTide(KeplerOrbit(*state_on_orbit(numbers))),))
 
 
-def wind_of(n: Numbers, origin: Float[Array, "3"]) -> Wind:
+def wind_of(numbers: Numbers, origin: Float[Array, "3"]) -> Wind:
     """The wind of [solar_wind]. origin: R_0 [m], heliocentric position of the inertial frame's origin."""
-    orbit = kepler_orbit_of(n)
+    orbit = kepler_orbit_of(numbers)
     if orbit is None:
-        return wind_at(n, origin)
-    distance = n.get("solar_wind.reference_distance_au", jnp.ones(())) * ASTRONOMICAL_UNIT
-    return WindOnOrbit(wind_at(n, origin), orbit, distance)
+        return wind_at(numbers, origin)
+    distance = numbers.get("solar_wind.reference_distance_au", jnp.ones(())) * ASTRONOMICAL_UNIT
+    return WindOnOrbit(wind_at(numbers, origin), orbit, distance)
 
 
-def kepler_orbit_of(n: Numbers) -> KeplerOrbit | None:
+def kepler_orbit_of(numbers: Numbers) -> KeplerOrbit | None:
     """The orbit of a sail about the Sun; None without one."""
-    if "orbit.position_au" not in n:
+    if "orbit.position_au" not in numbers:
         return None
-    return KeplerOrbit(*state_on_orbit(n))
+    return KeplerOrbit(*state_on_orbit(numbers))
 
 
-def state_on_orbit(n: Numbers) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
+def state_on_orbit(numbers: Numbers) -> tuple[Float[Array, "3"], Float[Array, "3"]]:
     """Heliocentric position [m] and velocity [m/s] of a sail on its orbit at t = 0."""
-    return n["orbit.position_au"] * ASTRONOMICAL_UNIT, n["orbit.velocity"]
+    return numbers["orbit.position_au"] * ASTRONOMICAL_UNIT, numbers["orbit.velocity"]
 
 
-def wind_at(n: Numbers, origin: Float[Array, "3"]) -> SteadyWind | WindSeries:
+def wind_at(numbers: Numbers, origin: Float[Array, "3"]) -> SteadyWind | WindSeries:
     """The wind of [solar_wind] at one place, steady or a series."""
-    keys = ("solar_wind.speed", "solar_wind.number_density")
-    speed, density = (n[key] for key in keys)
-    cutoff, sheath = n.get("solar_wind.cutoff_voltage"), None
-    if "solar_wind.electron_temperature_ev" in n:
-        sheath = DebyeSheath(n["solar_wind.electron_temperature_ev"], n["solar_wind.tether_radius"])
-    about = cutoff, origin, sheath, n.get("solar_wind.thrust_factor")
-    if "solar_wind.time" not in n:
+    speed, density = numbers["solar_wind.speed"], numbers["solar_wind.number_density"]
+    cutoff, sheath = numbers.get("solar_wind.cutoff_voltage"), None
+    if "solar_wind.electron_temperature_ev" in numbers:
+        temperature = numbers["solar_wind.electron_temperature_ev"]
+        sheath = DebyeSheath(temperature, numbers["solar_wind.tether_radius"])
+    about = cutoff, origin, sheath, numbers.get("solar_wind.thrust_factor")
+    if "solar_wind.time" not in numbers:
         return SteadyWind(speed, density, *about)
-    time = n["solar_wind.time"]
+    time = numbers["solar_wind.time"]
     speed, density = (jnp.broadcast_to(x, time.shape) for x in (speed, density))
     return WindSeries(time, speed, density, *about)
 
 
-def voltage_law(structure: Structure, n: Numbers, wind: Wind) -> voltage.VoltageLaw:
+def voltage_law(structure: Structure, numbers: Numbers, wind: Wind) -> voltage.VoltageLaw:
     """The voltage law of [voltage]."""
-    law, limits = structure["voltage.law"], limits_of(n)
-    value, slew = n.get("voltage.value"), n.get("voltage.slew_rate")
+    law, limits = structure["voltage.law"], limits_of(numbers)
+    value, slew = numbers.get("voltage.value"), numbers.get("voltage.slew_rate")
     if law == "harmonic":
-        given = [n[key] for key in ("voltage.cosine", "voltage.sine") if key in n]
-        waves = (per_tether(n.get(f"voltage.{x}", 0.0 * given[0]), value) for x in ("cosine", "sine"))
+        given = [numbers[key] for key in ("voltage.cosine", "voltage.sine") if key in numbers]
+        waves = (per_tether(numbers.get(f"voltage.{x}", 0.0 * given[0]), value) for x in ("cosine", "sine"))
         return voltage.Harmonic(value, *waves, limits, slew)
     if law == "piecewise-linear":
-        time, table = n["voltage.time"], value * per_tether(n["voltage.table"], value)
+        time, table = numbers["voltage.time"], value * per_tether(numbers["voltage.table"], value)
         if slew is not None:
             table = within_slew_rate(time, table, slew)
         return voltage.TimeTable(time, table, limits)
     if law == "on-off":
-        switched = (n.get(f"voltage.{x}") for x in ("on", "off", "rise_time"))
+        switched = (numbers.get(f"voltage.{x}") for x in ("on", "off", "rise_time"))
         return voltage.OnOff(value, *switched, limits, slew)
     if law == "phase-window":
-        phases = (jnp.deg2rad(n[f"voltage.{x}_phase_deg"]) for x in ("on", "off", "rise"))
+        phases = (jnp.deg2rad(numbers[f"voltage.{x}_phase_deg"]) for x in ("on", "off", "rise"))
         return PhaseWindow(value, *phases, limits)
     if law == "feedback":
-        pitch = n | {"initial.sailing_angle_deg": n["voltage.target_sailing_angle_deg"]}
-        gain, rest = n["voltage.gain"], (limits, slew)
+        pitch = numbers | {"initial.sailing_angle_deg": numbers["voltage.target_sailing_angle_deg"]}
+        gain, rest = numbers["voltage.gain"], (limits, slew)
         axis = structure["voltage.measured_axis"] or "hub"
         if structure.has("orbit"):
             return voltage.OrbitalFeedback(value, gain, orbital_attitude(pitch)[:, 0], *rest, axis)
         return voltage.Feedback(value, gain, starting_attitude(pitch)[0][:, 0], *rest, axis)
     if law == "constant-thrust":
-        return ConstantThrust(n["voltage.thrust"], n["tethers.length"], wind, limits)
+        return ConstantThrust(numbers["voltage.thrust"], numbers["tethers.length"], wind, limits)
     if law == "python":
-        return users_law(structure, n)
+        return users_law(structure, numbers)
     if law == "planar-cone":
-        return planar_cone(n, wind, limits, slew)
+        return planar_cone(numbers, wind, limits, slew)
     return voltage.Constant(value if limits.maximum is None else limits(value))
 
 
-def limits_of(n: Numbers) -> Limits:
+def limits_of(numbers: Numbers) -> Limits:
     """The limits of the voltages."""
-    return Limits(n.get("voltage.maximum"), n.get("voltage.limit_blend"))
+    return Limits(numbers.get("voltage.maximum"), numbers.get("voltage.limit_blend"))
 
 
-def users_law(structure: Structure, n: Numbers) -> voltage.VoltageLaw:
+def users_law(structure: Structure, numbers: Numbers) -> voltage.VoltageLaw:
     """The voltage law that a user wrote, within the limits of [voltage]."""
-    found, period = structure[OWN_LAW], structure[PERIOD]
-    law = found, tuple(n[f"{OWN_LAW}.{i}"] for i in range(found.others.count(NUMBER)))
-    limits, slew = limits_of(n), n.get("voltage.slew_rate")
+    law, period = structure[OWN_LAW], structure[PERIOD]
+    law_numbers = tuple(numbers[f"{OWN_LAW}.{i}"] for i in range(law.others.count(NUMBER)))
+    limits, slew = limits_of(numbers), numbers.get("voltage.slew_rate")
     if period is None:
-        return ContinuousLaw(*law, limits)
+        return ContinuousLaw(law, law_numbers, limits)
     change = None if slew is None else slew * period
-    return SampledLaw(*law, limits, change, jnp.zeros(structure["tethers.count"]))
+    return SampledLaw(law, law_numbers, limits, change, jnp.zeros(structure["tethers.count"]))
 
 
-def planar_cone(n: Numbers, wind: Wind, limits: Limits, slew: Array | None) -> voltage.PlanarCone:
+def planar_cone(numbers: Numbers, wind: Wind, limits: Limits, slew: Array | None) -> voltage.PlanarCone:
     """The planar-cone law for rigid tethers of the scene's lengths and masses at its sailing angle."""
     coning, sailing = (
-        jnp.deg2rad(n[key]) for key in ("voltage.coning_angle_deg", "initial.sailing_angle_deg")
+        jnp.deg2rad(numbers[key]) for key in ("voltage.coning_angle_deg", "initial.sailing_angle_deg")
     )
-    length, tip = n["tethers.length"], n.get("remote_units.mass", 0.0)
-    inertia = tip * length**2 + n["tethers.density"] * n["tethers.area"] * length**3 / 3.0
-    wind = wind.at_sail(jnp.zeros(()), origin_of(n))
+    length, tip = numbers["tethers.length"], numbers.get("remote_units.mass", 0.0)
+    inertia = tip * length**2 + numbers["tethers.density"] * numbers["tethers.area"] * length**3 / 3.0
+    wind = wind.at_sail(jnp.zeros(()), origin_of(numbers))
     per_volt = wind.speed * wind.thrust_per_speed(wind.cutoff_voltage + 1.0)
-    bar = voltage.cone_load(inertia, n["voltage.spin_rate"], coning, sailing, length)
+    bar = voltage.cone_load(inertia, numbers["voltage.spin_rate"], coning, sailing, length)
     x = jnp.broadcast_to(jnp.tan(sailing) * jnp.tan(coning), length.shape)
     return voltage.PlanarCone(bar, x, wind.cutoff_voltage, per_volt, limits, slew)
 
@@ -186,20 +186,20 @@ def per_tether(rows: Array, like: PerTether) -> Float[Array, "row tether"]:
     return jnp.broadcast_to(rows if rows.ndim == 2 else rows[:, None], (rows.shape[0], *like.shape))
 
 
-def starting_attitude(n: Numbers) -> tuple[Rotation, Float[Array, "3"]]:
+def starting_attitude(numbers: Numbers) -> tuple[Rotation, Float[Array, "3"]]:
     """Initial attitude C_B^I(0), the orbital frame turned by (alpha - 90 deg) about Y_O, and R_0 [m]."""
-    origin = origin_of(n)
-    turned = orbital_attitude(n)
+    origin = origin_of(numbers)
+    turned = orbital_attitude(numbers)
     return orbital_frame(origin) @ turned, origin
 
 
-def origin_of(n: Numbers) -> Float[Array, "3"]:
+def origin_of(numbers: Numbers) -> Float[Array, "3"]:
     """Heliocentric position [m] of the origin of the inertial frame at t = 0; zero for a chain that has
     none."""
-    key = "orbit.position_au" if "orbit.position_au" in n else "initial.heliocentric_position_au"
-    return (n[key] if key in n else jnp.zeros(3)) * ASTRONOMICAL_UNIT
+    key = "orbit.position_au" if "orbit.position_au" in numbers else "initial.heliocentric_position_au"
+    return (numbers[key] if key in numbers else jnp.zeros(3)) * ASTRONOMICAL_UNIT
 
 
-def orbital_attitude(n: Numbers) -> Rotation:
+def orbital_attitude(numbers: Numbers) -> Rotation:
     """Initial attitude C_B^O(0) in the orbital frame: a turn by (alpha - 90 deg) about Y_O."""
-    return joints.rotation_about_y(jnp.deg2rad(n["initial.sailing_angle_deg"] - 90.0))
+    return joints.rotation_about_y(jnp.deg2rad(numbers["initial.sailing_angle_deg"] - 90.0))

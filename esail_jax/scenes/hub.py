@@ -88,8 +88,8 @@ def check_shape(hub: Hub) -> None:
         if getattr(hub, name) is None:
             raise SceneError(f"hub.{name}", f"be given with `hub.{given[0]}`", "is missing")
     if (hub.radius is None) == (hub.roots is None):
-        found = "neither is" if hub.radius is None else "both are"
-        raise SceneError("hub.roots", "be given, or `hub.radius`", found)
+        got = "neither is" if hub.radius is None else "both are"
+        raise SceneError("hub.roots", "be given, or `hub.radius`", got)
     check_inertia(hub.inertia)
 
 

@@ -100,19 +100,20 @@ def tolerance_from_strain(numbers: Numbers) -> Array:
     return jnp.clip(STRAIN_FRACTION * smallest_strain(numbers), FINEST_TOLERANCE, COLLOCATION_TOLERANCE)
 
 
-def smallest_strain(n: Numbers) -> Array:
+def smallest_strain(numbers: Numbers) -> Array:
     """Strain [-] at the root of the tether that stretches least. It is the larger of two estimates: by the
     spin, (m_u + rho A L / 2) omega^2 L / EA, and by the wind across the tether, f L / EA."""
-    length, spin = n["tethers.length"], n["initial.spin_rate"]
-    mass = n.get("remote_units.mass", 0.0) + 0.5 * n["tethers.density"] * n["tethers.area"] * length
+    length, spin = numbers["tethers.length"], numbers["initial.spin_rate"]
+    density, area = numbers["tethers.density"], numbers["tethers.area"]
+    mass = numbers.get("remote_units.mass", 0.0) + 0.5 * density * area * length
     force = mass * spin**2 * length
-    if "solar_wind.speed" in n:
-        origin = origin_of(n)
-        wind = wind_of(n, origin).at_sail(jnp.zeros(()), origin)
-        voltage = n.get("voltage.value", jnp.zeros(length.shape))
+    if "solar_wind.speed" in numbers:
+        origin = origin_of(numbers)
+        wind = wind_of(numbers, origin).at_sail(jnp.zeros(()), origin)
+        voltage = numbers.get("voltage.value", jnp.zeros(length.shape))
         across = wind.thrust_per_speed(voltage) * wind.speed
         force = jnp.maximum(force, across * length)
-    return (force / (n["tethers.youngs_modulus"] * n["tethers.area"])).min()
+    return (force / (numbers["tethers.youngs_modulus"] * area)).min()
 
 
 def chain_method(scene: Scene) -> dict[str, str | float]:
@@ -166,15 +167,15 @@ def stepper_of(
 
 def collocation(given: Given) -> AbstractStepper:
     """Collocation with a tolerance, or with a fixed step."""
-    n = given.numbers
-    tolerance = n.get("integrator.tolerance", jnp.asarray(COLLOCATION_TOLERANCE))
-    return Collocation(n.get("integrator.step"), tolerance)
+    numbers = given.numbers
+    tolerance = numbers.get("integrator.tolerance", jnp.asarray(COLLOCATION_TOLERANCE))
+    return Collocation(numbers.get("integrator.step"), tolerance)
 
 
 def generalized_alpha(given: Given) -> AbstractStepper:
     """Generalized-alpha with its step and spectral radius."""
-    n = given.numbers
-    return GeneralizedAlpha(n["integrator.step"], n["integrator.spectral_radius"])
+    numbers = given.numbers
+    return GeneralizedAlpha(numbers["integrator.step"], numbers["integrator.spectral_radius"])
 
 
 def energy_momentum(given: Given) -> AbstractStepper:
@@ -184,10 +185,10 @@ def energy_momentum(given: Given) -> AbstractStepper:
 
 def runge_kutta(given: Given) -> AbstractStepper:
     """An explicit method with a tolerance and the scale of its errors, or with a fixed step."""
-    n = given.numbers
-    step = n.get("integrator.step")
+    numbers = given.numbers
+    step = numbers.get("integrator.step")
     scale = error_scale(given.model, given.rods) if step is None else None
-    return explicit.RungeKutta(step, n.get("integrator.tolerance"), scale, given.method)
+    return explicit.RungeKutta(step, numbers.get("integrator.tolerance"), scale, given.method)
 
 
 STEPPERS: dict[str, Callable[[Given], AbstractStepper]] = {

@@ -228,17 +228,17 @@ def read_columns(name: Any, folder: Path) -> dict[str, list[float]]:
         raise SceneError(WIND_FILE, MUST, f"{name!r} has {', '.join(head) or 'no lines'}")
     if len(rows) == 1:
         raise SceneError(WIND_FILE, MUST, f"{name!r} has no line of numbers")
-    found: dict[str, list[float]] = {key: [] for key in COLUMNS}
+    columns: dict[str, list[float]] = {key: [] for key in COLUMNS}
     for line, row in rows[1:]:
         if len(row) != len(head):
             must = f"have {len(head)} numbers in every line"
             raise SceneError(WIND_FILE, must, f"line {line} of {name!r} has {len(row)}")
         for key, cell in zip(head, row, strict=True):
-            found[key].append(number_of(cell))
-            must = broken(key, found[key])
+            columns[key].append(number_of(cell))
+            must = broken(key, columns[key])
             if must:
                 raise SceneError(f"solar_wind.{key}", must, f"line {line} of {name!r} has {cell!r}")
-    return found
+    return columns
 
 
 def number_of(cell: str) -> float:

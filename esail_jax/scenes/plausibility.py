@@ -57,10 +57,10 @@ def doubts_of_units(scene: Scene) -> tuple[str, ...]:
     """Sentences about numbers that may be in a wrong unit."""
     if scene.chain is not None or scene.solar_wind is None:
         return ()
-    found = [doubt_of(scene, key) for key in USUAL]
-    found += [f(scene) for f in (doubt_of_thrust, doubt_of_distance, doubt_of_step, doubt_of_sense)]
+    sentences = [doubt_of(scene, key) for key in USUAL]
+    sentences += [f(scene) for f in (doubt_of_thrust, doubt_of_distance, doubt_of_step, doubt_of_sense)]
     # A strain follows from other numbers, which may be doubted already.
-    return tuple(filter(None, found)) or tuple(filter(None, [doubt_of_strain(scene)]))
+    return tuple(filter(None, sentences)) or tuple(filter(None, [doubt_of_strain(scene)]))
 
 
 BENDING = "second_moment", "bending_damping_time", "straight_turn"
@@ -136,11 +136,11 @@ def doubt_of_strain(scene: Scene) -> str:
         "tethers.density",
         "tethers.youngs_modulus",
     )
-    found = [numbers(scene, key) for key in keys]
+    values = [numbers(scene, key) for key in keys]
     tip = 0.0 if scene.remote_units is None else numbers(scene, "remote_units.mass")
-    if any(x is None for x in (*found, tip)):
+    if any(x is None for x in (*values, tip)):
         return ""
-    spin, length, area, density, modulus = found
+    spin, length, area, density, modulus = values
     strain = np.max(spin**2 * length * (tip + 0.5 * density * area * length) / (modulus * area))
     if strain <= STRAINED:
         return ""

@@ -11,7 +11,7 @@ import enum
 import sys
 import typing
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -268,7 +268,8 @@ def check_number(key: str, value: Any, rule: Rule, members: Members | None) -> A
     if array is None and isinstance(value, int) and not isinstance(value, bool):
         raise SceneError(key, "be a number below 1e308", describe(value))
     if array is None or array.size == 0:
-        raise SceneError(key, "be a number" + other_forms(rule, members), describe(value))
+        must = "be a number" + with_member(FORMS[rule.shape].numbers, members)
+        raise SceneError(key, must, describe(value))
     check_shape(key, array, rule, members)
     if not np.isfinite(array).all():
         raise SceneError(key, "be finite", describe_fault(value, array, lambda x: np.isfinite(x).all()))
@@ -350,64 +351,90 @@ def known(value: Any) -> np.ndarray | None:
     return None if is_traced(value) else np.asarray(value)
 
 
-def other_forms(rule: Rule, members: Members | None) -> str:
-    """Words what a key takes beside or instead of one number, for `must be a number ...`."""
-    if rule.shape is Shape.MATRIX:
-        return " for each entry of a 3 x 3 tensor"
-    if rule.shape in (Shape.VECTOR, Shape.VECTORS):
-        return " for each of x, y, z"
-    if rule.shape in (Shape.SERIES, Shape.GRID, Shape.HISTORY):
-        return " or a list of numbers"
-    name = "tether" if members is None else members.name
-    return f" or a list with one per {name}" if rule.shape is Shape.MEMBER else ""
+class Form(NamedTuple):
+    """What the value of a key with some shape is.
+
+    must: the condition, as a message words it; fits: tells whether the shape of an array is right, whatever
+    the number of members; numbers: what follows `must be a number` in the message on a value that holds
+    something else than numbers. `{member}` stands for what a member is called."""
+
+    must: str
+    fits: Callable[[tuple[int, ...]], bool]
+    numbers: str = ""
+
+
+FORMS = {
+    Shape.SCALAR: Form("be a single number", lambda shape: shape == ()),
+    Shape.MEMBER: Form(
+        "be a number or a list with one per {member}",
+        lambda shape: len(shape) <= 1,
+        " or a list with one per {member}",
+    ),
+    Shape.VECTOR: Form("be a list of three numbers", lambda shape: shape == (3,), " for each of x, y, z"),
+    Shape.VECTORS: Form(
+        "be a list of three numbers, or of one such list per {member}",
+        lambda shape: len(shape) in (1, 2) and shape[-1] == 3,
+        " for each of x, y, z",
+    ),
+    Shape.MATRIX: Form(
+        "be a list of three lists of three numbers",
+        lambda shape: shape == (3, 3),
+        " for each entry of a 3 x 3 tensor",
+    ),
+    Shape.LIST: Form("be a list of numbers", lambda shape: len(shape) == 1),
+    Shape.SERIES: Form(
+        "be a number or a list of numbers", lambda shape: len(shape) <= 1, " or a list of numbers"
+    ),
+    Shape.GRID: Form(
+        "be a list of numbers, or of such lists",
+        lambda shape: len(shape) in (1, 2),
+        " or a list of numbers",
+    ),
+    Shape.HISTORY: Form(
+        "be a number, a list of numbers, or a list of lists",
+        lambda shape: len(shape) <= 2,
+        " or a list of numbers",
+    ),
+}
+"""What a value is, by shape."""
+
+
+class Counted(NamedTuple):
+    """The axis of a value that has one entry per member.
+
+    axes: number of axes of a value with such an axis; axis: which of them it is; must, got: a message on
+    another number of entries, before and with that number."""
+
+    axes: int
+    axis: int
+    must: str
+    got: str
+
+
+COUNTED = {
+    Shape.MEMBER: Counted(1, 0, "be a number or a list of", "has {size} entries"),
+    Shape.VECTORS: Counted(2, 0, "be a vector or a list of", "has {size} entries"),
+    Shape.GRID: Counted(2, 1, "have lists of", "has lists of {size}"),
+}
+"""The axis of the members, for the shapes that have one. (Whether that of a history is one, other keys
+tell.)"""
+
+
+def with_member(text: str, members: Members | None) -> str:
+    """A text of `FORMS` with the name of a member."""
+    return text.format(member="tether" if members is None else members.name)
 
 
 def check_shape(key: str, value: Any, rule: Rule, members: Members | None) -> Any:
-    """The value if its shape is what the rule asks for: () for a number, (p,) for one number per
-    member, (3,) for a vector, (p, 3) for one vector per member. Raises SceneError otherwise."""
-    shape = np.shape(value)
-    if rule.shape is Shape.VECTOR:
-        if shape != (3,):
-            raise SceneError(key, "be a list of three numbers", wrong_shape(value))
-    elif rule.shape is Shape.MATRIX:
-        if shape != (3, 3):
-            raise SceneError(key, "be a list of three lists of three numbers", wrong_shape(value))
-    elif rule.shape is Shape.LIST:
-        if len(shape) != 1:
-            raise SceneError(key, "be a list of numbers", wrong_shape(value))
-    elif rule.shape is Shape.SERIES:
-        if len(shape) > 1:
-            raise SceneError(key, "be a number or a list of numbers", wrong_shape(value))
-    elif rule.shape is Shape.HISTORY:
-        if len(shape) > 2:
-            raise SceneError(key, "be a number, a list of numbers, or a list of lists", wrong_shape(value))
-    elif rule.shape is Shape.GRID:
-        if len(shape) not in (1, 2):
-            raise SceneError(key, "be a list of numbers, or of such lists", wrong_shape(value))
-        if len(shape) == 2 and members is not None and shape[1] != members.count:
-            must = f"have lists of {members.count} (`{members.key}`)"
-            raise SceneError(key, must, f"has lists of {shape[1]}")
-    elif rule.shape is Shape.VECTORS:
-        if shape != (3,) and (len(shape) != 2 or shape[1] != 3):
-            must = f"be a list of three numbers, or of one such list per {members.name}"
-            raise SceneError(key, must, wrong_shape(value))
-        if len(shape) == 2 and shape[0] != members.count:
-            must = f"be a vector or a list of {members.count} (`{members.key}`)"
-            raise SceneError(key, must, f"has {shape[0]} entries")
-    elif rule.shape is Shape.MEMBER and len(shape) == 1:
-        if members is not None and shape[0] != members.count:
-            raise SceneError(
-                key,
-                f"be a number or a list of {members.count} (`{members.key}`)",
-                f"has {shape[0]} entries",
-            )
-    elif shape != ():
-        must = (
-            "be a number" + other_forms(rule, members)
-            if rule.shape is Shape.MEMBER
-            else "be a single number"
-        )
-        raise SceneError(key, must, wrong_shape(value))
+    """The value if its shape is what the rule asks for. Raises SceneError otherwise."""
+    shape, form, counted = np.shape(value), FORMS[rule.shape], COUNTED.get(rule.shape)
+    if not form.fits(shape):
+        raise SceneError(key, with_member(form.must, members), wrong_shape(value))
+    if members is not None and counted is not None and len(shape) == counted.axes:
+        size = shape[counted.axis]
+        if size != members.count:
+            must = f"{counted.must} {members.count} (`{members.key}`)"
+            raise SceneError(key, must, counted.got.format(size=size))
     return value
 
 

@@ -264,21 +264,21 @@ def scene_of(request: Request) -> Scene:
 
 def released(scene: Scene, time: np.ndarray) -> np.ndarray:
     """Tells which tethers of a sail are released at saved instants [s] (instant, tether)."""
-    found = np.zeros((len(time), scene.tethers.count), bool)
+    free = np.zeros((len(time), scene.tethers.count), bool)
     event = scene.event
     if event is not None:
-        for begin, number in zip(np.atleast_1d(event.time), np.atleast_1d(event.release), strict=True):
-            found[:, int(number) - 1] |= time >= begin
-    return found
+        for instant, number in zip(np.atleast_1d(event.time), np.atleast_1d(event.release), strict=True):
+            free[:, int(number) - 1] |= time >= instant
+    return free
 
 
 def releases(scene: Scene) -> dict[float, list[int]]:
     """The numbers of the tethers that are released, from 1, by the instant [s] of their release, in
     the order of the instants."""
-    found: dict[float, list[int]] = {}
+    tethers: dict[float, list[int]] = {}
     event = scene.event
     if event is not None:
         pairs = zip(np.atleast_1d(event.time), np.atleast_1d(event.release), strict=True)
-        for begin, number in sorted((float(time), int(tether)) for time, tether in pairs):
-            found.setdefault(begin, []).append(number)
-    return found
+        for instant, number in sorted((float(time), int(tether)) for time, tether in pairs):
+            tethers.setdefault(instant, []).append(number)
+    return tethers

@@ -43,8 +43,8 @@ def try_terms(scene: Scene) -> None:
     structure, numbers = split(scene)
     if any(isinstance(x, jax.core.Tracer) for x in jax.tree.leaves(numbers)):
         return
-    found = program_of(are_finite, (structure,), (numbers,), START_OPTIONS)(numbers)
-    for place, (term, is_finite) in enumerate(zip(scene.terms, np.asarray(found), strict=True)):
+    finite = program_of(are_finite, (structure,), (numbers,), START_OPTIONS)(numbers)
+    for place, (term, is_finite) in enumerate(zip(scene.terms, np.asarray(finite), strict=True)):
         if not is_finite:
             method = METHODS[kind_of(term) or ""]
             got = f"what {line_of(term, method)} returns at the start of the scene is not"
@@ -71,16 +71,16 @@ def are_finite(structure: Structure, numbers: Numbers) -> Bool[Array, " term"]:
     else:
         system = system_of(structure, numbers)
         q, v = straight_start(system, numbers)
-    found = {term.place: given for term, given in results(system, q, v)}
-    finite = [[jnp.isfinite(x).all() for x in jax.tree.leaves(found[i])] for i in sorted(found)]
+    by_place = {term.place: given for term, given in results(system, q, v)}
+    finite = [[jnp.isfinite(x).all() for x in jax.tree.leaves(by_place[i])] for i in sorted(by_place)]
     return jnp.stack([jnp.stack(x).all() for x in finite])
 
 
-def straight_start(system: System, n: Numbers) -> tuple[Coordinates, Coordinates]:
+def straight_start(system: System, numbers: Numbers) -> tuple[Coordinates, Coordinates]:
     """Positions and velocities of straight tethers, all but unstretched, that turn with the hub."""
-    axes, _ = starting_attitude(n)
+    axes, _ = starting_attitude(numbers)
     outward = axes @ system.roots.radial_directions
-    omega = roots.spin_vector(axes, n["initial.spin_rate"])
+    omega = roots.spin_vector(axes, numbers["initial.spin_rate"])
     hub = hub_velocity = None
     tether = along(STRETCH * unstretched_line(system.tethers), outward)
     if system.hub is not None:

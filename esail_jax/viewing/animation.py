@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from esail_jax.errors import InputError
+from esail_jax.files.opening import ArgumentError
 from esail_jax.viewing.drawing import Drawing, Style
 from esail_jax.viewing.motion import Motion
 
@@ -20,8 +20,10 @@ PALETTE = 64
 def animate(motion: Motion, style: Style, path: Path, fps: float, suffix: str) -> None:
     """Writes all instants of a run as an animation that repeats for ever (an MP4 plays once).
 
-    fps: frames per second; suffix: ".webp", ".gif" or ".mp4", the kind of file. Raises InputError for an
+    fps: frames per second; suffix: ".webp", ".gif" or ".mp4", the kind of file. Raises ArgumentError for an
     MP4 without the library imageio-ffmpeg."""
+    if suffix == ".mp4":
+        check_movie()
     drawing = Drawing(motion, style)
     images = (drawing.image(frame) for frame in range(len(motion.time)))
     if suffix == ".mp4":
@@ -38,14 +40,13 @@ def animate(motion: Motion, style: Style, path: Path, fps: float, suffix: str) -
 
 
 def check_movie() -> None:
-    """Raises InputError if the library that writes MP4 files is not installed."""
+    """Raises ArgumentError if the library that writes MP4 files is not installed."""
     try:
         import imageio_ffmpeg  # noqa: F401
     except ImportError:
-        raise InputError(
-            "`-o` must be a .webp or .gif file, or imageio-ffmpeg be installed "
-            '(pip install "esail_jax[movie]"), but it is a .mp4 file'
-        ) from None
+        install = 'imageio-ffmpeg be installed (pip install "esail_jax[movie]")'
+        must, got = f"be a .webp or .gif file, or {install}", "it is a .mp4 file"
+        raise ArgumentError("path", must, got) from None
 
 
 def write_mp4(images: Iterator[np.ndarray], path: Path, fps: float, size: tuple[int, int]) -> None:

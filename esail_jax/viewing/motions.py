@@ -18,12 +18,12 @@ def read_motions(paths: Sequence[Path], members: tuple[int, ...], most: int) -> 
     members: their numbers, empty for runs; most: largest number of saved instants in one picture; they are
     equally spaced and end with the last one. Raises RunFileError."""
     runs = [run for path in paths for run in read_runs(path, members)]
-    found = [motion_of(run, most) for run in runs]
-    if len({motion.title for motion in found}) == len(found):
-        return found
+    motions = [motion_of(run, most) for run in runs]
+    if len({motion.title for motion in motions}) == len(motions):
+        return motions
     return [
         dataclasses.replace(motion, title=f"{run.path.resolve().parent.name}/{motion.title}")
-        for motion, run in zip(found, runs, strict=True)
+        for motion, run in zip(motions, runs, strict=True)
     ]
 
 

@@ -168,19 +168,19 @@ def ring_lines(ends: tuple[int, ...]) -> tuple[tuple[int, int], ...]:
 def line_colours(run: SavedRun, frames: np.ndarray) -> dict[str, Quantity]:
     """The quantities by which the lines may be coloured, as far as the file holds them: those of
     the tethers, and of the auxiliary tethers the tension."""
-    rows, found = run.rows, {}
+    rows, quantities = run.rows, {}
     if "reaction_B" in rows:
         tension = np.linalg.norm(rows["reaction_B"][frames], axis=-1)
         label = "tension at the root"
         if "auxiliary_tension" in rows:
             label = "tension (of tethers at the root)"
-        found["tension"] = Quantity(label, "N", with_ring(run, frames, tension, "auxiliary_tension"))
+        quantities["tension"] = Quantity(label, "N", with_ring(run, frames, tension, "auxiliary_tension"))
     if "voltage" in rows:
-        found["voltage"] = Quantity("voltage", "V", with_ring(run, frames, rows["voltage"][frames]))
+        quantities["voltage"] = Quantity("voltage", "V", with_ring(run, frames, rows["voltage"][frames]))
     if "max_axial_strain" in rows:
         strain = with_ring(run, frames, rows["max_axial_strain"][frames])
-        found["strain"] = Quantity("largest strain", "-", strain)
-    return found
+        quantities["strain"] = Quantity("largest strain", "-", strain)
+    return quantities
 
 
 def without(quantity: Quantity, free: np.ndarray) -> Quantity:

@@ -18,7 +18,7 @@ NAMES = {"xyz": "xyz", "angle": ""}
 def signals_of(run: SavedRun, frames: np.ndarray) -> dict[str, Signal]:
     """The observables with at most one axis beside time, at these saved instants. Those that are
     NaN throughout are left out."""
-    found = {}
+    signals = {}
     for name, values in run.rows.items():
         axes = run.attributes[name]["axes"]
         if len(axes) > 1 or (axes and axes[0] not in (*NUMBERED, *NAMES)):
@@ -30,8 +30,8 @@ def signals_of(run: SavedRun, frames: np.ndarray) -> dict[str, Signal]:
         if unit == "rad":
             unit, columns = "deg", degrees(columns, axes)
         axis = axes[0] if axes else ""
-        found[name] = Signal(symbol, unit, axis, labels(axes, symbol, columns), without_rounding(columns))
-    return found
+        signals[name] = Signal(symbol, unit, axis, labels(axes, symbol, columns), without_rounding(columns))
+    return signals
 
 
 def degrees(columns: np.ndarray, axes: tuple[str, ...]) -> np.ndarray:

@@ -86,10 +86,10 @@ def test_transformations_of_a_call_are_those_of_the_function(keeper, name, rever
     """The rules of the operation against those of JAX for the operations inside. Both compute the same
     formulas in other orders: some roundings of numbers of the order 10."""
     program = new_program(keeper)
-    found = TRANSFORMED[name](lambda *x: call(program, *x, **REVERSE[reverse]))
+    result = TRANSFORMED[name](lambda *x: call(program, *x, **REVERSE[reverse]))
     expected = TRANSFORMED[name](pendulums)
-    assert jax.tree.structure(found) == jax.tree.structure(expected)
-    for x, y in zip(jax.tree.leaves(found), jax.tree.leaves(expected), strict=True):
+    assert jax.tree.structure(result) == jax.tree.structure(expected)
+    for x, y in zip(jax.tree.leaves(result), jax.tree.leaves(expected), strict=True):
         assert x.dtype == y.dtype
         np.testing.assert_allclose(x, y, rtol=1e-13, atol=1e-13)
 
@@ -100,10 +100,10 @@ def test_without_the_operation_they_are_those_of_the_function_too(keeper, monkey
     monkeypatch.setenv("TOY_PRIMITIVE", "off")
     monkeypatch.setattr(operation, "bind", lambda *_, **__: pytest.fail("the operation is used"))
     program = new_program(keeper)
-    found = TRANSFORMED[name](lambda *x: call(program, *x))
+    result = TRANSFORMED[name](lambda *x: call(program, *x))
     expected = TRANSFORMED[name](pendulums)
-    assert jax.tree.structure(found) == jax.tree.structure(expected)
-    for x, y in zip(jax.tree.leaves(found), jax.tree.leaves(expected), strict=True):
+    assert jax.tree.structure(result) == jax.tree.structure(expected)
+    for x, y in zip(jax.tree.leaves(result), jax.tree.leaves(expected), strict=True):
         assert x.dtype == y.dtype
         np.testing.assert_allclose(x, y, rtol=1e-13, atol=1e-13)
 
@@ -167,10 +167,10 @@ print(len(x.sharding.device_set), float(f(x)), *jax.grad(f)(x).tolist())
     settings = {"XLA_FLAGS": "--xla_force_host_platform_device_count=2", "JAX_ENABLE_X64": "1"}
     environment = os.environ | settings | {"TOY_CACHE": "off", "PYTHONPATH": str(PARENT)}
     command = [sys.executable, "-c", code]
-    found = subprocess.run(
+    process = subprocess.run(
         command, env=environment, capture_output=True, text=True, check=True, cwd=tmp_path
     )
-    assert [float(x) for x in found.stdout.split()] == [2.0, 36.0, 0.0, 3.0, 12.0, 27.0]
+    assert [float(x) for x in process.stdout.split()] == [2.0, 36.0, 0.0, 3.0, 12.0, 27.0]
 
 
 def test_keys_distinguish_derived_programs(keeper):
@@ -209,8 +209,8 @@ def prepared_by(gradient, monkeypatch):
     prepare = Program.prepare
     with monkeypatch.context() as patch:
         patch.setattr(Program, "prepare", lambda self: (ahead.append(self), prepare(self)))
-        found = gradient()
-    return ahead, found
+        result = gradient()
+    return ahead, result
 
 
 def test_a_second_process_loads_the_transpose_of_a_gradient_ahead(new_keeper, monkeypatch):
@@ -223,8 +223,8 @@ def test_a_second_process_loads_the_transpose_of_a_gradient_ahead(new_keeper, mo
 
     expected = gradient()
     monkeypatch.setattr(Program, "_compiled", lambda self: pytest.fail("a program was compiled again"))
-    (_, transpose), found = prepared_by(gradient, monkeypatch)
-    np.testing.assert_array_equal(found, expected)
+    (_, transpose), slope = prepared_by(gradient, monkeypatch)
+    np.testing.assert_array_equal(slope, expected)
     assert transpose._executable is not None
 
 
@@ -240,11 +240,11 @@ def test_the_transpose_for_expected_cotangents_is_compiled_ahead(keeper, monkeyp
     def gradient():
         return jax.grad(lambda y: call(program, X, y, COUNT, **reverse)[result].sum())(Y)
 
-    (_, transpose), found = prepared_by(gradient, monkeypatch)
+    (_, transpose), slope = prepared_by(gradient, monkeypatch)
     assert len(compiled) == (2 if result == "angle" else 3)
     assert transpose in compiled
     expected = jax.grad(lambda y: pendulums(X, y, COUNT)[result].sum())(Y)
-    np.testing.assert_allclose(found, expected, rtol=1e-13)
+    np.testing.assert_allclose(slope, expected, rtol=1e-13)
 
 
 def test_a_gradient_compiles_only_its_programs(keeper):
@@ -276,10 +276,10 @@ def test_recomputed_tangents_save_no_residuals_and_differentiate_one_result(keep
     program = new_program(keeper, None)
     linear = transposed.tangent_again(program.program, (True, True, False))
     given = tuple(x == "length" for x in program.result if x != "steps")
-    found = transposed.transposed(linear, (False, False, False, True, True), given)
-    assert found.reached == (False, False, False, False, True)
-    assert found.arguments == (False, True, False, False, False)
-    assert "scan" not in str(found.program.traced.jaxpr)
+    transpose = transposed.transposed(linear, (False, False, False, True, True), given)
+    assert transpose.reached == (False, False, False, False, True)
+    assert transpose.arguments == (False, True, False, False, False)
+    assert "scan" not in str(transpose.program.traced.jaxpr)
 
 
 def test_a_kept_derivative_of_other_operations_is_refused(keeper):

@@ -74,12 +74,12 @@ def test_environment_holds_sources_flags_and_the_machine(tmp_path, folder, monke
 
     before = text()
     assert text() == before
-    found = {before, text("another")}
+    texts = {before, text("another")}
     (tmp_path / "keys.py").write_text("two")
-    found.add(text())
+    texts.add(text())
     monkeypatch.setenv("XLA_FLAGS", "--xla_another=true")
-    found.add(text())
-    assert len(found) == 4
+    texts.add(text())
+    assert len(texts) == 4
 
 
 def test_environment_holds_the_digest_of_jaxlib(keeper, tmp_path, monkeypatch):

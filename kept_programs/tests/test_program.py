@@ -46,8 +46,8 @@ def test_a_file_that_cannot_be_loaded_is_replaced(new_keeper, folder, damage):
 
 def test_a_program_of_a_users_function_is_compiled_but_not_kept(keeper, folder):
     x = np.ones((3, 2))
-    found = program_of(keeper, lambda a: 2.0 * a, (), (x,))
-    np.testing.assert_array_equal(found(x), 2.0 * x)
+    program = program_of(keeper, lambda a: 2.0 * a, (), (x,))
+    np.testing.assert_array_equal(program(x), 2.0 * x)
     assert not list(folder.glob("*-executable*"))
 
 
@@ -124,11 +124,11 @@ def test_the_first_program_may_be_called_while_another_one_is_traced(new_keeper)
     keeper = new_keeper()
     inner = program_of(keeper, cube, (), (np.ones(3),))
     outer = tree_program(keeper, lambda x: call(inner, 2.0 * x), (type_of(np.ones(3)),), None)
-    found = []
-    worker = threading.Thread(target=lambda: found.append(outer(np.ones(3))), daemon=True)
+    results = []
+    worker = threading.Thread(target=lambda: results.append(outer(np.ones(3))), daemon=True)
     worker.start()
     worker.join(120.0)
-    np.testing.assert_array_equal(found[0], 8.0 * np.ones(3))
+    np.testing.assert_array_equal(results[0], 8.0 * np.ones(3))
 
 
 def test_without_jit_a_program_is_its_function(keeper):

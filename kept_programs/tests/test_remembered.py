@@ -104,6 +104,6 @@ def test_all_programs_are_freed_and_come_back(keeper, program):
     assert all(function.cache_info().currsize == 0 for function in FUNCTIONS)
     again = program_of(keeper, square, (3.0,), (x,))
     assert again is not program
-    for found in (again(x), program(x)):
-        assert (found == first[0]).all()
+    for result in (again(x), program(x)):
+        assert (result == first[0]).all()
     assert (double(x) == first[1]).all() and len(traced) == 2

@@ -25,10 +25,10 @@ def scaled(rule, part):
     """A rule whose results, or a part of them, are twice what they should be."""
 
     def wrong(*arguments, **parameters):
-        found = rule(*arguments, **parameters)
+        results = rule(*arguments, **parameters)
         if part is None:
-            return [None if x is None else 2.0 * x for x in found]
-        return tuple([2.0 * x for x in y] if k == part else y for k, y in enumerate(found))
+            return [None if x is None else 2.0 * x for x in results]
+        return tuple([2.0 * x for x in y] if k == part else y for k, y in enumerate(results))
 
     return wrong
 
@@ -58,11 +58,11 @@ def wrong_at_last(rule):
     """A rule of reverse mode that is wrong in the last of several cotangents."""
 
     def wrong(*arguments, **parameters):
-        found = list(rule(*arguments, **parameters))
-        places = [k for k, x in enumerate(found) if x is not None]
+        results = list(rule(*arguments, **parameters))
+        places = [k for k, x in enumerate(results) if x is not None]
         if len(places) > 1:
-            found[places[-1]] = 2.0 * found[places[-1]]
-        return found
+            results[places[-1]] = 2.0 * results[places[-1]]
+        return results
 
     return wrong
 
@@ -96,9 +96,9 @@ def test_a_broken_rule_costs_time_and_no_derivative(new_keeper, request, name, h
     request.addfinalizer(lambda: operator.setitem(TABLES[name], program_p, rule))
     program = program_of(new_keeper(), square, (2.0,), (jnp.asarray(1.0),))
     with pytest.warns(UserWarning, match="derivatives are compiled anew in every process") as said:
-        found = transformed(lambda x: call(program, x))
+        results = transformed(lambda x: call(program, x))
     assert len(said) == 1 and "\n" not in str(said[0].message)
-    for x, expected in zip(found, (12.0, [4.0, 12.0], 4.0, 12.0, 18.0), strict=True):
+    for x, expected in zip(results, (12.0, [4.0, 12.0], 4.0, 12.0, 18.0), strict=True):
         np.testing.assert_array_equal(x, expected)
 
 

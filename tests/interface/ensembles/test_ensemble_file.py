@@ -80,10 +80,13 @@ def test_going_on(finished, tmp_path, capsys):
         [*arguments(folder, sampling="sobol"), "--resume"],
         [*arguments(folder, observables="coning_angle"), "--resume"],
     ]
+    errors = []
     for command in others:
         assert main(command) == 2
         err = capsys.readouterr().err
         assert err.count("\n") == 1 and " must " in err, err
+        errors.append(err)
+    assert errors[1] == f"`--resume` must go on with the same seed, but {whole} is of another\n"
     assert whole.read_bytes() == before and list(folder.iterdir()) == [whole]
     assert main([*arguments(folder, members=15, processes=1), "--resume"]) == 0
     old, new = load_ensemble(finished), load_ensemble(whole)
@@ -114,6 +117,7 @@ def test_bad_input(more, key, tmp_path, capsys):
     assert main(command) == 2
     out, err = capsys.readouterr()
     assert out == "" and err.count("\n") == 1 and key in err and " must " in err, err
+    assert not err.startswith(("`vary", "`observables")), "words of Python"
     assert not list(tmp_path.iterdir())
 
 

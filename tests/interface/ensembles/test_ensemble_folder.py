@@ -1,5 +1,6 @@
 """The folder of an ensemble: one writer at a time, a full disk, and the progress in `esail info`."""
 
+import dataclasses
 import errno
 import fcntl
 import os
@@ -265,4 +266,7 @@ def test_only_what_a_file_holds_is_computed(scene, tmp_path):
     assert (status, message) == ("interrupted", "2 of 5 members are missing (2, 4)")
     members, held = computed_members(tmp_path, task)
     assert members.tolist() == [0, 1, 3] and held == 5
+    must = "`task` must go on with the same seed, but .* is of another"
+    with pytest.raises(esail.RunFileError, match=must):
+        computed_members(tmp_path, dataclasses.replace(task, seed=4))
     assert load_ensemble(tmp_path / "ensemble.h5")["coning_angle"][3, 0, 0] == 3.0
