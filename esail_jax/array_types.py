@@ -16,7 +16,11 @@ because the compiler unrolls loops over a short axis, such as twelve tethers, an
 which takes four times as long.
 """
 
+from typing import TYPE_CHECKING, Any, TypeVar, Union
+
 from jaxtyping import Array, Bool, Complex, Float, Inexact, Int
+
+T = TypeVar("T")
 
 Scalar = Float[Array, ""]
 Instants = Float[Array, "..."]
@@ -35,6 +39,21 @@ Nodal = Float[Array, "coef 3 *state node tether"]
 """Nodal vectors of one or several states of motion."""
 HubPoints = Float[Array, "4 3"]
 
+if TYPE_CHECKING:
+    Maybe = Union[T, Any]
+else:
+
+    class Maybe:
+        """`Maybe[X]` is `X | None`: a part of the model, or what belongs to it, which is None where the scene
+        lacks the part.
+
+        The structure of a scene decides which parts there are, which no type checker can follow. It takes
+        them as present; whoever may meet an absent one asks first."""
+
+        def __class_getitem__(cls, kind: Any) -> Any:
+            return kind | None
+
+
 __all__ = [
     "Array",
     "Bool",
@@ -44,6 +63,7 @@ __all__ = [
     "Inexact",
     "Instants",
     "Int",
+    "Maybe",
     "Nodal",
     "PerElement",
     "PerMember",
