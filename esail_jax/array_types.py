@@ -40,12 +40,12 @@ Nodal = Float[Array, "coef 3 *state node tether"]
 HubPoints = Float[Array, "4 3"]
 
 if TYPE_CHECKING:
-    Maybe = Union[T, Any]
+    Maybe = Union[T, Any]  # noqa: UP007 - with `|` mypy does not take it for an alias
 else:
 
     class Maybe:
-        """`Maybe[X]` is `X | None`: a part of the model, or what belongs to it, which is None where the scene
-        lacks the part.
+        """`Maybe[X]` is `X | None`: a part of the model, or what belongs to it, which is None where the
+        scene lacks the part.
 
         The structure of a scene decides which parts there are, which no type checker can follow. It takes
         them as present; whoever may meet an absent one asks first."""
