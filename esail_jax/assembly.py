@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from esail_jax.array_types import Instants, Rotation, Scalar, Vector
+from esail_jax.array_types import Instants, Maybe, Rotation, Scalar, Vector
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.elements.axial import TensionOnlyEnergy
 from esail_jax.elements.rigid_body import Body
@@ -30,16 +30,16 @@ class Assembly(eqx.Module):
     """
 
     tethers: TetherBatch
-    roots: HubRoots | FrameRoots | None
-    hub: Body | None
+    roots: Maybe[HubRoots | FrameRoots]
+    hub: Maybe[Body]
     energies: tuple[Term, ...]
     dissipations: tuple[Dissipation, ...]
     loads: tuple[Load, ...]
     fields: tuple[Field, ...] = ()
-    ring: Ring | None = None
+    ring: Maybe[Ring] = None
     tip_loads: tuple[TipLoad, ...] = ()
     hub_loads: tuple[HubLoad, ...] = ()
-    kepler_orbit: KeplerOrbit | PlaceOnOrbit | None = None
+    kepler_orbit: Maybe[KeplerOrbit | PlaceOnOrbit] = None
     parts: tuple[str, ...] = eqx.field(static=True, default=())
 
     # ---- parts -----------------------------------------------------------------------------
@@ -49,7 +49,7 @@ class Assembly(eqx.Module):
         """Tells whether the roots are clamped."""
         return self.roots is not None and self.roots.normals is not None
 
-    def place(self, time: Instants) -> PlaceOnOrbit | None:
+    def place(self, time: Instants) -> Maybe[PlaceOnOrbit]:
         """Place of the moving origin of I at one or several instants [s]; None without an orbit."""
         return None if self.kepler_orbit is None else PlaceOnOrbit(*self.kepler_orbit.at(time))
 

@@ -9,8 +9,9 @@ from typing import NamedTuple
 
 import jax
 
-from esail_jax.array_types import Array, Float, HubPoints, Nodal, Rotation
+from esail_jax.array_types import Array, Float, HubPoints, Maybe, Nodal, Rotation
 from esail_jax.numerics.small_matrices import matmul
+from esail_jax.numerics.vectors import total_of
 
 
 class Coordinates(NamedTuple):
@@ -21,8 +22,8 @@ class Coordinates(NamedTuple):
     """
 
     tether: Nodal
-    hub: HubPoints | None
-    ring: Float[Array, "3 *state vector tether"] | None = None
+    hub: Maybe[HubPoints]
+    ring: Maybe[Float[Array, "3 *state vector tether"]] = None
 
     def axpy(self, factor: Array | float, other: "Coordinates") -> "Coordinates":
         """self + factor * other."""
@@ -31,8 +32,8 @@ class Coordinates(NamedTuple):
     def rotate(self, rotation: Rotation) -> "Coordinates":
         """Every vector rotated by `rotation`."""
         columns = rotation.T[:, None, :, None, None]
-        tether = sum(columns[j] * self.tether[:, j : j + 1] for j in range(3))
-        ring = None if self.ring is None else sum(columns[j, 0] * self.ring[j] for j in range(3))
+        tether = total_of(columns[j] * self.tether[:, j : j + 1] for j in range(3))
+        ring = None if self.ring is None else total_of(columns[j, 0] * self.ring[j] for j in range(3))
         return Coordinates(tether, None if self.hub is None else matmul(self.hub, rotation.T), ring)
 
 
@@ -44,5 +45,5 @@ class Multipliers(NamedTuple):
     spherical joints are not unknowns: they are the residuals of the root nodes (`system.Residual`).
     """
 
-    hub: Float[Array, "6"] | None
-    clamp: Float[Array, "2 tether"] | None
+    hub: Maybe[Float[Array, "6"]]
+    clamp: Maybe[Float[Array, "2 tether"]]

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from esail_jax.array_types import Array, Float, PerTether, Rotation, Scalar, Vector
+from esail_jax.array_types import Array, Float, Maybe, PerTether, Rotation, Scalar, Vector
 from esail_jax.constants import SLOW_SPIN
 from esail_jax.numerics.smooth_step import smooth_step
 
@@ -41,17 +41,17 @@ class Measurements(NamedTuple):
     spin_axis: Vector
     radial_directions: Float[Array, "3 tether"]
     chords: Float[Array, "3 tether"]
-    wind: Vector | None = None
-    position: Vector | None = None
-    momentum_axis: Vector | None = None
-    spin_rate: Scalar | None = None
-    rotation: Rotation | None = None
-    angular_velocity: Vector | None = None
-    tip_position: Float[Array, "3 tether"] | None = None
-    tip_velocity: Float[Array, "3 tether"] | None = None
-    root_tension: PerTether | None = None
-    voltage: PerTether | None = None
-    current: PerTether | None = None
+    wind: Maybe[Vector] = None
+    position: Maybe[Vector] = None
+    momentum_axis: Maybe[Vector] = None
+    spin_rate: Maybe[Scalar] = None
+    rotation: Maybe[Rotation] = None
+    angular_velocity: Maybe[Vector] = None
+    tip_position: Maybe[Float[Array, "3 tether"]] = None
+    tip_velocity: Maybe[Float[Array, "3 tether"]] = None
+    root_tension: Maybe[PerTether] = None
+    voltage: Maybe[PerTether] = None
+    current: Maybe[PerTether] = None
 
     @property
     def sun(self) -> Vector:

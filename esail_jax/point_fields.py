@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import jax
 
-from esail_jax.array_types import PerPoint, VectorPerPoint
+from esail_jax.array_types import Maybe, PerPoint, VectorPerPoint
 from esail_jax.numerics.vectors import dot, reciprocal
 
 
@@ -19,9 +19,9 @@ class PointFields(NamedTuple):
     r_xx: second derivative [1/m]; conjugate: [N m]. Present only if a term uses curvature
     """
 
-    r: VectorPerPoint | None
-    r_x: VectorPerPoint | None
-    r_xx: VectorPerPoint | None = None
+    r: Maybe[VectorPerPoint]
+    r_x: Maybe[VectorPerPoint]
+    r_xx: Maybe[VectorPerPoint] = None
 
 
 class Invariants(NamedTuple):
@@ -33,7 +33,7 @@ class Invariants(NamedTuple):
     """
 
     stretch_squared: PerPoint
-    normal_squared: PerPoint | None = None
+    normal_squared: Maybe[PerPoint] = None
 
 
 def invariants_of(fields: PointFields) -> Invariants:

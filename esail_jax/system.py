@@ -19,6 +19,7 @@ from esail_jax.array_types import (
     Float,
     HubPoints,
     Instants,
+    Maybe,
     Nodal,
     PerPoint,
     PerTether,
@@ -31,10 +32,10 @@ from esail_jax.elements.thermal import ThermalEnergy
 from esail_jax.environment.kepler_orbit import PlaceOnOrbit, at_place
 from esail_jax.measurements import Measurements
 from esail_jax.numerics.small_matrices import matmul
-from esail_jax.numerics.vectors import dot, stacked
+from esail_jax.numerics.vectors import dot, stacked, total_of
 from esail_jax.point_fields import PointFields, add_fields
 from esail_jax.sensors import angular_velocity, with_motion
-from esail_jax.terms import ControlledLoad, HubMotion, Term, inner_terms_of, needs_command
+from esail_jax.terms import ControlledLoad, HubMotion, Term, has_kinks, inner_terms_of, needs_command
 
 
 class Power(NamedTuple):
@@ -87,14 +88,14 @@ class System(Assembly):
 
     def point_forces(
         self, time: Instants, fields: PointFields, rates: PointFields
-    ) -> tuple[PointFields, PerPoint | None, PointFields]:
+    ) -> tuple[PointFields, Maybe[PerPoint], PointFields]:
         """Forces at every quadrature point: the sum of all terms, conjugate to the fields (dW + dR - f);
         the dissipated power [W/m], None without dissipation; and the loads' part of the sum, -f."""
         inner = [term.point_forces(time, fields, rates) for term in self.inner_terms]
         loads = [term.point_forces(time, fields, rates) for term in self.loads]
         dissipated = None
         if self.dissipations:
-            dissipated = 2.0 * sum(term.density(fields, rates) for term in self.dissipations)
+            dissipated = 2.0 * total_of(term.density(fields, rates) for term in self.dissipations)
         return add_fields(inner + loads), dissipated, add_fields(loads)
 
     @property
@@ -210,7 +211,9 @@ class System(Assembly):
     def with_commands(self, commands: tuple[Float[Array, "*state tether"] | None, ...]) -> "System":
         """The system whose loads have the given commands, as `commands` returns them."""
         loads = tuple(
-            load if command is None else load.with_command(self.tethers.repeat_per_element(command))
+            load.with_command(self.tethers.repeat_per_element(command))
+            if isinstance(load, ControlledLoad) and command is not None
+            else load
             for load, command in zip(self.loads, commands, strict=True)
         )
         return eqx.tree_at(lambda system: system.loads, self, loads)
@@ -226,7 +229,9 @@ class System(Assembly):
     def with_added_strength(self, added: dict[int, PerTether]) -> "System":
         """The system some of whose loads, by their places, are stronger than their law says [N/m]."""
         loads = tuple(
-            load.with_added_strength(self.tethers.repeat_per_element(added[i])) if i in added else load
+            load.with_added_strength(self.tethers.repeat_per_element(added[i]))
+            if has_kinks(load) and i in added
+            else load
             for i, load in enumerate(self.loads)
         )
         return eqx.tree_at(lambda system: system.loads, self, loads)

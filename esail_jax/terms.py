@@ -14,7 +14,7 @@ a torque on the hub, and a field an acceleration a of everything that has mass.
 
 from abc import abstractmethod
 from collections.abc import Iterable
-from typing import Any, ClassVar, NamedTuple, TypeGuard
+from typing import Any, ClassVar, NamedTuple, Protocol, TypeGuard
 
 import equinox as eqx
 import jax
@@ -24,6 +24,7 @@ from esail_jax.array_types import (
     Array,
     Float,
     Instants,
+    Maybe,
     Nodal,
     PerElement,
     PerPoint,
@@ -96,6 +97,9 @@ class Energy(Deformation):
     @abstractmethod
     def energy_density(self, e: PerPoint) -> PerPoint:
         """W(e) [J/m]."""
+
+    def at(self, time: Instants) -> "Energy":
+        return self
 
     def density(self, fields: PointFields) -> PerPoint:
         """W [J/m] of the fields."""
@@ -211,7 +215,7 @@ def inner_terms_of(energies: tuple[Term, ...], dissipations: tuple[Term, ...]) -
 class Load(Term):
     """External force per undeformed length."""
 
-    def knots(self, measurements: Measurements | None) -> tuple[Array, ...]:
+    def knots(self, measurements: Maybe[Measurements]) -> tuple[Array, ...]:
         """Instants [s] at which the load changes its form in time, as foreseen from a state. Steps end
         there. measurements: None if no load needs a command."""
         return ()
@@ -223,8 +227,7 @@ class Load(Term):
 
     @property
     def has_kinks(self) -> bool:
-        """Tells whether the load has a strength per tether with kinks in time. It then has `strength`,
-        `kinks` and `with_added_strength` (`steppers/kinks.py`)."""
+        """Tells whether the load has a strength per tether with kinks in time, as a `KinkedLoad` has."""
         return False
 
     @property
@@ -279,6 +282,27 @@ class ControlledLoad(Load):
     @abstractmethod
     def with_command(self, command: Float[Array, "*state element"]) -> "ControlledLoad":
         """The load with a given command."""
+
+
+class KinkedLoad(Protocol):
+    """A load with a strength per tether that has kinks in time (`steppers/kinks.py`)."""
+
+    def strength(self, time: Scalar, measurements: Maybe[Measurements]) -> PerTether:
+        """The force per length [N/m] that has the kinks."""
+
+    def kinks(
+        self, time: Scalar, measurements: Maybe[Measurements]
+    ) -> tuple[Float[Array, "kink tether"], Float[Array, "kink tether"]]:
+        """Distances from the kinks that are no knots, and by how much the derivative of the strength with
+        respect to them jumps."""
+
+    def with_added_strength(self, added: PerElement) -> Load:
+        """The load with a strength [N/m] that is added to its own."""
+
+
+def has_kinks(load: Load) -> TypeGuard[KinkedLoad]:
+    """Tells whether the load has a strength per tether with kinks in time."""
+    return load.has_kinks
 
 
 def needs_command(load: Load) -> TypeGuard[ControlledLoad]:

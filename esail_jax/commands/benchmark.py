@@ -137,7 +137,8 @@ class Run(NamedTuple):
 
 def with_method(scene: Scene, method: str, key: str, value: float) -> Scene:
     """The scene with another method, and a step or a tolerance, in place of its own."""
-    table = dict.fromkeys(("step", "tolerance", "spectral_radius")) | {"method": method, key: value}
+    table: dict[str, Any] = dict.fromkeys(("step", "tolerance", "spectral_radius"))
+    table |= {"method": method, key: value}
     return dataclasses.replace(scene, integrator=dataclasses.replace(scene.integrator, **table))
 
 

@@ -63,7 +63,11 @@ def run_design(
     check_folder(folder)
     before, _ = design.reference_run, design.objective.references
     folder.mkdir(parents=True, exist_ok=True)
-    progress = Progress(float(how.iterations), lambda *_: (value_text(last),), quiet)
+
+    def texts(*_: float) -> tuple[str, ...]:
+        return () if last is None else (value_text(last),)
+
+    progress = Progress(float(how.iterations), texts, quiet)
     for state in design.optimise(how.iterations, last, starts=how.starts, seed=how.seed):
         last = state
         append_state(path, state, identity)
@@ -71,6 +75,7 @@ def run_design(
             print(value_text(state), file=sys.stderr)
         elif state.iteration:
             progress.update(float(state.iteration))
+    assert last is not None  # a design begins with a state, or goes on from one
     after = save_design(design, last, folder)
     if not quiet:
         measured = design.objective.measure(after)

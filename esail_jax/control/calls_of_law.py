@@ -28,7 +28,7 @@ NEEDED = {
 }
 """What a measurement needs that is None otherwise."""
 
-LIBRARIES = tuple(str(Path(module.__file__).parent) for module in (jax, eqx))
+LIBRARIES = tuple(str(Path(file).parent) for file in (jax.__file__, eqx.__file__))
 """Folders whose lines are not those of a user's law."""
 
 

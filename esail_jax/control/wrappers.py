@@ -148,10 +148,15 @@ class Without(Wrapper):
         self.law, self.names = law, tuple(names)
 
     def init(self, measurements: Measurements) -> Any:
-        return self.first(measurements._replace(**dict.fromkeys(self.names)))
+        return self.first(self.left_of(measurements))
 
     def update(self, measurements: Measurements, memory: Any) -> tuple[PerTether | Scalar, Any]:
-        return self.next(measurements._replace(**dict.fromkeys(self.names)), memory)
+        return self.next(self.left_of(measurements), memory)
+
+    def left_of(self, measurements: Measurements) -> Measurements:
+        """The measurements without those of the sensors that are missing."""
+        missing: dict[str, Any] = dict.fromkeys(self.names)
+        return measurements._replace(**missing)
 
 
 class FailedSource(Wrapper):

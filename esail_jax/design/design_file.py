@@ -38,8 +38,8 @@ def append_state(path: Path, state: State, identity: Mapping[str, str]) -> None:
 def read_state(path: Path, optimiser: Optimiser, identity: Mapping[str, str]) -> State:
     """The last state in a file. Raises RunFileError if the file belongs to another design."""
     with h5py.File(path) as file:
-        for name, value in identity.items():
-            if file.attrs[name] != value:
+        for name, own in identity.items():
+            if file.attrs[name] != own:
                 raise RunFileError(f"`{path}` must be of the same {name} to go on with, but is of another")
         x, value, gradient = (jnp.asarray(file[name][-1]) for name in COLUMNS)
         iteration = len(file["value"]) - 1

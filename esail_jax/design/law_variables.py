@@ -45,7 +45,7 @@ def law_variables(scene: Scene) -> dict[str, Variable]:
         start = getattr(table, name)
         bounds: dict[str, Any] = {}
         if name == "table":
-            top = 1.0 if table.maximum is None else float(table.maximum / np.max(table.value))
+            top = 1.0 if table.maximum is None else float(table.maximum / np.max(np.asarray(table.value)))
             bounds = {"lower": 0.0, "upper": top}
         if start is not None:
             variables[f"voltage.{name}"] = Variable(start, scale, **bounds)

@@ -60,7 +60,8 @@ class Objective:
         scene = scene if isinstance(scene, Scene) else read_scene(scene, None)
         scene = scene if terms is None else scene.replace({OWN_TERMS: terms})
         check_voltage(scene)
-        self.scene, self.weights = scene, dict(weights)
+        self.scene = scene
+        self.weights: dict[objectives.Goal, float] = {name: x for name, x in weights.items()}
         self.circumstances = dict(circumstances or {})
         check_measurable(self.constant_voltage, weights)
 

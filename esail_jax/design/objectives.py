@@ -22,13 +22,13 @@ from esail_jax.scenes.rules import SceneError
 from esail_jax.simulation.solution import Solution
 
 
-def mean(run: Solution, values: Float[Array, "time *some"]) -> Float[Array, "*some"]:
+def mean(run: Solution, values: Float[Array | np.ndarray, "time *some"]) -> Float[Array, "*some"]:
     """Mean over time, by the trapezoidal rule."""
     length = run.time[-1] - run.time[0]
     return jnp.trapezoid(values, run.time, axis=0) / length
 
 
-def variance(run: Solution, values: Float[Array, "time *some"]) -> Float[Array, "*some"]:
+def variance(run: Solution, values: Float[Array | np.ndarray, "time *some"]) -> Float[Array, "*some"]:
     """Variance over time."""
     return mean(run, (values - mean(run, values)) ** 2)
 
@@ -209,7 +209,7 @@ def name_of(goal: Goal) -> str:
     return goal if isinstance(goal, str) else getattr(goal, "__name__", type(goal).__name__)
 
 
-def one_number(goal: Goal, value: Any) -> Scalar | float:
+def one_number(goal: Goal, value: Any) -> Any:
     """The value of an objective. Raises SceneError unless it is one real number."""
     must, who = "return one number", name_of(goal)
     if not isinstance(value, jax.Array | np.ndarray | np.generic | int | float):
@@ -251,7 +251,7 @@ def weighted_sum(
     return total
 
 
-def spin_axes(run: Solution) -> Float[Array, "time 3"]:
+def spin_axes(run: Solution) -> Float[Array | np.ndarray, "time 3"]:
     """The spin axis X_B in I, at every saved instant."""
     return run["rotation_IB"][:, :, 0]
 

@@ -14,16 +14,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax.array_types import Array, Float, Nodal, PerTether, Scalar
+from esail_jax.array_types import Array, Float, Maybe, Nodal, PerTether, Scalar
 from esail_jax.coordinates import Coordinates
 from esail_jax.elements.axial import AbstractAxialEnergy
 from esail_jax.elements.tether import TetherBatch
-from esail_jax.numerics.vectors import dot, norm
+from esail_jax.numerics.vectors import dot, norm, total_of
 from esail_jax.point_fields import PointFields
 from esail_jax.terms import Dissipation, Term, find_term, inner_terms_of
 
 Tips = Float[Array, "3 *state tether"]
-OwnVectors = Float[Array, "3 *state vector tether"] | None
+OwnVectors = Maybe[Float[Array, "3 *state vector tether"]]
 
 
 class RingForces(NamedTuple):
@@ -138,7 +138,7 @@ class Ring(eqx.Module):
         total = self.point_forces(fields, rates)
         dissipated = jnp.zeros(q.tether.shape[2:-2])
         if self.dissipations:
-            density = 2.0 * sum(term.density(fields, rates) for term in self.dissipations)
+            density = 2.0 * total_of(term.density(fields, rates) for term in self.dissipations)
             dissipated = self.integrate(density)
         tips, own = self.gathered(segments.nodal_forces(total, self.nodal(inertial)))
         return RingForces(tips, own, dissipated)

@@ -87,7 +87,7 @@ class ThermalEnergy(AbstractAxialEnergy):
 
     def at(self, time: Instants) -> NaturalStrainEnergy:
         """The energy at one or several instants."""
-        return NaturalStrainEnergy(self.stiffness, self.natural(time), self.strain)
+        return NaturalStrainEnergy(self.stiffness, natural=self.natural(time), strain=self.strain)
 
     def energy_density(self, e: PerPoint) -> PerPoint:
         """Raises TypeError: the energy has a value at an instant only (`at`)."""

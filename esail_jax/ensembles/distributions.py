@@ -3,7 +3,8 @@
 import abc
 import dataclasses
 import math
-from typing import Any, ClassVar
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from scipy.special import ndtri
@@ -27,6 +28,11 @@ class Distribution(abc.ABC):
 
     form: ClassVar[str]
     """Name on the command line."""
+
+    if TYPE_CHECKING:  # a field of every subclass
+
+        @property
+        def per_tether(self) -> bool: ...
 
     def __post_init__(self):
         for name in self.parameter_names():
@@ -144,7 +150,7 @@ class Grid(Distribution):
 
     def points(self) -> Float[np.ndarray, " point"]:
         """The numbers of the grid."""
-        return np.linspace(self.a, self.b, self.n)
+        return np.linspace(float(self.a), float(self.b), int(self.n))
 
 
 FORMS: dict[str, type[Distribution]] = {kind.form: kind for kind in (Uniform, Normal, LogNormal, Grid)}
@@ -166,8 +172,9 @@ def parse_distribution(text: str, per_tether: bool = False) -> Distribution:
         values = []
     if len(values) != len(kind.parameter_names()) or not all(map(math.isfinite, values)):
         raise SceneError("distribution", f"be {form_of(kind)} with finite numbers", f"is {text.strip()}")
+    made: Callable[..., Distribution] = kind
     try:
-        return kind(*values, per_tether=per_tether)
+        return made(*values, per_tether=per_tether)
     except SceneError as error:
         raise SceneError("distribution", error.must, f"is {text.strip()}") from None
 
@@ -184,4 +191,5 @@ def as_distribution(value: Any, per_tether: bool = False) -> Distribution:
     if not isinstance(value, Distribution):
         must = "be Uniform, Normal, LogNormal, Grid or a text such as 'uniform:1:2'"
         raise SceneError("distribution", must, f"is {value!r}")
-    return dataclasses.replace(value, per_tether=True) if per_tether else value
+    change: dict[str, Any] = {"per_tether": True}
+    return dataclasses.replace(value, **change) if per_tether else value

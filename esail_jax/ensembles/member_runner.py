@@ -101,7 +101,9 @@ class MemberRunner:
     def _heat(self, member: int) -> Thermal | None:
         """The table [thermal] of a member, with its own numbers."""
         table = self.scene.thermal
-        names = () if table is None else [name for name in vars(table) if f"thermal.{name}" in self.inputs]
+        if table is None:
+            return None
+        names = [name for name in vars(table) if f"thermal.{name}" in self.inputs]
         own = {name: self.inputs[f"thermal.{name}"][member] for name in names}
         return dataclasses.replace(table, **own) if own else table
 

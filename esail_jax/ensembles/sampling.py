@@ -164,7 +164,8 @@ def varied_rule(scene: Scene, key: str) -> Rule:
     table, _, name = key.partition(".")
     if table not in kinds or name not in names_of(kinds[table]):
         raise unknown(key, scene.model)
-    rule = rule_of(kinds[table].__dataclass_fields__[name])
+    (field,) = (field for field in dataclasses.fields(kinds[table]) if field.name == name)
+    rule = rule_of(field)
     if rule.structure or rule.kind is not Kind.NUMBER:
         raise SceneError(key, "be a physical number to be varied", "is structure")
     return rule

@@ -36,7 +36,7 @@ def spread(ensemble: Ensemble, name: str, probabilities: tuple[float, ...] = PRO
     rows = ensemble[name][ensemble.complete]
     if not len(rows):
         nothing = np.full(ensemble[name].shape[1:], np.nan)
-        return Spread(*[nothing] * 4, np.stack([nothing] * len(probabilities)))
+        return Spread(nothing, nothing, nothing, nothing, np.stack([nothing] * len(probabilities)))
     quantiles = np.quantile(rows, probabilities, axis=0)
     return Spread(rows.mean(0), rows.std(0), rows.min(0), rows.max(0), quantiles)
 

@@ -3,7 +3,7 @@
 import equinox as eqx
 import jax.numpy as jnp
 
-from esail_jax.array_types import Array, Float, Instants, Scalar, Vector, VectorPerPoint
+from esail_jax.array_types import Array, Float, Instants, Maybe, Scalar, Vector, VectorPerPoint
 from esail_jax.constants import PROTON_MASS, THRUST_FACTOR, VACUUM_PERMITTIVITY
 from esail_jax.environment.kepler_orbit import KeplerOrbit, PlaceOnOrbit
 from esail_jax.environment.thrust_laws import DebyeSheath
@@ -21,7 +21,7 @@ class SteadyWind(eqx.Module):
 
     speed: Instants
     number_density: Instants
-    cutoff_voltage: Scalar | None
+    cutoff_voltage: Maybe[Scalar]
     origin: Vector
     sheath: DebyeSheath | None = None
     thrust_factor: Scalar | None = None
@@ -88,7 +88,7 @@ class WindSeries(eqx.Module):
     time: Float[Array, " instant"]
     speed: Float[Array, " instant"]
     number_density: Float[Array, " instant"]
-    cutoff_voltage: Scalar | None
+    cutoff_voltage: Maybe[Scalar]
     origin: Vector
     sheath: DebyeSheath | None = None
     thrust_factor: Scalar | None = None
@@ -174,7 +174,7 @@ class LocalWind(SteadyWind):
     without another root: roots and divisions at every point are what an orbit costs."""
 
     origin: VectorPerPoint
-    frame_velocity: Float[Array, "xyz ..."] | None = None
+    frame_velocity: Maybe[Float[Array, "xyz ..."]] = None
     nearness: Float[Array, "..."] = eqx.field(kw_only=True)
     local_plasma: Float[Array, "..."] = eqx.field(kw_only=True)
 

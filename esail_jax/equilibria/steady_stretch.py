@@ -17,7 +17,7 @@ from esail_jax.elements.tether import TetherBatch
 from esail_jax.numerics import block_tridiagonal as chains
 from esail_jax.numerics.known_solution import known_solution
 from esail_jax.point_fields import PointFields, add_fields
-from esail_jax.terms import Energy
+from esail_jax.terms import Term
 
 RAMP_STEPS, NEWTON_STEPS = 12, 20
 """Number of Newton steps in which the centrifugal force grows to its value, and number of all steps.
@@ -46,7 +46,7 @@ class Straight(NamedTuple):
     spin_squared: omega^2; cosine: cos Lambda of the coning angle."""
 
     tethers: TetherBatch
-    energies: tuple[Energy, ...]
+    energies: tuple[Term, ...]
     radius: Scalar | PerTether
     spin_squared: Scalar
     cosine: Scalar
@@ -99,7 +99,7 @@ class Straight(NamedTuple):
 
 def steady_line(
     tethers: TetherBatch,
-    energies: tuple[Energy, ...],
+    energies: tuple[Term, ...],
     radius: Scalar | PerTether,
     spin: Scalar,
     coning: Scalar,

@@ -9,7 +9,7 @@ copied less often, which keeps the cost below a few per cent of the run time, ho
 import os
 import time
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import h5py
 import jax
@@ -40,7 +40,7 @@ from esail_jax.simulation.problem import require_64_bit
 from esail_jax.simulation.rectification import AnyPoint
 from esail_jax.simulation.results import Checkpoint, Chunk, join
 from esail_jax.simulation.simulate import observables_at
-from esail_jax.simulation.solution import Solution
+from esail_jax.simulation.solution import Solution, Stats
 from esail_jax.simulation.stability import Stability
 from esail_jax.simulation.voltage_jumps import jump_warning
 from esail_jax.steppers.results import RESULTS, name_of
@@ -268,11 +268,13 @@ def save(solution: Solution, path: str | os.PathLike, overwrite: bool = False) -
     status = "complete" if solution.result == RESULTS.successful else "failed"
     times = (stats["compile_time"], stats["wall_time"])
     steps = (int(stats["steps"]), int(stats["rejected_steps"]))
-    ended = (status, stats["message"], solution.result)
-    progress = Progress(solution.checkpoint, solution.final_state, *steps, times, *ended)
+    progress = Progress(
+        solution.checkpoint, solution.final_state, *steps, times, status, stats["message"], solution.result
+    )
     with atomic_file(path) as temporary:
         writer = RunWriter(temporary, Content.of_solution(solution), resume=False)
-        writer.add(Chunk(solution.time, solution.observables, solution.numerics, reached))
+        rows = {name: np.asarray(x) for name, x in solution.observables.items()}
+        writer.add(Chunk(np.asarray(solution.time), rows, solution.numerics, reached))
         writer.write(progress._replace(jump=stats.get("voltage_jump")))
         if "stability" in stats:
             save_stability(temporary, stats["stability"])
@@ -299,7 +301,7 @@ def load(path: str | os.PathLike) -> Solution:
         observables=rows,
         result=result,
         final_state=point,
-        stats=stats,
+        stats=cast(Stats, stats),
         numerics=numerics,
         checkpoint=checkpoint,
         scene=scene,

@@ -38,8 +38,8 @@ def load_checkpoint(file: h5py.File) -> Checkpoint:
     motion = arrays_of(group["motion"])
     carried = arrays_of(group["carried"]) if "carried" in group else {}
     rows, segment = (int(group.attrs[name]) for name in ("rows", "segment"))
-    energy = tuple(float(x) for x in group["energy"][()])
-    return Checkpoint(motion, rows, segment, Pending(group["pending"][()]), energy, carried)
+    start, largest = (float(x) for x in group["energy"][()])
+    return Checkpoint(motion, rows, segment, Pending(group["pending"][()]), (start, largest), carried)
 
 
 def arrays_of(group: h5py.Group) -> dict[str, np.ndarray]:

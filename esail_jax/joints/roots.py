@@ -12,7 +12,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax.array_types import Array, Bool, Float, HubPoints, PerTether, Rotation, Scalar, Vector
+from esail_jax.array_types import Array, Bool, Float, HubPoints, Maybe, PerTether, Rotation, Scalar, Vector
 from esail_jax.numerics.own_derivative import custom_jvp
 from esail_jax.numerics.small_matrices import matmul
 
@@ -75,7 +75,7 @@ class HubRoots(eqx.Module):
     """
 
     weights: Float[Array, "4 tether"]
-    normals: Float[Array, "2 4 tether"] | None
+    normals: Maybe[Float[Array, "2 4 tether"]]
     releases: Releases = Releases()
     azimuth: PerTether | None = None
 
@@ -126,7 +126,7 @@ class FrameRoots(eqx.Module):
     start: Rotation
     rate: Scalar
     anchors: Float[Array, "3 tether"]
-    normals: Float[Array, "2 3 tether"] | None
+    normals: Maybe[Float[Array, "2 3 tether"]]
     releases: Releases = Releases()
 
     @property

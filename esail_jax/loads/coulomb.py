@@ -7,12 +7,22 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from esail_jax.array_types import Array, Float, Instants, PerElement, PerTether, Scalar, VectorPerPoint
+from esail_jax.array_types import (
+    Array,
+    Float,
+    Instants,
+    Maybe,
+    PerElement,
+    PerTether,
+    Scalar,
+    Vector,
+    VectorPerPoint,
+)
 from esail_jax.elements.tether import per_element
 from esail_jax.environment.solar_wind import LocalWind, SteadyWind, Wind, WindOnOrbit
 from esail_jax.loads.electron_current import Collector
 from esail_jax.loads.own_law import SampledLaw, sampled_law
-from esail_jax.loads.voltage import VoltageLaw
+from esail_jax.loads.voltage import VoltageLaw, is_constant
 from esail_jax.measurements import Measurements
 from esail_jax.numerics.vectors import dot, reciprocal
 from esail_jax.point_fields import PointFields
@@ -34,7 +44,7 @@ class CoulombThrust(ControlledLoad):
 
     wind: Wind
     voltage_law: VoltageLaw
-    voltage: PerElement | None = None
+    voltage: Maybe[PerElement] = None
     relative: bool = eqx.field(static=True, default=False)
     collector: Collector | None = None
     added: PerElement | None = None
@@ -52,14 +62,14 @@ class CoulombThrust(ControlledLoad):
         collector: Collector | None = None,
     ) -> "CoulombThrust":
         """The load on tethers of `elements` elements each. A constant voltage is set here, once."""
-        voltage = per_element(voltage_law.value, elements) if voltage_law.constant else None
+        voltage = per_element(voltage_law.value, elements) if is_constant(voltage_law) else None
         return cls(wind, voltage_law, voltage, relative, collector)
 
     @property
     def constant(self) -> bool:
         return self.voltage_law.constant
 
-    def knots(self, measurements: Measurements | None) -> tuple[Array, ...]:
+    def knots(self, measurements: Maybe[Measurements]) -> tuple[Array, ...]:
         if self.constant:
             return self.wind.knots
         measured = self.with_wind(measurements)
@@ -69,18 +79,19 @@ class CoulombThrust(ControlledLoad):
     def has_kinks(self) -> bool:
         return not self.constant or bool(self.wind.knots)
 
-    def strength(self, time: Scalar, measurements: Measurements | None) -> PerTether:
+    def strength(self, time: Scalar, measurements: Maybe[Measurements]) -> PerTether:
         """Thrust per length sigma [N/m] of every tether across the wind, at the hub."""
-        volts = self.voltage_law.value if self.constant else self.commanded(measurements)
+        law = self.voltage_law
+        volts = law.value if is_constant(law) else self.commanded(measurements)
         wind = self.wind_at(time, measurements)
         return wind.speed * wind.thrust_per_speed(volts)
 
     def kinks(
-        self, time: Scalar, measurements: Measurements | None
+        self, time: Scalar, measurements: Maybe[Measurements]
     ) -> tuple[Float[Array, "kink tether"], Float[Array, "kink tether"]]:
         """Distances from the kinks of the strength that are no knots, such as a voltage from the cutoff
         voltage, and by how much the derivative of the strength with respect to them jumps."""
-        if self.constant:
+        if is_constant(self.voltage_law):
             none = jnp.zeros((0, *self.voltage_law.value.shape))
             return none, none
         wind, measured = self.wind_at(time, measurements), self.with_wind(measurements)
@@ -92,9 +103,9 @@ class CoulombThrust(ControlledLoad):
         margins, jumps = zip(*rows, strict=True)
         return jnp.stack(margins), jnp.stack(jumps)
 
-    def wind_at(self, time: Scalar, measurements: Measurements | None) -> SteadyWind:
+    def wind_at(self, time: Scalar, measurements: Maybe[Measurements]) -> SteadyWind:
         """The wind at the hub."""
-        position = None if measurements is None else measurements.position
+        position: Maybe[Vector] = None if measurements is None else measurements.position
         if position is None and isinstance(self.wind, WindOnOrbit):
             position, _ = self.wind.orbit.at(time)
         return self.wind.at_sail(time, position)

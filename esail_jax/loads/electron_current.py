@@ -6,7 +6,7 @@ from typing import ClassVar
 import equinox as eqx
 import jax.numpy as jnp
 
-from esail_jax.array_types import Array, PerTether, Scalar, Vector
+from esail_jax.array_types import Array, Maybe, PerTether, Scalar, Vector
 from esail_jax.constants import ELECTRON_MASS, ELEMENTARY_CHARGE
 from esail_jax.environment.solar_wind import SteadyWind, Wind
 from esail_jax.loads.voltage import Constant, VoltageKink, VoltageLaw
@@ -30,7 +30,7 @@ class Collector(eqx.Module):
     width_times_length: PerTether
     wind: Wind
 
-    def current(self, time: Scalar, voltage: PerTether, position: Vector | None = None) -> PerTether:
+    def current(self, time: Scalar, voltage: PerTether, position: Maybe[Vector] = None) -> PerTether:
         """Current I [A] of every tether; zero at a voltage [V] that is not positive. position:
         heliocentric, of the hub [m], if the sail moves on an orbit."""
         positive = voltage > 0.0
@@ -40,12 +40,12 @@ class Collector(eqx.Module):
         charge = ELEMENTARY_CHARGE * self.wind.at_sail(time, position).number_density
         return jnp.where(positive, self.width_times_length * charge * speed, 0.0)
 
-    def power(self, time: Scalar, voltage: PerTether, position: Vector | None = None) -> Scalar:
+    def power(self, time: Scalar, voltage: PerTether, position: Maybe[Vector] = None) -> Scalar:
         """Electric power [W] of all tethers together."""
         return (voltage * self.current(time, voltage, position)).sum()
 
     def within_power(
-        self, time: Scalar, voltage: PerTether, limit: Scalar, position: Vector | None = None
+        self, time: Scalar, voltage: PerTether, limit: Scalar, position: Maybe[Vector] = None
     ) -> PerTether:
         """The voltages, all multiplied by the same factor if they would need more than `limit` [W].
 

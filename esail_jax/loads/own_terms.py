@@ -17,6 +17,7 @@ from esail_jax.array_types import (
     Array,
     Float,
     Instants,
+    Maybe,
     PerElement,
     PerPoint,
     PerTether,
@@ -255,7 +256,7 @@ def expanded(x: Float[Array, "3 ..."], ndim: int) -> Array:
 class OwnLoad(AlongTethers, Load):
     """A user's load without a command."""
 
-    def knots(self, measurements: Measurements | None) -> tuple[Array, ...]:
+    def knots(self, measurements: Maybe[Measurements]) -> tuple[Array, ...]:
         return self.instants
 
     def force(self, time: Instants, fields: PointFields, rates: PointFields) -> VectorPerPoint:
@@ -265,7 +266,7 @@ class OwnLoad(AlongTethers, Load):
 class OwnCommandedLoad(AlongTethers, ControlledLoad):
     """A user's load with a number per tether that depends on the state. value: that number."""
 
-    value: PerElement | None = None
+    value: Maybe[PerElement] = None
 
     @property
     def constant(self) -> bool:
@@ -283,7 +284,7 @@ class OwnCommandedLoad(AlongTethers, ControlledLoad):
     def command(self) -> PerElement | None:
         return self.value
 
-    def knots(self, measurements: Measurements | None) -> tuple[Array, ...]:
+    def knots(self, measurements: Maybe[Measurements]) -> tuple[Array, ...]:
         return self.instants
 
     def commanded(self, measurements: Measurements) -> PerTether:

@@ -5,7 +5,7 @@ value of that one has passed through them if the scene has a `maximum`.
 """
 
 from abc import abstractmethod
-from typing import ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple, Protocol, TypeGuard
 
 import equinox as eqx
 import jax
@@ -41,12 +41,18 @@ class VoltageLaw(eqx.Module):
 
     A subclass gives `commanded`, `name` and `limits`."""
 
-    limits: eqx.AbstractVar[Limits]
+    if TYPE_CHECKING:
+        # For mypy, an `AbstractVar` would be a field, which precedes those of every law.
+        @property
+        @abstractmethod
+        def limits(self) -> Limits: ...
+    else:
+        limits: eqx.AbstractVar[Limits]
     name: eqx.AbstractClassVar[str]
 
     @property
     def constant(self) -> bool:
-        """Tells whether the voltages depend on neither time nor state. Such a law has them as `value`."""
+        """Tells whether the voltages depend on neither time nor state (`is_constant`)."""
         return False
 
     @property
@@ -86,6 +92,18 @@ class VoltageLaw(eqx.Module):
     def voltage(self, measurements: Measurements) -> PerTether:
         """Voltages V [V] within the limits."""
         return self.limits(self.commanded(measurements))
+
+
+class HasValue(Protocol):
+    """A law whose voltages are the same at all times and in all states. value: [V]."""
+
+    @property
+    def value(self) -> PerTether: ...
+
+
+def is_constant(law: VoltageLaw) -> TypeGuard[HasValue]:
+    """Tells whether the voltages of a law depend on neither time nor state; it then has them."""
+    return law.constant
 
 
 class Constant(VoltageLaw):
@@ -225,7 +243,8 @@ class Feedback(VoltageLaw):
 
     def commanded(self, measurements: Measurements) -> PerTether:
         axis, outward = measurements.spin_axis, measurements.radial_directions
-        target, sense = self.aim(measurements), measurements.sense
+        target = self.aim(measurements)
+        sense: Scalar | float = measurements.sense
         if self.measured_axis == "angular-momentum":
             axis, target, sense = measurements.momentum_axis, sense * target, 1.0
             outward = measurements.outward_from(axis)

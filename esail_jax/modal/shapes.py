@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from esail_jax.array_types import Complex, Float
+from esail_jax.array_types import Complex, Float, Maybe
 from esail_jax.equilibria.motions import rotation_about_x
 from esail_jax.modal.ring_shapes import POINTS, RingPlaces, along_batch, ring_displacement, ring_places_of
 from esail_jax.system import System
@@ -27,7 +27,7 @@ class Shape(NamedTuple):
 
     tether: Complex[Host, "3 point tether mode"]
     hub: Complex[Host, "6 mode"]
-    ring: Complex[Host, "3 ring_point tether mode"] | None = None
+    ring: Maybe[Complex[Host, "3 ring_point tether mode"]] = None
 
 
 class Places(NamedTuple):
@@ -42,7 +42,7 @@ class Places(NamedTuple):
     mass: Float[Host, "point tether"]
     hub: Float[Host, "6"]
     axes: Float[Host, "3 3 tether"]
-    ring: RingPlaces | None = None
+    ring: Maybe[RingPlaces] = None
 
 
 def nodal(system: System, local: Host, hub: Host) -> Host:

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from esail_jax.array_types import Array, Bool, Inexact
+from esail_jax.array_types import Array, Bool, Inexact, Maybe
 from esail_jax.numerics import block_tridiagonal as chains
 from esail_jax.numerics.segments import Segments
 from esail_jax.numerics.small_matrices import inverse, joined, matmul, matvec_transposed, transpose
@@ -42,14 +42,14 @@ class Bordered(NamedTuple):
     diag: Inexact[Array, "block row row tether"]
     upper: Inexact[Array, "link row row tether"]
     lower: Inexact[Array, "link row row tether"]
-    weights: Inexact[Array, "point tether"] | None = None
-    local: Inexact[Array, "local local tether"] | None = None
-    local_border: Inexact[Array, "local border tether"] | None = None
-    border_local: Inexact[Array, "border local tether"] | None = None
-    border: Inexact[Array, "border border"] | None = None
-    loose: tuple[()] | None = None
-    released: Bool[Array, " tether"] | None = None
-    segments: Segments | None = None
+    weights: Maybe[Inexact[Array, "point tether"]] = None
+    local: Maybe[Inexact[Array, "local local tether"]] = None
+    local_border: Maybe[Inexact[Array, "local border tether"]] = None
+    border_local: Maybe[Inexact[Array, "border local tether"]] = None
+    border: Maybe[Inexact[Array, "border border"]] = None
+    loose: Maybe[tuple[()]] = None
+    released: Maybe[Bool[Array, " tether"]] = None
+    segments: Maybe[Segments] = None
 
     @property
     def held(self) -> int:
@@ -72,20 +72,20 @@ class Vector(NamedTuple):
     """
 
     blocks: Inexact[Array, "block row tether"]
-    local: Inexact[Array, "local tether"] | None = None
-    border: Inexact[Array, " border"] | None = None
-    ring: Inexact[Array, "block row segment"] | None = None
+    local: Maybe[Inexact[Array, "local tether"]] = None
+    border: Maybe[Inexact[Array, " border"]] = None
+    ring: Maybe[Inexact[Array, "block row segment"]] = None
 
 
 class PortFactors(NamedTuple):
     """Factors that eliminate the local unknowns and the border, once the chains are condensed. Each is
     stored transposed (see `matvec_transposed`)."""
 
-    local_inverse: Inexact[Array, "local local tether"] | None
-    local_from_border: Inexact[Array, "border local tether"] | None
-    border_from_local: Inexact[Array, "local tether border"] | None
-    border_inverse: Inexact[Array, "border border"] | None
-    released_inverse: Inexact[Array, "row row tether"] | None
+    local_inverse: Maybe[Inexact[Array, "local local tether"]]
+    local_from_border: Maybe[Inexact[Array, "border local tether"]]
+    border_from_local: Maybe[Inexact[Array, "local tether border"]]
+    border_inverse: Maybe[Inexact[Array, "border border"]]
+    released_inverse: Maybe[Inexact[Array, "row row tether"]]
 
 
 class Factors(NamedTuple):
@@ -105,7 +105,7 @@ def padded(a: Array, like: Array | None) -> Array:
 
 def project(
     matrix: Bordered, schur: Inexact[Array, "row row tether"]
-) -> tuple[Array | None, Array | None, Array | None, Array | None]:
+) -> tuple[Maybe[Array], Maybe[Array], Maybe[Array], Maybe[Array]]:
     """Transforms the ports' Schur complements to the unknowns (local, border).
 
     Returns the blocks (local, local), (local, border), (border, local), (border, border). All rows after

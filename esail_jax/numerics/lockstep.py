@@ -160,9 +160,7 @@ def filled(size: int, values: Any, batched: Any) -> Any:
     )
 
 
-def per_member_table(
-    table: Float[Array | np.ndarray, "row col"], like: Array
-) -> Float[Array | np.ndarray, "row col"]:
+def per_member_table(table: Float[Array | np.ndarray, "row col"], like: Array) -> Float[Array, "row col"]:
     """The table; under `vmap`, one copy of it per member. like: any array that differs between
     members.
 

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from esail_jax.array_types import Array, Inexact
+from esail_jax.array_types import Array, Inexact, Maybe
 from esail_jax.numerics import block_tridiagonal as chains
 from esail_jax.numerics import bordered, cyclic, segments
 from esail_jax.numerics.bordered import Bordered, Vector
@@ -42,15 +42,15 @@ class RingFactors(NamedTuple):
     """
 
     tethers: bordered.Factors
-    segments: segments.SegmentFactors | None
+    segments: Maybe[segments.SegmentFactors]
     upper: Inexact[Array, "3 3 tether"]
     lower: Inexact[Array, "3 3 tether"]
     cyclic: cyclic.CyclicFactors
     tip_chain: Inexact[Array, "link row 3 tether"]
     tip_port: Inexact[Array, "row 3 tether"]
-    border_force: Inexact[Array, "border 3 tether"] | None
-    tip_border: Inexact[Array, "3 border tether"] | None
-    border_inverse: Inexact[Array, "border border"] | None
+    border_force: Maybe[Inexact[Array, "border 3 tether"]]
+    tip_border: Maybe[Inexact[Array, "3 border tether"]]
+    border_inverse: Maybe[Inexact[Array, "border border"]]
 
 
 def next_tip(x: Array) -> Array:
@@ -141,7 +141,8 @@ def chainwise_border(
 
 def solve(matrix: Bordered, factors: RingFactors, rhs: Vector) -> Vector:
     """The solution of matrix x = rhs. Of `matrix` only weights and shapes are read."""
-    blocks, inside = rhs.blocks, None
+    blocks = rhs.blocks
+    inside: Maybe[Array] = None
     if factors.segments is not None:
         inside = segments.solve_own(factors.segments, rhs.ring)
         ends = segments.end_rows(factors.segments, inside)

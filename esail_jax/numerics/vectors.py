@@ -5,6 +5,8 @@ force evaluation is 1.6 times as fast as with component-by-component arithmetic 
 """
 
 import functools
+from collections.abc import Iterable
+from typing import cast
 
 import jax
 import jax.numpy as jnp
@@ -58,6 +60,11 @@ def root(x: PerPoint) -> PerPoint:
 def _root_jvp(primals, tangents):
     y = root(*primals)
     return y, 0.5 * reciprocal(y) * tangents[0]
+
+
+def total_of(parts: Iterable[Array]) -> Array:
+    """The sum of one array or several, begun with zero."""
+    return cast(Array, sum(parts))  # mypy reckons with no arrays, whose sum is the integer 0
 
 
 def stacked(parts: list[Array]) -> Array:

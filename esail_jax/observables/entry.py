@@ -2,15 +2,16 @@
 
 import dataclasses
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, cast
 
 from esail_jax.array_types import Array, Scalar
 from esail_jax.coordinates import Coordinates
 from esail_jax.elements.thermal import ThermalEnergy
 from esail_jax.numerics.small_matrices import matmul
+from esail_jax.numerics.vectors import total_of
 from esail_jax.observables.meanings import MEANINGS
 from esail_jax.system import System
-from esail_jax.terms import find_term
+from esail_jax.terms import Energy, find_term
 
 WORK = "work"
 """What the observables of work of a chain need: loads or damping."""
@@ -60,7 +61,8 @@ def kinetic_energy(system: System, v: Coordinates) -> Scalar:
 def elastic_energy(system: System, time: Scalar, q: Coordinates) -> Scalar:
     """The elastic energy U [J] at an instant [s] ([PGV] Eq. 23)."""
     fields = system.tethers.interpolate(q.tether)
-    energy = sum(system.integrate(term.at(time).density(fields)) for term in system.energies)
+    energies = cast(tuple[Energy, ...], system.energies)  # other terms replace them within a step only
+    energy = total_of(system.integrate(term.at(time).density(fields)) for term in energies)
     return energy if system.ring is None else energy + system.ring.elastic_energy(q)
 
 

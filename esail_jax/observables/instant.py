@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax.array_types import Array, Float, Rotation, Scalar, Vector, VectorPerPoint
+from esail_jax.array_types import Array, Float, Maybe, Rotation, Scalar, Vector, VectorPerPoint
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.environment.kepler_orbit import KeplerOrbit, PlaceOnOrbit, at_place, tide
 from esail_jax.environment.orbit import orbital_frame
@@ -72,8 +72,8 @@ class Instant(eqx.Module):
     forces: Coordinates
     power: Power
     load: VectorPerPoint | None
-    origin_velocity: Vector | None = None
-    shift: Shift | None = None
+    origin_velocity: Maybe[Vector] = None
+    shift: Maybe[Shift] = None
 
     @property
     def sense(self) -> Scalar:
@@ -208,7 +208,8 @@ class Instant(eqx.Module):
         nothing = jnp.full((3, 3), jnp.nan)
         if self.p < 3:
             return nothing
-        tips, held = self.tips, self.p
+        tips = self.tips
+        held: int | Scalar = self.p
         released = None if self.system.roots is None else self.system.roots.releases.released
         if released is not None:
             # Released tips are moved to the mean, where they have no effect on the plane.

@@ -110,9 +110,9 @@ def rigid_pendulum(run: Any, tether: int = 0) -> tuple[np.ndarray, np.ndarray, n
     scene = run.scene
     rate = float(scene.initial.spin_rate)
     names = ("thrust_moment_B", "coning_angle", "lagging_angle")
-    signals = [observable(run, name) for name in names]
+    signals = [x for x in (observable(run, name) for name in names) if x is not None]
     pulled = scene.gravity is not None and scene.hub is None
-    if rate == 0.0 or pulled or any(signal is None for signal in signals):
+    if rate == 0.0 or pulled or len(signals) < len(names):
         return None
     moment, coning, lagging = (signal[:, tether] for signal in signals)
     known = leading_finite(moment, coning, lagging)

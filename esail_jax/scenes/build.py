@@ -175,14 +175,21 @@ def material_terms(structure: Structure, numbers: Numbers) -> Terms:
 def heated(structure: Structure, numbers: Numbers, axial: AxialEnergy) -> ThermalEnergy:
     """The axial energy of tethers with the temperatures of [thermal]."""
     table, p = numbers["thermal.temperature"], structure["tethers.count"]
+    temperature: SteadyTemperature | TemperatureSeries
     if structure.has("thermal.time"):
         time = numbers["thermal.time"]
         rows = jnp.broadcast_to(table if table.ndim == 2 else table[:, None], (time.shape[0], p))
         temperature = TemperatureSeries.undivided(time, rows)
     else:
         temperature = SteadyTemperature(jnp.broadcast_to(table, (p,)))
-    expansion = numbers["thermal.expansion"], numbers["thermal.reference_temperature"], temperature
-    return ThermalEnergy(axial.stiffness, *expansion, axial.strain, structure["tethers.elements"])
+    return ThermalEnergy(
+        stiffness=axial.stiffness,
+        expansion=numbers["thermal.expansion"],
+        reference=numbers["thermal.reference_temperature"],
+        temperature=temperature,
+        strain=axial.strain,
+        elements=structure["tethers.elements"],
+    )
 
 
 def tethers_of(structure: Structure, numbers: Numbers, loaded: bool) -> TetherBatch:
@@ -215,7 +222,7 @@ def ring_of(structure: Structure, numbers: Numbers) -> Ring:
     energy: Energy = AxialEnergy(axial, strain)
     if structure.has("auxiliary_tethers.slack_strain"):
         width = per_element(numbers["auxiliary_tethers.slack_strain"], elements)
-        energy = TensionOnlyEnergy(axial, width, strain)
+        energy = TensionOnlyEnergy(axial, width=width, strain=strain)
     dissipations: tuple[Dissipation, ...] = ()
     if structure.has("auxiliary_tethers.axial_damping_time"):
         time = per_element(numbers["auxiliary_tethers.axial_damping_time"], elements)
@@ -242,7 +249,7 @@ def roots_of(
     if hub is None:
         spin = numbers["initial.spin_rate"]
         return joints.FrameRoots(start, spin, 0.0 * places.outward, normals, releases)
-    if clamped:
+    if normals is not None:
         normals = jnp.moveaxis(hub.direction_weights(jnp.moveaxis(normals, 1, 0)), 0, 1)
     azimuth = None if places.positions is None else places.azimuth
     return joints.HubRoots(hub.weights(places.arms), normals, releases, azimuth)
@@ -313,9 +320,9 @@ def build_chain(structure: Structure, numbers: Numbers) -> tuple[RodChain, RodSt
     rods = structure["chain.rods"]
     axial = per_element(column["chain.youngs_modulus"] * column["chain.area"], rods)
     strain = structure["chain.strain"]
-    energy = AxialEnergy(axial, strain)
+    energy: Energy = AxialEnergy(axial, strain)
     if structure.has("chain.slack_strain"):
-        energy = TensionOnlyEnergy(axial, numbers["chain.slack_strain"], strain)
+        energy = TensionOnlyEnergy(axial, width=numbers["chain.slack_strain"], strain=strain)
     dissipations: tuple[Dissipation, ...] = ()
     if structure.has("chain.axial_damping_time"):
         time = per_element(column["chain.axial_damping_time"], rods)

@@ -6,7 +6,7 @@ scene."""
 
 import jax.numpy as jnp
 
-from esail_jax.array_types import Array, Float, PerTether, Rotation
+from esail_jax.array_types import Array, Float, Maybe, PerTether, Rotation
 from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.environment.circular_orbit import CircularOrbit
 from esail_jax.environment.kepler_orbit import KeplerOrbit
@@ -119,29 +119,34 @@ def wind_at(numbers: Numbers, origin: Float[Array, "3"]) -> SteadyWind | WindSer
 def voltage_law(structure: Structure, numbers: Numbers, wind: Wind) -> voltage.VoltageLaw:
     """The voltage law of [voltage]."""
     law, limits = structure["voltage.law"], limits_of(numbers)
-    value, slew = numbers.get("voltage.value"), numbers.get("voltage.slew_rate")
+    value: Maybe[Array] = numbers.get("voltage.value")
+    slew = numbers.get("voltage.slew_rate")
     if law == "harmonic":
         given = [numbers[key] for key in ("voltage.cosine", "voltage.sine") if key in numbers]
-        waves = (per_tether(numbers.get(f"voltage.{x}", 0.0 * given[0]), value) for x in ("cosine", "sine"))
-        return voltage.Harmonic(value, *waves, limits, slew)
+        cosine, sine = (
+            per_tether(numbers.get(f"voltage.{x}", 0.0 * given[0]), value) for x in ("cosine", "sine")
+        )
+        return voltage.Harmonic(value, cosine, sine, limits, slew)
     if law == "piecewise-linear":
         time, table = numbers["voltage.time"], value * per_tether(numbers["voltage.table"], value)
         if slew is not None:
             table = within_slew_rate(time, table, slew)
         return voltage.TimeTable(time, table, limits)
     if law == "on-off":
-        switched = (numbers.get(f"voltage.{x}") for x in ("on", "off", "rise_time"))
-        return voltage.OnOff(value, *switched, limits, slew)
+        on, off, rise = numbers["voltage.on"], numbers.get("voltage.off"), numbers["voltage.rise_time"]
+        return voltage.OnOff(value, on, off, rise, limits, slew)
     if law == "phase-window":
-        phases = (jnp.deg2rad(numbers[f"voltage.{x}_phase_deg"]) for x in ("on", "off", "rise"))
-        return PhaseWindow(value, *phases, limits)
+        on, off, rise = (jnp.deg2rad(numbers[f"voltage.{x}_phase_deg"]) for x in ("on", "off", "rise"))
+        return PhaseWindow(value, on, off, rise, limits)
     if law == "feedback":
         pitch = numbers | {"initial.sailing_angle_deg": numbers["voltage.target_sailing_angle_deg"]}
-        gain, rest = numbers["voltage.gain"], (limits, slew)
-        axis = structure["voltage.measured_axis"] or "hub"
+        gain = numbers["voltage.gain"]
+        axis: voltage.AxisName = structure["voltage.measured_axis"] or "hub"
         if structure.has("orbit"):
-            return voltage.OrbitalFeedback(value, gain, orbital_attitude(pitch)[:, 0], *rest, axis)
-        return voltage.Feedback(value, gain, starting_attitude(pitch)[0][:, 0], *rest, axis)
+            target = orbital_attitude(pitch)[:, 0]
+            return voltage.OrbitalFeedback(value, gain, target, limits, slew, axis)
+        target = starting_attitude(pitch)[0][:, 0]
+        return voltage.Feedback(value, gain, target, limits, slew, axis)
     if law == "constant-thrust":
         return ConstantThrust(numbers["voltage.thrust"], numbers["tethers.length"], wind, limits)
     if law == "python":

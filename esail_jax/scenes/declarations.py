@@ -111,9 +111,9 @@ def table(cls: type[T]) -> type[T]:
     A table may hold any value until a `Scene` is made of it, which checks every value and names the key
     that is wrong. Checkers of types at run time (jaxtyping, beartype) must therefore leave its constructor
     alone."""
-    cls = dataclasses.dataclass(frozen=True)(cls)
-    cls.__no_type_check__ = True
-    return cls
+    made: Any = dataclasses.dataclass(frozen=True)(cls)
+    made.__no_type_check__ = True
+    return made
 
 
 def rule_of(field: dataclasses.Field) -> Rule:

@@ -99,7 +99,7 @@ def root_positions(hub: Hub | None, count: int) -> np.ndarray:
     if hub is not None and hub.roots is not None:
         return np.broadcast_to(np.asarray(hub.roots, float), (count, 3)).T
     azimuth = 2.0 * np.pi * np.arange(count) / count
-    radius = 0.0 if hub is None else float(hub.radius)
+    radius = 0.0 if hub is None else float(np.asarray(hub.radius))
     return radius * np.stack([0.0 * azimuth, np.cos(azimuth), np.sin(azimuth)])
 
 

@@ -205,7 +205,7 @@ def check_integrator(scene: Any) -> None:
 def check_method_of_sail(scene: Any) -> None:
     """Checks that the method runs sails, and such a one. Raises SceneError."""
     name = method_name(scene)
-    method = METHODS.get(name)
+    method = None if name is None else METHODS.get(name)
     if method is not None and not method.sails:
         must = f"be {quoted(x for x, other in METHODS.items() if other.sails)} for a sail"
         raise SceneError("integrator.method", must, rules.describe(name))
@@ -214,7 +214,8 @@ def check_method_of_sail(scene: Any) -> None:
         raise SceneError("integrator.method", must, rules.describe(name))
     radius = scene.integrator.spectral_radius
     limited = radius is not None and (scene.hub is not None or scene.tethers.root == "clamped")
-    if limited and rules.known(radius) is not None and rules.known(radius) >= 1.0:
+    known = rules.known(radius) if limited else None
+    if known is not None and known >= 1.0:
         raise SceneError(
             "integrator.spectral_radius", "be below 1 with constraints", rules.describe(radius)
         )

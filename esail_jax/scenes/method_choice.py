@@ -9,13 +9,13 @@ implicit method, whose step follows the visible motion instead."""
 
 import dataclasses
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
 from jax import lax
 
-from esail_jax.array_types import Array
+from esail_jax.array_types import Array, Maybe
 from esail_jax.compilation.kept import program_of
 from esail_jax.compilation.options import START_OPTIONS
 from esail_jax.rod_chain import RodChain, RodState, error_scale, fastest_rate, turning_rate
@@ -73,9 +73,11 @@ def with_method(scene: Scene) -> Scene:
     if table.method is None:
         chosen = chain_method(scene) if scene.chain is not None else {"method": method_name(scene)}
         table = dataclasses.replace(table, **chosen)
-    method = METHODS.get(table.method)
+    method = None if table.method is None else METHODS.get(table.method)
     if method is not None:
-        missing = {key: x for key, x in method.defaults.items() if getattr(table, key) is None}
+        missing: dict[str, Any] = {
+            key: x for key, x in method.defaults.items() if getattr(table, key) is None
+        }
         if table.step is not None:
             missing.pop("tolerance", None)
         if "tolerance" in missing and method.tolerance_from_strain:
@@ -124,8 +126,8 @@ def chain_method(scene: Scene) -> dict[str, str | float]:
     taken, as it controls its own error."""
     table = scene.integrator
     by_default: dict[str, str | float] = {"method": CHAIN_METHOD}
-    numbers = [x for part in scene.tables.values() for x in vars(part).values()]
-    if any(isinstance(x, jax.core.Tracer) for x in numbers) or table.tolerance is not None:
+    values = [x for part in scene.tables.values() for x in vars(part).values()]
+    if any(isinstance(x, jax.core.Tracer) for x in values) or table.tolerance is not None:
         return by_default
     structure, numbers = split(scene)
     program = program_of(rates, (structure,), (numbers,), START_OPTIONS)
@@ -154,7 +156,7 @@ class Given(NamedTuple):
     method: str
     numbers: Numbers
     model: System | RodChain
-    rods: RodState | None
+    rods: Maybe[RodState]
 
 
 def stepper_of(
@@ -187,7 +189,8 @@ def runge_kutta(given: Given) -> AbstractStepper:
     """An explicit method with a tolerance and the scale of its errors, or with a fixed step."""
     numbers = given.numbers
     step = numbers.get("integrator.step")
-    scale = error_scale(given.model, given.rods) if step is None else None
+    chain = cast(RodChain, given.model)  # these methods run chains only
+    scale = error_scale(chain, given.rods) if step is None else None
     return explicit.RungeKutta(step, numbers.get("integrator.tolerance"), scale, given.method)
 
 

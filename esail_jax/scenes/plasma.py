@@ -235,9 +235,9 @@ def read_columns(name: Any, folder: Path) -> dict[str, list[float]]:
             raise SceneError(WIND_FILE, must, f"line {line} of {name!r} has {len(row)}")
         for key, cell in zip(head, row, strict=True):
             columns[key].append(number_of(cell))
-            must = broken(key, columns[key])
-            if must:
-                raise SceneError(f"solar_wind.{key}", must, f"line {line} of {name!r} has {cell!r}")
+            unmet = broken(key, columns[key])
+            if unmet:
+                raise SceneError(f"solar_wind.{key}", unmet, f"line {line} of {name!r} has {cell!r}")
     return columns
 
 

@@ -5,6 +5,7 @@ They are found before anything is compiled, from the numbers that have a value; 
 Units are judged only of a sail in the solar wind.
 """
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,9 @@ from esail_jax.constants import SLOW_SPIN
 from esail_jax.scenes import rules
 from esail_jax.scenes.hub import inertia_of, root_positions
 from esail_jax.scenes.scene import Scene
+
+Values = np.ndarray | float
+"""Numbers of a key: one, or one per tether."""
 
 
 class Usual(NamedTuple):
@@ -136,11 +140,11 @@ def doubt_of_strain(scene: Scene) -> str:
         "tethers.density",
         "tethers.youngs_modulus",
     )
-    values = [numbers(scene, key) for key in keys]
-    tip = 0.0 if scene.remote_units is None else numbers(scene, "remote_units.mass")
-    if any(x is None for x in (*values, tip)):
+    mass = 0.0 if scene.remote_units is None else numbers(scene, "remote_units.mass")
+    values = all_of([*(numbers(scene, key) for key in keys), mass])
+    if values is None:
         return ""
-    spin, length, area, density, modulus = values
+    spin, length, area, density, modulus, tip = values
     strain = np.max(spin**2 * length * (tip + 0.5 * density * area * length) / (modulus * area))
     if strain <= STRAINED:
         return ""
@@ -161,10 +165,11 @@ def doubt_of_axis(scene: Scene) -> str:
     keys = ("length", "area", "density")
     parts = [rules.known(getattr(scene.tethers, key)) for key in keys]
     hub = [rules.known(x) for x in vars(scene.hub).values() if x is not None]
-    tip = 0.0 if scene.remote_units is None else rules.known(scene.remote_units.mass)
-    if any(x is None for x in (*parts, *hub, tip)):
+    mass = 0.0 if scene.remote_units is None else rules.known(scene.remote_units.mass)
+    values = all_of([*parts, mass])
+    if values is None or all_of(hub) is None:
         return ""
-    length, area, density = parts
+    length, area, density, tip = values
     arms = np.linalg.norm(root_positions(scene.hub, scene.tethers.count)[1:], axis=0)
     pull = (tip + 0.5 * density * area * length) * length
     inertia = inertia_of(scene.hub)
@@ -194,6 +199,16 @@ def doubt_of_step(scene: Scene) -> str:
             advice = "try a shorter step, or the method collocation"
             return f"`integrator.step` is {step:g} s, and {other}, which steps pass over ({advice})."
     return ""
+
+
+def all_of(values: Iterable[Values | None]) -> list[Values] | None:
+    """The values; None if one of them is."""
+    found: list[Values] = []
+    for value in values:
+        if value is None:
+            return None
+        found.append(value)
+    return found
 
 
 def numbers(scene: Scene, key: str) -> np.ndarray | None:

@@ -264,7 +264,7 @@ def scene_of(request: Request) -> Scene:
 
 def released(scene: Scene, time: np.ndarray) -> np.ndarray:
     """Tells which tethers of a sail are released at saved instants [s] (instant, tether)."""
-    free = np.zeros((len(time), scene.tethers.count), bool)
+    free = np.zeros((len(time), scene.tethers.count), np.bool_)
     event = scene.event
     if event is not None:
         for instant, number in zip(np.atleast_1d(event.time), np.atleast_1d(event.release), strict=True):

@@ -83,7 +83,7 @@ def commented(text: str) -> str:
     known = [key for key in describe_keys() if model in key.models]
     title, *lines = text.rstrip().splitlines()
     result = [title, *block(HOW_TO_READ)]
-    table, given = "", dict[str, str]()
+    table, given = "", dict[str, bool]()
     for line in [*lines, ""]:
         heading, entry = HEADING.match(line), ENTRY.match(line)
         if heading:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 from jax.ad_checkpoint import checkpoint_name
 
@@ -38,8 +39,8 @@ steps. If a single number of it were not saved, the steps would be taken again f
 class Window(NamedTuple):
     """Saved instants [s] in increasing order, of which the first `count` are used."""
 
-    times: Float[Array, " instant"]
-    count: Int[Array, ""]
+    times: Float[Array | np.ndarray, " instant"]
+    count: Int[Array | np.ndarray, ""]  # type: ignore[assignment]  # hides `tuple.count`
 
 
 class Advanced(NamedTuple):

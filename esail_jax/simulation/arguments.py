@@ -84,7 +84,7 @@ def check_times(scene: Scene, times: Any, start: AnyPoint | None) -> None:
         and np.isfinite(values).all() and (np.diff(values) > 0).all()
     )  # fmt: skip
     least = 0.0 if begin is None else begin
-    if not good or values[0] < least:
+    if values is None or not good or values[0] < least:
         raise SceneError("times", f"increase from {least:g} on", f"is {times!r}")
     table = scene.solar_wind if scene.chain is None else None
     wind = None if table is None or table.time is None else known(table.time)

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from esail_jax.array_types import Array, Float, Scalar
+from esail_jax.array_types import Array, Float
 from esail_jax.simulation.schedule import Plan, Schedule, Windows, repeated, rounded_up
 
 
@@ -24,7 +24,7 @@ class DividedPlan(NamedTuple):
     those without a value; switches, samples: those of the schedule. The last ones are repeated, or are
     infinite or negative, so that their numbers are rounded up."""
 
-    start: float | Scalar
+    start: Float[Array | np.ndarray, ""]
     times: Float[Array | np.ndarray, " time"]
     known: Float[Array | np.ndarray, " window"]
     switches: Float[Array | np.ndarray, " switch"]

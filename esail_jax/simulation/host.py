@@ -3,7 +3,6 @@
 The next call begins, in another thread, while the observables of the one before are evaluated and written.
 XLA runs programs that one thread has called one after the other, those of two threads side by side."""
 
-import functools
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import NamedTuple
@@ -102,7 +101,8 @@ class HostRun:
                 motion=restored(compiled.motion, checkpoint.motion),
                 carried=restored(compiled.carried, checkpoint.carried),
             )
-        self.checkpoint, self.point = checkpoint, None
+        self.checkpoint = checkpoint
+        self.point: AnyPoint | None = None
         motion = checkpoint.motion
         since = [float(motion.state.taken), float(motion.state.rejected)]
         self.counts = np.asarray(motion.earlier) + np.array(since)
@@ -132,7 +132,7 @@ class HostRun:
         if self.checkpoint.rows == len(self.times):
             return  # interrupted after the last instant
         with ThreadPoolExecutor(1) as pool:
-            yield from self._calls(functools.partial(pool.submit, self._submitted))
+            yield from self._calls(lambda *call: pool.submit(self._submitted, *call))
 
     def _calls(self, submit: "Callable[[int, int, Motion], Future[Submitted]]") -> Iterator[Chunk]:
         """Yields the chunks. submit: makes a call in another thread.
@@ -151,8 +151,8 @@ class HostRun:
             seen = self._look(call)
             if seen.result == "successful":
                 self.checkpoint = self._after(call, seen, segment_index)
-            if seen.count:
-                yield Chunk(call.times[: seen.count], seen.rows, seen.numerics, float(call.done.time))
+            if seen.saved:
+                yield Chunk(call.times[: seen.saved], seen.rows, seen.numerics, float(call.done.time))
             if seen.result != "successful":
                 raise self._failure(call, seen)
             if call.ended:
@@ -224,9 +224,9 @@ class HostRun:
         """The checkpoint after a good call, at the start of the next segment if this one has
         ended."""
         motion, before = call.motion, self.checkpoint
-        rows, pending, energy = self._rows_after(call, seen.count), seen.steps, before.energy
+        rows, pending, energy = self._rows_after(call, seen.saved), seen.steps, before.energy
         carried = before.carried
-        if rows - before.rows == seen.count:
+        if rows - before.rows == seen.saved:
             pending, energy = seen.left, seen.energy
             if call.passed < len(call.times):
                 pending = pending.merged(float(call.done.time), self.statistics)
@@ -257,7 +257,7 @@ class HostRun:
         result, state = getattr(RESULTS, seen.result), call.motion.state
         stepper = call.problem.stepper
         if seen.result == "energy_drift":
-            text = f"At t = {call.times[seen.count]:.6g} s. {stepper.energy_hint()}"
+            text = f"At t = {call.times[seen.saved]:.6g} s. {stepper.energy_hint()}"
         elif seen.result == "too_many_steps":
             text = f"At t = {float(state.time):.6g} s after {self.steps} steps."
         else:
@@ -299,15 +299,15 @@ class Call(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """The first `count` saved instants of a call: observables and statistics.
+    """The instants passed in a call that are saved: observables and statistics.
 
-    last: the last instant passed, on the constraints; steps: the steps since the saved instant before;
-    left: those of them that belong to later instants; energy: as in `Checkpoint`; result: name of a member
-    of `RESULTS`."""
+    saved: their number; last: the last instant passed, on the constraints; steps: the steps since the saved
+    instant before; left: those of them that belong to later instants; energy: as in `Checkpoint`; result:
+    name of a member of `RESULTS`."""
 
     rows: dict[str, np.ndarray]
     numerics: dict[str, np.ndarray]
-    count: int
+    saved: int
     last: Point | None
     steps: Pending
     left: Pending

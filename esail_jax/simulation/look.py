@@ -25,10 +25,10 @@ def look(
     constraints, and the largest constraint violation there [m]."""
     system = problem.system
     if observables.is_chain(system):
-        instant = observables.chain.Instant(
+        of_chain = observables.chain.Instant(
             system, problem.hinges, point.time, point.q, point.v, point.work, problem.start_energy
         )
-        return chosen(observables.chain.observe(instant), names), point, jnp.zeros(())
+        return chosen(observables.chain.observe(of_chain), names), point, jnp.zeros(())
     point, mass = on_constraints(problem, point)
     state = (point.time, point.q, point.v, point.work, problem.start_energy)
     instant = observables.make_instant(system, problem.origin, *state, mass, problem.scene_orbit)

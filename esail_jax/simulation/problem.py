@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from esail_jax import observables
-from esail_jax.array_types import Array, Bool, Scalar, Vector
+from esail_jax.array_types import Array, Bool, Maybe, Scalar, Vector
 from esail_jax.compilation.jit import traced_once
 from esail_jax.elements.hinges import Hinges
 from esail_jax.environment.kepler_orbit import KeplerOrbit, at_place
@@ -126,7 +126,10 @@ def start(
     origin = origin_of(numbers)
     zero = jnp.zeros(())
     nothing = Power(zero, zero)
-    scene_orbit = orbit = None
+    scene_orbit: KeplerOrbit | None = None
+    orbit: KeplerOrbit | None = None
+    model: RodChain | System
+    first: Any  # as `stepper.init` takes it
     if structure.has("chain"):
         chain, rods = build_chain(structure, numbers)
         if stepper is None:
@@ -145,7 +148,8 @@ def start(
         if stepper is None:
             stepper = stepper_of(structure, numbers, model, None)
         first = Point(zero, q, v, nothing, jnp.asarray(True))
-        scene_orbit = orbit = model.kepler_orbit
+        if isinstance(model.kepler_orbit, KeplerOrbit):
+            scene_orbit = orbit = model.kepler_orbit
         if point is not None:
             if orbit is not None:
                 parts = point.parts() if isinstance(point, PointOnOrbit) else (point, orbit)
@@ -164,7 +168,7 @@ def start(
         energy = energy - point.work.external + point.work.dissipated
     problem = Problem(model, stepper, origin, energy, inertia, floor, scene_orbit)
     carried = Carried(None, orbit)
-    if not structure.has("chain") and sampled_load(model) is not None:
+    if not structure.has("chain") and isinstance(model, System) and sampled_load(model) is not None:
         carried = carried._replace(control=sample(at_place(model, orbit), first, None))
     state, last = stepper.init(problem.under(carried).settled().model, first, jnp.asarray(jnp.inf))
     jump = None if law_of(model) is None else zero
@@ -177,7 +181,7 @@ def restart(
     point: Point,
     until: Scalar,
     carried: Carried,
-    due: Bool[Array, ""] | None,
+    due: Maybe[Bool[Array, ""]],
 ) -> tuple[Motion, Carried]:
     """The motion that starts from a point on the constraints at a switch time, and what the run
     carries along from there on.
@@ -196,7 +200,7 @@ def restart(
 
 def require_64_bit() -> None:
     """Raises RuntimeError if JAX computes in 32 bit."""
-    if not jax.config.jax_enable_x64:
+    if not jax.config.jax_enable_x64:  # type: ignore[attr-defined]  # JAX's types lack its options
         raise RuntimeError(
             "esail_jax needs 64-bit numbers (positions of 1e4 m and elongations of 1e-6 m meet in "
             "one vector), but JAX is set to 32 bit: remove `jax_enable_x64 = False`."

@@ -69,7 +69,8 @@ def compile_programs(
 @remembered(maxsize=64)
 def _compiled(structure: Structure, tree: Any, types: tuple, names: tuple[str, ...] | None) -> Programs:
     given = jax.tree.unflatten(tree, types)
-    number, integer = jax.ShapeDtypeStruct((), float), jax.ShapeDtypeStruct((), int)
+    number: Any = jax.ShapeDtypeStruct((), float)  # in place of an array, like those below
+    integer: Any = jax.ShapeDtypeStruct((), int)
     kind = stepper_class(structure["integrator.method"]) if given[1] is None else type(given[1])
     rods = kind.relative_coordinates
     of_sail = STEP_OPTIONS, LOOK_OPTIONS, START_OPTIONS
@@ -92,7 +93,8 @@ def _compiled(structure: Structure, tree: Any, types: tuple, names: tuple[str, .
         instants = int(np.clip(NUMBERS_PER_CALL // (4 * size), 1, MAX_INSTANTS))
         batch = kind.blocks_per_batch * step
         batches = int(np.clip(WORK_PER_CALL // (batch * size), 1, MAX_ATTEMPTS // batch))
-        window = Window(jax.ShapeDtypeStruct((instants,), float), integer)
+        times: Any = jax.ShapeDtypeStruct((instants,), float)
+        window = Window(times, integer)
         # The slowest one first: the others are traced while it compiles.
         stepping, advances = ready(
             "the time steps",
@@ -102,14 +104,14 @@ def _compiled(structure: Structure, tree: Any, types: tuple, names: tuple[str, .
             step_options,
         )
         points = stepping.result.points
-        arguments = problem, points, integer
-        looking, looks = ready("the observables", look_at_points, (names,), arguments, look_options)
+        of_look = problem, points, integer
+        looking, looks = ready("the observables", look_at_points, (names,), of_look, look_options)
         restarting = None
         if structure.is_switched:
             one = jax.tree.map(lambda x: jax.ShapeDtypeStruct(x.shape[1:], x.dtype), points)
             due = None if carried.control is None else jax.ShapeDtypeStruct((), bool)
-            arguments = problem, motion, one, number, carried, due
-            restarting, restarts = ready("switch times", restart, (), arguments, switch_options)
+            of_restart = problem, motion, one, number, carried, due
+            restarting, restarts = ready("switch times", restart, (), of_restart, switch_options)
             restarts.result()
         for done in (starts, advances, looks):
             done.result()

@@ -40,8 +40,7 @@ class PointOnOrbit(NamedTuple):
 
     def parts(self) -> tuple[Point, KeplerOrbit]:
         """The point and the orbit."""
-        *point, orbit = self
-        return Point(*point), orbit
+        return Point(*self[:-1]), self.orbit
 
 
 AnyPoint = Point | PointOnOrbit

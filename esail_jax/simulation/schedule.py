@@ -49,8 +49,8 @@ def switch_times(scene: Scene, end: float | None = None) -> tuple[float, ...]:
         if part.every is not None and scene.has(part.name):
             times |= set(np.arange(part.every, end, part.every).tolist())
     samples = sampling_instants(scene, end)
-    if samples:
-        period = period_of(scene.voltage_law)
+    period = period_of(scene.voltage_law)
+    if samples and period is not None:
         times = {time for time in times if not is_multiple(time, period)} | set(samples)
     return tuple(sorted(time for time in times if time > 0.0))
 
@@ -118,7 +118,7 @@ class Windows(NamedTuple):
     instant."""
 
     times: Float[Array | np.ndarray, "window instant"]
-    count: Int[Array | np.ndarray, " window"]
+    count: Int[Array | np.ndarray, " window"]  # type: ignore[assignment]  # hides `tuple.count`
     start: Float[Array | np.ndarray, " window"]
     after_switch: Bool[Array | np.ndarray, " window"]
     until: Float[Array | np.ndarray, " window"]
@@ -175,13 +175,13 @@ class Schedule:
             saved = self.times[0 if first else low : high]
             ends = {*cuts.tolist(), segment.stop}
             window: list[float] = []
-            after_switch = not first
+            switched = not first
             for time in sorted({*saved, *ends}):
                 window.append(time)
                 where[time] = (len(rows), len(window) - 1)
                 if len(window) == self.size or time in ends:
-                    rows.append((window, segment.start, after_switch, segment.until))
-                    window, after_switch = [], False
+                    rows.append((window, segment.start, switched, segment.until))
+                    window, switched = [], False
         last = rows[-1]
         rows += [([end], last[1], False, last[3])] * (rounded_up(len(rows)) - len(rows))
         padded = np.array([[*w, *[w[-1]] * (self.size - len(w))] for w, *_ in rows])

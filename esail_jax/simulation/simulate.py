@@ -90,8 +90,10 @@ def simulate(
     if under_trace(scene, start, stepper):
         if stability:
             raise SceneError("stability", "be False under a trace", "is True")
-        given = {"save": save, "times": times, "start": start, "stepper": stepper}
-        return raised(simulate_traced(scene, max_steps=max_steps, **given), throw)
+        traced = simulate_traced(
+            scene, save=save, times=times, start=start, max_steps=max_steps, stepper=stepper
+        )
+        return raised(traced, throw)
     run = compiled_run(scene, save, times, start, max_steps, stepper)
     solution = collected(run, save, throw, progress)
     if stability and solution.result == RESULTS.successful:
@@ -113,14 +115,17 @@ def stability_along(
     at the tips of a sail or the joints of a chain. steps: number of steps of the run; start, stepper: as
     for `simulate`."""
     name = "joint_position" if scene.chain is not None else "tip_position_I"
-    given = {"save": (name,), "stepper": stepper}
     if start is None:
-        start = simulate(scene, times=[0.0], **given).final_state
+        start = simulate(scene, save=(name,), times=[0.0], stepper=stepper).final_state
+    assert start is not None  # a run has its first instant
     times = np.linspace(float(start.time), end, INSTANTS)
     room = 2 * 2 ** int(np.ceil(np.log2(steps + 100)))  # runs of similar length share a program
 
     def positions(point):
-        return simulate_traced(scene, times=times.tolist(), start=point, max_steps=room, **given)[name]
+        along = simulate_traced(
+            scene, save=(name,), times=times.tolist(), start=point, max_steps=room, stepper=stepper
+        )
+        return along[name]
 
     return stability_of(positions, start, times)
 
@@ -277,11 +282,16 @@ def observables_at(solution: Solution, time: float | Sequence[float]) -> dict[st
         raise ValueError(f"`time` must lie within the run, {first:g} to {last:g} s, but is {outside:g}")
     if solution.checkpoint is None and solution.source == "file":
         raise ValueError("`solution` must hold its `start` and its stepper, but was read from a file")
-    given = {"save": solution.save, "start": solution.start, "stepper": solution.stepper}
     wanted, place = np.unique(times, return_inverse=True)
     # The energy error of a chain refers to the instants before.
     before = solution.time if solution.scene.chain is not None else solution.time[:0]
     instants = np.union1d(before[before < wanted[-1]], wanted)
-    repeated = simulate(solution.scene, times=instants.tolist(), **given)
+    repeated = simulate(
+        solution.scene,
+        save=solution.save,
+        times=instants.tolist(),
+        start=solution.start,
+        stepper=solution.stepper,
+    )
     rows = np.searchsorted(instants, wanted)[place.reshape(times.shape)]
     return {name: np.asarray(repeated[name][rows]) for name in solution}

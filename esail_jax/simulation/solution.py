@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
-from esail_jax.array_types import Array, Float
+from esail_jax.array_types import Array, Float, Maybe
 from esail_jax.html import html_table
 from esail_jax.observables import described, hint_at, known_names
 from esail_jax.observables.entry import Observable
@@ -70,13 +70,13 @@ class Solution(eqx.Module, Mapping):
     are equal only if they are the same object."""
 
     time: Float[Array, " time"] | Float[np.ndarray, " time"]
-    observables: dict[str, Array | np.ndarray]
+    observables: Mapping[str, Array | np.ndarray]
     result: RESULTS
     final_state: AnyPoint | None
     stats: Stats
-    numerics: dict[str, np.ndarray] | None = None
+    numerics: Maybe[dict[str, np.ndarray]] = None
     checkpoint: Checkpoint | None = None
-    scene: Scene | None = eqx.field(static=True, default=None)
+    scene: Maybe[Scene] = eqx.field(static=True, default=None)
     save: tuple[str, ...] | None = eqx.field(static=True, default=None)
     start: AnyPoint | None = None
     stepper: AbstractStepper | None = None

@@ -72,7 +72,8 @@ def traced_run(
     plan = divided_plan(schedule) if schedule.divided else schedule.plan()
     arguments = plan, numbers, max_steps, stepper, point
     program = program_of(run, how, arguments)
-    if program.program.key is None or jax.config.jax_disable_jit or not get_abstract_mesh().empty:
+    unjitted = jax.config.jax_disable_jit  # type: ignore[attr-defined]  # JAX's types lack its options
+    if program.program.key is None or unjitted or not get_abstract_mesh().empty:
         traced = ordinary_run(*how, names, *arguments)
     else:
         moved = call(program, *arguments, expected=usual_cotangents)
@@ -142,7 +143,7 @@ def run(
     is_switched: whether the stepper may be initialised again within the run."""
     first = start(structure, numbers, stepper, point)
     problem = first.problem
-    if divided:
+    if isinstance(plan, DividedPlan):
         instants = jnp.concatenate([jnp.ravel(numbers[key]) for key in divided])
         plan = divided_windows(plan, instants)
     windows, number, place = jax.tree.map(jnp.asarray, plan)

@@ -56,7 +56,7 @@ def simulate_traced(
     require_64_bit()
     resolved = scene if stepper is not None else with_method(scene)
     structure, numbers = split(resolved)
-    method = type(stepper) if stepper is not None else stepper_class(resolved.integrator.method)
+    method = type(stepper) if stepper is not None else stepper_class(structure["integrator.method"])
     if times is None:
         saved = save_times(scene.integrator.t_end, scene.output.interval)
         if start is not None and known_time(start) is not None:

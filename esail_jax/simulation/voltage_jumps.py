@@ -40,7 +40,9 @@ as the second, counts as a jump, too: no step resolves it, so that a derivative 
 def law_of(model: Any) -> tuple[CoulombThrust, ContinuousLaw] | None:
     """The load of a user's law that is evaluated at every state, and the law; None without one."""
     load = find_term(model.loads, CoulombThrust) if isinstance(model, System) else None
-    law = None if load is None else load.voltage_law
+    if load is None:
+        return None
+    law = load.voltage_law
     law = law.law if isinstance(law, PowerLimited) else law
     return (load, law) if isinstance(law, ContinuousLaw) else None
 

@@ -143,7 +143,8 @@ class Collocation(AbstractStepper):
 
         none = jnp.zeros((), int)
         carry = (state, jnp.asarray(MAX_ITERATIONS), none, none, jnp.asarray(jnp.inf))
-        (state, *_), records = bounded_loop(step, carry, STEPS_PER_FACTORISATION, no_step(state))
+        last, records = bounded_loop(step, carry, STEPS_PER_FACTORISATION, no_step(state))
+        state = last[0]
         if self.step_size is None:
             following = next_step(state, records, h)
             if stop is not None:
@@ -172,14 +173,14 @@ class Collocation(AbstractStepper):
         if self.step_size is None:
             good &= error <= 1.0
 
-        end = end_of_step(system, now, h, unknowns, factors)
+        q_and_v = end_of_step(system, now, h, unknowns, factors)
         power = stage_powers(system, now, h, unknowns)
         work = jax.tree.map(jnp.add, now.work, work_of_step(h, now.power, power))
         taken = state.taken + 1.0
         # A given step is multiplied: a sum would accumulate rounding errors.
         later = now.time + h if self.step_size is None else state.origin + taken * h
         last_vdot, last_power = jax.tree.map(lambda x: x[-1], (unknowns.vdot, power))
-        end = StepEnd(later, *end, last_vdot, work, last_power)
+        end = StepEnd(later, *q_and_v, last_vdot, work, last_power)
         history = History(values, h)
         done = replace(state, now=end, history=history, h=h, taken=taken)
 
@@ -201,8 +202,8 @@ class Collocation(AbstractStepper):
         def beyond(before, stages):
             return scale * (first * before + jnp.tensordot(np.array(others), stages, 1))
 
-        beyond = jax.tree.map(beyond, now.vdot, vdot)
-        return largest(system, beyond, self.tolerance * lengths(system))
+        errors = jax.tree.map(beyond, now.vdot, vdot)
+        return largest(system, errors, self.tolerance * lengths(system))
 
     def outcome(self, state: CollocationState) -> RESULTS:
         """Tells whether the method can go on: the state is finite, and the step changes the time."""

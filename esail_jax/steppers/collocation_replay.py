@@ -28,7 +28,7 @@ from esail_jax.steppers.collocation_stages import (
     stage_powers,
     work_of_step,
 )
-from esail_jax.steppers.collocation_steps import CollocationSteps, nodes_of_step
+from esail_jax.steppers.collocation_steps import CollocationState, CollocationSteps, nodes_of_step
 from esail_jax.steppers.kinks import kinked, kinks_passed
 from esail_jax.steppers.knots import behind
 from esail_jax.steppers.stepper import AbstractStepper, Motion, Point, points_within
@@ -45,6 +45,7 @@ def replay_window(
     times: Float[Array, " instant"],
 ) -> tuple[Motion, Point]:
     """Replays the blocks of a window. Arguments and results are those of `AbstractStepper.replay`."""
+    assert isinstance(motion.state, CollocationState) and isinstance(ended.state, CollocationState)
     start = motion.state.now
     counted = jnp.arange(len(tapes.taken)) < blocks
     tapes = lax.stop_gradient(replace(tapes, taken=tapes.taken & counted[:, None]))

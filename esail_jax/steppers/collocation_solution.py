@@ -220,8 +220,8 @@ def linear_solution(
         back_precondition = jax.linear_transpose(precondition, zero)
         return improved(linear.backwards(), lambda x: back_precondition(x)[0], rows, (nothing, zero))
 
-    given = linear.folded(given)
-    return linear.with_roots(implicit_change(lambda: along, moved, given, zero, solve, solve_transposed))
+    folded = linear.folded(given)
+    return linear.with_roots(implicit_change(lambda: along, moved, folded, zero, solve, solve_transposed))
 
 
 def improved(

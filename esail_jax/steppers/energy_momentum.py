@@ -14,7 +14,7 @@ rounding. The factors of a block are rotated as in `fixed_step.py`.
 """
 
 import dataclasses
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -31,7 +31,7 @@ from esail_jax.steppers.fixed_step import FixedStep
 from esail_jax.steppers.fixed_step_solution import solve_step
 from esail_jax.steppers.fixed_step_state import FrozenFactors, IterationInfo, StepState, Unknowns
 from esail_jax.system import Power, Residual, System
-from esail_jax.terms import Energy, Term
+from esail_jax.terms import Term
 
 ROUNDING = 1e-13
 """Largest last increment of a converged step, relative to the size of the coordinates. An iteration reduces
@@ -55,7 +55,7 @@ class Secant(Term):
     parts of its gradient g, divided by the same roots, add up to twice the discrete gradient.
     """
 
-    term: Energy
+    term: Term
     start: PointFields
 
     name: ClassVar[str] = "secant"
@@ -178,7 +178,8 @@ class EnergyMomentum(FixedStep):
             u = with_roots(u, (roots_of(q1) - roots_of(q0)) / h)
             w = with_roots(w, (roots_of(v1) - roots_of(v0)) / h)
         start = system.tethers.interpolate(q0.tether)
-        secants = tuple(Secant(term, start) for term in system.energies)
+        # They stand in the place of energies, and give forces only.
+        secants: tuple[Any, ...] = tuple(Secant(term, start) for term in system.energies)
         system = dataclasses.replace(system, energies=secants)
         if system.ring is not None:
             before = system.ring.segments.interpolate(system.ring.nodal(q0))

@@ -181,15 +181,15 @@ class FixedStep(FixedStepMethod):
         """The state and the record after a block, and chooses the size of the next steps."""
         size = TICKS >> state.halvings
         index = jnp.arange(STEPS_PER_FACTORISATION)
-        taken = index < tape.count
+        taken = index < tape.taken
         end = state.origin + (state.ticks + (index + 1) * size) * state.tick
-        ticks = state.ticks + tape.count * size
+        ticks = state.ticks + tape.taken * size
         length = size * state.tick
         errors = step_error.updated(
-            state.errors, model, state.time, length, state.now.q, ends.q, tape.count, self.phase_error
+            state.errors, model, state.time, length, state.now.q, ends.q, tape.taken, self.phase_error
         )
         # The failed attempt is recorded after the steps that were taken.
-        failed = tape.failed & (index == tape.count)
+        failed = tape.failed & (index == tape.taken)
         tried = taken | failed
         info = jax.tree.map(
             lambda x, y: jnp.where(failed.reshape(-1, *(1,) * (x.ndim - 1)), y, x), info, failure
@@ -198,7 +198,7 @@ class FixedStep(FixedStepMethod):
         before = Node.of(state.now)
         steps = FixedStepSteps(before, ends, end, sizes, tried, taken, info, tape.trials, errors.relative)
 
-        no_progress = tape.failed & (tape.count == 0)
+        no_progress = tape.failed & (tape.taken == 0)
         exhausted = no_progress & (state.halvings == MAX_HALVINGS)
         recovered = ~tape.failed & (state.halvings > 0) & (ticks % TICKS == 0)
         halvings = state.halvings + jnp.where(no_progress & ~exhausted, 1, 0) - jnp.where(recovered, 1, 0)
@@ -212,7 +212,7 @@ class FixedStep(FixedStepMethod):
             ticks=ticks,
             halvings=halvings,
             errors=errors,
-            taken=state.taken + tape.count,
+            taken=state.taken + tape.taken,
             rejected=state.rejected + tape.failed,
             result=RESULTS.where(exhausted, cause, state.result),
         )
@@ -266,7 +266,7 @@ class FixedStep(FixedStepMethod):
                 def stay(carry):
                     return carry, (Node.of(carry[0]), no_info())
 
-                return cond_of_members(index < tape.count, go, stay, carry)
+                return cond_of_members(index < tape.taken, go, stay, carry)
 
             (now, *_), (ends, info) = lax.scan(step, beginning(start), jnp.arange(STEPS_PER_FACTORISATION))
             return self.finished(model, state, now, ends, info, tape, no_info())

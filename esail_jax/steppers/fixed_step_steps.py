@@ -70,8 +70,7 @@ class FixedStepSteps(AbstractSteps):
         return jnp.unravel_index(jnp.argmax(reaches), reaches.shape)
 
     def pick(self, index: tuple[Int[Array, ""], ...]) -> "Interval":
-        *block, k = index
-        block = tuple(block)
+        block, k = index[:-1], index[-1]
         before = jax.tree.map(
             lambda x0, x: jnp.where(k == 0, x0[block], x[(*block, jnp.maximum(k - 1, 0))]),
             self.start,
@@ -116,6 +115,6 @@ class Tape(NamedTuple):
     """Number of steps taken in a block, whether an attempt failed after them, and number of trial steps
     before them that converged."""
 
-    count: Int[Array, ""]
+    taken: Int[Array, ""]
     failed: Bool[Array, ""]
     trials: Int[Array, ""]

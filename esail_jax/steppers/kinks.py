@@ -99,8 +99,8 @@ def changes(system: System, nodes: Nodes, until: Moment) -> Passed:
         return jnp.stack([(size * weight).sum(0) for weight in weights])
 
     states = jax.tree.map(lambda x, y: jnp.stack([x, y, y]), nodes.at(0), until)
-    impulses = tuple(three(x) for x in impulses)
-    moved, works = lax.map(lambda row: response(system, *row), (*states, impulses))
+    weighted = tuple(three(x) for x in impulses)
+    moved, works = lax.map(lambda row: response(system, *row), (*states, weighted))
     v, work = jax.tree.map(lambda x: x[0] + x[1], (moved, works))
     moved = jax.tree.map(lambda x: x[2], moved)
 

@@ -1,20 +1,29 @@
 """The results of a run: success, or the reason of a failure."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import numpy as np
 
 
+def member(sentence: str) -> Any:
+    """The sentence, of which equinox makes a member of its class."""
+    return sentence
+
+
 class RESULTS(eqx.Enumeration):
     """How a run ended; `RESULTS[result]` is the sentence that says so."""
 
-    successful = "The run reached its end time."
-    newton_diverged = "The equations of a step could not be solved."
-    nonfinite = "The state became infinite or undefined."
-    energy_drift = "The energy balance is off by more than a tenth of the energy."
-    min_step_reached = "The step size fell to nothing."
-    too_many_steps = "The run needs more steps than `max_steps` allows."
-    other_start = "The time of `start`, which was traced, is not the first instant of the run."
+    successful: "RESULTS" = member("The run reached its end time.")
+    newton_diverged: "RESULTS" = member("The equations of a step could not be solved.")
+    nonfinite: "RESULTS" = member("The state became infinite or undefined.")
+    energy_drift: "RESULTS" = member("The energy balance is off by more than a tenth of the energy.")
+    min_step_reached: "RESULTS" = member("The step size fell to nothing.")
+    too_many_steps: "RESULTS" = member("The run needs more steps than `max_steps` allows.")
+    other_start: "RESULTS" = member(
+        "The time of `start`, which was traced, is not the first instant of the run."
+    )
 
 
 NAMES = (

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from esail_jax.array_types import Array, Bool, Float, Int, Scalar
+from esail_jax.array_types import Array, Bool, Float, Int, Maybe, Scalar
 from esail_jax.numerics.lockstep import any_member, cond_of_members, select
 from esail_jax.rod_chain import RodChain, RodState
 from esail_jax.steppers.log import Log, Statistic
@@ -104,7 +104,7 @@ class RungeKutta(AbstractStepper):
     (`rod_chain.error_scale`)."""
 
     step_size: Scalar | None
-    tolerance: Scalar | None
+    tolerance: Maybe[Scalar]
     scale: State | None
     method: str = eqx.field(static=True)
 
@@ -151,9 +151,10 @@ class RungeKutta(AbstractStepper):
         self, model: RodChain, start: RodState | Point, until: Scalar
     ) -> tuple[RungeKuttaState, RungeKuttaSteps]:
         """The start, with the first step size of Hairer, Norsett & Wanner (II.4)."""
-        time, y = jnp.zeros(()), start
+        time = jnp.zeros(())
         if isinstance(start, Point):
-            time, y = start.time, model.state(start.q, start.v, start.work)
+            time, start = start.time, model.state(start.q, start.v, start.work)
+        y = start
         now, none = Knot(time, y, model(time, y)), jnp.zeros(())
         h, control = self.step_size, None
         if h is None:
@@ -256,6 +257,7 @@ class RungeKutta(AbstractStepper):
             going = any_member((sizes > 0.0).any())
             return lax.cond(going, some, lambda carry, _: carry, carry, sizes), None
 
+        assert isinstance(motion.state, RungeKuttaState) and isinstance(ended.state, RungeKuttaState)
         batch = jnp.arange(len(tapes)) // self.blocks_per_batch
         sizes = jnp.where(batch < blocks, tapes, 0.0)
         sizes = sizes[jnp.argsort(sizes == 0.0, stable=True)]

@@ -71,7 +71,8 @@ class StepErrors(NamedTuple):
     def initial(cls, tethers: int) -> "StepErrors":
         """The estimates before the first step."""
         none, far = jnp.zeros(tethers), jnp.full((3, tethers), jnp.inf)
-        return cls(*[RunningError(none, far, -far)] * 2, jnp.zeros(2))
+        first = RunningError(none, far, -far)
+        return cls(first, first, jnp.zeros(2))
 
 
 def updated(

@@ -18,7 +18,7 @@ has an example."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
-from typing import Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -56,10 +56,21 @@ class AbstractState(eqx.Module):
     `RESULTS.successful` while the stepper can go on, otherwise the reason why it cannot. A subclass adds
     the motion and the memory of the method."""
 
-    time: eqx.AbstractVar[Scalar]
-    taken: eqx.AbstractVar[Scalar]
-    rejected: eqx.AbstractVar[Scalar]
-    result: eqx.AbstractVar[RESULTS]
+    if TYPE_CHECKING:  # mypy takes an `AbstractVar` for a field, the first one of every subclass
+
+        @property
+        def time(self) -> Scalar: ...
+        @property
+        def taken(self) -> Scalar: ...
+        @property
+        def rejected(self) -> Scalar: ...
+        @property
+        def result(self) -> RESULTS: ...
+    else:
+        time: eqx.AbstractVar[Scalar]
+        taken: eqx.AbstractVar[Scalar]
+        rejected: eqx.AbstractVar[Scalar]
+        result: eqx.AbstractVar[RESULTS]
 
 
 class AbstractSteps(eqx.Module):
@@ -68,8 +79,15 @@ class AbstractSteps(eqx.Module):
     The first axis of every array is `attempt`; records of several blocks are stacked along an axis `block`
     before it. taken: false for rejected steps and unused places; end: time at the end of the step [s]."""
 
-    taken: eqx.AbstractVar[Bool[Array, "*block attempt"]]
-    end: eqx.AbstractVar[Float[Array, "*block attempt"]]
+    if TYPE_CHECKING:  # as in `AbstractState`
+
+        @property
+        def taken(self) -> Bool[Array, "*block attempt"]: ...
+        @property
+        def end(self) -> Float[Array, "*block attempt"]: ...
+    else:
+        taken: eqx.AbstractVar[Bool[Array, "*block attempt"]]
+        end: eqx.AbstractVar[Float[Array, "*block attempt"]]
 
     @property
     @abstractmethod

@@ -16,7 +16,7 @@ from kept_programs import Environment, Keeper, Store
 from kept_programs.self_check import verdict_of
 
 if "KEPT_PROGRAMS_ALONE" in os.environ:
-    sys.modules["esail_jax"] = None  # importing it raises ModuleNotFoundError
+    sys.modules["esail_jax"] = None  # type: ignore[assignment]  # importing it raises ModuleNotFoundError
 
 jax.config.update("jax_enable_x64", True)
 
