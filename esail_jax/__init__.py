@@ -28,7 +28,7 @@ else:
 if TYPE_CHECKING:
     from esail_jax.compilation.jit import jit
     from esail_jax.compilation.kept import clear_caches
-    from esail_jax.errors import SimulationError
+    from esail_jax.errors import SceneError, SimulationError
     from esail_jax.files.opening import RunFileError
     from esail_jax.files.run_file import load, save
     from esail_jax.modal.sail_modes import modes
@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from esail_jax.scenes.integration import Integrator, Output
     from esail_jax.scenes.loading import load_scene
     from esail_jax.scenes.plasma import ChainWind, PlasmaBrake, SolarWind
-    from esail_jax.scenes.rules import SceneError
     from esail_jax.scenes.scene import Scene
     from esail_jax.scenes.start_and_place import ChainInitial, Gravity, HeliocentricOrbit, Initial, Orbit
     from esail_jax.scenes.tethers import AuxiliaryTethers, Event, RemoteUnits, Tethers, Thermal, TipThrust
@@ -93,7 +92,7 @@ __all__ = [
 MODULES = {
     "compilation.jit": ("jit",),
     "compilation.kept": ("clear_caches",),
-    "errors": ("SimulationError",),
+    "errors": ("SceneError", "SimulationError"),
     "files.opening": ("RunFileError",),
     "files.run_file": ("load", "save"),
     "modal.sail_modes": ("modes",),
@@ -103,7 +102,6 @@ MODULES = {
     "scenes.hub": ("Hub",),
     "scenes.integration": ("Integrator", "Output"),
     "scenes.plasma": ("ChainWind", "PlasmaBrake", "SolarWind"),
-    "scenes.rules": ("SceneError",),
     "scenes.loading": ("load_scene",),
     "scenes.scene": ("Scene",),
     "scenes.start_and_place": ("ChainInitial", "Gravity", "HeliocentricOrbit", "Initial", "Orbit"),

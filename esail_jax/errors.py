@@ -12,6 +12,20 @@ class InputError(ValueError):
     line. The message is one line."""
 
 
+class SceneError(InputError):
+    """A scene, a law or a term of a user that cannot be used; the message names the key, what it must be
+    and what it is."""
+
+    def __init__(self, key: str, must: str, got: str):
+        super().__init__(one_line(f"`{key}` must {must}, but {got}"))
+        self.key, self.must, self.got = key, must, got
+
+
+def one_line(text: str) -> str:
+    """The text with characters that cannot be printed, such as line breaks, as escape sequences."""
+    return "".join(x if x.isprintable() else x.encode("unicode_escape").decode() for x in text)
+
+
 class NoSpaceError(OSError):
     """A file that could not be written because the disk, or the user's share of it, is full."""
 

@@ -19,6 +19,7 @@ from esail_jax.ensembles.joining import join
 from esail_jax.ensembles.statistics import MEMBERS_PER_COLUMN, OUTCOMES, outcomes_of, sensitivities
 from esail_jax.files.locks import in_use
 from esail_jax.files.opening import WHOLE, files_of, intact, open_run, to_python
+from esail_jax.scenes.rules import count_of
 
 LEAST_SHARE = 0.05
 """Least share of an outcome's variance for which an input is named."""
@@ -113,8 +114,9 @@ def distributions(ensemble: Ensemble) -> list[str]:
         row = "".join(f"{x:11.4g}" for x in numbers)
         lines.append(f"  {f'{outcome.label} [{outcome.unit}]':32s}{row}  {by}".rstrip())
     if numbers_drawn and not enough:
+        drawn = count_of(numbers_drawn, "varied number")
         lines.append(
-            f"  What drives the outcomes is not shown: with {numbers_drawn} varied numbers and less than "
-            f"{needed} complete members, chance would explain too much."
+            f"  What drives the outcomes is not shown: with {drawn} and less than {needed} complete "
+            "members, chance would explain too much."
         )
     return lines

@@ -10,8 +10,9 @@ from typing import Any
 
 import equinox as eqx
 import jax
+import numpy as np
 
-from esail_jax.errors import InputError, nearest
+from esail_jax.errors import InputError, SceneError, nearest
 from esail_jax.measurements import Measurements
 
 NAMES = (*Measurements._fields, "sun", "root_phase", "tether_phase", "outward_from")
@@ -28,31 +29,29 @@ NEEDED = {
 }
 """What a measurement needs that is None otherwise."""
 
-LIBRARIES = tuple(str(Path(file).parent) for file in (jax.__file__, eqx.__file__))
+LIBRARIES = tuple(str(Path(file).parent) for file in (jax.__file__, eqx.__file__, np.__file__))
 """Folders whose lines are not those of a user's law."""
 
 
 def commanded(law: Any, measurements: Measurements) -> Any:
-    """What a law without a memory returns: the voltages. Raises InputError."""
+    """What a law without a memory returns: the voltages. Raises SceneError."""
     return called(law, "commanded", measurements)
 
 
 def first_memory(law: Any, measurements: Measurements) -> Any:
-    """The memory of a law at the start; None for a law without one. Raises InputError."""
+    """The memory of a law at the start; None for a law without one. Raises SceneError."""
     return called(law, "init", measurements) if hasattr(law, "update") else None
 
 
 def updated(law: Any, measurements: Measurements, memory: Any) -> tuple[Any, Any]:
-    """The voltages and the next memory, None for a law without one. Raises InputError."""
+    """The voltages and the next memory, None for a law without one. Raises SceneError."""
     if not hasattr(law, "update"):
         return commanded(law, measurements), None
     returned = called(law, "update", measurements, memory)
     if not isinstance(returned, tuple | list) or len(returned) != 2:
         many = f" of {len(returned)}" if isinstance(returned, tuple | list) else ""
         must = "return two things, the voltages and the next memory"
-        raise InputError(
-            f"`voltage_law.update` must {must}, but returned a {type(returned).__name__}{many}"
-        )
+        raise SceneError("voltage_law.update", must, f"returned a {type(returned).__name__}{many}")
     volts, after = returned
     return volts, after
 
@@ -61,7 +60,7 @@ def called(law: Any, method: str, *given: Any, subject: str = "voltage_law", own
     """What a method of a law or of another object that a user wrote returns. subject: what it is called in
     errors; own: whether any error of the method is one of the input.
 
-    Raises InputError for a name that is no measurement, for the use of a measurement that the sail does not
+    Raises SceneError for a name that is no measurement, for the use of a measurement that the sail does not
     have, and for what JAX cannot trace. Other errors of the method stay as they are."""
     named = [x for x in given if hasattr(x, "_fields")]
     method_name = f"{subject}.{method}"
@@ -78,7 +77,7 @@ def called(law: Any, method: str, *given: Any, subject: str = "voltage_law", own
             what, names = names_in(asked)
             hint = nearest(name, names) or f"; there are {', '.join(names)}"
             got = f"{place_of(error)} uses `{name}`{hint}"
-            raise InputError(f"`{method_name}` must use {what} that exist, but {got}") from error
+            raise SceneError(method_name, f"use {what} that exist", got) from error
         absent = [name for x in named for name in x._fields if getattr(x, name) is None]
         absent = [name for name in absent if own or name != "current"]
         if "NoneType" not in str(error) or not absent:
@@ -101,12 +100,12 @@ def names_in(given: Any) -> tuple[str, tuple[str, ...]]:
     return "fields", given._fields
 
 
-def refused(method: str, must: str, error: Exception) -> InputError:
+def refused(method: str, must: str, error: Exception) -> SceneError:
     """The error of a method that JAX or Python raised, with the place in the user's file."""
     reason = type(error).__name__
     if not isinstance(error, jax.errors.JAXTypeError | jax.errors.JAXIndexError):
         reason += f": {' '.join(str(error).split())}"
-    return InputError(f"`{method}` must {must}, but {place_of(error)} raises {reason}")
+    return SceneError(method, must, f"{place_of(error)} raises {reason}")
 
 
 def place_of(error: Exception) -> str:

@@ -152,7 +152,9 @@ class Spacecraft(Body):
 
     @classmethod
     def of(cls, mass: Scalar, inertia: Float[Array, "3 3"], offset: Vector) -> "Spacecraft":
-        """The body, with base points as far apart as its mass is: at the radius of gyration."""
+        """The body, with base points as far apart as its mass is: at the radius of gyration. Of a tensor
+        the symmetric part counts, so that its two entries beside the diagonal have the same derivative."""
+        inertia = 0.5 * (inertia + inertia.T)
         size = lax.stop_gradient(jnp.sqrt(0.5 * jnp.trace(inertia) / mass))
         return cls(size, size, mass, inertia, offset)
 

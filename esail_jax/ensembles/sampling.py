@@ -168,6 +168,9 @@ def varied_rule(scene: Scene, key: str) -> Rule:
     rule = rule_of(field)
     if rule.structure or rule.kind is not Kind.NUMBER:
         raise SceneError(key, "be a physical number to be varied", "is structure")
+    if rule.shape in (Shape.VECTOR, Shape.VECTORS, Shape.MATRIX):
+        must = "be a key of single numbers to be drawn"
+        raise SceneError(key, must, "is one of vectors (`simulate_members` takes an array of them)")
     return rule
 
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from esail_jax.array_types import Array, PerTether, Scalar
 from esail_jax.control import calls_of_law
-from esail_jax.errors import InputError
+from esail_jax.errors import SceneError
 from esail_jax.loads.electron_current import PowerLimited
 from esail_jax.loads.law_structure import LawStructure
 from esail_jax.loads.voltage import VoltageLaw
@@ -26,48 +26,44 @@ from esail_jax.measurements import Measurements
 
 
 def per_tether(volts: Any, count: int) -> PerTether:
-    """The voltages that a law returned, one for every tether. Raises InputError for another shape, and for
+    """The voltages that a law returned, one for every tether. Raises SceneError for another shape, and for
     what is no number."""
     try:
         numbers = None if volts is None else jnp.asarray(volts, float)
     except (TypeError, ValueError):
         numbers = None
     if numbers is None:
-        raise InputError(f"`voltage_law` must return voltages [V], but returned a {type(volts).__name__}")
+        raise SceneError("voltage_law", "return voltages [V]", f"returned a {type(volts).__name__}")
     if numbers.shape not in ((), (count,)):
-        raise InputError(
-            f"`voltage_law` must return one voltage, or one for each of {count} tethers, but returned an "
-            f"array of shape {numbers.shape}"
-        )
+        must = f"return one voltage, or one for each of {count} tethers"
+        raise SceneError("voltage_law", must, f"returned an array of shape {numbers.shape}")
     return jnp.broadcast_to(numbers, (count,))
 
 
 def arrays(memory: Any) -> Any:
-    """A memory whose numbers are arrays of a definite type. Raises InputError for anything else, such as
+    """A memory whose numbers are arrays of a definite type. Raises SceneError for anything else, such as
     keys of `jax.random`, which no file can hold."""
 
     def array(x: Any) -> Array:
         if not isinstance(x, jax.Array | np.ndarray | np.generic | bool | int | float | complex) or (
             jnp.issubdtype(jnp.result_type(x), jax.dtypes.extended)
         ):
-            raise InputError(f"`voltage_law` must have a memory of numbers, but it holds {x!r:.60}")
+            raise SceneError("voltage_law", "have a memory of numbers", f"it holds {x!r:.60}")
         return jnp.asarray(x, jnp.result_type(x))
 
     return jax.tree.map(array, memory)
 
 
 def check_same(before: Any, after: Any) -> None:
-    """Raises InputError unless the memory after a sample has the structure, shapes and types of the memory
+    """Raises SceneError unless the memory after a sample has the structure, shapes and types of the memory
     before it."""
     kinds = [
         (jax.tree.structure(x), [(y.shape, y.dtype) for y in jax.tree.leaves(x)]) for x in (before, after)
     ]
     if kinds[0] != kinds[1]:
         words = [jax.tree.map(lambda y: f"{y.dtype}{list(y.shape)}", x) for x in (before, after)]
-        raise InputError(
-            f"`voltage_law.update` must return a memory like the one before, {words[0]}, but returned "
-            f"{words[1]}"
-        )
+        must = f"return a memory like the one before, {words[0]}"
+        raise SceneError("voltage_law.update", must, f"returned {words[1]}")
 
 
 class UsersLaw(VoltageLaw):

@@ -28,7 +28,7 @@ from esail_jax.array_types import (
 from esail_jax.control.calls_of_law import called
 from esail_jax.elements.tether import TetherBatch
 from esail_jax.environment.kepler_orbit import KeplerOrbit, PlaceOnOrbit
-from esail_jax.errors import InputError
+from esail_jax.errors import SceneError
 from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.loads.law_structure import NUMBER, LawStructure
 from esail_jax.measurements import Measurements
@@ -71,12 +71,12 @@ class Own(eqx.Module):
         return tuple(jnp.ravel(jnp.asarray(x, float)) for x in self.term.knots)
 
     def call(self, method: str, *given: Any) -> Any:
-        """What a method of the term returns. Raises InputError."""
+        """What a method of the term returns. Raises SceneError."""
         term = self.term
         return called(term, method, *given, subject=subject_of(term, self.place), own=True)
 
     def like(self, method: str, returned: Any, shape: tuple[int, ...], what: str) -> Array:
-        """What a method returned, as numbers of a shape. Raises InputError for another shape."""
+        """What a method returned, as numbers of a shape. Raises SceneError for another shape."""
         return checked(self.term, self.place, method, returned, shape, what)
 
 
@@ -87,7 +87,7 @@ def subject_of(term: Any, place: int) -> str:
 
 def checked(term: Any, place: int, method: str, returned: Any, shape: tuple[int, ...], what: str) -> Array:
     """What a method of a term returned, as numbers of a shape, to which axes of length one are repeated.
-    Raises InputError for another shape, and for what is no number."""
+    Raises SceneError for another shape, and for what is no number."""
     try:
         numbers = jnp.asarray(returned)
     except (TypeError, ValueError):
@@ -97,7 +97,7 @@ def checked(term: Any, place: int, method: str, returned: Any, shape: tuple[int,
         if numbers.ndim == len(shape) and all(a in (1, b) for a, b in same):
             return jnp.broadcast_to(numbers.astype(float), shape)
     must, got = f"return {what} of shape {shape}", f"returns {described(returned)}"
-    raise InputError(f"`{subject_of(term, place)}.{method}` must {must}, but {line_of(term, method)} {got}")
+    raise SceneError(f"{subject_of(term, place)}.{method}", must, f"{line_of(term, method)} {got}")
 
 
 def described(returned: Any) -> str:
@@ -292,11 +292,9 @@ class OwnCommandedLoad(AlongTethers, ControlledLoad):
         given = self.around.measured(measurements)
         numbers = self.call("commanded", given)
         if numbers is None and given.current is None:
-            raise InputError(
-                f"`{subject_of(self.term, self.place)}.commanded` must return numbers, but "
-                f"{line_of(self.term, 'commanded')} returns None, as `current` is None without "
-                "`tethers.wire_radius`"
-            )
+            got = f"{line_of(self.term, 'commanded')} returns None, as `current` is None without"
+            name = f"{subject_of(self.term, self.place)}.commanded"
+            raise SceneError(name, "return numbers", f"{got} `tethers.wire_radius`")
         if isinstance(numbers, float | int) or getattr(numbers, "shape", None) == ():
             numbers = jnp.full(count, numbers)
         return self.like("commanded", numbers, (count,), "a number for every tether,")
@@ -351,10 +349,11 @@ class OwnHubLoad(Own, HubLoad):
         returned = self.call("wrench", hub._replace(sun=sun))
         if not isinstance(returned, tuple | list) or len(returned) != 2:
             got = f"{len(returned)} things" if isinstance(returned, tuple | list) else described(returned)
-            raise InputError(
-                f"`{subject_of(self.term, self.place)}.wrench` must return two things, the force and the "
-                f"torque, but {line_of(self.term, 'wrench')} returns {got}"
+            name, must = (
+                f"{subject_of(self.term, self.place)}.wrench",
+                "return two things, the force and the",
             )
+            raise SceneError(name, f"{must} torque", f"{line_of(self.term, 'wrench')} returns {got}")
         force, torque = returned
         return self.like("wrench", force, (3,), "a force [N]"), self.like(
             "wrench", torque, (3,), "a torque [N m]"

@@ -34,6 +34,7 @@ FIRST_SENTENCES = {
     ),
     "tip_position_I": "Position of the tip, which is that of the remote unit if there is one.",
     "hub_position_I": "Position of the centre of the hub.",
+    "hub_velocity_I": "Velocity of the centre of the hub.",
     "rotation_IB": (
         "Rotation matrix that maps components along the axes of the hub to inertial ones; its columns "
         "are the axes of the hub."

@@ -183,6 +183,12 @@ def sail_spin(i: Instant) -> Scalar:
     return jnp.where(size > 0.0, sign * size / jnp.where(size > 0.0, inertia, 1.0), 0.0)
 
 
+def hub_velocity(i: Instant) -> Vector:
+    """The velocity of the centre of the hub [m/s] in the frame I."""
+    velocity = i.system.hub.centre(i.v.hub)
+    return velocity if i.shift is None else velocity + i.shift.velocity
+
+
 def total_momentum(i: Instant) -> Vector:
     """The momentum of the sail [kg m/s] in the frame I."""
     momentum = i.system.momentum(i.v)
@@ -224,6 +230,7 @@ OBSERVABLES = (
                lambda i: i.from_origin(i.tips).T),
     Observable("hub_position_I", "m", "r_OB", XYZ, "[PGV] 43", lambda i: i.from_origin(i.centre),
                needs="hub"),
+    Observable("hub_velocity_I", "m/s", "v_OB", XYZ, "time derivative of r_OB", hub_velocity, needs="hub"),
     Observable("rotation_IB", "-", "C_B^I", ("row", "col"), "[PGV] 41", lambda i: i.rotation),
     Observable("thrust_O", "N", "F_c", XYZ, "[PGV] 72-74, derived",
                lambda i: i.orbital.T @ i.thrusts().sum(1)),

@@ -37,10 +37,10 @@ def unknown(key: str, model: str) -> SceneError:
     have."""
     tables = tables_of(model)
     known = [f"{table}.{name}" for table, content in tables.items() for name in names_of(content)]
-    for own, what in ((OWN_LAW, "law"), (OWN_TERMS, "terms")):
+    for own, what in ((OWN_LAW, "numbers of a law"), (OWN_TERMS, "numbers of terms")):
         if key.partition(".")[0] == own:
-            must = f"be a number of the {what} that `{own}` takes as a whole"
-            return SceneError(key, must, "is a key of its own")
+            must = f"be left out: the {what} are given as a whole, by the argument `{own}`"
+            return SceneError(key, must, "is given")
     if key in tables:
         return SceneError(key, "be followed by a key of the table", "is the table's name")
     return SceneError(key, "be a known key" + nearest(key, [*known, *tables]), "is not")

@@ -43,6 +43,10 @@ FILLS = {"solar_wind.speed": 9.999e6, "solar_wind.number_density": 9.999e8}
 FARTHEST = 100.0
 """Distance from the Sun [au] beyond which the unit of a position is doubted."""
 
+FAR_ROOTS = 10.0
+"""Distance of a root or of the centre of mass from the hub centre, over the radius of gyration of the hub,
+from which on the units are doubted."""
+
 OF_THE_SENSE = ("harmonic", "phase-window", "feedback")
 """Voltage laws that depend on the sense of the spin: in it grows the phase, and feedback turns the axis."""
 
@@ -54,7 +58,7 @@ def doubts(scene: Scene) -> tuple[str, ...]:
     """Sentences about numbers that may be in a wrong unit, and about a hub that spins about an axis that is
     not stable."""
     # An axis follows from other numbers, which may be doubted already.
-    return doubts_of_units(scene) or tuple(filter(None, [doubt_of_axis(scene)]))
+    return doubts_of_units(scene) or tuple(filter(None, [doubt_of_roots(scene), doubt_of_axis(scene)]))
 
 
 def doubts_of_units(scene: Scene) -> tuple[str, ...]:
@@ -150,6 +154,29 @@ def doubt_of_strain(scene: Scene) -> str:
         return ""
     strained = f"which strains a tether by {strain:.2g}"
     return f"`initial.spin_rate` is {spin:g} rad/s, {strained}: is it in this unit?"
+
+
+def doubt_of_roots(scene: Scene) -> str:
+    """A sentence if the roots or the centre of mass of a spacecraft are far beyond its mass, by FAR_ROOTS
+    times its radius of gyration sqrt(tr J/(2 m)), or if several tethers have one root."""
+    hub = scene.hub
+    if scene.chain is not None or hub is None or hub.mass is None:
+        return ""
+    numbers = {name: rules.known(getattr(hub, name)) for name in ("mass", "inertia", "centre", "roots")}
+    given = {name: x for name, x in numbers.items() if x is not None and x.dtype != object}
+    if not given.keys() >= {"mass", "inertia"}:
+        return ""
+    size = np.sqrt(0.5 * np.trace(given["inertia"]) / given["mass"])
+    for name in ("centre", "roots"):
+        far = np.max(np.linalg.norm(np.atleast_2d(given.get(name, np.zeros(3))), axis=1))
+        if far > FAR_ROOTS * size:
+            about = f"{far:.4g} m from the hub centre, and the radius of gyration is {size:.3g} m"
+            return f"`hub.{name}` is {about}: are both in SI units?"
+    if "roots" in given and scene.tethers.count > 1:
+        places = np.broadcast_to(given["roots"], (scene.tethers.count, 3))
+        if len(np.unique(places, axis=0)) < scene.tethers.count:
+            return "`hub.roots` gives several tethers the same root: they would lie in each other."
+    return ""
 
 
 def doubt_of_axis(scene: Scene) -> str:

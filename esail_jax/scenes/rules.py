@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
-from esail_jax.errors import InputError
+from esail_jax.errors import SceneError
 
 
 @runtime_checkable
@@ -118,19 +118,6 @@ def is_traced(value: Any) -> bool:
 def is_jax_array(value: Any) -> bool:
     """Tells whether a value is a JAX array, traced or not."""
     return "jax" in sys.modules and isinstance(value, sys.modules["jax"].Array)
-
-
-class SceneError(InputError):
-    """A scene that cannot be built; the message names the key, what it must be and what it is."""
-
-    def __init__(self, key: str, must: str, got: str):
-        super().__init__(one_line(f"`{key}` must {must}, but {got}"))
-        self.key, self.must, self.got = key, must, got
-
-
-def one_line(text: str) -> str:
-    """The text with characters that cannot be printed, such as line breaks, as escape sequences."""
-    return "".join(x if x.isprintable() else x.encode("unicode_escape").decode() for x in text)
 
 
 @dataclasses.dataclass(frozen=True)

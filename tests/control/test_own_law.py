@@ -13,6 +13,7 @@ import esail_jax as esail
 import support.own_laws
 from esail_jax.cli import main
 from esail_jax.control import Delayed, Noisy
+from esail_jax.loads.law_structure import divided, identity_of
 from esail_jax.scenes.loading import load_scene, parse
 from esail_jax.scenes.structure import split
 from esail_jax.scenes.toml_text import to_toml
@@ -489,3 +490,36 @@ class Free(eqx.Module):
 def test_a_traced_period_is_refused():
     with pytest.raises(esail.SceneError, match="must be a plain number"):
         jax.grad(lambda t: simulate(Free(t))["sailing_angle"][-1])(30.0)
+
+
+GAIN = 1.0
+"""A number that a law reads from outside of itself."""
+
+
+def scaled_by_gain(volts):
+    """A function of the user's own, which reads that number."""
+    return GAIN * volts
+
+
+class Outside(eqx.Module):
+    """A law whose method calls a function that reads a global number."""
+
+    volts: jax.Array
+
+    def commanded(self, measurements):
+        return scaled_by_gain(self.volts) * jnp.ones_like(measurements.outward[0])
+
+
+def test_what_a_method_reads_from_outside_is_part_of_the_law(monkeypatch):
+    """JAX traces a method once. A global number of another value, also one that only a function reads which
+    the method calls, makes another structure, so that programs are compiled again, and another checksum, so
+    that a run does not go on under another law. Numbers in fields stay numbers."""
+    law = Outside(1e4)
+    before, identity = divided(law)[0], identity_of(law)
+    assert divided(Outside(2e4))[0] == before and identity_of(Outside(1e4)) == identity
+    monkeypatch.setitem(globals(), "GAIN", 2.0)
+    assert divided(law)[0] != before and identity_of(law) != identity
+    monkeypatch.setitem(globals(), "GAIN", 1.0)
+    assert divided(law)[0] == before and identity_of(law) == identity
+    monkeypatch.setitem(globals(), "scaled_by_gain", lambda volts: 3.0 * volts)
+    assert divided(law)[0] != before and identity_of(law) != identity

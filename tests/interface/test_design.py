@@ -196,8 +196,8 @@ for call in (
         f"`overrides` {law} `voltage_law=law`)",
         f'`parameters` {law} {{"voltage_law": law}})',
         "`overrides` must be a dictionary by scene key, but is a float",
-        "`voltage_law.gain` must be a number of the law that `voltage_law` takes as a whole, but is a key "
-        "of its own",
+        "`voltage_law.gain` must be left out: the numbers of a law are given as a whole, by the argument "
+        "`voltage_law`, but is given",
     ]
 
 

@@ -132,7 +132,7 @@ def test_variations_that_are_none(text):
         ("tethers.lenght=uniform:1:2", "perhaps `tethers.length`"),
         ("hub.radius[*]=uniform:1:2", "a number per tether"),
         ("tethers.length=normal:1:20", "`tethers.length` must be positive, but is -.* (member "),
-        ("gravity.acceleration=uniform:1:2", "a list of three numbers"),
+        ("gravity.acceleration=uniform:1:2", "a key of single numbers"),
         ("integrator.step=uniform:1:2", "physical number"),
     ],
 )

@@ -421,7 +421,7 @@ def test_wrong_terms_are_refused_in_one_line(terms, message):
         ("hanging-chain", {}, Lorentz(jnp.ones(3)), r"no `commanded` with a chain, but Lorentz has it"),
         ("truss", {}, Bending(jnp.ones(())), r"not depend on the curvature without cable elements"),
         ("baseline", SAIL, Lorentz(jnp.ones(3)), r"`current` is None without `tethers.wire_radius`"),
-        ("baseline", SAIL | {"terms.0": 1.0}, Pulse(), r"number of the terms that `terms` takes"),
+        ("baseline", SAIL | {"terms.0": 1.0}, Pulse(), r"the numbers of terms are given as a whole"),
     ],
 )  # fmt: skip
 def test_terms_need_the_part_on_which_they_act(scene, overrides, term, message):

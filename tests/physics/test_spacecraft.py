@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 import esail_jax as esail
+from esail_jax.elements.rigid_body import Spacecraft
 from esail_jax.scenes.build import root_places
 from esail_jax.scenes.hub import azimuths, root_positions
 from esail_jax.scenes.loading import load_scene, parse
+from esail_jax.scenes.plausibility import doubts
 from esail_jax.scenes.structure import split
 from esail_jax.scenes.toml_text import to_toml
 from support.derivatives import check_both_modes
@@ -142,6 +144,31 @@ def test_a_spacecraft_is_written_and_read():
     """Digit for digit, with a tensor and a list of vectors."""
     scene = load_scene("baseline", SMALL | ODD)
     assert parse(to_toml(scene), "scene").hub == scene.hub
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ({"hub.centre": [50.0, 0.0, 0.0]}, "`hub.centre` is 50 m from the hub centre, and"),
+        ({"hub.roots": [[0.0, 700.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]}, "`hub.roots` is 700 m"),
+        ({"hub.roots": [0.0, 0.4, 0.0]}, "`hub.roots` gives several tethers the same root"),
+    ],
+)  # fmt: skip
+def test_an_odd_spacecraft_is_doubted(given, sentence):
+    (said,) = doubts(load_scene("baseline", SMALL | ODD | given))
+    assert said.startswith(sentence)
+    assert not any("hub." in x for x in doubts(load_scene("baseline", SMALL | ODD)))
+
+
+def test_both_entries_beside_the_diagonal_have_the_same_derivative():
+    """Of an inertia tensor only the symmetric part counts, also under a trace, where none is refused."""
+
+    def kinetic(inertia):
+        moments = Spacecraft.of(jnp.asarray(5.0), inertia, jnp.array([0.1, 0.0, 0.2])).mass_matrix
+        return (moments * jnp.arange(16.0).reshape(4, 4)).sum()
+
+    slope = jax.grad(kinetic)(jnp.diag(jnp.array([3.0, 4.0, 5.0])))
+    assert np.array_equal(slope, slope.T)
 
 
 @pytest.mark.parametrize(
