@@ -15,7 +15,7 @@ from esail_jax.ensembles.member_program import observable_shapes
 from esail_jax.scenes.loading import read_scene
 from esail_jax.scenes.overrides import check_overrides
 from esail_jax.scenes.own_terms import OWN_TERMS
-from esail_jax.scenes.rules import SceneError
+from esail_jax.scenes.rules import SceneError, is_traced, numbers_of
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.voltage import OWN_LAW
 from esail_jax.simulation.simulate import simulate
@@ -54,8 +54,11 @@ class Objective:
         circumstances: Mapping[str, Array | np.ndarray] | None = None,
         terms: Any = None,
     ):
-        for name in weights:
+        for name, weight in weights.items():
             objectives.function_of(name)
+            number = numbers_of("weights", weight)
+            if not is_traced(weight) and (number is None or number.shape or not np.isfinite(number)):
+                raise SceneError("weights", "be finite numbers", f"has {weight!r}")
         # A file with `law = "python"` is a scene here: the law is among the parameters.
         scene = scene if isinstance(scene, Scene) else read_scene(scene, None)
         scene = scene if terms is None else scene.replace({OWN_TERMS: terms})

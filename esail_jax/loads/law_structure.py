@@ -49,7 +49,8 @@ def divided(law: Any) -> tuple[LawStructure, tuple[Array, ...]]:
     leaves, tree = jax.tree.flatten(law)
     numbers = tuple(array_of(x) for x in leaves if is_number(x))
     others = tuple(NUMBER if is_number(x) else x for x in leaves)
-    return LawStructure(tree, others, digest_of(reads_of(law))), numbers
+    written = {"fields": without_addresses(str(tree)).decode(), "others": [repr(x) for x in others]}
+    return LawStructure(tree, others, digest_of(reads_of(law) | written)), numbers
 
 
 def is_number(leaf: Any) -> bool:
@@ -126,7 +127,12 @@ def reads_of(law: Any) -> dict[str, Any]:
     """What the methods of a law read from outside, by name: numbers, texts and lists of them, and the code
     of the user's functions, with what these read. JAX traces a method once; what it reads is then part of
     the program."""
-    reads: dict[str, Any] = {}
+    reads: dict[str, Any] = {
+        f"{own.__qualname__}.{name}": value
+        for own in classes_of(law)
+        for name, value in vars(own).items()
+        if not name.startswith("__") and is_plain(value)
+    }
     waiting = [method for own in classes_of(law) for method in methods_of(own)]
     while waiting:
         function = waiting.pop()

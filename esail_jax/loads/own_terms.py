@@ -67,8 +67,14 @@ class Own(eqx.Module):
 
     @property
     def instants(self) -> tuple[Array, ...]:
-        """The instants [s] at which the term changes its form in time."""
-        return tuple(jnp.ravel(jnp.asarray(x, float)) for x in self.term.knots)
+        """The instants [s] at which the term changes its form in time. Raises SceneError."""
+        try:
+            return tuple(jnp.ravel(jnp.asarray(x, float)) for x in self.term.knots)
+        except Exception as error:
+            reason = " ".join(f"{type(error).__name__}: {error}".split())
+            name = f"{subject_of(self.term, self.place)}.knots"
+            must = "be a property that gives a tuple of instants"
+            raise SceneError(name, must, f"it raises {reason}") from error
 
     def call(self, method: str, *given: Any) -> Any:
         """What a method of the term returns. Raises SceneError."""
@@ -78,6 +84,10 @@ class Own(eqx.Module):
     def like(self, method: str, returned: Any, shape: tuple[int, ...], what: str) -> Array:
         """What a method returned, as numbers of a shape. Raises SceneError for another shape."""
         return checked(self.term, self.place, method, returned, shape, what)
+
+
+SCALARS = ("numbers", "energies", "powers")
+"""How results are called that are no vectors: vectors must have all their components."""
 
 
 def subject_of(term: Any, place: int) -> str:
@@ -94,7 +104,8 @@ def checked(term: Any, place: int, method: str, returned: Any, shape: tuple[int,
         numbers = None
     if numbers is not None and jnp.result_type(numbers).kind in "fiu":
         same = zip(numbers.shape, shape, strict=False)
-        if numbers.ndim == len(shape) and all(a in (1, b) for a, b in same):
+        whole = what.startswith(SCALARS) or numbers.shape[:1] == shape[:1]
+        if whole and numbers.ndim == len(shape) and all(a in (1, b) for a, b in same):
             return jnp.broadcast_to(numbers.astype(float), shape)
     must, got = f"return {what} of shape {shape}", f"returns {described(returned)}"
     raise SceneError(f"{subject_of(term, place)}.{method}", must, f"{line_of(term, method)} {got}")

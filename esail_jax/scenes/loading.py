@@ -11,7 +11,7 @@ from esail_jax.errors import nearest
 from esail_jax.scenes.integration import check_size
 from esail_jax.scenes.overrides import Request, check_overrides
 from esail_jax.scenes.own_terms import check_has_terms
-from esail_jax.scenes.rules import SceneError
+from esail_jax.scenes.rules import SceneError, describe
 from esail_jax.scenes.scene import Scene, scene_of
 from esail_jax.scenes.voltage import check_has_law
 
@@ -78,6 +78,9 @@ def load_scene(source: str | os.PathLike | Scene, overrides: Mapping[str, Any] |
     computed."""
     if overrides is not None:
         check_overrides("overrides", overrides, "`voltage_law=law`")
+    if not isinstance(source, Scene | str | os.PathLike):
+        must = "be a `Scene`, the name of a built-in scene, or the path of a TOML file"
+        raise SceneError("scene", must, describe(source))
     scene = source.replace(overrides or {}) if isinstance(source, Scene) else read_scene(source, overrides)
     check_size(scene)
     if scene.chain is None and scene.voltage is not None:

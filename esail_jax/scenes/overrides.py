@@ -53,6 +53,9 @@ def check_overrides(name: str, given: Any, with_law: str) -> None:
         law = hasattr(given, "commanded") or hasattr(given, "update")
         hint = f" (a law is given as {with_law})" if law else ""
         raise SceneError(name, "be a dictionary by scene key", f"is a {type(given).__name__}{hint}")
+    for key in given:
+        if not isinstance(key, str):
+            raise SceneError(name, "have texts as keys", f"has {key!r}")
 
 
 # ---- the expanders ----------------------------------------------------------------------------
@@ -90,6 +93,9 @@ def with_wind_file(request: Request) -> Request:
         columns = {} if WIND_FILE in overrides else read_columns(wind["file"], request.folder)
         tables["solar_wind"] = others | columns
     if WIND_FILE in overrides:
+        for key in (f"solar_wind.{name}" for name in COLUMNS):
+            if overrides.get(key) is not None:
+                raise SceneError(key, f"be left out with `{WIND_FILE}`", "is given")
         columns = read_columns(overrides.pop(WIND_FILE), Path())
         overrides |= {f"solar_wind.{key}": value for key, value in columns.items()}
     return request._replace(tables=tables, overrides=overrides)

@@ -58,6 +58,9 @@ def check_own_terms(scene: Any) -> None:
             raise SceneError(name, "be no TipLoad with a chain", got)
         if scene.chain is not None and hasattr(term, "commanded"):
             raise SceneError(name, "have no `commanded` with a chain", f"{type(term).__name__} has it")
+        if kind == "Load" and not {"r"} <= set(term.depends_on or ()) <= {"r", "r_x", "r_xx"}:
+            must = 'be a tuple of "r" and, where it needs them, "r_x" and "r_xx"'
+            raise SceneError(f"{name}.depends_on", must, f"is {term.depends_on!r}")
         if kind in ("Energy", "Dissipation") and "r_xx" in term.depends_on:
             if scene.chain is not None or scene.tethers.element != "cable":
                 must = "not depend on the curvature without cable elements"

@@ -220,6 +220,9 @@ def check_value(key: str, value: Any, rule: Rule, members: Members | None) -> An
     if is_traced(value):
         if rule.structure:
             raise SceneError(key, "be a plain Python value: it is structure", "is a traced value")
+        if np.dtype(value.dtype).kind not in "fiu":
+            must = "be a number" + with_member(FORMS[rule.shape].numbers, members)
+            raise SceneError(key, must, f"is a traced value of dtype {value.dtype}")
         return check_shape(key, as_float64(value), rule, members)
     if rule.shape is Shape.LIST and rule.kind is Kind.INTEGER:
         if not isinstance(value, (list, tuple)):

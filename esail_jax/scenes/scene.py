@@ -169,6 +169,12 @@ def checked_tables(scene: Scene) -> dict[str, Any]:
         neither = f"{'neither' if scene.chain is None else 'both'} is"
         raise SceneError("tethers", "be given, or `chain`", neither)
     tables, kinds = scene.tables, parts_of(scene.model)
+    for part in kinds.values():
+        content = getattr(scene, part.name)
+        if part.required and content is None:
+            raise SceneError(part.name, "be given", "is missing")
+        if content is not None and not isinstance(content, part.table):
+            raise SceneError(part.name, f"be a {part.table.__name__}", f"is a {type(content).__name__}")
     if scene.voltage_law is not None and scene.solar_wind is not None:
         tables.setdefault("voltage", Voltage(law="python"))
     main = "tethers" if scene.chain is None else "chain"
@@ -176,9 +182,6 @@ def checked_tables(scene: Scene) -> dict[str, Any]:
     for table, content in tables.items():
         if table not in kinds:
             raise SceneError(table, f"be left out of a scene with [{main}]", "is given")
-        kind = kinds[table].table
-        if not isinstance(content, kind):
-            raise SceneError(table, f"be a {kind.__name__}", f"is a {type(content).__name__}")
         tables[table] = checked(table, content, members)
     tables.setdefault("output", Output(interval=tables["integrator"].t_end / 1000.0))
     return tables

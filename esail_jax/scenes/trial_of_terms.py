@@ -56,6 +56,9 @@ def check_numbers(term: Any, place: int) -> None:
     for path, leaf in jax.tree_util.tree_flatten_with_path(term)[0]:
         if not is_number(leaf) or isinstance(leaf, jax.core.Tracer):
             continue
+        if np.ma.is_masked(leaf):
+            name = f"{subject_of(term, place)}{jax.tree_util.keystr(path)}"
+            raise SceneError(name, "hold no masked numbers", f"has {np.ma.count_masked(leaf)}")
         if not np.isfinite(np.asarray(leaf)).all():
             name = f"{subject_of(term, place)}{jax.tree_util.keystr(path)}"
             line = line_of(term, METHODS[kind_of(term) or ""])

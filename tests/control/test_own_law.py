@@ -523,3 +523,27 @@ def test_what_a_method_reads_from_outside_is_part_of_the_law(monkeypatch):
     assert divided(law)[0] == before and identity_of(law) == identity
     monkeypatch.setitem(globals(), "scaled_by_gain", lambda volts: 3.0 * volts)
     assert divided(law)[0] != before and identity_of(law) != identity
+
+
+class Flagged(eqx.Module):
+    """A law whose method depends on what a field is, and on an attribute of its class."""
+
+    flag: object = eqx.field(static=True)
+    scale = 1.0
+
+    def commanded(self, measurements):
+        return self.scale * jnp.ones_like(measurements.outward[0])
+
+
+def test_values_that_are_equal_but_not_the_same_make_other_laws():
+    """True, 1 and 1.0 are equal in Python, and so are 0.0 and -0.0; a method may differ between them."""
+    structures = [divided(Flagged(x))[0] for x in (True, 1, 1.0, 0.0, -0.0)]
+    assert len(set(structures)) == 5
+    assert divided(Flagged(1.0))[0] == structures[2]
+
+
+def test_an_attribute_of_the_class_is_part_of_the_law(monkeypatch):
+    law = Flagged(True)
+    before, identity = divided(law)[0], identity_of(law)
+    monkeypatch.setattr(Flagged, "scale", 50.0)
+    assert divided(law)[0] != before and identity_of(law) != identity

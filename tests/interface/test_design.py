@@ -257,6 +257,12 @@ def test_an_objective_without_its_observables_is_refused_before_a_run(name):
         Objective(no_hub, {name: 1.0, "thrust": 1.0})
 
 
+@pytest.mark.parametrize("weight", [np.nan, np.inf])
+def test_a_weight_that_is_no_finite_number_is_refused(weight):
+    with pytest.raises(esail.SceneError, match="`weights` must be finite numbers, but has "):
+        Objective("baseline", {"thrust": weight})
+
+
 @pytest.mark.nightly
 @pytest.mark.parametrize("start", [10.0, -10.0, 0.0, 180.0])
 def test_spin_plane_is_measured_from_its_target(start):

@@ -380,6 +380,32 @@ class Total(Energy):
         return e.sum()
 
 
+class OneComponent(HubLoad):
+    def wrench(self, hub):
+        return jnp.zeros(3), jnp.ones(1)
+
+
+class Masked(HubLoad):
+    a: object
+
+    def wrench(self, hub):
+        return jnp.ones(3) * self.a, jnp.zeros(3)
+
+
+class Knotted(HubLoad):
+    knots = 1.3
+
+    def wrench(self, hub):
+        return jnp.zeros(3), jnp.zeros(3)
+
+
+class OfTheSlope(Load):
+    depends_on = ("r_x",)
+
+    def force(self, time, fields, rates):
+        return 0.0 * fields.r_x
+
+
 HERE = r"test_own_terms.py:\d+"
 """The place in a user's file, which is this one."""
 
@@ -398,11 +424,22 @@ REFUSED = [
     (lambda: [OneForAll()], r"must return accelerations .* returns an array of shape \(3,\)"),
     (lambda: [Plane()], r"must return forces \[N\] of shape \(3, 3\), but .* of shape \(2, 3\)"),
     (lambda: [Total()], r"must return energies \[J/m\] of shape \(5, 1, 3\), but .* of shape \(\)"),
+    (lambda: [OneComponent()], r"must return a torque .* of shape \(3,\), but .* of shape \(1,\)"),
+    (lambda: [Masked(np.ma.array([1.0, 2.0, 3.0], mask=[1, 0, 0]))],
+     r"`terms\[0\] \(Masked\).a` must hold no masked numbers, but has 1"),
+    (lambda: [OfTheSlope()], r"`terms\[0\].depends_on` must be a tuple of \"r\" and, .* but is \('r_x',\)"),
     (Pulse, r"`terms` must be a list of terms, but is a Pulse \(write \[term\]\)"),
     (lambda: [Pulse], r"of one of the kinds .* but Pulse is the class: write its parentheses"),
     (lambda: [3.0], r"`terms\[0\]` must be of one of the kinds .* but float is of none"),
     (lambda: {"a": 1}, r"`terms` must be a list of terms, but is a dict"),
 ]  # fmt: skip
+
+
+def test_knots_that_are_no_instants_are_refused():
+    """They are asked for when the run is built."""
+    with pytest.raises(esail.SceneError, match=r"\(Knotted\).knots` must be a property that gives a tuple"):
+        built = build_jitted(*split(load_scene("baseline", SAIL | {"terms": [Knotted()]})))
+        built.system.knots(jnp.zeros(()), built.q, built.v)
 
 
 @pytest.mark.parametrize(("terms", "message"), REFUSED)

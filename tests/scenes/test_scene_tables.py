@@ -24,6 +24,7 @@ from esail_jax.scenes.rules import Kind, Shape
 from esail_jax.scenes.voltage import LAWS, LawName
 from esail_jax.steppers.runge_kutta import REACH
 from support import small_sail
+from support.new_process import output_of
 
 FIELDS = {
     f"{kind.__name__}.{field.name}": field
@@ -299,3 +300,43 @@ def test_a_method_without_events_is_refused_by_name(with_methods):
         esail.Scene(**small_tables()).replace(overrides)
     must = 'be "generalized-alpha" or "energy-momentum" with events'
     assert str(error.value) == f"`integrator.method` must {must}, but is 'collocation'"
+
+
+WRONG_KINDS = """
+import esail_jax as esail
+from esail_jax.scenes.loading import load_scene
+
+good = vars(load_scene("truss"))
+for make in (
+    lambda: load_scene(1), lambda: load_scene(None), lambda: load_scene({}),
+    lambda: load_scene("truss", {3: 4.0}),
+    lambda: esail.Scene(**good | {"initial": None}), lambda: esail.Scene(**good | {"integrator": None}),
+    lambda: esail.Scene(**good | {"tethers": {"count": 2}}),
+    lambda: esail.Scene(**good | {"tethers": good["hub"]}),
+):
+    try:
+        make()
+    except esail.SceneError as error:
+        print(error)
+"""
+
+
+def test_what_is_no_scene_is_refused():
+    """In one line each. The number 1 would be taken for a file that is open, and closed. In a new process,
+    as the types of arguments are checked in this one."""
+    must = "`scene` must be a `Scene`, the name of a built-in scene, or the path of a TOML file, but is"
+    assert output_of(WRONG_KINDS).splitlines() == [
+        *(f"{must} {x}" for x in ("1", "None", "{}")),
+        "`overrides` must have texts as keys, but has 3",
+        "`initial` must be given, but is missing",
+        "`integrator` must be given, but is missing",
+        "`tethers` must be a Tethers, but is a dict",
+        "`tethers` must be a Tethers, but is a Hub",
+    ]
+
+
+@pytest.mark.parametrize("value", [True, 2e4 + 1e4j])
+def test_a_traced_value_that_is_no_real_number_is_refused(value):
+    """As the same value is without a trace."""
+    with pytest.raises(esail.SceneError, match=r"`tethers.length` must be a number .* of dtype"):
+        jax.eval_shape(lambda x: load_scene("truss", {"tethers.length": x}).tethers.length, value)

@@ -94,3 +94,11 @@ def test_of_a_long_table_the_instant_that_does_not_increase_is_shown():
 def test_a_scene_may_have_a_byte_order_mark(tmp_path):
     (tmp_path / "sail.toml").write_text(builtin_text("baseline"), encoding="utf-8-sig")
     assert esail.load_scene(tmp_path / "sail.toml") == esail.load_scene("baseline")
+
+
+def test_a_number_beside_a_file_among_the_overrides_is_refused(tmp_path):
+    """It would be one of two values, and either choice a guess."""
+    (tmp_path / "wind.csv").write_text("\n".join([HEAD, *ROWS]), encoding="utf-8")
+    both = {"solar_wind.file": str(tmp_path / "wind.csv"), "solar_wind.speed": 3e5}
+    with pytest.raises(esail.SceneError, match=r"must be left out with `solar_wind.file`, but is given"):
+        esail.load_scene("truss", both)
