@@ -1,0 +1,342 @@
+"""Tethers that are paid out and reeled in: their length as a function of time, and what follows from it.
+
+Of the length L of a tether the part l(t) is deployed. The rest is wound up on a reel at the root: a point mass
+rho (L - l) there. xi in [0, 1] runs from root to tip, and elements share it equally, so that **mesh points move
+through the material**: the material point at xi keeps its distance (1 - xi) l from the tip. With
+lambda = l/L, u = 1 - xi, and slopes by x = xi L, which does not change with time, the strain is that of
+r_s = r_x/lambda, and a material point has the velocity
+
+    V = v + l' u r_s,
+
+where v is the rate at a fixed mesh point, which is what a state holds. Lagrange's equations of deployed and
+stored material are, per unit of x, with c = l'/l and forces conjugate to (r, r_x):
+
+    inertia       rho lambda dv/dt
+    convection    rho u (2 l' v_x + l'' r_x)       and    -(rho l'^2/lambda) u^2 r_x
+    elasticity    that of the energy lambda W(r_s)
+    damping       that of lambda R with the rate of r_s, (v_x - c r_x)/lambda
+    loads         -lambda f(r, r_s, V)
+
+The boundary term of the weak form is the flux of momentum at the guide, so that no flux term remains. Material on
+the drum is unstrained, and leaves it without a loss.
+"""
+
+from abc import abstractmethod
+from typing import ClassVar, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from esail_jax.array_types import Array, Float, Instants, Int, PerElement, PerPoint, PerTether, Scalar, VectorPerPoint
+from esail_jax.elements.tether import TetherBatch
+from esail_jax.measurements import Measurements
+from esail_jax.numerics.quadrature import gauss_legendre
+from esail_jax.point_fields import Invariants, PointFields
+from esail_jax.terms import ControlledLoad, Dissipation, Energy, Load, Term
+
+PerInstant = Float[Array, "*state tether"]
+"""One number per tether, at one or several instants."""
+
+
+class Deployed(NamedTuple):
+    """The deployed lengths at one or several instants.
+
+    length: l [m]; rate: l' [m/s]; acceleration: l'' [m/s^2]."""
+
+    length: PerInstant
+    rate: PerInstant
+    acceleration: PerInstant
+
+
+class AbstractPayout(eqx.Module):
+    """The deployed length of every tether as a function of time. total: the length L [m]."""
+
+    total: eqx.AbstractVar[PerTether]
+
+    @abstractmethod
+    def at(self, time: Instants) -> Deployed:
+        """The lengths at one or several instants [s]: one number, or (*state, 1)."""
+
+    @abstractmethod
+    def in_segment(self, start: Scalar | np.ndarray, until: Scalar | np.ndarray) -> "AbstractPayout":
+        """The lengths as a segment of a run sees them: without a kink."""
+
+
+class ExponentialPayout(AbstractPayout):
+    """l = l_0 exp(growth t).
+
+    start: l_0 [m]; growth [1/s]."""
+
+    total: PerTether
+    start: PerTether
+    growth: PerTether
+
+    def at(self, time: Instants) -> Deployed:
+        length = self.start * jnp.exp(self.growth * time)
+        return Deployed(length, self.growth * length, self.growth**2 * length)
+
+    def in_segment(self, start: Scalar | np.ndarray, until: Scalar | np.ndarray) -> "ExponentialPayout":
+        return self
+
+
+class RateTable(AbstractPayout):
+    """A rate that is linear between instants, and constant before the first and after the last.
+
+    start: length l_0 [m] at t = 0. time: increasing instants t_k [s]. rate: l' [m/s], (instant, tether). l''
+    jumps at an instant: a run is divided there, and in a segment the rate is the straight line of that segment
+    (`environment/temperature.py` does the same).
+
+    begin, until: ends [s] of the segment; infinite ones for a table that is not divided.
+    """
+
+    total: PerTether
+    start: PerTether
+    time: Float[Array, " instant"]
+    rate: Float[Array, "instant tether"]
+    begin: Scalar
+    until: Scalar
+
+    @classmethod
+    def undivided(
+        cls, total: PerTether, start: PerTether, time: Float[Array, " instant"], rate: Float[Array, "instant tether"]
+    ) -> "RateTable":
+        """The table of a run that has no segments yet."""
+        ends = (jnp.full((), x, float) for x in (-jnp.inf, jnp.inf))
+        return cls(total, start, time, rate, *ends)
+
+    def in_segment(self, start: Scalar | np.ndarray, until: Scalar | np.ndarray) -> "RateTable":
+        return eqx.tree_at(lambda table: (table.begin, table.until), self, (start, until))
+
+    def piece(self, time: Instants) -> Int[Array, "..."]:
+        """The number of the straight line at each instant: 0 before the first knot, never one outside of the
+        segment."""
+        first, last = (self.time <= self.begin).sum(), (self.time < self.until).sum()
+        return jnp.clip((self.time <= time[..., None]).sum(-1), first, last)
+
+    def paid_out(self, time: Instants, piece: Int[Array, "..."]) -> tuple[PerInstant, PerInstant, PerInstant]:
+        """The length paid out since the first knot, its rate and its acceleration, on a straight line."""
+        count = self.time.shape[0]
+        steps = jnp.diff(self.time)[:, None]
+        whole = jnp.cumsum(0.5 * (self.rate[1:] + self.rate[:-1]) * steps, axis=0)
+        until_knot = jnp.concatenate([jnp.zeros_like(self.rate[:1]), whole])
+        a, b = jnp.maximum(piece - 1, 0), jnp.minimum(piece, count - 1)
+        since, duration = time - self.time[a], jnp.where(a == b, 1.0, self.time[b] - self.time[a])
+        before, first, last = (
+            x[i[..., 0] if i.ndim else i] for x, i in ((until_knot, a), (self.rate, a), (self.rate, b))
+        )
+        slope = (last - first) / duration
+        return before + since * (first + 0.5 * slope * since), first + slope * since, slope
+
+    def at(self, time: Instants) -> Deployed:
+        zero = jnp.zeros(())
+        at_start = (self.time <= zero).sum()
+        until_now, rate, slope = self.paid_out(time, self.piece(time))
+        return Deployed(self.start + until_now - self.paid_out(zero, at_start)[0], rate, slope)
+
+
+# ---- what the lengths change --------------------------------------------------------------------
+
+
+def stored_mass(tethers: TetherBatch, payout: AbstractPayout, now: Deployed) -> PerInstant:
+    """The mass rho (L - l) [kg] of what is wound up. tethers: at their full length."""
+    return tethers.line_density * (payout.total - now.length)
+
+
+def deployed_tethers(tethers: TetherBatch, payout: AbstractPayout, now: Deployed) -> TetherBatch:
+    """The tethers with the masses of an instant: of the deployed part per unit of x, and of the reel at the
+    root."""
+    share = now.length / payout.total
+    base = stored_mass(tethers, payout, now)
+    if tethers.base_mass is not None:
+        base = base + tethers.base_mass
+    masses = tethers.masses * tethers.repeat_per_element(share)
+    return eqx.tree_at(
+        lambda batch: (batch.line_density, batch.masses, batch.base_mass),
+        tethers,
+        (tethers.line_density * share, masses, base),
+        is_leaf=lambda x: x is None,
+    )
+
+
+class Stretching(NamedTuple):
+    """What terms of a deployed tether need, one number per element.
+
+    share: lambda = l/L; rate: l' [m/s]; relative_rate: c = l'/l [1/s]; acceleration: l'' [m/s^2]; distance:
+    u = 1 - xi of every point, (point, element)."""
+
+    share: PerElement
+    rate: PerElement
+    relative_rate: PerElement
+    acceleration: PerElement
+    distance: Float[np.ndarray, "point element"]
+
+    @classmethod
+    def of(cls, tethers: TetherBatch, payout: AbstractPayout, now: Deployed) -> "Stretching":
+        """Those of an instant."""
+        numbers = (now.length / payout.total, now.rate, now.rate / now.length, now.acceleration)
+        return cls(*map(tethers.repeat_per_element, numbers), distances(tethers))
+
+    def along(self, field: VectorPerPoint) -> VectorPerPoint:
+        """u times a field."""
+        u = self.distance.reshape(self.distance.shape[0], *(1,) * (field.ndim - 3), -1)
+        return u * field
+
+
+def distances(tethers: TetherBatch) -> Float[np.ndarray, "point element"]:
+    """u = 1 - xi of every Gauss point of every element of all tethers."""
+    points = gauss_legendre(len(tethers.weights))[0]
+    element = np.repeat(np.arange(tethers.elements), tethers.count)
+    return 1.0 - (element + points[:, None]) / tethers.elements
+
+
+def scaled(invariants: Invariants, share: PerElement) -> Invariants:
+    """The invariants of r_s = r_x/lambda and r_ss = r_xx/lambda^2, from those of r_x and r_xx."""
+    bent = invariants.normal_squared
+    return Invariants(invariants.stretch_squared / share**2, None if bent is None else bent / share**4)
+
+
+class DeployedEnergy(Energy):
+    """The energy lambda W(r_s) per unit of x of an energy W per undeformed length."""
+
+    inner: Energy
+    share: PerElement
+
+    name: ClassVar[str] = "deployed energy"
+
+    @property
+    def depends_on(self) -> tuple[str, ...]:
+        return self.inner.depends_on
+
+    def deformation(self, invariants: Invariants) -> PerPoint:
+        return self.inner.deformation(scaled(invariants, self.share))
+
+    def energy_density(self, e: PerPoint) -> PerPoint:
+        return self.share * self.inner.energy_density(e)
+
+
+class DeployedDissipation(Dissipation):
+    """The dissipation lambda R per unit of x, with the rate of the strain of r_s in which mesh points do not
+    move: without the term -c r_x a taut tether that is paid out would have a false stress."""
+
+    inner: Dissipation
+    share: PerElement
+    relative_rate: PerElement
+
+    name: ClassVar[str] = "deployed dissipation"
+
+    @property
+    def depends_on(self) -> tuple[str, ...]:
+        return self.inner.depends_on
+
+    def deformation(self, invariants: Invariants) -> PerPoint:
+        return self.inner.deformation(scaled(invariants, self.share))
+
+    def rayleigh_density(self, e: PerPoint, rate: PerPoint) -> PerPoint:
+        return self.share * self.inner.rayleigh_density(e, rate)
+
+    def density_of_invariants(self, invariants: Invariants, rate: Invariants) -> PerPoint:
+        now, moving = scaled(invariants, self.share), scaled(rate, self.share)
+        c = self.relative_rate
+        stretch = moving.stretch_squared - 2.0 * c * now.stretch_squared
+        bent = None if now.normal_squared is None else moving.normal_squared - 4.0 * c * now.normal_squared
+        return self.share * self.inner.density_of_invariants(now, Invariants(stretch, bent))
+
+
+class DeployedLoad(Load):
+    """A load on the deployed part, -lambda f(r, r_s, V) per unit of x."""
+
+    inner: Load
+    stretching: Stretching
+
+    name: ClassVar[str] = "deployed load"
+
+    @property
+    def depends_on(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys((*self.inner.depends_on, "r", "r_x")))
+
+    def force(self, time: Instants, fields: PointFields, rates: PointFields) -> VectorPerPoint:
+        share = self.stretching.share
+        material = fields._replace(r_x=fields.r_x / share)
+        velocity = rates.r + self.stretching.rate * self.stretching.along(material.r_x)
+        # Only the velocity of the point is that of the material; no load depends on other rates.
+        return share * self.inner.force(time, material, rates._replace(r=velocity))
+
+
+class DeployedControlledLoad(DeployedLoad, ControlledLoad):
+    """A load with a number per tether that a control law commands, on the deployed part."""
+
+    inner: ControlledLoad
+    stretching: Stretching
+
+    @property
+    def constant(self) -> bool:
+        return self.inner.constant
+
+    @property
+    def law_name(self) -> str:
+        return self.inner.law_name
+
+    @property
+    def command(self) -> PerElement | None:
+        return self.inner.command
+
+    def commanded(self, measurements: Measurements) -> PerTether:
+        return self.inner.commanded(measurements)
+
+    def with_command(self, command: Float[Array, "*state element"]) -> "DeployedControlledLoad":
+        return DeployedControlledLoad(self.inner.with_command(command), self.stretching)
+
+
+class Convection(Term):
+    """The inertia forces of material that moves through the mesh. density: rho [kg/m] of every element."""
+
+    density: PerElement
+    stretching: Stretching
+
+    name: ClassVar[str] = "convection"
+    depends_on: ClassVar[tuple[str, ...]] = ("r_x",)
+
+    @property
+    def acts_on(self) -> tuple[str, ...]:
+        return ("r", "r_x")
+
+    def point_forces(self, time: Instants, fields: PointFields, rates: PointFields) -> PointFields:
+        s, rho = self.stretching, self.density
+        moving = rho * s.along(2.0 * s.rate * rates.r_x + s.acceleration * fields.r_x)
+        pull = rho * s.rate**2 / s.share * s.along(s.along(fields.r_x))
+        return PointFields(moving, -pull)
+
+
+def deployed_load(load: Load, stretching: Stretching) -> DeployedLoad:
+    """The load on the deployed part."""
+    kind = DeployedControlledLoad if isinstance(load, ControlledLoad) else DeployedLoad
+    return kind(load, stretching)
+
+
+class Inside(NamedTuple):
+    """What depends on the lengths beside the forces along the tethers: kinetic and elastic energy, from which the
+    force of the winch follows.
+
+    tethers: at their full length; energies, dissipations: per undeformed length, at one instant."""
+
+    tethers: TetherBatch
+    total: PerTether
+    energies: tuple[Energy, ...]
+    dissipations: tuple[Dissipation, ...]
+
+    def lagrangian(self, length: PerTether, rate: PerTether, q: Array, v: Array) -> PerTether:
+        """T - U [J] of every tether, its remote unit and what is wound up."""
+        batch, each = self.tethers, self.tethers.repeat_per_element
+        share = length / self.total
+        fields, rates = batch.interpolate(q), batch.interpolate(v)
+        u = distances(batch)
+        velocity = rates.r + each(rate / share) * u * fields.r_x
+        density = 0.5 * each(batch.line_density * share) * (velocity**2).sum(0)
+        for energy in self.energies:
+            density = density - DeployedEnergy(energy, each(share)).density(fields)
+        inner = batch.of_tethers((batch.weights[:, None] * density).sum(0) * batch.lengths).sum(0)
+        stored = batch.line_density * (self.total - length)
+        tip, root = ((v[0, :, k] ** 2).sum(0) for k in (-1, 0))
+        return inner + 0.5 * batch.tip_mass * tip + 0.5 * stored * root
