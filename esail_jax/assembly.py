@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from esail_jax.array_types import Instants, Maybe, Rotation, Scalar, Vector
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.elements.axial import TensionOnlyEnergy
+from esail_jax.elements.deployment import AbstractPayout, Reels
 from esail_jax.elements.rigid_body import Body
 from esail_jax.elements.ring import Ring
 from esail_jax.elements.tether import TetherBatch
@@ -26,7 +27,8 @@ class Assembly(eqx.Module):
     accelerations of everything that has mass. ring: auxiliary tethers between the tips. tip_loads: forces
     on the remote units. hub_loads: forces and torques on the hub. kepler_orbit: path about the Sun of the
     origin of the coordinates, whose axes do not turn. Absent parts are None, or empty. parts: names of the
-    tables and keys of the scene, on which depends what is observed.
+    tables and keys of the scene, on which depends what is observed. payout: how tethers are paid out; reels: those
+    of an instant, of a system at this instant (`System.at`).
     """
 
     tethers: TetherBatch
@@ -41,6 +43,8 @@ class Assembly(eqx.Module):
     hub_loads: tuple[HubLoad, ...] = ()
     kepler_orbit: Maybe[KeplerOrbit | PlaceOnOrbit] = None
     parts: tuple[str, ...] = eqx.field(static=True, default=())
+    payout: AbstractPayout | None = None
+    reels: Reels | None = None
 
     # ---- parts -----------------------------------------------------------------------------
 
@@ -71,15 +75,21 @@ class Assembly(eqx.Module):
             names.append(f"auxiliary tethers ({self.ring.segments.kind}{behaviour})")
             names += [f"auxiliary {term.name}" for term in self.ring.dissipations]
         names += [load.law_name for load in self.loads if has_law(load)]
+        if self.payout is not None:
+            names.append("deployment")
         names += [term.name for term in (*self.tip_loads, *self.hub_loads, *self.fields)]
         return tuple(names)
 
     # ---- inertia ----------------------------------------------------------------------------
 
-    def momenta(self, v: Coordinates) -> Coordinates:
-        """Momenta M v [kg m/s] conjugate to the coordinates."""
+    def momenta(self, v: Coordinates, q: Coordinates | None = None) -> Coordinates:
+        """Momenta M v [kg m/s] conjugate to the coordinates. q: positions, which matter while tethers are paid
+        out (`System.at`): their material moves through the mesh; without them v is any field."""
         hub = None if self.hub is None else matmul(self.hub.mass_matrix, v.hub)
-        return self.member_inertia(v)._replace(hub=hub)
+        momenta = self.member_inertia(v)._replace(hub=hub)
+        if self.reels is None or q is None:
+            return momenta
+        return momenta._replace(tether=momenta.tether + self.reels.drift(q.tether))
 
     def member_inertia(self, acceleration: Coordinates) -> Coordinates:
         """Inertia forces M `acceleration` of tethers and ring; the hub's part is its acceleration."""
@@ -89,9 +99,9 @@ class Assembly(eqx.Module):
             tether = tether.at[0, :, -1].add(tips)
         return Coordinates(tether, acceleration.hub, own)
 
-    def momentum(self, v: Coordinates) -> Vector:
-        """Total linear momentum [kg m/s]."""
-        momenta = self.momenta(v)
+    def momentum(self, v: Coordinates, q: Coordinates | None = None) -> Vector:
+        """Total linear momentum [kg m/s]. q: as for `momenta`."""
+        momenta = self.momenta(v, q)
         total = momenta.tether[0].sum((1, 2))
         if momenta.ring is not None:
             points = self.ring.uniform(jnp.ones(3))
@@ -116,7 +126,7 @@ class Assembly(eqx.Module):
 
     def angular_momentum(self, q: Coordinates, v: Coordinates) -> Vector:
         """Angular momentum [kg m^2/s] about the origin of the positions q, of a sail with a hub."""
-        p = self.momenta(v)
+        p = self.momenta(v, q)
         total = jnp.cross(q.tether, p.tether, axis=1).sum((0, 2, 3)) + jnp.cross(q.hub, p.hub).sum(0)
         return total if q.ring is None else total + jnp.cross(q.ring, p.ring, axis=0).sum((1, 2))
 

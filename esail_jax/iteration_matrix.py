@@ -34,7 +34,7 @@ def point_jacobian(
     component, point, element). Each component that a term depends on takes one forward derivative.
     """
     blocks: dict[tuple[str, str], Array] = {}
-    for term in (*system.inner_terms, *system.loads):
+    for term in (*system.inner_terms, *(system.loads if isinstance(system, Ring) else system.acting_loads)):
         names = term.depends_on
 
         def shifted(*steps, term=term, names=names):
@@ -69,6 +69,7 @@ def tangent(
     of the control laws. The unknowns beside dq are s dlam. With that scaling the matrix tends to that of
     `mass` as the step tends to zero (Bottasso; Arnold & Brüls).
     """
+    system = system.paid_out(time)
     tethers = system.tethers
     fields, rates = tethers.interpolate(q.tether), tethers.interpolate(v.tether)
     jacobian = point_jacobian(system.with_commanded_loads(time, q, v), time, fields, rates, rate_factor)
@@ -92,6 +93,7 @@ def tangent(
 
 def mass(system: System, time: Scalar, q: Coordinates) -> bordered.Bordered:
     """Mass matrix M with the constraint gradients: the matrix of consistent accelerations."""
+    system = system.paid_out(time)
     tethers, masses = system.tethers, mass_elements(system.tethers)
     matrix = assemble(system, time, q, masses, tethers.point_masses(), system.no_multipliers())
     if system.ring is None:
@@ -124,8 +126,9 @@ class Inertia(NamedTuple):
 
 
 def inertia_of(system: System) -> Inertia | None:
-    """Computes the state-independent part of the factorisation of `mass`; None with a ring."""
-    if system.ring is not None:
+    """Computes the state-independent part of the factorisation of `mass`; None with a ring, and while tethers are
+    paid out."""
+    if system.ring is not None or system.payout is not None:
         return None
     elements, masses = mass_elements(system.tethers), system.tethers.point_masses()
     chains, schur = block_tridiagonal.factor(*chain_blocks(system, elements, masses))

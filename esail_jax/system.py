@@ -6,6 +6,7 @@ Every function loops over the terms that are present; an absent term leaves no t
 program.
 """
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -28,6 +29,15 @@ from esail_jax.array_types import (
 )
 from esail_jax.assembly import Assembly
 from esail_jax.coordinates import Coordinates, Multipliers
+from esail_jax.elements.axial import AbstractAxialEnergy
+from esail_jax.elements.deployment import (
+    Convection,
+    DeployedDissipation,
+    DeployedEnergy,
+    Reels,
+    deployed_load,
+    deployed_tethers,
+)
 from esail_jax.elements.thermal import ThermalEnergy
 from esail_jax.environment.kepler_orbit import PlaceOnOrbit, at_place
 from esail_jax.measurements import Measurements
@@ -35,15 +45,28 @@ from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import dot, stacked, total_of
 from esail_jax.point_fields import PointFields, add_fields
 from esail_jax.sensors import angular_velocity, with_motion
-from esail_jax.terms import ControlledLoad, HubMotion, Term, has_kinks, inner_terms_of, needs_command
+from esail_jax.terms import (
+    ControlledLoad,
+    Dissipation,
+    Energy,
+    HubMotion,
+    Load,
+    Term,
+    find_term,
+    has_kinks,
+    inner_terms_of,
+    needs_command,
+)
 
 
 class Power(NamedTuple):
     """Power [W]: external is that of loads, acceleration field and turning frame; dissipated is that of the
-    dissipations. Also the work [J] that is its integral over time."""
+    dissipations; winch is that of the reels, None without any. Also the work [J] that is its integral over
+    time."""
 
     external: Scalar
     dissipated: Scalar
+    winch: Scalar | None = None
 
 
 class Residual(NamedTuple):
@@ -60,8 +83,36 @@ class Residual(NamedTuple):
 class System(Assembly):
     """The equations of motion of an assembly: its forces, power and residual."""
 
+    def at(self, time: Instants) -> "System":
+        """The system at one or several instants [s]: on its orbit, and with its tethers paid out. A system at
+        an instant stays as it is."""
+        system = at_place(self, self.place(time))
+        if system.payout is None or system.reels is not None:
+            return system
+        return system.paid_out(time)
+
+    def paid_out(self, time: Instants) -> "System":
+        """The system with the tethers that are deployed at one or several instants [s], or (*state, 1)."""
+        if self.payout is None or self.reels is not None:
+            return self
+        now = self.payout.at(time)
+        inner = (tuple(term.at(time) for term in part) for part in (self.energies, self.dissipations))
+        reels = Reels(self.payout, now, self.tethers, *inner)
+        return dataclasses.replace(
+            self, tethers=deployed_tethers(self.tethers, self.payout, now), reels=reels
+        )
+
+    @property
+    def no_power(self) -> Power:
+        """Powers that are zero, in the form that this system has."""
+        zero = jnp.zeros(())
+        return Power(zero, zero, None if self.payout is None else zero)
+
     def in_segment(self, start: Scalar | np.ndarray, until: Scalar | np.ndarray) -> "System":
-        """The system between two switch times [s]: temperatures go on beyond them without a kink."""
+        """The system between two switch times [s]: temperatures and rates of payout go on beyond them without
+        a kink."""
+        if self.payout is not None:
+            return dataclasses.replace(self, payout=self.payout.in_segment(start, until))
         if not any(isinstance(term, ThermalEnergy) for term in self.energies):
             return self
         energies = tuple(
@@ -92,16 +143,51 @@ class System(Assembly):
         """Forces at every quadrature point: the sum of all terms, conjugate to the fields (dW + dR - f);
         the dissipated power [W/m], None without dissipation; and the loads' part of the sum, -f."""
         inner = [term.point_forces(time, fields, rates) for term in self.inner_terms]
-        loads = [term.point_forces(time, fields, rates) for term in self.loads]
+        loads = [term.point_forces(time, fields, rates) for term in self.acting_loads]
         dissipated = None
         if self.dissipations:
-            dissipated = 2.0 * total_of(term.density(fields, rates) for term in self.dissipations)
+            dissipated = 2.0 * total_of(term.density(fields, rates) for term in self.acting_dissipations)
         return add_fields(inner + loads), dissipated, add_fields(loads)
 
     @property
     def inner_terms(self) -> tuple[Term, ...]:
-        """Energies and dissipations; those that are functions of the invariants as one summed term."""
-        return inner_terms_of(self.energies, self.dissipations)
+        """Energies and dissipations, those that are functions of the invariants as one summed term; and what
+        moves material through the mesh while tethers are paid out."""
+        terms = inner_terms_of(self.acting_energies, self.acting_dissipations)
+        if self.reels is None:
+            return terms
+        density = self.tethers.repeat_per_element(self.reels.tethers.line_density)
+        return (*terms, Convection(density, self.reels.stretching))
+
+    @property
+    def acting_energies(self) -> tuple[Term, ...]:
+        """The energies per unit of x: of tethers that are paid out, those of the deployed part."""
+        if self.reels is None:
+            return self.energies
+        return tuple(DeployedEnergy(x, self.reels.stretching.share) for x in self.reels.energies)
+
+    def axial_energy(self, times: Float[Array, " time"]) -> Energy:
+        """The axial energy per unit of x at several instants."""
+        axial = find_term(self.energies, AbstractAxialEnergy).at(times[:, None])
+        if self.payout is None:
+            return axial
+        share = self.payout.at(times[:, None]).length / self.payout.total
+        return DeployedEnergy(axial, self.tethers.repeat_per_element(share))
+
+    @property
+    def acting_dissipations(self) -> tuple[Dissipation, ...]:
+        """The dissipations per unit of x."""
+        if self.reels is None:
+            return self.dissipations
+        s = self.reels.stretching
+        return tuple(DeployedDissipation(x, s.share, s.relative_rate) for x in self.reels.dissipations)
+
+    @property
+    def acting_loads(self) -> tuple[Load, ...]:
+        """The loads per unit of x."""
+        if self.reels is None:
+            return self.loads
+        return tuple(deployed_load(load, self.reels.stretching) for load in self.loads)
 
     def field(self, time: Scalar, q: Coordinates, v: Coordinates) -> Coordinates:
         """Acceleration [m/s^2] of a free particle at every node and hub point: the sum of the acceleration
@@ -136,11 +222,13 @@ class System(Assembly):
         self, time: Scalar, q: Coordinates, v: Coordinates, vdot: Coordinates, lam: Multipliers
     ) -> tuple[Residual, Power]:
         """Residual of the equations of motion and constraints at one state, and the power of its forces."""
-        system = at_place(self, self.place(time))
+        system = self.at(time)
         inertial = system.relative_to_free_fall(time, q, v, vdot)
         commanded = system.with_commanded_loads(time, q, v)
         forces, power = commanded.member_forces(time, q, v, inertial)
         residual, power = system.complete_residual(time, q, v, forces, lam, power)
+        if self.payout is not None:
+            power = power._replace(winch=self.winch_power(time, q, v, vdot))
         return self.with_moved_reactions(residual), power
 
     def residuals(
@@ -158,21 +246,40 @@ class System(Assembly):
         place = self.place(times)
 
         def of_every_state(method: Callable[..., Any], *of_states: Any) -> Any:
-            def of_one(place: PlaceOnOrbit | None, *of_state: Any) -> Any:
-                return method(at_place(self, place), *of_state)
+            def of_one(place: PlaceOnOrbit | None, time: Scalar, *of_state: Any) -> Any:
+                return method(at_place(self, place).paid_out(time), time, *of_state)
 
             return jax.vmap(of_one, (-1, *(0,) * len(of_states)))(place, *of_states)
 
         inertial = of_every_state(type(self).relative_to_free_fall, times, q, v, vdot)
         motion = (states_inside(x) for x in (q, v, inertial))
-        system = at_place(self, place)
+        system = at_place(self, place).paid_out(times[:, None])
         if self.controlled:
             system = system.with_commands(of_every_state(type(self).commands, times, q, v))
         members, power = system.member_forces(times[:, None], *motion)
         ring = None if members.ring is None else jnp.moveaxis(members.ring, 1, 0)
         forces = Coordinates(jnp.moveaxis(members.tether, 2, 0), inertial.hub, ring)
         rows, power = of_every_state(type(self).complete_residual, times, q, v, forces, lam, power)
+        if self.payout is not None:
+            power = power._replace(winch=of_every_state(type(self).winch_power, times, q, v, vdot))
         return jax.vmap(self.with_moved_reactions)(rows), power
+
+    def winch_power(self, time: Scalar, q: Coordinates, v: Coordinates, vdot: Coordinates) -> Scalar:
+        """Power [W] of all winches: -l' F_w of every tether (`elements/deployment.py`)."""
+        return -(self.at(time).reels.now.rate * self.winch_forces(time, q, v, vdot)).sum()
+
+    def winch_forces(self, time: Scalar, q: Coordinates, v: Coordinates, vdot: Coordinates) -> PerTether:
+        """Force F_w [N] of every winch."""
+        system = self.at(time).with_commanded_loads(time, q, v)
+        tethers, reels = system.tethers, system.reels
+        fields, rates = reels.tethers.interpolate_motion(q.tether, v.tether)
+        pushed = jnp.zeros_like(fields.r_x)
+        for load in system.acting_loads:
+            pushed = pushed - load.point_forces(time, fields, rates).r
+        if system.fields:
+            fall = tethers.interpolate(system.field(time, q, v).tether).r
+            pushed = pushed + tethers.repeat_per_element(tethers.line_density) * fall
+        return reels.winch_forces(q.tether, v.tether, vdot.tether, pushed)
 
     @property
     def controlled(self) -> bool:
@@ -260,7 +367,10 @@ class System(Assembly):
         total, dissipated_density, loads = self.point_forces(time, fields, rates)
         forces = tethers.nodal_forces(total, inertial)
         external = dissipated = jnp.zeros(q.shape[2:-2])
-        densities = [dot(loads.r, rates.r)] if self.loads else []
+        densities = []
+        if self.loads:
+            velocity = rates.r if self.reels is None else self.reels.velocity(fields, rates)
+            densities.append(dot(loads.r, velocity))
         densities += [] if dissipated_density is None else [dissipated_density]
         for part in (term.thermal_part(time) for term in self.energies):
             if part is not None:
@@ -306,7 +416,7 @@ class System(Assembly):
             forces = jax.tree.map(jnp.add, forces, pull_back(lam)[0])
         external = external + self.frame_power(time, q, v, forces, lam)
         if self.fields:
-            momentum = self.momenta(v)
+            momentum = self.momenta(v, q)
             parts = jax.tree.map(lambda a, p: (a * p).sum(), self.field(time, q, v), momentum)
             external = external + sum(jax.tree.leaves(parts))
         return Residual(forces, constraints), power._replace(external=external)

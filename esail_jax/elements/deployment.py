@@ -29,10 +29,22 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax.array_types import Array, Float, Instants, Int, PerElement, PerPoint, PerTether, Scalar, VectorPerPoint
+from esail_jax.array_types import (
+    Array,
+    Float,
+    Instants,
+    Int,
+    Nodal,
+    PerElement,
+    PerPoint,
+    PerTether,
+    Scalar,
+    VectorPerPoint,
+)
 from esail_jax.elements.tether import TetherBatch
 from esail_jax.measurements import Measurements
 from esail_jax.numerics.quadrature import gauss_legendre
+from esail_jax.numerics.vectors import dot
 from esail_jax.point_fields import Invariants, PointFields
 from esail_jax.terms import ControlledLoad, Dissipation, Energy, Load, Term
 
@@ -315,28 +327,85 @@ def deployed_load(load: Load, stretching: Stretching) -> DeployedLoad:
     return kind(load, stretching)
 
 
-class Inside(NamedTuple):
-    """What depends on the lengths beside the forces along the tethers: kinetic and elastic energy, from which the
-    force of the winch follows.
+class Reels(eqx.Module):
+    """The reels of a sail at one or several instants: what they pay out, and the tethers at their full length.
 
-    tethers: at their full length; energies, dissipations: per undeformed length, at one instant."""
+    payout: the lengths as functions of time; now: those of the instant; tethers, energies, dissipations: as they
+    are per undeformed length."""
 
+    payout: AbstractPayout
+    now: Deployed
     tethers: TetherBatch
-    total: PerTether
     energies: tuple[Energy, ...]
     dissipations: tuple[Dissipation, ...]
 
-    def lagrangian(self, length: PerTether, rate: PerTether, q: Array, v: Array) -> PerTether:
-        """T - U [J] of every tether, its remote unit and what is wound up."""
+    @property
+    def stretching(self) -> Stretching:
+        """What terms need."""
+        return Stretching.of(self.tethers, self.payout, self.now)
+
+    def velocity(self, fields: PointFields, rates: PointFields) -> VectorPerPoint:
+        """V = v + l' u r_s [m/s] of the material."""
+        s = self.stretching
+        return rates.r + s.rate / s.share * s.along(fields.r_x)
+
+    def drift(self, q: Nodal) -> Nodal:
+        """The momenta of the motion through the mesh, conjugate to the coordinates: those of rho l' u r_x."""
+        s = self.stretching
+        density = self.tethers.repeat_per_element(self.tethers.line_density)
+        fields = self.tethers.interpolate(q)
+        return self.tethers.nodal_forces(PointFields(density * s.rate * s.along(fields.r_x), None))
+
+    def energy_of_motion(self, q: Nodal, v: Nodal) -> Scalar:
+        """The kinetic energy [J] beside v . M v/2 of the motion through the mesh."""
+        s, batch = self.stretching, self.tethers
+        slope = s.along(batch.interpolate(q).r_x)
+        density = 0.5 * batch.repeat_per_element(batch.line_density) * s.rate**2 / s.share * dot(slope, slope)
+        return (v * self.drift(q)).sum() + self.per_tether(density).sum()
+
+    def lagrangian(self, length: PerTether, rate: PerTether, q: Nodal, v: Nodal) -> PerTether:
+        """T - U [J] of every tether, with its remote unit and what is wound up."""
         batch, each = self.tethers, self.tethers.repeat_per_element
-        share = length / self.total
-        fields, rates = batch.interpolate(q), batch.interpolate(v)
-        u = distances(batch)
-        velocity = rates.r + each(rate / share) * u * fields.r_x
-        density = 0.5 * each(batch.line_density * share) * (velocity**2).sum(0)
+        share = length / self.payout.total
+        fields, rates = batch.interpolate_motion(q, v)
+        velocity = rates.r + each(rate / share) * distances(batch) * fields.r_x
+        density = 0.5 * each(batch.line_density * share) * dot(velocity, velocity)
         for energy in self.energies:
             density = density - DeployedEnergy(energy, each(share)).density(fields)
-        inner = batch.of_tethers((batch.weights[:, None] * density).sum(0) * batch.lengths).sum(0)
-        stored = batch.line_density * (self.total - length)
-        tip, root = ((v[0, :, k] ** 2).sum(0) for k in (-1, 0))
-        return inner + 0.5 * batch.tip_mass * tip + 0.5 * stored * root
+        tip, root = (dot(v[0, :, k], v[0, :, k]) for k in (-1, 0))
+        stored = batch.line_density * (self.payout.total - length)
+        return self.per_tether(density) + 0.5 * batch.tip_mass * tip + 0.5 * stored * root
+
+    def dissipation(self, rate: PerTether, q: Nodal, v: Nodal) -> PerTether:
+        """R [W] of every tether at the rates l' [m/s]."""
+        batch, each = self.tethers, self.tethers.repeat_per_element
+        fields, rates = batch.interpolate_motion(q, v)
+        share, relative = each(self.now.length / self.payout.total), each(rate / self.now.length)
+        terms = [DeployedDissipation(term, share, relative) for term in self.dissipations]
+        return self.per_tether(sum(term.density(fields, rates) for term in terms))
+
+    def per_tether(self, density: Float[Array, "point element"]) -> PerTether:
+        """The integral over every tether of a quantity per unit of x."""
+        batch = self.tethers
+        return batch.of_tethers(jnp.tensordot(batch.weights, density, 1) * batch.lengths).sum(0)
+
+    def winch_forces(self, q: Nodal, v: Nodal, vdot: Nodal, pushed: Float[Array, "3 point element"]) -> PerTether:
+        """The force F_w [N] of every winch, which holds the length: Lagrange's equation of l,
+
+            F_w = -(d/dt dT/dl' - d(T - U)/dl) - dR/dl' + Q_l,
+
+        with the virtual work Q_l of loads and fields per unit of l, that of a displacement u r_s of the material.
+        One instant. pushed: their force [N/m] per unit of x."""
+        now = self.now
+
+        def momentum(length, rate, q, v):
+            return jax.grad(lambda rate: self.lagrangian(length, rate, q, v).sum())(rate)
+
+        motion = (now.length, now.rate, q, v), (now.rate, now.acceleration, v, vdot)
+        change = jax.jvp(momentum, *motion)[1]
+        force = jax.grad(lambda length: self.lagrangian(length, now.rate, q, v).sum())(now.length) - change
+        if self.dissipations:
+            force = force - jax.grad(lambda rate: self.dissipation(rate, q, v).sum())(now.rate)
+        s = self.stretching
+        along = s.along(self.tethers.interpolate(q).r_x) / s.share
+        return force + self.per_tether(dot(pushed, along))

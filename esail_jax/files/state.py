@@ -72,7 +72,7 @@ def load_point(file: h5py.File) -> AnyPoint | None:
         hub, ring = (group[name][x][()] if x in group[name] else None for x in ("hub", "ring"))
         return Coordinates(group[f"{name}/tether"][()], hub, ring)
 
-    work = Power(*(group[f"work/{name}"][()] for name in Power._fields))
+    work = Power(**{name: group[f"work/{name}"][()] for name in Power._fields if f"work/{name}" in group})
     point = Point(group["time"][()], coordinates("q"), coordinates("v"), work, group["exact"][()])
     if "orbit" not in group:
         return point

@@ -30,7 +30,7 @@ from esail_jax.terms import Field, find_term
 
 def check_has_modes(scene: Scene) -> None:
     """Raises SceneError, with one line, if the scene has no steady spinning state."""
-    for name in ("chain", "event", "orbit"):
+    for name in ("chain", "event", "orbit", "deployment"):
         if getattr(scene, name) is not None:
             raise SceneError(name, "be left out of a scene whose modes are asked for", "is given")
     for i, term in enumerate(scene.terms):

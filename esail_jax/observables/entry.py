@@ -47,20 +47,26 @@ class Observable:
         return MEANINGS[self.name]
 
 
-def kinetic_energy(system: System, v: Coordinates) -> Scalar:
-    """The kinetic energy T [J] of tethers, remote units, hub and ring ([PGV] Eq. 21, 51)."""
+def kinetic_energy(system: System, v: Coordinates, q: Coordinates | None = None) -> Scalar:
+    """The kinetic energy T [J] of tethers, remote units, hub and ring ([PGV] Eq. 21, 51). q: positions, which
+    matter while tethers are paid out (`System.at`)."""
     momenta = system.member_inertia(v)
     energy = 0.5 * (v.tether * momenta.tether).sum()
     if momenta.ring is not None:
         energy = energy + 0.5 * (v.ring * momenta.ring).sum()
     if system.hub is not None:
         energy = energy + 0.5 * (v.hub * matmul(system.hub.mass_matrix, v.hub)).sum()
+    if system.reels is not None and q is not None:
+        energy = energy + system.reels.energy_of_motion(q.tether, v.tether)
     return energy
 
 
 def elastic_energy(system: System, time: Scalar, q: Coordinates) -> Scalar:
     """The elastic energy U [J] at an instant [s] ([PGV] Eq. 23)."""
     fields = system.tethers.interpolate(q.tether)
+    if system.payout is not None:
+        energies = system.at(time).acting_energies
+        return total_of(system.integrate(term.density(fields)) for term in energies)
     energies = cast(tuple[Energy, ...], system.energies)  # other terms replace them within a step only
     energy = total_of(system.integrate(term.at(time).density(fields)) for term in energies)
     return energy if system.ring is None else energy + system.ring.elastic_energy(q)

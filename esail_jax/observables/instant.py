@@ -20,7 +20,6 @@ from esail_jax.point_fields import PointFields
 from esail_jax.sensors import angular_velocity
 from esail_jax.steppers.consistent import consistent_motion
 from esail_jax.system import Power, System
-from esail_jax.terms import find_term
 
 
 class Shift(eqx.Module):
@@ -105,7 +104,7 @@ class Instant(eqx.Module):
         coordinates: w . p + m w^2/2, with the momentum p of the relative motion, the mass m of the sail,
         and the velocity w of the shift."""
         w = self.shift.velocity
-        return w @ (self.system.momentum(self.v) + 0.5 * self.mass * w)
+        return w @ (self.system.momentum(self.v, self.q) + 0.5 * self.mass * w)
 
     @property
     def shift_power(self) -> Scalar:
@@ -160,8 +159,20 @@ class Instant(eqx.Module):
 
     @property
     def root_reactions(self) -> Float[Array, "3 tether"]:
-        """Forces of the hub on the tethers [N], the root rows of M vdot - Q."""
-        return self.forces.tether[0, :, 0]
+        """Forces of the hub on the tethers [N], the root rows of M vdot - Q. While tethers are paid out, the force
+        of the guide on the deployed part: without the reel and the flux of momentum into the tether."""
+        rows, reels = self.forces.tether[0, :, 0], self.system.reels
+        if reels is None:
+            return rows
+        stored = reels.tethers.line_density * (reels.payout.total - reels.now.length)
+        share = reels.now.length / reels.payout.total
+        flux = reels.tethers.line_density * reels.now.rate**2 * self.root_slopes / share
+        return rows - stored * self.vdot.tether[0, :, 0] - flux
+
+    @property
+    def winch_forces(self) -> Float[Array, " tether"]:
+        """Force F_w [N] of every winch."""
+        return self.system.winch_forces(self.time, self.q, self.v, self.vdot)
 
     @property
     def root_couples(self) -> Float[Array, "3 tether"]:
@@ -245,9 +256,13 @@ def make_instant(
         place = PlaceOnOrbit(*system.kepler_orbit.at(time))
         shift = Shift.between(time, place, system.kepler_orbit, scene_orbit)
         system, origin, velocity = at_place(system, place), place.position, place.velocity
+    system = system.paid_out(time)
     vdot, lam, forces, power = consistent_motion(system, time, q, v, mass)
-    load, thrust = None, find_term(system.with_commanded_loads(time, q, v).loads, CoulombThrust)
-    if thrust is not None:
+    load: VectorPerPoint | None = None
+    commanded = system.with_commanded_loads(time, q, v)
+    place_of = [i for i, x in enumerate(commanded.loads) if isinstance(x, CoulombThrust)]
+    if place_of:
+        thrust = commanded.acting_loads[place_of[0]]
         fields, rates = system.tethers.interpolate(q.tether), system.tethers.interpolate(v.tether)
         load = thrust.force(time, fields, rates)
     start = (work, start_energy, origin)

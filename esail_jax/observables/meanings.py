@@ -68,6 +68,11 @@ FIRST_SENTENCES = {
     "auxiliary_tension": (
         "Mean axial force of a segment of the ring, from a tip to the next one; positive in tension."
     ),
+    "deployed_length": "Length of the tether that is paid out, unstrained.",
+    "payout_rate": "Rate of the deployed length; negative while the tether is reeled in.",
+    "winch_tension": "Size of the force of the guide on the deployed tether.",
+    "winch_power": "Power of the winch; positive when it adds energy to the sail.",
+    "winch_work": "Work of all winches since the start.",
     "temperature": "Temperature of a tether.",
     "voltage": "Voltage that the law commands for a tether, positive for a positively charged tether.",
     "total_momentum_I": "Momentum of tethers, remote units, ring and hub in the frame I.",

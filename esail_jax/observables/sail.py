@@ -66,6 +66,8 @@ def largest_strain(i: Instant) -> Float[Array, " tether"]:
     r_x = jnp.tensordot(shapes, tethers.element_vectors(i.q.tether), 1) / tethers.lengths
     r_x = jnp.moveaxis(r_x, 1, 0)
     axial = find_term(i.system.energies, AbstractAxialEnergy)
+    if i.system.reels is not None:
+        r_x = r_x / i.system.reels.stretching.share
     strain = axial_strain(dot(r_x, r_x), axial.strain)
     return tethers.of_tethers(strain.max(0)).max(0)
 
@@ -136,14 +138,16 @@ def external_work(i: Instant) -> Scalar:
 
 def kinetic(i: Instant) -> Scalar:
     """Kinetic energy [J] of the motion in the frame I."""
-    energy = kinetic_energy(i.system, i.v)
+    energy = kinetic_energy(i.system, i.v, i.q)
     return energy if i.shift is None else energy + i.shift_energy
 
 
 def energy_balance_error(i: Instant) -> Scalar:
     """Error [J] of the energy balance. The energy of a shift of the origin is part of both energy and work;
     it is left out, because it is much larger than the rest."""
-    energy = kinetic_energy(i.system, i.v) + elastic_energy(i.system, i.time, i.q)
+    energy = kinetic_energy(i.system, i.v, i.q) + elastic_energy(i.system, i.time, i.q)
+    if i.work.winch is not None:
+        energy = energy - i.work.winch
     return energy - i.start_energy - relative_work(i) + i.work.dissipated
 
 
@@ -191,7 +195,7 @@ def hub_velocity(i: Instant) -> Vector:
 
 def total_momentum(i: Instant) -> Vector:
     """The momentum of the sail [kg m/s] in the frame I."""
-    momentum = i.system.momentum(i.v)
+    momentum = i.system.momentum(i.v, i.q)
     return momentum if i.shift is None else momentum + i.mass * i.shift.velocity
 
 
@@ -266,6 +270,16 @@ OBSERVABLES = (
     Observable("auxiliary_tension", "N", "T_aux", TETHER, "mean axial force of a segment",
                lambda i: i.system.ring.tension(i.q, i.v), needs="auxiliary_tethers"),
     Observable("temperature", "K", "T_i", TETHER, "`[thermal]`", temperature, needs="thermal"),
+    Observable("deployed_length", "m", "l_i", TETHER, "`[deployment]`", lambda i: i.system.reels.now.length,
+               needs="deployment"),
+    Observable("payout_rate", "m/s", "l'_i", TETHER, "`[deployment]`", lambda i: i.system.reels.now.rate,
+               needs="deployment"),
+    Observable("winch_tension", "N", "|n_0|", TETHER, "force of the guide on the tether",
+               lambda i: jnp.sqrt((i.root_reactions**2).sum(0)), needs="deployment"),
+    Observable("winch_power", "W", "-l' F_w", TETHER, "Lagrange's equation of the length",
+               lambda i: -i.system.reels.now.rate * i.winch_forces, needs="deployment"),
+    Observable("winch_work", "J", "W_w", (), "integral of the sum of -l' F_w", lambda i: i.work.winch,
+               needs="deployment"),
     Observable("voltage", "V", "V_i", TETHER, "voltage law", voltage, needs="solar_wind"),
     Observable("total_momentum_I", "kg m/s", "P", XYZ, "sum of M v, in the frame I", total_momentum,
                needs="hub"),

@@ -11,10 +11,11 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from esail_jax.array_types import Array, Float, PerTether, Rotation, Scalar
+from esail_jax.array_types import Array, Float, Nodal, PerTether, Rotation, Scalar
 from esail_jax.coordinates import Coordinates
 from esail_jax.elements.axial import AxialDissipation, AxialEnergy, TensionOnlyEnergy
 from esail_jax.elements.bending import STRAIGHT_TURN, BendingDissipation, BendingEnergy
+from esail_jax.elements.deployment import AbstractPayout, ExponentialPayout, RateTable
 from esail_jax.elements.hinges import Hinges
 from esail_jax.elements.rigid_body import Body, RigidBody, Spacecraft
 from esail_jax.elements.ring import Ring
@@ -110,7 +111,7 @@ def system_of(structure: Structure, numbers: Numbers) -> System:
     """The system of a sail."""
     start, _ = starting_attitude(numbers)
     hub, acting = hub_of(structure, numbers), terms_of_parts(structure, numbers)
-    tethers = tethers_of(structure, numbers, bool(acting.loads))
+    tethers = tethers_of(structure, numbers, bool(acting.loads) or structure.has("deployment"))
     material = material_terms(structure, numbers)
     acting = material + acting + terms_of_user(structure, numbers, tethers, acting)
     return System(
@@ -121,7 +122,20 @@ def system_of(structure: Structure, numbers: Numbers) -> System:
         ring=ring_of(structure, numbers) if structure.has("auxiliary_tethers") else None,
         kepler_orbit=kepler_orbit_of(numbers),
         parts=structure.parts,
+        payout=payout_of(structure, numbers),
     )
+
+
+def payout_of(structure: Structure, numbers: Numbers) -> AbstractPayout | None:
+    """How the tethers are paid out; None for those of constant length."""
+    if not structure.has("deployment"):
+        return None
+    total, start = numbers["tethers.length"], numbers["deployment.start_length"]
+    if structure["deployment.law"] == "exponential":
+        return ExponentialPayout(total, start, numbers["deployment.growth"])
+    time, rate = numbers["deployment.time"], numbers["deployment.rate"]
+    rate = jnp.broadcast_to(rate if rate.ndim == 2 else rate[:, None], (time.shape[0], total.shape[0]))
+    return RateTable.undivided(total, start, time, rate)
 
 
 def terms_of_parts(structure: Structure, numbers: Numbers) -> Terms:
@@ -266,8 +280,12 @@ def initial_state(
     spin = numbers["initial.spin_rate"]
     if structure["initial.elongation"] == "paper":
         line, unbalanced = printed_line(numbers, system.tethers, radius), jnp.zeros_like(places.azimuth)
-    else:
+    elif system.payout is None:
         line, unbalanced = steady_line(system.tethers, system.energies, radius, spin, coning)
+    else:
+        line, unbalanced = steady_line(deployed_part(numbers, system), system.energies, radius, spin, coning)
+        share = system.payout.at(jnp.zeros(())).length / system.payout.total
+        line = line.at[1:].multiply(share)  # slopes by x in place of s
     x_axis = jnp.array([[1.0], [0.0], [0.0]])
     direction = jnp.cos(coning) * outward + jnp.sin(coning) * x_axis
     body = along(line, direction)
@@ -293,7 +311,31 @@ def initial_state(
     ring_velocity = None if ring is None else turned(ring, 0)
     q, v = Coordinates(tether, hub, ring), Coordinates(turned(tether, 1), hub_velocity, ring_velocity)
     zero = jnp.zeros(())
+    if system.payout is not None:
+        v = v._replace(tether=v.tether + rate_of_payout(system, q.tether))
     return system.place_roots(zero, q), system.place_roots(zero, v, derivative=1), unbalanced
+
+
+def deployed_part(numbers: Numbers, system: System) -> TetherBatch:
+    """The tethers that are deployed at the start, as tethers of this length."""
+    batch = system.tethers
+    return TetherBatch(
+        element_length=numbers["deployment.start_length"] / batch.elements,
+        line_density=batch.line_density,
+        tip_mass=batch.tip_mass,
+        elements=batch.elements,
+        kind=batch.kind,
+        fields_used=batch.fields_used,
+    )
+
+
+def rate_of_payout(system: System, tether: Nodal) -> Nodal:
+    """The rates of the nodes of a straight tether whose material has the velocity l' r_s beside that of the hub:
+    l' xi r_s of positions, and c r_x of slopes."""
+    now = system.payout.at(jnp.zeros(()))
+    relative = now.rate / now.length
+    along = tether[0] - tether[0, :, :1]
+    return jnp.concatenate([(relative * along)[None], relative * tether[1:]])
 
 
 def printed_line(numbers: Numbers, tethers: TetherBatch, radius: Array) -> Line:

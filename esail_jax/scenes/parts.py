@@ -12,7 +12,7 @@ import operator
 from collections.abc import Callable, Container
 from typing import Any
 
-from esail_jax.scenes import chain, hub, integration, plasma, start_and_place, tethers, voltage
+from esail_jax.scenes import chain, deployment, hub, integration, plasma, start_and_place, tethers, voltage
 from esail_jax.scenes.rules import count_of
 
 SAIL, CHAIN = "sail", "chain"
@@ -90,6 +90,7 @@ PARTS = (
         switches=("on", "off"),
         terms=f"{BUILD}:tip_thrust",
     ),
+    Part("deployment", deployment.Deployment, (SAIL,), check=deployment.check_deployment, switches=("time",)),
     Part("thermal", tethers.Thermal, (SAIL,), check=tethers.check_thermal, switches=("time",)),
     Part("gravity", start_and_place.Gravity, (SAIL, CHAIN), terms=f"{BUILD}:gravity"),
     Part(

@@ -147,7 +147,7 @@ def start(
         model, q, v, unbalanced = built.system, built.q, built.v, built.unbalanced
         if stepper is None:
             stepper = stepper_of(structure, numbers, model, None)
-        first = Point(zero, q, v, nothing, jnp.asarray(True))
+        first = Point(zero, q, v, model.no_power, jnp.asarray(True))
         if isinstance(model.kepler_orbit, KeplerOrbit):
             scene_orbit = orbit = model.kepler_orbit
         if point is not None:
@@ -157,15 +157,17 @@ def start(
             model = model.with_events_until(point.time)
             q, v = project(model, point.time, point.q, point.v)
             first = point._replace(q=q, v=v)
-        energy = observables.kinetic_energy(model, v) + observables.elastic_energy(model, first.time, q)
+        energy = observables.kinetic_energy(model.at(first.time), v, q) + observables.elastic_energy(model, first.time, q)
         thermal = observables.thermal_energy(model, first.time, q)
         if thermal is not None and point is None:
-            first = first._replace(work=Power(-thermal, zero))
+            first = first._replace(work=model.no_power._replace(external=-thermal))
         elif thermal is not None:
             energy = energy - thermal
         inertia, floor = inertia_of(model), None
     if point is not None:
         energy = energy - point.work.external + point.work.dissipated
+        if point.work.winch is not None:
+            energy = energy - point.work.winch
     problem = Problem(model, stepper, origin, energy, inertia, floor, scene_orbit)
     carried = Carried(None, orbit)
     if not structure.has("chain") and isinstance(model, System) and sampled_load(model) is not None:

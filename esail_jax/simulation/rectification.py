@@ -56,7 +56,8 @@ def rectified(system: System, point: Point, orbit: KeplerOrbit) -> tuple[Point, 
     position, velocity = system.hub.centre(point.q.hub), system.hub.centre(point.v.hub)
     q = point.q.axpy(-1.0, system.uniform(position))
     v = point.v.axpy(-1.0, system.uniform(velocity))
-    lost = kinetic_energy(system, point.v) - kinetic_energy(system, v)
+    now = system.paid_out(point.time)
+    lost = kinetic_energy(now, point.v, q) - kinetic_energy(now, v, q)
     work = point.work._replace(external=point.work.external - lost)
     place, motion = orbit.at(point.time)
     moved = (

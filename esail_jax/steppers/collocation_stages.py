@@ -257,11 +257,14 @@ def work_of_step(h: Scalar, first: Power, power: Power) -> Power:
 # ---- sizes --------------------------------------------------------------------------------------
 
 
-def lengths(system: System) -> Float[Array, "2"]:
-    """The scales of errors [m]: the length of the shortest tether, and HUB_SHARE times the hub's
-    radius."""
+def lengths(system: System, time: Scalar) -> Float[Array, "2"]:
+    """The scales of errors [m] at an instant: the length of the shortest tether, of what is deployed of it, and
+    HUB_SHARE times the hub's radius."""
     tethers = system.tethers
-    total = jnp.broadcast_to(tethers.element_length, (tethers.elements, tethers.count)).sum(0).min()
+    if system.payout is None:
+        total = jnp.broadcast_to(tethers.element_length, (tethers.elements, tethers.count)).sum(0).min()
+    else:
+        total = system.payout.at(time).length.min()
     hub = total if system.hub is None else HUB_SHARE * system.hub.radius
     return lax.stop_gradient(jnp.stack([total, hub]))
 

@@ -15,7 +15,6 @@ import jax.numpy as jnp
 from esail_jax import iteration_matrix
 from esail_jax.array_types import Scalar
 from esail_jax.coordinates import Coordinates, Multipliers
-from esail_jax.environment.kepler_orbit import at_place
 from esail_jax.iteration_matrix import FactoredMass
 from esail_jax.numerics import structured
 from esail_jax.system import Power, System
@@ -40,7 +39,7 @@ def consistent_motion(
 ) -> ConsistentMotion:
     """accelerations, multipliers, forces and powers of the state (q, v), which must satisfy the
     constraints and their rates. mass: the factored mass matrix at q, if it is known."""
-    system = at_place(system, system.place(time))
+    system = system.at(time)
     rest = jax.tree.map(jnp.zeros_like, q)
     if system.hub is None:
         rest = system.place_roots(time, rest, derivative=2)
@@ -54,7 +53,10 @@ def consistent_motion(
     vdot, lam = iteration_matrix.from_vector(system, structured.solve(matrix, factors, rhs))
     moving = loads.axpy(1.0, system.member_inertia(vdot))
     residual, power = system.complete_residual(time, q, v, moving, lam, power)
-    return ConsistentMotion(jax.tree.map(jnp.add, rest, vdot), lam, residual.forces, power)
+    vdot = jax.tree.map(jnp.add, rest, vdot)
+    if system.reels is not None:
+        power = power._replace(winch=system.winch_power(time, q, v, vdot))
+    return ConsistentMotion(vdot, lam, residual.forces, power)
 
 
 def consistent_acceleration(

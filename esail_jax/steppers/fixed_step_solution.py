@@ -81,7 +81,7 @@ def solve_step(
     zero, none = jnp.zeros(()), jnp.zeros((), int)
     infinite = jnp.full(2, jnp.inf)
     start = IterationInfo(none, infinite, infinite, rate, stepper.tolerances(system, q0), zero, zero, none)
-    return lax.while_loop(unfinished, iterate, (guess, Power(zero, zero), start))
+    return lax.while_loop(unfinished, iterate, (guess, system.no_power, start))
 
 
 @functools.partial(solve_step.defjvp, symbolic_zeros=True)

@@ -24,11 +24,9 @@ from jax import lax
 
 from esail_jax.array_types import Array, Bool, Float, PerTether, Scalar
 from esail_jax.coordinates import Coordinates
-from esail_jax.elements.axial import AbstractAxialEnergy
 from esail_jax.numerics.vectors import dot, norm
 from esail_jax.point_fields import PointFields
 from esail_jax.system import System
-from esail_jax.terms import find_term
 
 Signal = Float[Array, "3 time tether"]
 
@@ -142,8 +140,8 @@ def root_forces(
 ) -> Signal:
     """The elastic force [N] on the section at the root, in the hub's axes; 0 if released."""
     tethers = system.tethers
-    axial = find_term(system.energies, AbstractAxialEnergy)
-    axial = jax.tree.map(lambda x: x[..., : tethers.count] if x.ndim else x, axial.at(times[:, None]))
+    axial = system.axial_energy(times)
+    axial = jax.tree.map(lambda x: x[..., : tethers.count] if x.ndim else x, axial)
     fields = PointFields(None, jnp.moveaxis(slopes, 0, 1))
     force = axial.point_forces(times[0], fields, fields).r_x
     released = None if system.roots is None else system.roots.releases.released
@@ -162,10 +160,10 @@ def growth_rates(
 ) -> Float[Array, " tether"]:
     """sigma [1/s] of each tether, the maximum over its elements, from the mean axial force of a
     block."""
-    tethers, axial = system.tethers, find_term(system.energies, AbstractAxialEnergy)
+    tethers = system.tethers
     some = nodal[TENSION_STRIDE - 1 :: TENSION_STRIDE]
     fields = tethers.interpolate(jnp.moveaxis(some, 0, 2))
-    axial = axial.at(times[TENSION_STRIDE - 1 :: TENSION_STRIDE, None])
+    axial = system.axial_energy(times[TENSION_STRIDE - 1 :: TENSION_STRIDE])
     force = axial.point_forces(jnp.zeros(()), fields, fields).r_x
     tension = jnp.tensordot(tethers.weights, dot(force, fields.r_x) / norm(fields.r_x), 1)
     # Only steps that were taken count; a block of less than TENSION_STRIDE steps counts as slack.

@@ -29,7 +29,7 @@ class Transposable(System):
     def tether_forces(self, time: Instants, q: Nodal, v: Nodal, inertial: Nodal) -> tuple[Nodal, Power]:
         commands = tuple(load.command if needs_command(load) else None for load in self.loads)
         none = jnp.zeros(q.shape[2:-2])
-        return transposable_forces(self, commands, time, q, v, inertial), Power(none, none)
+        return transposable_forces(self, commands, time, q, v, inertial), Power(none, none, None if self.payout is None else none)
 
 
 Commands = tuple[Array | None, ...]
@@ -54,7 +54,8 @@ def _forces_and_fields(system, commands, time, q, v, inertial):
 def _forces_pulled_back(at, nodal):
     system, commands, *at = at
     w = system.tethers.interpolate(nodal)
-    parts = [term.pull_back(*at, w) for term in (*system.inner_terms, *system.loads)]
+    loads = system.acting_loads
+    parts = [term.pull_back(*at, w) for term in (*system.inner_terms, *loads)]
     by_fields, by_rates = (add_fields(list(x)) for x in zip(*parts, strict=True))
 
     def by_command(load, command):
@@ -64,7 +65,7 @@ def _forces_pulled_back(at, nodal):
 
         return None if command is None else jax.grad(virtual_power)(command)
 
-    by_commands = tuple(by_command(*pair) for pair in zip(system.loads, commands, strict=True))
+    by_commands = tuple(by_command(*pair) for pair in zip(loads, commands, strict=True))
     by_q, by_v = (system.tethers.nodal_forces(x) if any_of(x) else None for x in (by_fields, by_rates))
     return None, by_commands, None, by_q, by_v, system.tethers.inertia(nodal)
 

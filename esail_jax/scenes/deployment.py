@@ -1,0 +1,154 @@
+"""The table [deployment]: tethers that are paid out from reels at their roots, and its checks."""
+
+from typing import Any, Literal
+
+import numpy as np
+
+from esail_jax.scenes import rules
+from esail_jax.scenes.declarations import declare, per_member, table
+from esail_jax.scenes.own_terms import AbsentTerms, kind_of
+from esail_jax.scenes.rules import (
+    History,
+    PerMember,
+    SceneError,
+    Series,
+    Shape,
+    any_number,
+    choice,
+    increasing,
+    positive,
+)
+
+PayoutName = Literal["table", "exponential"]
+
+LEAST_SHARE = 1.0 / 200.0
+"""Least length that is deployed at the start, over that of the tether: frequencies along a tether grow as its
+length falls, rates of damping as the square."""
+
+
+@table
+class Deployment:
+    """Tethers are paid out from reels at their roots, or reeled in; `tethers.length` is the length in all. Law
+    table: the rate is linear between instants, and constant before the first and after the last. Law exponential:
+    the length is start_length exp(growth t)."""
+
+    start_length: PerMember = per_member(positive, unit="m", doc="Length that is deployed at t = 0.")
+    law: PayoutName = declare(
+        choice(PayoutName), unit="-", doc="How the length follows from time.", default="table"
+    )
+    time: Series | None = declare(
+        increasing, shape=Shape.SERIES, unit="s", doc="Law table: instants of the rows of `rate`.", default=None
+    )
+    rate: History | None = declare(
+        any_number,
+        shape=Shape.HISTORY,
+        unit="m/s",
+        doc="Law table: rate of payout, one row per instant, a number or one per tether; negative: reeled in.",
+        default=None,
+    )
+    growth: PerMember | None = per_member(
+        any_number, unit="1/s", doc="Law exponential: growth of the length, over the length.", default=None
+    )
+
+
+LAWS: dict[PayoutName, tuple[str, ...]] = {"table": ("time", "rate"), "exponential": ("growth",)}
+"""Keys of every law."""
+
+
+def check_deployment(scene: Any) -> None:
+    """Checks that the law has its keys, that the lengths stay within those of the tethers, and that the scene has
+    no part that does not go with tethers that are paid out. Raises SceneError."""
+    deployment = scene.deployment
+    for law, names in LAWS.items():
+        for name in names:
+            given = getattr(deployment, name) is not None
+            if law == deployment.law and not given:
+                raise SceneError(f"deployment.{name}", f"be given with the law {law}", "is missing")
+            if law != deployment.law and given:
+                raise SceneError(f"deployment.{name}", f"be left out with the law {deployment.law}", "is given")
+    check_parts(scene)
+    if deployment.law == "table":
+        if rules.known(deployment.time) is None:
+            got = "is traced: its derivative is not known"
+            raise SceneError("deployment.time", "be plain numbers", got)
+        check_rates(deployment, scene.members)
+    check_lengths(scene)
+
+
+def check_parts(scene: Any) -> None:
+    """Refuses what is not computed while tethers are paid out. Raises SceneError."""
+    without = "be left out with [deployment]"
+    for name in ("auxiliary_tethers", "event", "thermal"):
+        if getattr(scene, name) is not None:
+            raise SceneError(name, without, "is given")
+    if scene.tethers.root == "clamped":
+        raise SceneError("tethers.root", 'be "pinned" with [deployment]', 'is "clamped"')
+    if scene.tethers.bending_damping_time is not None:
+        raise SceneError("tethers.bending_damping_time", without, "is given")
+    if scene.initial.elongation == "paper":
+        raise SceneError("initial.elongation", 'be "steady" with [deployment]', 'is "paper"')
+    if scene.integrator.method == "energy-momentum":
+        must = "be one of the others with [deployment]"
+        raise SceneError("integrator.method", must, 'is "energy-momentum"')
+    if not isinstance(scene.terms, AbsentTerms):
+        for i, term in enumerate(scene.terms):
+            if kind_of(term) == "Field":
+                got = f"{type(term).__name__} is one"
+                raise SceneError(f"terms[{i}]", "be no Field with [deployment]", got)
+
+
+def check_rates(deployment: Deployment, members: rules.Members) -> None:
+    """Checks that there is a row of rates per instant. Raises SceneError."""
+    if np.ndim(deployment.time) == 0:
+        raise SceneError("deployment.time", "be a list of instants", rules.describe(deployment.time))
+    count, shape = np.shape(deployment.time)[0], np.shape(deployment.rate)
+    if not shape or shape[0] != count:
+        must = f"have as many rows as `deployment.time` has instants ({count})"
+        has = f"has {shape[0]} rows" if shape else rules.describe(deployment.rate)
+        raise SceneError("deployment.rate", must, has)
+    if len(shape) == 2 and shape[1] != members.count:
+        must = f"have rows of {members.count} (`{members.key}`)"
+        raise SceneError("deployment.rate", must, f"has rows of {shape[1]}")
+
+
+def check_lengths(scene: Any) -> None:
+    """Checks that what is deployed is a part of every tether for all of the run. Numbers that are traced have no
+    value to check. Raises SceneError."""
+    deployment, count = scene.deployment, scene.tethers.count
+    names = ("start_length", "time", "rate", "growth")
+    given = {name: getattr(deployment, name) for name in names if getattr(deployment, name) is not None}
+    known = {name: rules.known(x) for name, x in given.items()} | {"L": rules.known(scene.tethers.length)}
+    if any(x is None for x in known.values()):
+        return
+    total, start = (np.broadcast_to(known[name], (count,)) for name in ("L", "start_length"))
+    for i in range(count):
+        if start[i] > total[i] or start[i] < LEAST_SHARE * total[i]:
+            must = f"be between a two-hundredth of `tethers.length` and all of it, {total[i]:g}"
+            raise SceneError("deployment.start_length", must, f"is {start[i]:g} for tether {i + 1}")
+    key = "deployment.rate" if deployment.law == "table" else "deployment.growth"
+    instants, lengths = lengths_of(known, start, scene.integrator.t_end)
+    good = (lengths > 0.0) & (lengths <= total * (1.0 + 1e-9))
+    if not good.all():
+        row, tether = np.argwhere(~good)[0]
+        must = f"leave tether {tether + 1} a length between 0 and {total[tether]:g} m in all of the run"
+        raise SceneError(key, must, f"it is {lengths[row, tether]:g} m at {instants[row]:g} s")
+
+
+def lengths_of(known: dict[str, Any], start: np.ndarray, end: float) -> tuple[np.ndarray, np.ndarray]:
+    """Instants [s], and the lengths [m] there, (instant, tether): those at which a length is greatest or least are
+    among them."""
+    if "growth" in known:
+        instants = np.array([0.0, end])
+        return instants, start * np.exp(np.broadcast_to(known["growth"], start.shape) * instants[:, None])
+    times, rates = known["time"], known["rate"]
+    rates = np.broadcast_to(rates if rates.ndim == 2 else rates[:, None], (len(times), len(start)))
+    turns = []
+    for k in range(len(times) - 1):
+        for before, after in zip(rates[k], rates[k + 1], strict=True):
+            if before * after < 0.0:
+                turns.append(times[k] + (times[k + 1] - times[k]) * before / (before - after))
+    instants = np.unique([0.0, end, *(t for t in (*times, *turns) if 0.0 < t < end)])
+    at = np.stack([np.interp(instants, times, rate) for rate in rates.T], axis=1)
+    # The rate is linear between these instants: the trapezoidal rule is exact.
+    steps = 0.5 * (at[1:] + at[:-1]) * np.diff(instants)[:, None]
+    return instants, start + np.concatenate([np.zeros((1, len(start))), np.cumsum(steps, axis=0)])
