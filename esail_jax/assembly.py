@@ -27,9 +27,8 @@ class Assembly(eqx.Module):
     accelerations of everything that has mass. ring: auxiliary tethers between the tips. tip_loads: forces
     on the remote units. hub_loads: forces and torques on the hub. kepler_orbit: path about the Sun of the
     origin of the coordinates, whose axes do not turn. Absent parts are None, or empty. parts: names of the
-    tables and keys of the scene, on which depends what is observed. payout: how tethers are paid out; reels: those
-    of an instant, of a system at this instant (`System.at`).
-    """
+    tables and keys of the scene, on which depends what is observed. payout: how tethers are paid out;
+    reels: those of an instant, of a system at this instant (`System.at`)."""
 
     tethers: TetherBatch
     roots: Maybe[HubRoots | FrameRoots]
@@ -83,8 +82,8 @@ class Assembly(eqx.Module):
     # ---- inertia ----------------------------------------------------------------------------
 
     def momenta(self, v: Coordinates, q: Coordinates | None = None) -> Coordinates:
-        """Momenta M v [kg m/s] conjugate to the coordinates. q: positions, which matter while tethers are paid
-        out (`System.at`): their material moves through the mesh; without them v is any field."""
+        """Momenta M v [kg m/s] conjugate to the coordinates. q: positions, which matter while tethers are
+        paid out (`System.at`): their material moves through the mesh; without them v is any field."""
         hub = None if self.hub is None else matmul(self.hub.mass_matrix, v.hub)
         momenta = self.member_inertia(v)._replace(hub=hub)
         if self.reels is None or q is None:

@@ -126,8 +126,8 @@ class Inertia(NamedTuple):
 
 
 def inertia_of(system: System) -> Inertia | None:
-    """Computes the state-independent part of the factorisation of `mass`; None with a ring, and while tethers are
-    paid out."""
+    """Computes the state-independent part of the factorisation of `mass`; None with a ring, and while
+    tethers are paid out."""
     if system.ring is not None or system.payout is not None:
         return None
     elements, masses = mass_elements(system.tethers), system.tethers.point_masses()

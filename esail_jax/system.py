@@ -8,7 +8,7 @@ program.
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import equinox as eqx
 import jax
@@ -84,8 +84,8 @@ class System(Assembly):
     """The equations of motion of an assembly: its forces, power and residual."""
 
     def at(self, time: Instants) -> "System":
-        """The system at one or several instants [s]: on its orbit, and with its tethers paid out. A system at
-        an instant stays as it is."""
+        """The system at one or several instants [s]: on its orbit, and with its tethers paid out. A system
+        at an instant stays as it is."""
         system = at_place(self, self.place(time))
         if system.payout is None or system.reels is not None:
             return system
@@ -96,8 +96,8 @@ class System(Assembly):
         if self.payout is None or self.reels is not None:
             return self
         now = self.payout.at(time)
-        inner = (tuple(term.at(time) for term in part) for part in (self.energies, self.dissipations))
-        reels = Reels(self.payout, now, self.tethers, *inner)
+        energies = cast(tuple[Energy, ...], self.energies)  # other terms replace them within a step only
+        reels = Reels(self.payout, now, self.tethers, energies, self.dissipations)
         return dataclasses.replace(
             self, tethers=deployed_tethers(self.tethers, self.payout, now), reels=reels
         )
@@ -109,8 +109,8 @@ class System(Assembly):
         return Power(zero, zero, None if self.payout is None else zero)
 
     def in_segment(self, start: Scalar | np.ndarray, until: Scalar | np.ndarray) -> "System":
-        """The system between two switch times [s]: temperatures and rates of payout go on beyond them without
-        a kink."""
+        """The system between two switch times [s]: temperatures and rates of payout go on beyond them
+        without a kink."""
         if self.payout is not None:
             return dataclasses.replace(self, payout=self.payout.in_segment(start, until))
         if not any(isinstance(term, ThermalEnergy) for term in self.energies):
@@ -151,8 +151,8 @@ class System(Assembly):
 
     @property
     def inner_terms(self) -> tuple[Term, ...]:
-        """Energies and dissipations, those that are functions of the invariants as one summed term; and what
-        moves material through the mesh while tethers are paid out."""
+        """Energies and dissipations, those that are functions of the invariants as one summed term; and
+        what moves material through the mesh while tethers are paid out."""
         terms = inner_terms_of(self.acting_energies, self.acting_dissipations)
         if self.reels is None:
             return terms

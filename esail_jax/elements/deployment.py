@@ -1,10 +1,10 @@
 """Tethers that are paid out and reeled in: their length as a function of time, and what follows from it.
 
-Of the length L of a tether the part l(t) is deployed. The rest is wound up on a reel at the root: a point mass
-rho (L - l) there. xi in [0, 1] runs from root to tip, and elements share it equally, so that **mesh points move
-through the material**: the material point at xi keeps its distance (1 - xi) l from the tip. With
-lambda = l/L, u = 1 - xi, and slopes by x = xi L, which does not change with time, the strain is that of
-r_s = r_x/lambda, and a material point has the velocity
+Of the length L of a tether the part l(t) is deployed. The rest is wound up on a reel at the root: a point
+mass rho (L - l) there. xi in [0, 1] runs from root to tip, and elements share it equally, so that **mesh
+points move through the material**: the material point at xi keeps its distance (1 - xi) l from the tip.
+With lambda = l/L, u = 1 - xi, and slopes by x = xi L, which does not change with time, the strain is that
+of r_s = r_x/lambda, and a material point has the velocity
 
     V = v + l' u r_s,
 
@@ -17,9 +17,8 @@ stored material are, per unit of x, with c = l'/l and forces conjugate to (r, r_
     damping       that of lambda R with the rate of r_s, (v_x - c r_x)/lambda
     loads         -lambda f(r, r_s, V)
 
-The boundary term of the weak form is the flux of momentum at the guide, so that no flux term remains. Material on
-the drum is unstrained, and leaves it without a loss.
-"""
+The boundary term of the weak form is the flux of momentum at the guide, so that no flux term remains.
+Material on the drum is unstrained, and leaves it without a loss."""
 
 from abc import abstractmethod
 from typing import ClassVar, NamedTuple
@@ -44,7 +43,7 @@ from esail_jax.array_types import (
 from esail_jax.elements.tether import TetherBatch
 from esail_jax.measurements import Measurements
 from esail_jax.numerics.quadrature import gauss_legendre
-from esail_jax.numerics.vectors import dot
+from esail_jax.numerics.vectors import dot, total_of
 from esail_jax.point_fields import Invariants, PointFields
 from esail_jax.terms import ControlledLoad, Dissipation, Energy, Load, Term
 
@@ -96,9 +95,9 @@ class ExponentialPayout(AbstractPayout):
 class RateTable(AbstractPayout):
     """A rate that is linear between instants, and constant before the first and after the last.
 
-    start: length l_0 [m] at t = 0. time: increasing instants t_k [s]. rate: l' [m/s], (instant, tether). l''
-    jumps at an instant: a run is divided there, and in a segment the rate is the straight line of that segment
-    (`environment/temperature.py` does the same).
+    start: length l_0 [m] at t = 0. time: increasing instants t_k [s]. rate: l' [m/s], (instant, tether).
+    l'' jumps at an instant: a run is divided there, and in a segment the rate is the straight line of that
+    segment (`environment/temperature.py` does the same).
 
     begin, until: ends [s] of the segment; infinite ones for a table that is not divided.
     """
@@ -112,7 +111,11 @@ class RateTable(AbstractPayout):
 
     @classmethod
     def undivided(
-        cls, total: PerTether, start: PerTether, time: Float[Array, " instant"], rate: Float[Array, "instant tether"]
+        cls,
+        total: PerTether,
+        start: PerTether,
+        time: Float[Array, " instant"],
+        rate: Float[Array, "instant tether"],
     ) -> "RateTable":
         """The table of a run that has no segments yet."""
         ends = (jnp.full((), x, float) for x in (-jnp.inf, jnp.inf))
@@ -122,12 +125,14 @@ class RateTable(AbstractPayout):
         return eqx.tree_at(lambda table: (table.begin, table.until), self, (start, until))
 
     def piece(self, time: Instants) -> Int[Array, "..."]:
-        """The number of the straight line at each instant: 0 before the first knot, never one outside of the
-        segment."""
+        """The number of the straight line at each instant: 0 before the first knot, never one outside of
+        the segment."""
         first, last = (self.time <= self.begin).sum(), (self.time < self.until).sum()
         return jnp.clip((self.time <= time[..., None]).sum(-1), first, last)
 
-    def paid_out(self, time: Instants, piece: Int[Array, "..."]) -> tuple[PerInstant, PerInstant, PerInstant]:
+    def paid_out(
+        self, time: Instants, piece: Int[Array, "..."]
+    ) -> tuple[PerInstant, PerInstant, PerInstant]:
         """The length paid out since the first knot, its rate and its acceleration, on a straight line."""
         count = self.time.shape[0]
         steps = jnp.diff(self.time)[:, None]
@@ -187,13 +192,19 @@ class Stretching(NamedTuple):
     @classmethod
     def of(cls, tethers: TetherBatch, payout: AbstractPayout, now: Deployed) -> "Stretching":
         """Those of an instant."""
-        numbers = (now.length / payout.total, now.rate, now.rate / now.length, now.acceleration)
-        return cls(*map(tethers.repeat_per_element, numbers), distances(tethers))
+        each = tethers.repeat_per_element
+        return cls(
+            share=each(now.length / payout.total),
+            rate=each(now.rate),
+            relative_rate=each(now.rate / now.length),
+            acceleration=each(now.acceleration),
+            distance=distances(tethers),
+        )
 
     def along(self, field: VectorPerPoint) -> VectorPerPoint:
         """u times a field."""
         u = self.distance.reshape(self.distance.shape[0], *(1,) * (field.ndim - 3), -1)
-        return u * field
+        return jnp.asarray(u) * field
 
 
 def distances(tethers: TetherBatch) -> Float[np.ndarray, "point element"]:
@@ -229,8 +240,8 @@ class DeployedEnergy(Energy):
 
 
 class DeployedDissipation(Dissipation):
-    """The dissipation lambda R per unit of x, with the rate of the strain of r_s in which mesh points do not
-    move: without the term -c r_x a taut tether that is paid out would have a false stress."""
+    """The dissipation lambda R per unit of x, with the rate of the strain of r_s in which mesh points do
+    not move: without the term -c r_x a taut tether that is paid out would have a false stress."""
 
     inner: Dissipation
     share: PerElement
@@ -323,15 +334,17 @@ class Convection(Term):
 
 def deployed_load(load: Load, stretching: Stretching) -> DeployedLoad:
     """The load on the deployed part."""
-    kind = DeployedControlledLoad if isinstance(load, ControlledLoad) else DeployedLoad
-    return kind(load, stretching)
+    if isinstance(load, ControlledLoad):
+        return DeployedControlledLoad(load, stretching)
+    return DeployedLoad(load, stretching)
 
 
 class Reels(eqx.Module):
-    """The reels of a sail at one or several instants: what they pay out, and the tethers at their full length.
+    """The reels of a sail at one or several instants: what they pay out, and the tethers at their full
+    length.
 
-    payout: the lengths as functions of time; now: those of the instant; tethers, energies, dissipations: as they
-    are per undeformed length."""
+    payout: the lengths as functions of time; now: those of the instant; tethers, energies, dissipations: as
+    they are per undeformed length."""
 
     payout: AbstractPayout
     now: Deployed
@@ -350,17 +363,26 @@ class Reels(eqx.Module):
         return rates.r + s.rate / s.share * s.along(fields.r_x)
 
     def drift(self, q: Nodal) -> Nodal:
-        """The momenta of the motion through the mesh, conjugate to the coordinates: those of rho l' u r_x."""
+        """The momenta of the motion through the mesh, conjugate to the coordinates: those of rho l' u
+        r_x."""
         s = self.stretching
         density = self.tethers.repeat_per_element(self.tethers.line_density)
         fields = self.tethers.interpolate(q)
         return self.tethers.nodal_forces(PointFields(density * s.rate * s.along(fields.r_x), None))
 
+    def elastic_energy(self, q: Nodal) -> Scalar:
+        """U [J] of the deployed part."""
+        fields, share = self.tethers.interpolate(q), self.stretching.share
+        terms = [DeployedEnergy(term, share) for term in self.energies]
+        return self.per_tether(total_of(term.density(fields) for term in terms)).sum()
+
     def energy_of_motion(self, q: Nodal, v: Nodal) -> Scalar:
         """The kinetic energy [J] beside v . M v/2 of the motion through the mesh."""
         s, batch = self.stretching, self.tethers
         slope = s.along(batch.interpolate(q).r_x)
-        density = 0.5 * batch.repeat_per_element(batch.line_density) * s.rate**2 / s.share * dot(slope, slope)
+        density = (
+            0.5 * batch.repeat_per_element(batch.line_density) * s.rate**2 / s.share * dot(slope, slope)
+        )
         return (v * self.drift(q)).sum() + self.per_tether(density).sum()
 
     def lagrangian(self, length: PerTether, rate: PerTether, q: Nodal, v: Nodal) -> PerTether:
@@ -382,20 +404,22 @@ class Reels(eqx.Module):
         fields, rates = batch.interpolate_motion(q, v)
         share, relative = each(self.now.length / self.payout.total), each(rate / self.now.length)
         terms = [DeployedDissipation(term, share, relative) for term in self.dissipations]
-        return self.per_tether(sum(term.density(fields, rates) for term in terms))
+        return self.per_tether(total_of(term.density(fields, rates) for term in terms))
 
     def per_tether(self, density: Float[Array, "point element"]) -> PerTether:
         """The integral over every tether of a quantity per unit of x."""
         batch = self.tethers
         return batch.of_tethers(jnp.tensordot(batch.weights, density, 1) * batch.lengths).sum(0)
 
-    def winch_forces(self, q: Nodal, v: Nodal, vdot: Nodal, pushed: Float[Array, "3 point element"]) -> PerTether:
+    def winch_forces(
+        self, q: Nodal, v: Nodal, vdot: Nodal, pushed: Float[Array, "3 point element"]
+    ) -> PerTether:
         """The force F_w [N] of every winch, which holds the length: Lagrange's equation of l,
 
             F_w = -(d/dt dT/dl' - d(T - U)/dl) - dR/dl' + Q_l,
 
-        with the virtual work Q_l of loads and fields per unit of l, that of a displacement u r_s of the material.
-        One instant. pushed: their force [N/m] per unit of x."""
+        with the virtual work Q_l of loads and fields per unit of l, that of a displacement u r_s of the
+        material. One instant. pushed: their force [N/m] per unit of x."""
         now = self.now
 
         def momentum(length, rate, q, v):

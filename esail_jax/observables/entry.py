@@ -48,8 +48,8 @@ class Observable:
 
 
 def kinetic_energy(system: System, v: Coordinates, q: Coordinates | None = None) -> Scalar:
-    """The kinetic energy T [J] of tethers, remote units, hub and ring ([PGV] Eq. 21, 51). q: positions, which
-    matter while tethers are paid out (`System.at`)."""
+    """The kinetic energy T [J] of tethers, remote units, hub and ring ([PGV] Eq. 21, 51). q: positions,
+    which matter while tethers are paid out (`System.at`)."""
     momenta = system.member_inertia(v)
     energy = 0.5 * (v.tether * momenta.tether).sum()
     if momenta.ring is not None:
@@ -65,8 +65,7 @@ def elastic_energy(system: System, time: Scalar, q: Coordinates) -> Scalar:
     """The elastic energy U [J] at an instant [s] ([PGV] Eq. 23)."""
     fields = system.tethers.interpolate(q.tether)
     if system.payout is not None:
-        energies = system.at(time).acting_energies
-        return total_of(system.integrate(term.density(fields)) for term in energies)
+        return system.at(time).reels.elastic_energy(q.tether)
     energies = cast(tuple[Energy, ...], system.energies)  # other terms replace them within a step only
     energy = total_of(system.integrate(term.at(time).density(fields)) for term in energies)
     return energy if system.ring is None else energy + system.ring.elastic_energy(q)

@@ -159,8 +159,9 @@ class Instant(eqx.Module):
 
     @property
     def root_reactions(self) -> Float[Array, "3 tether"]:
-        """Forces of the hub on the tethers [N], the root rows of M vdot - Q. While tethers are paid out, the force
-        of the guide on the deployed part: without the reel and the flux of momentum into the tether."""
+        """Forces of the hub on the tethers [N], the root rows of M vdot - Q. While tethers are paid out,
+        the force of the guide on the deployed part: without the reel and the flux of momentum into the
+        tether."""
         rows, reels = self.forces.tether[0, :, 0], self.system.reels
         if reels is None:
             return rows

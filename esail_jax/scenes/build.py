@@ -283,7 +283,9 @@ def initial_state(
     elif system.payout is None:
         line, unbalanced = steady_line(system.tethers, system.energies, radius, spin, coning)
     else:
-        line, unbalanced = steady_line(deployed_part(numbers, system), system.energies, radius, spin, coning)
+        line, unbalanced = steady_line(
+            deployed_part(numbers, system), system.energies, radius, spin, coning
+        )
         share = system.payout.at(jnp.zeros(())).length / system.payout.total
         line = line.at[1:].multiply(share)  # slopes by x in place of s
     x_axis = jnp.array([[1.0], [0.0], [0.0]])
@@ -330,8 +332,8 @@ def deployed_part(numbers: Numbers, system: System) -> TetherBatch:
 
 
 def rate_of_payout(system: System, tether: Nodal) -> Nodal:
-    """The rates of the nodes of a straight tether whose material has the velocity l' r_s beside that of the hub:
-    l' xi r_s of positions, and c r_x of slopes."""
+    """The rates of the nodes of a straight tether whose material has the velocity l' r_s beside that of the
+    hub: l' xi r_s of positions, and c r_x of slopes."""
     now = system.payout.at(jnp.zeros(()))
     relative = now.rate / now.length
     along = tether[0] - tether[0, :, :1]

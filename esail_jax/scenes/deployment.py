@@ -22,28 +22,32 @@ from esail_jax.scenes.rules import (
 PayoutName = Literal["table", "exponential"]
 
 LEAST_SHARE = 1.0 / 200.0
-"""Least length that is deployed at the start, over that of the tether: frequencies along a tether grow as its
-length falls, rates of damping as the square."""
+"""Least length that is deployed at the start, over that of the tether: frequencies along a tether grow as
+its length falls, rates of damping as the square."""
 
 
 @table
 class Deployment:
-    """Tethers are paid out from reels at their roots, or reeled in; `tethers.length` is the length in all. Law
-    table: the rate is linear between instants, and constant before the first and after the last. Law exponential:
-    the length is start_length exp(growth t)."""
+    """Tethers are paid out from reels at their roots, or reeled in; `tethers.length` is the length in all.
+    Law table: the rate is linear between instants, and constant before the first and after the last. Law
+    exponential: the length is start_length exp(growth t)."""
 
     start_length: PerMember = per_member(positive, unit="m", doc="Length that is deployed at t = 0.")
     law: PayoutName = declare(
         choice(PayoutName), unit="-", doc="How the length follows from time.", default="table"
     )
     time: Series | None = declare(
-        increasing, shape=Shape.SERIES, unit="s", doc="Law table: instants of the rows of `rate`.", default=None
+        increasing,
+        shape=Shape.SERIES,
+        unit="s",
+        doc="Law table: instants of the rows of `rate`.",
+        default=None,
     )
     rate: History | None = declare(
         any_number,
         shape=Shape.HISTORY,
         unit="m/s",
-        doc="Law table: rate of payout, one row per instant, a number or one per tether; negative: reeled in.",
+        doc="Law table: rate of payout, a row per instant, one number or one per tether; negative: in.",
         default=None,
     )
     growth: PerMember | None = per_member(
@@ -56,8 +60,8 @@ LAWS: dict[PayoutName, tuple[str, ...]] = {"table": ("time", "rate"), "exponenti
 
 
 def check_deployment(scene: Any) -> None:
-    """Checks that the law has its keys, that the lengths stay within those of the tethers, and that the scene has
-    no part that does not go with tethers that are paid out. Raises SceneError."""
+    """Checks that the law has its keys, that the lengths stay within those of the tethers, and that the
+    scene has no part that does not go with tethers that are paid out. Raises SceneError."""
     deployment = scene.deployment
     for law, names in LAWS.items():
         for name in names:
@@ -65,7 +69,9 @@ def check_deployment(scene: Any) -> None:
             if law == deployment.law and not given:
                 raise SceneError(f"deployment.{name}", f"be given with the law {law}", "is missing")
             if law != deployment.law and given:
-                raise SceneError(f"deployment.{name}", f"be left out with the law {deployment.law}", "is given")
+                raise SceneError(
+                    f"deployment.{name}", f"be left out with the law {deployment.law}", "is given"
+                )
     check_parts(scene)
     if deployment.law == "table":
         if rules.known(deployment.time) is None:
@@ -99,12 +105,14 @@ def check_parts(scene: Any) -> None:
 
 def check_rates(deployment: Deployment, members: rules.Members) -> None:
     """Checks that there is a row of rates per instant. Raises SceneError."""
-    if np.ndim(deployment.time) == 0:
-        raise SceneError("deployment.time", "be a list of instants", rules.describe(deployment.time))
-    count, shape = np.shape(deployment.time)[0], np.shape(deployment.rate)
+    time: Any = deployment.time
+    rate: Any = deployment.rate
+    if np.ndim(time) == 0:
+        raise SceneError("deployment.time", "be a list of instants", rules.describe(time))
+    count, shape = np.shape(time)[0], np.shape(rate)
     if not shape or shape[0] != count:
         must = f"have as many rows as `deployment.time` has instants ({count})"
-        has = f"has {shape[0]} rows" if shape else rules.describe(deployment.rate)
+        has = f"has {shape[0]} rows" if shape else rules.describe(rate)
         raise SceneError("deployment.rate", must, has)
     if len(shape) == 2 and shape[1] != members.count:
         must = f"have rows of {members.count} (`{members.key}`)"
@@ -112,12 +120,13 @@ def check_rates(deployment: Deployment, members: rules.Members) -> None:
 
 
 def check_lengths(scene: Any) -> None:
-    """Checks that what is deployed is a part of every tether for all of the run. Numbers that are traced have no
-    value to check. Raises SceneError."""
+    """Checks that what is deployed is a part of every tether for all of the run. Numbers that are traced
+    have no value to check. Raises SceneError."""
     deployment, count = scene.deployment, scene.tethers.count
     names = ("start_length", "time", "rate", "growth")
     given = {name: getattr(deployment, name) for name in names if getattr(deployment, name) is not None}
-    known = {name: rules.known(x) for name, x in given.items()} | {"L": rules.known(scene.tethers.length)}
+    known: dict[str, Any] = {name: rules.known(x) for name, x in given.items()}
+    known["L"] = rules.known(scene.tethers.length)
     if any(x is None for x in known.values()):
         return
     total, start = (np.broadcast_to(known[name], (count,)) for name in ("L", "start_length"))
@@ -135,8 +144,8 @@ def check_lengths(scene: Any) -> None:
 
 
 def lengths_of(known: dict[str, Any], start: np.ndarray, end: float) -> tuple[np.ndarray, np.ndarray]:
-    """Instants [s], and the lengths [m] there, (instant, tether): those at which a length is greatest or least are
-    among them."""
+    """Instants [s], and the lengths [m] there, (instant, tether): those at which a length is greatest or
+    least are among them."""
     if "growth" in known:
         instants = np.array([0.0, end])
         return instants, start * np.exp(np.broadcast_to(known["growth"], start.shape) * instants[:, None])

@@ -90,7 +90,9 @@ PARTS = (
         switches=("on", "off"),
         terms=f"{BUILD}:tip_thrust",
     ),
-    Part("deployment", deployment.Deployment, (SAIL,), check=deployment.check_deployment, switches=("time",)),
+    Part(
+        "deployment", deployment.Deployment, (SAIL,), check=deployment.check_deployment, switches=("time",)
+    ),
     Part("thermal", tethers.Thermal, (SAIL,), check=tethers.check_thermal, switches=("time",)),
     Part("gravity", start_and_place.Gravity, (SAIL, CHAIN), terms=f"{BUILD}:gravity"),
     Part(

@@ -157,7 +157,9 @@ def start(
             model = model.with_events_until(point.time)
             q, v = project(model, point.time, point.q, point.v)
             first = point._replace(q=q, v=v)
-        energy = observables.kinetic_energy(model.at(first.time), v, q) + observables.elastic_energy(model, first.time, q)
+        energy = observables.kinetic_energy(model.at(first.time), v, q) + observables.elastic_energy(
+            model, first.time, q
+        )
         thermal = observables.thermal_energy(model, first.time, q)
         if thermal is not None and point is None:
             first = first._replace(work=model.no_power._replace(external=-thermal))

@@ -258,8 +258,8 @@ def work_of_step(h: Scalar, first: Power, power: Power) -> Power:
 
 
 def lengths(system: System, time: Scalar) -> Float[Array, "2"]:
-    """The scales of errors [m] at an instant: the length of the shortest tether, of what is deployed of it, and
-    HUB_SHARE times the hub's radius."""
+    """The scales of errors [m] at an instant: the length of the shortest tether, of what is deployed of it,
+    and HUB_SHARE times the hub's radius."""
     tethers = system.tethers
     if system.payout is None:
         total = jnp.broadcast_to(tethers.element_length, (tethers.elements, tethers.count)).sum(0).min()

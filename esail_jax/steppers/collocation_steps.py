@@ -110,7 +110,9 @@ def no_step(state: CollocationState) -> CollocationSteps:
     stages = jax.tree.map(lambda x: jnp.zeros_like(x[1:]), state.history.values)
     start = jax.tree.map(jnp.zeros_like, state.now)
     info = IterationInfo(jnp.zeros((), int), zero, zero)
-    return CollocationSteps(start, zero, zero, stages, jax.tree.map(lambda _: powers, state.now.power), info, jnp.asarray(False))
+    return CollocationSteps(
+        start, zero, zero, stages, jax.tree.map(lambda _: powers, state.now.power), info, jnp.asarray(False)
+    )
 
 
 def zero_length_steps(state: CollocationState, count: int) -> CollocationSteps:

@@ -29,7 +29,9 @@ class Transposable(System):
     def tether_forces(self, time: Instants, q: Nodal, v: Nodal, inertial: Nodal) -> tuple[Nodal, Power]:
         commands = tuple(load.command if needs_command(load) else None for load in self.loads)
         none = jnp.zeros(q.shape[2:-2])
-        return transposable_forces(self, commands, time, q, v, inertial), Power(none, none, None if self.payout is None else none)
+        return transposable_forces(self, commands, time, q, v, inertial), Power(
+            none, none, None if self.payout is None else none
+        )
 
 
 Commands = tuple[Array | None, ...]
