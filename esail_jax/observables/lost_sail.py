@@ -95,7 +95,9 @@ def close(rows: Mapping[str, np.ndarray], scene: Scene) -> Finding:
     """A tip that comes close to another tether, after having been far."""
     if "smallest_tether_distance" not in rows:
         return None
-    distance, shortest = rows["smallest_tether_distance"], float(np.min(scene.tethers.length))
+    distance, shortest = rows["smallest_tether_distance"], np.min(scene.tethers.length)
+    if "deployed_length" in rows:
+        shortest = np.min(rows["deployed_length"], axis=1)
     near = distance < CLOSE * shortest
     row = first_row(near & ~near[0])
     if row is None:

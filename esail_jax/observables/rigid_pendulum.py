@@ -105,14 +105,15 @@ def rigid_pendulum(run: Any, tether: int = 0) -> tuple[np.ndarray, np.ndarray, n
     """Times [s], gamma and beta [rad] of the rigid tether under the moments of a run.
 
     The result is None if the model does not apply: without spin, with gravity on a sail without a hub
-    (which does not fall), or without data.
+    (which does not fall), with tethers whose length changes, or without data.
     """
     scene = run.scene
     rate = float(scene.initial.spin_rate)
     names = ("thrust_moment_B", "coning_angle", "lagging_angle")
     signals = [x for x in (observable(run, name) for name in names) if x is not None]
     pulled = scene.gravity is not None and scene.hub is None
-    if rate == 0.0 or pulled or len(signals) < len(names):
+    changing = scene.deployment is not None
+    if rate == 0.0 or pulled or changing or len(signals) < len(names):
         return None
     moment, coning, lagging = (signal[:, tether] for signal in signals)
     known = leading_finite(moment, coning, lagging)

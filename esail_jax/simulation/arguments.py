@@ -101,6 +101,9 @@ def check_names(scene: Scene, save: Sequence[str] | None) -> None:
         need = described(name).needs
         if need not in ("", WORK) and not scene.has(need):
             raise SceneError("save", f"hold no {name!r} without {in_words(need)}", "does")
+        if scene.deployment is not None and name.startswith(("flat_sail", "axisymmetric")):
+            must = f"hold no {name!r} with [deployment]: it is that of tethers of constant length"
+            raise SceneError("save", must, "does")
 
 
 def check_max_steps(max_steps: int | None) -> None:
