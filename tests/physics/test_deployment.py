@@ -11,6 +11,7 @@ import pytest
 import esail_jax as esail
 from esail_jax.coordinates import Coordinates
 from esail_jax.elements.deployment import ExponentialPayout, RateTable
+from esail_jax.elements.tether import TetherBatch
 from esail_jax.observables.entry import elastic_energy
 from esail_jax.scenes.loading import load_scene
 from esail_jax.scenes.structure import split
@@ -132,6 +133,56 @@ def test_rows_of_a_tether_at_rest_and_all_deployed_are_those_without_reels(name)
     with_reels, without = (np.asarray(x) for x in rows(q, v, vdot))
     size = np.abs(without).max(axis=(1, 2, 3), keepdims=True)
     assert (np.abs(with_reels - without) / size).max() < 1e-12
+
+
+def test_bending_is_that_of_the_deployed_part():
+    """A deployed tether has the energies of a tether of its length in the same place, bent or not: those
+    of r_s and r_ss. To 1e-12: rounding."""
+    system, time, q, _, _ = random_motion("baseline")
+    now = system.at(time)
+    share = now.reels.now.length / now.reels.payout.total
+    short = TetherBatch(
+        element_length=system.tethers.element_length * share,
+        line_density=system.tethers.line_density,
+        tip_mass=system.tethers.tip_mass,
+        elements=system.tethers.elements,
+        kind="cable",
+        fields_used=system.tethers.fields_used,
+    )
+    bent = q * jnp.array([1.0, 3.0]).reshape(2, 1, 1, 1)
+
+    @jit
+    def energies(q):
+        fields, x = short.interpolate(q.at[1].divide(share)), now.reels.tethers.interpolate(q)
+        deployed = [(now.reels.per_tether(term.density(x))).sum() for term in now.acting_energies]
+        weights = short.weights
+        whole = [
+            (jnp.tensordot(weights, term.density(fields), 1) * short.lengths).sum()
+            for term in system.energies
+        ]
+        return jnp.stack(deployed), jnp.stack(whole)
+
+    deployed, whole = energies(bent)
+    assert len(whole) == 2 and np.all(np.abs(deployed - whole) < 1e-12 * np.abs(whole))
+
+
+@pytest.mark.parametrize("name", ["baseline", "truss"])
+def test_a_taut_tether_that_is_paid_out_dissipates_nothing(name):
+    """Stretched uniformly and steadily paid out, its mesh points move at the rate c x and its material is
+    not strained: the damping has no stress. With mesh points at rest the same term is at work."""
+    system, time, q, _, _ = random_motion(name)
+    now = system.at(time)
+    x = jnp.arange(now.tethers.elements + 1.0)[:, None] * now.tethers.element_length
+    share, c = now.reels.now.length / now.reels.payout.total, now.reels.now.rate / now.reels.now.length
+    along = jnp.stack([1.1 * share * x, 1.1 * share * jnp.ones_like(x)][: now.tethers.coefs])
+    q = jnp.zeros_like(q).at[:, 0].set(along)
+
+    @jit
+    def dissipated(v):
+        return now.reels.dissipation(now.reels.now.rate, q, v)
+
+    steady, at_rest = dissipated(c * q), dissipated(0.0 * q)
+    assert np.all(np.abs(steady) < 1e-25 * at_rest)
 
 
 @pytest.mark.parametrize("name", ["baseline", "truss"])
@@ -289,6 +340,7 @@ def test_the_mirror_image():
         ({"deployment.start_length": 4.0}, r"`deployment.start_length` must be between a two-"),
         ({"deployment.rate": [0.0, 20.0, 40.0]}, r"`deployment.rate` must leave tether 1 a length"),
         ({"deployment.rate": [0.0, -40.0, 60.0]}, r"`deployment.rate` must leave tether 1 .* at 2"),
+        ({"deployment.rate": [-90.0, 90.0, 0.0]}, r"`deployment.rate` must leave tether 1 .* at 10 s"),
         ({"deployment.rate": [0.0, 1.0]}, r"`deployment.rate` must have as many rows as"),
         ({"deployment.rate": [[0.0] * 3] * 3}, r"`deployment.rate` must have rows of 2"),
         ({"tethers.root": "clamped"}, r'`tethers.root` must be "pinned" with \[deployment\]'),
