@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from esail_jax.modal.table import ModeTable
     from esail_jax.plotting import plot
     from esail_jax.scenes.chain import Chain
-    from esail_jax.scenes.deployment import Deployment
+    from esail_jax.scenes.deployment import ChainDeployment, Deployment
     from esail_jax.scenes.hub import Hub
     from esail_jax.scenes.integration import Integrator, Output
     from esail_jax.scenes.loading import load_scene
@@ -101,7 +101,7 @@ MODULES = {
     "modal.table": ("ModeTable",),
     "plotting": ("plot",),
     "scenes.chain": ("Chain",),
-    "scenes.deployment": ("Deployment",),
+    "scenes.deployment": ("ChainDeployment", "Deployment"),
     "scenes.hub": ("Hub",),
     "scenes.integration": ("Integrator", "Output"),
     "scenes.plasma": ("ChainWind", "PlasmaBrake", "SolarWind"),

@@ -2,11 +2,12 @@
 
 The coordinates are the rod vectors x_i from joint i-1 to joint i. If nothing holds the first joint, its
 position stands before them. The mass matrix is M = Phi^T G Phi (Eq. 24): Phi sums over rods, and G,
-tridiagonal and constant, is the mass matrix in the joints' positions. Eq. 28-30 therefore read
+tridiagonal, is the mass matrix in the joints' positions. Eq. 28-30 therefore read
 
     tension of every rod -> force on every joint -> G eta = force -> x'' = difference of eta,
 
-where eta are the joints' accelerations. G is factored once. Eq. 29 forms sums over all rods beyond a joint
+where eta are the joints' accelerations. G is factored once, or at every instant of a chain that is paid
+out (`elements/deployment.py`). Eq. 29 forms sums over all rods beyond a joint
 (Q_F F), which cancel against the differences taken right after. Without both, `cumsum` is needed only where
 a load depends on position, and forces summed over 10^5 rods cannot cost digits. Accelerations are relative
 to a freely falling particle, as in `System.field`; a linear field acts on x as on positions.
@@ -14,6 +15,7 @@ to a freely falling particle, as in `System.field`; a linear field acts on x as 
 Energies, dissipations and loads are those of the system, evaluated on the same truss elements.
 """
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import equinox as eqx
@@ -22,11 +24,12 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from esail_jax.array_types import Array, Float, Scalar, VectorPerPoint
+from esail_jax.array_types import Array, Float, Instants, Scalar, VectorPerPoint
 from esail_jax.coordinates import Coordinates
 from esail_jax.elements.axial import AbstractAxialEnergy, AxialDissipation
 from esail_jax.elements.hinges import Hinges
 from esail_jax.loads.fields import OrbitalField, UniformGravity
+from esail_jax.numerics.vectors import dot
 from esail_jax.point_fields import PointFields
 from esail_jax.system import Power, System
 from esail_jax.terms import Field, LinearField, find_term
@@ -79,6 +82,26 @@ class RodChain(eqx.Module):
         """The chain of a system, with its mass matrix factored."""
         return cls(system, hinges, factor(*joint_masses(system), held=system.roots is not None))
 
+    def at(self, time: Instants) -> "RodChain":
+        """The chain at an instant [s]: with the part of it that is paid out."""
+        if self.system.payout is None:
+            return self
+        return RodChain.of(self.system.at(time), self.hinges)
+
+    def in_segment(self, start: Scalar | np.ndarray, until: Scalar | np.ndarray) -> "RodChain":
+        """The chain between two switch times [s]."""
+        if self.system.payout is None:
+            return self
+        return replace(self, system=self.system.in_segment(start, until))
+
+    @property
+    def lengths(self) -> Float[Array, " rod"]:
+        """Undeformed lengths [m] of the rods: of what is paid out."""
+        system = self.system
+        if system.reels is None:
+            return system.tethers.lengths
+        return system.tethers.lengths * system.reels.stretching.share
+
     @property
     def free(self) -> bool:
         """Tells whether nothing holds the first joint."""
@@ -121,10 +144,15 @@ class RodChain(eqx.Module):
     def __call__(self, time: Scalar, state: RodState) -> RodState:
         """Time derivative of the state (x, v, work)."""
         x, v, _ = state
-        stress, load, power = self.point_terms(time, x, v)
+        chain = self.at(time)
+        stress, load, power = chain.point_terms(time, x, v)
         if self.hinges is not None:
             stress = stress + jax.grad(self.hinges.energy)(self.rods(x))
-        return RodState(v, self.accelerate(time, x, v, stress, load), power)
+        acceleration = chain.accelerate(time, x, v, stress, load)
+        if power is not None and chain.system.reels is not None:
+            motion = (Coordinates(self.joints(c)[None, :, :, None], None) for c in (x, v, acceleration))
+            power = power._replace(winch=chain.system.winch_power(time, *motion))
+        return RodState(v, acceleration, power)
 
     def accelerate(
         self,
@@ -179,40 +207,45 @@ class RodChain(eqx.Module):
         and power [W] (None if no work is done)."""
         system, tethers = self.system, self.system.tethers
         length = tethers.lengths
-        # Without loads all fields are constant along a rod: one point is exact.
-        weights = tethers.weights if system.loads else np.ones(1)
+        # Without forces on points all fields are constant along a rod: one point is exact.
+        pushed = bool(system.loads) or system.reels is not None
+        weights = tethers.weights if pushed else np.ones(1)
 
         def fields_of(c: Rods) -> PointFields:
             slope = (self.rods(c) / length)[:, None]
-            if not system.loads:
+            if not pushed:
                 return PointFields(None, slope)
             slope = jnp.broadcast_to(slope, (3, weights.size, slope.shape[2]))
             return PointFields(between(tethers.table(0), self.joints(c)), slope)
 
-        rates = fields_of(v)
-        total, dissipated_density, loads = system.point_forces(time, fields_of(x), rates)
+        fields, rates = fields_of(x), fields_of(v)
+        total, dissipated_density, loads = system.point_forces(time, fields, rates)
         stress = jnp.tensordot(weights, total.r_x, (0, 1))
         if not self.has_work:
             return stress, None, None
         joint_force, external, dissipated = None, jnp.zeros(()), jnp.zeros(())
-        if system.loads:
-            force = -loads.r * length  # (xyz, point, rod)
+        if pushed:
+            force = -total.r * length  # (xyz, point, rod)
             near, far = (
                 jnp.tensordot(tethers.weights * shape, force, (0, 1)) for shape in tethers.table(0).T
             )
             joint_force = jnp.pad(near, ((0, 0), (0, 1))) + jnp.pad(far, ((0, 0), (1, 0)))
-            external = (joint_force * self.joints(v)).sum()
+            if system.reels is None:
+                external = (joint_force * self.joints(v)).sum()
+        if system.reels is not None and system.loads:
+            push = -dot(loads.r, system.reels.velocity(fields, rates))
+            external = ((weights @ push) * length).sum()
         if system.fields:
-            q, rate = self.coordinates(RodState(x, v, None))
-            external = external + (system.field(time, q, rate).tether * system.momenta(rate).tether).sum()
+            external = external + system.field_power(time, *self.coordinates(RodState(x, v, None)))
         if system.dissipations:
             dissipated = ((weights @ dissipated_density) * length).sum()
         return stress, joint_force, Power(external, dissipated)
 
 
 def does_work(system: System) -> bool:
-    """Tells whether loads, dissipations, or fields without a potential do work on a chain."""
-    return bool(system.loads or system.dissipations or nonlinear_fields(system))
+    """Tells whether loads, dissipations, reels, or fields without a potential do work on a chain."""
+    reels = system.payout is not None
+    return bool(system.loads or system.dissipations or nonlinear_fields(system)) or reels
 
 
 def linear_fields(system: System) -> list[LinearField]:
@@ -268,21 +301,22 @@ def error_scale(chain: RodChain, start: RodState) -> RodState:
     They are the rod's length for a rod vector [m]; that length times the rate at which rods turn for its
     rate [m/s]; and the kinetic energy of the total mass at such speeds for work [J].
     """
-    tethers = chain.system.tethers
-    length = tethers.lengths
+    chain = chain.at(jnp.zeros(()))
+    tethers, length = chain.system.tethers, chain.lengths
     rate = jnp.maximum(turning_rate(chain, start), 1e-4 * fastest_rate(chain))
     if chain.free:
         length = jnp.concatenate([length.mean()[None], length])
     x = jnp.broadcast_to(length, start.x.shape)
     mass = tethers.masses.sum() + tethers.tip_mass.sum()
     energy = mass * (rate * length.sum()) ** 2
-    return RodState(x, rate * x, None if start.work is None else Power(energy, energy))
+    work = None if start.work is None else jax.tree.map(lambda _: energy, start.work)
+    return RodState(x, rate * x, work)
 
 
 def turning_rate(chain: RodChain, start: RodState) -> Scalar:
     """Estimated rate [rad/s] at which rods turn: the largest of their initial rates, the rate of a fall
     over their own length under gravity, and twice that of the orbit."""
-    system, length = chain.system, chain.system.tethers.lengths
+    system, length = chain.system, chain.lengths
     speed = jnp.sqrt((chain.rods(start.v) ** 2).sum(0).max())
     rate = speed / length.min()
     gravity, orbital = (find_term(system.fields, kind) for kind in (UniformGravity, OrbitalField))
@@ -314,8 +348,7 @@ def fastest_rate(chain: RodChain) -> Scalar:
     omega^2 = 12 EA/(m l); a joint's spring adds at most 12 c (1/l_i + 1/l_{i+1})^2 (1/m_i + 1/m_{i+1}).
     Lumped masses only lower the frequencies. Damping with time gamma has the rate gamma omega^2.
     """
-    tethers = chain.system.tethers
-    length, mass = tethers.lengths, tethers.masses
+    length, mass = chain.lengths, chain.system.tethers.masses
     axial = find_term(chain.system.energies, AbstractAxialEnergy)
     damping = find_term(chain.system.dissipations, AxialDissipation)
     squared = 12.0 * axial.stiffness / (mass * length)

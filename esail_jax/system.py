@@ -50,6 +50,7 @@ from esail_jax.terms import (
     Dissipation,
     Energy,
     HubMotion,
+    LinearField,
     Load,
     Term,
     find_term,
@@ -153,11 +154,16 @@ class System(Assembly):
     def inner_terms(self) -> tuple[Term, ...]:
         """Energies and dissipations, those that are functions of the invariants as one summed term; and
         what moves material through the mesh while tethers are paid out."""
-        terms = inner_terms_of(self.acting_energies, self.acting_dissipations)
         if self.reels is None:
-            return terms
-        density = self.tethers.repeat_per_element(self.reels.tethers.line_density)
-        return (*terms, Convection(density, self.reels.stretching))
+            return self.material_terms
+        matrices = [field.matrices[1] for field in self.fields if isinstance(field, LinearField)]
+        turning = sum(matrices[1:], matrices[0]) if matrices else None
+        return (*self.material_terms, Convection(self.reels.density, self.reels.stretching, turning))
+
+    @property
+    def material_terms(self) -> tuple[Term, ...]:
+        """Energies and dissipations; those that are functions of the invariants as one summed term."""
+        return inner_terms_of(self.acting_energies, self.acting_dissipations)
 
     @property
     def acting_energies(self) -> tuple[Term, ...]:
@@ -278,8 +284,17 @@ class System(Assembly):
             pushed = pushed - load.point_forces(time, fields, rates).r
         if system.fields:
             fall = tethers.interpolate(system.field(time, q, v).tether).r
-            pushed = pushed + tethers.repeat_per_element(tethers.line_density) * fall
+            pushed = pushed + reels.density * reels.stretching.share * fall
         return reels.winch_forces(q.tether, v.tether, vdot.tether, pushed)
+
+    def field_power(self, time: Scalar, q: Coordinates, v: Coordinates) -> Scalar:
+        """Power [W] of the acceleration fields. While tethers are paid out, the velocity v is not all of
+        that of the material: there is no power in what a field adds across the velocity, which is left
+        out."""
+        moving = v if self.reels is None else jax.tree.map(jnp.zeros_like, v)
+        momenta = self.momenta(v, q)
+        parts = jax.tree.map(lambda a, p: (a * p).sum(), self.field(time, q, moving), momenta)
+        return sum(jax.tree.leaves(parts), jnp.zeros(()))
 
     @property
     def controlled(self) -> bool:
@@ -416,9 +431,7 @@ class System(Assembly):
             forces = jax.tree.map(jnp.add, forces, pull_back(lam)[0])
         external = external + self.frame_power(time, q, v, forces, lam)
         if self.fields:
-            momentum = self.momenta(v, q)
-            parts = jax.tree.map(lambda a, p: (a * p).sum(), self.field(time, q, v), momentum)
-            external = external + sum(jax.tree.leaves(parts))
+            external = external + self.field_power(time, q, v)
         return Residual(forces, constraints), power._replace(external=external)
 
     def with_moved_reactions(self, residual: Residual) -> Residual:

@@ -156,9 +156,14 @@ class RateTable(AbstractPayout):
 # ---- what the lengths change --------------------------------------------------------------------
 
 
+def density_of(tethers: TetherBatch) -> PerTether:
+    """rho [kg/m] of every tether; that of the rods of a chain, which are of the same material."""
+    return tethers.line_density[0] if tethers.kind == "rod" else tethers.line_density
+
+
 def stored_mass(tethers: TetherBatch, payout: AbstractPayout, now: Deployed) -> PerInstant:
     """The mass rho (L - l) [kg] of what is wound up. tethers: at their full length."""
-    return tethers.line_density * (payout.total - now.length)
+    return density_of(tethers) * (payout.total - now.length)
 
 
 def deployed_tethers(tethers: TetherBatch, payout: AbstractPayout, now: Deployed) -> TetherBatch:
@@ -187,7 +192,7 @@ class Stretching(NamedTuple):
     rate: PerElement
     relative_rate: PerElement
     acceleration: PerElement
-    distance: Float[np.ndarray, "point element"]
+    distance: Float[Array | np.ndarray, "point element"]
 
     @classmethod
     def of(cls, tethers: TetherBatch, payout: AbstractPayout, now: Deployed) -> "Stretching":
@@ -207,9 +212,12 @@ class Stretching(NamedTuple):
         return jnp.asarray(u) * field
 
 
-def distances(tethers: TetherBatch) -> Float[np.ndarray, "point element"]:
+def distances(tethers: TetherBatch) -> Float[Array | np.ndarray, "point element"]:
     """u = 1 - xi of every Gauss point of every element of all tethers."""
     points = gauss_legendre(len(tethers.weights))[0]
+    if tethers.kind == "rod":
+        ends = jnp.cumsum(tethers.lengths)
+        return 1.0 - (ends - (1.0 - points[:, None]) * tethers.lengths) / ends[-1]
     element = np.repeat(np.arange(tethers.elements), tethers.count)
     return 1.0 - (element + points[:, None]) / tethers.elements
 
@@ -313,10 +321,12 @@ class DeployedControlledLoad(DeployedLoad, ControlledLoad):
 
 
 class Convection(Term):
-    """The inertia forces of material that moves through the mesh. density: rho [kg/m] of every element."""
+    """The inertia forces of material that moves through the mesh. density: rho [kg/m] of every element;
+    turning: da/dv [1/s] of acceleration fields, which act on all of the velocity V; None without any."""
 
     density: PerElement
     stretching: Stretching
+    turning: Float[Array, "3 3"] | None = None
 
     name: ClassVar[str] = "convection"
     depends_on: ClassVar[tuple[str, ...]] = ("r_x",)
@@ -327,7 +337,10 @@ class Convection(Term):
 
     def point_forces(self, time: Instants, fields: PointFields, rates: PointFields) -> PointFields:
         s, rho = self.stretching, self.density
-        moving = rho * s.along(2.0 * s.rate * rates.r_x + s.acceleration * fields.r_x)
+        moving = 2.0 * s.rate * rates.r_x + s.acceleration * fields.r_x
+        if self.turning is not None:
+            moving = moving - s.rate * jnp.tensordot(self.turning, fields.r_x, 1)
+        moving = rho * s.along(moving)
         pull = rho * s.rate**2 / s.share * s.along(s.along(fields.r_x))
         return PointFields(moving, -pull)
 
@@ -357,6 +370,11 @@ class Reels(eqx.Module):
         """What terms need."""
         return Stretching.of(self.tethers, self.payout, self.now)
 
+    @property
+    def density(self) -> PerElement:
+        """rho [kg/m] of every element."""
+        return self.tethers.repeat_per_element(density_of(self.tethers))
+
     def velocity(self, fields: PointFields, rates: PointFields) -> VectorPerPoint:
         """V = v + l' u r_s [m/s] of the material."""
         s = self.stretching
@@ -366,7 +384,7 @@ class Reels(eqx.Module):
         """The momenta of the motion through the mesh, conjugate to the coordinates: those of rho l' u
         r_x."""
         s = self.stretching
-        density = self.tethers.repeat_per_element(self.tethers.line_density)
+        density = self.density
         fields = self.tethers.interpolate(q)
         return self.tethers.nodal_forces(PointFields(density * s.rate * s.along(fields.r_x), None))
 
@@ -380,9 +398,7 @@ class Reels(eqx.Module):
         """The kinetic energy [J] beside v . M v/2 of the motion through the mesh."""
         s, batch = self.stretching, self.tethers
         slope = s.along(batch.interpolate(q).r_x)
-        density = (
-            0.5 * batch.repeat_per_element(batch.line_density) * s.rate**2 / s.share * dot(slope, slope)
-        )
+        density = 0.5 * self.density * s.rate**2 / s.share * dot(slope, slope)
         return (v * self.drift(q)).sum() + self.per_tether(density).sum()
 
     def lagrangian(self, length: PerTether, rate: PerTether, q: Nodal, v: Nodal) -> PerTether:
@@ -391,11 +407,11 @@ class Reels(eqx.Module):
         share = length / self.payout.total
         fields, rates = batch.interpolate_motion(q, v)
         velocity = rates.r + each(rate / share) * distances(batch) * fields.r_x
-        density = 0.5 * each(batch.line_density * share) * dot(velocity, velocity)
+        density = 0.5 * self.density * each(share) * dot(velocity, velocity)
         for energy in self.energies:
             density = density - DeployedEnergy(energy, each(share)).density(fields)
         tip, root = (dot(v[0, :, k], v[0, :, k]) for k in (-1, 0))
-        stored = batch.line_density * (self.payout.total - length)
+        stored = density_of(batch) * (self.payout.total - length)
         return self.per_tether(density) + 0.5 * batch.tip_mass * tip + 0.5 * stored * root
 
     def dissipation(self, rate: PerTether, q: Nodal, v: Nodal) -> PerTether:

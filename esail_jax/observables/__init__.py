@@ -77,6 +77,8 @@ def observe(instant: Instant, requested: Sequence[str] = ()) -> dict[str, Array]
     computed on request only."""
     i = instant
     if is_chain(i.system):
-        return chain.observe(chain.Instant(i.system, None, i.time, i.q, i.v, i.work, i.start_energy))
+        return chain.observe(
+            chain.Instant(i.system.at(i.time), None, i.time, i.q, i.v, i.work, i.start_energy)
+        )
     asked = [entry for entry in sail.ON_REQUEST if entry.name in requested]
     return {entry.name: entry.function(i) for entry in (*sail.listed(i.system), *asked)}

@@ -3,14 +3,17 @@
 from types import ModuleType
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 
 from esail_jax.array_types import Array, Float, Scalar
 from esail_jax.coordinates import Coordinates
+from esail_jax.elements.deployment import Deployed
 from esail_jax.elements.hinges import Hinges
 from esail_jax.loads.fields import UniformGravity
 from esail_jax.numerics.vectors import dot, norm
 from esail_jax.observables.entry import WORK, Observable, elastic_energy, kinetic_energy
+from esail_jax.point_fields import add_fields
 from esail_jax.rod_chain import does_work, linear_fields
 from esail_jax.system import Power, System
 from esail_jax.terms import find_term
@@ -37,13 +40,13 @@ def tension(i: Instant) -> Float[Array, " rod"]:
     compression."""
     tethers = i.system.tethers
     fields, rates = tethers.interpolate(i.q.tether), tethers.interpolate(i.v.tether)
-    stress = i.system.point_forces(i.time, fields, rates)[0].r_x
+    stress = add_fields([x.point_forces(i.time, fields, rates) for x in i.system.material_terms]).r_x
     force = dot(stress, fields.r_x) / norm(fields.r_x)
     return force[0]
 
 
 def stored_energy(system: System, hinges: Hinges | None, q: Coordinates) -> Scalar:
-    """The elastic energy U [J] of rods and hinges."""
+    """The elastic energy U [J] of rods and hinges, of a system at an instant."""
     energy = elastic_energy(system, jnp.zeros(()), q)
     if hinges is not None:
         energy = energy + hinges.energy(jnp.diff(q.tether[0, :, :, 0], axis=1))
@@ -52,7 +55,7 @@ def stored_energy(system: System, hinges: Hinges | None, q: Coordinates) -> Scal
 
 def internal_energy(system: System, hinges: Hinges | None, q: Coordinates, v: Coordinates) -> Scalar:
     """The sum T + U [J] of kinetic and elastic energy."""
-    return kinetic_energy(system, v) + stored_energy(system, hinges, q)
+    return kinetic_energy(system, v, q) + stored_energy(system, hinges, q)
 
 
 def potential_energy(i: Instant) -> Scalar:
@@ -74,21 +77,32 @@ def potential_energy(i: Instant) -> Scalar:
 def balance(i: Instant) -> Scalar:
     """The error T + U - (T + U)_0 - W + D [J] of the energy balance; W is the work of loads and
     fields."""
-    return (
-        internal_energy(i.system, i.hinges, i.q, i.v) - i.start_energy - i.work.external + i.work.dissipated
-    )
+    energy = internal_energy(i.system, i.hinges, i.q, i.v) - i.start_energy - i.work.external
+    energy = energy + i.work.dissipated
+    return energy if i.work.winch is None else energy - i.work.winch
+
+
+def deployed(i: Instant) -> Deployed:
+    """Length, rate and acceleration of what is paid out of a chain."""
+    return jax.tree.map(lambda x: x[0], i.system.reels.now)
 
 
 OBSERVABLES = (
     Observable("joint_position", "m", "r", ("joint", "xyz"), "[MW] 2", lambda i: i.q.tether[0, :, :, 0].T),
     Observable("tension", "N", "N", ("rod",), "[MW] 5, derived", tension),
-    Observable("kinetic_energy", "J", "T", (), "[MW] 4", lambda i: kinetic_energy(i.system, i.v)),
+    Observable("kinetic_energy", "J", "T", (), "[MW] 4", lambda i: kinetic_energy(i.system, i.v, i.q)),
     Observable("elastic_energy", "J", "U", (), "[MW] 6", lambda i: stored_energy(i.system, i.hinges, i.q)),
     Observable("potential_energy", "J", "V", (), "zero at the origin", potential_energy),
     Observable("external_work", "J", "W_ext", (), "integral of the power of loads and fields",
                lambda i: i.work.external, needs=WORK),
     Observable("dissipated_energy", "J", "E_d", (), "integral of 2 P_d",
                lambda i: i.work.dissipated, needs=WORK),
+    Observable("deployed_length", "m", "l", (), "`[deployment]`", lambda i: deployed(i).length,
+               needs="deployment"),
+    Observable("payout_rate", "m/s", "l'", (), "`[deployment]`", lambda i: deployed(i).rate,
+               needs="deployment"),
+    Observable("winch_work", "J", "W_w", (), "integral of -l' F_w", lambda i: i.work.winch,
+               needs="deployment"),
     Observable("energy_balance_error", "J", "dE - W + E_d", (), "energy theorem", balance, needs=WORK),
 )  # fmt: skip
 
@@ -99,9 +113,9 @@ ENERGY_ERROR = Observable(
 
 
 def listed(system: System) -> list[Observable]:
-    """The observables of a chain; those of work only if there are loads or dissipation."""
-    works = does_work(system)
-    return [*(entry for entry in OBSERVABLES if not entry.needs or works), ENERGY_ERROR]
+    """The observables of a chain; those of work only if anything does work, those of reels with these."""
+    present = {"", *([WORK] if does_work(system) else []), *system.parts}
+    return [*(entry for entry in OBSERVABLES if entry.needs in present), ENERGY_ERROR]
 
 
 def observe(instant: Instant) -> dict[str, Array]:
@@ -133,6 +147,7 @@ def balanced(rows: dict[str, Any], floor: Any, xp: ModuleType) -> Any:
     if "energy_balance_error" in rows:
         inner = rows["kinetic_energy"] + rows["elastic_energy"]
         size = xp.maximum(abs(rows["external_work"]), rows["dissipated_energy"])
+        size = xp.maximum(size, abs(rows.get("winch_work", size)))
         size, error = xp.maximum(size, inner), rows["energy_balance_error"]
     else:
         energy = rows["kinetic_energy"] + rows["elastic_energy"] + rows["potential_energy"]

@@ -34,7 +34,7 @@ from esail_jax.scenes.build_parts import kepler_orbit_of, origin_of, starting_at
 from esail_jax.scenes.own_terms import OWN_TERMS
 from esail_jax.scenes.parts import SAIL, parts_of
 from esail_jax.scenes.structure import Numbers, Structure
-from esail_jax.system import Power, System
+from esail_jax.system import System
 from esail_jax.terms import Dissipation, Energy, Terms, find_term
 
 
@@ -122,17 +122,18 @@ def system_of(structure: Structure, numbers: Numbers) -> System:
         ring=ring_of(structure, numbers) if structure.has("auxiliary_tethers") else None,
         kepler_orbit=kepler_orbit_of(numbers),
         parts=structure.parts,
-        payout=payout_of(structure, numbers),
+        payout=payout_of(structure, numbers, numbers["tethers.length"]),
     )
 
 
-def payout_of(structure: Structure, numbers: Numbers) -> AbstractPayout | None:
-    """How the tethers are paid out; None for those of constant length."""
+def payout_of(structure: Structure, numbers: Numbers, total: PerTether) -> AbstractPayout | None:
+    """How the tethers are paid out; None for those of constant length. total: lengths [m] in all; of a
+    chain one."""
     if not structure.has("deployment"):
         return None
-    total, start = numbers["tethers.length"], numbers["deployment.start_length"]
+    start = jnp.broadcast_to(numbers["deployment.start_length"], total.shape)
     if structure["deployment.law"] == "exponential":
-        return ExponentialPayout(total, start, numbers["deployment.growth"])
+        return ExponentialPayout(total, start, jnp.broadcast_to(numbers["deployment.growth"], total.shape))
     time, rate = numbers["deployment.time"], numbers["deployment.rate"]
     rate = jnp.broadcast_to(rate if rate.ndim == 2 else rate[:, None], (time.shape[0], total.shape[0]))
     return RateTable.undivided(total, start, time, rate)
@@ -372,18 +373,26 @@ def build_chain(structure: Structure, numbers: Numbers) -> tuple[RodChain, RodSt
         time = per_element(column["chain.axial_damping_time"], rods)
         dissipations = (AxialDissipation(axial, time, strain),)
     acting = terms_of_parts(structure, numbers)
+    pushed = bool(acting.loads) or structure.has("deployment") or "r" in fields_needed(structure.own_terms)
     tethers = TetherBatch(
         element_length=length,
         line_density=column["chain.mass"] / length,
         tip_mass=numbers["chain.tip_mass"][None],
         elements=rods,
         kind="rod",
-        fields_used=("r",) * (bool(acting.loads) or "r" in fields_needed(structure.own_terms)) + ("r_x",),
+        fields_used=("r",) * pushed + ("r_x",),
         base_mass=numbers.get("chain.base_mass", jnp.zeros(()))[None] if free else None,
     )
     held = joints.FrameRoots(jnp.eye(3), jnp.zeros(()), jnp.zeros((3, 1)), None)
     acting = Terms((energy,), dissipations) + acting + terms_of_user(structure, numbers, tethers, acting)
-    system = System(tethers, None if free else held, None, **vars(acting), parts=structure.parts)
+    system = System(
+        tethers,
+        None if free else held,
+        None,
+        **vars(acting),
+        parts=structure.parts,
+        payout=payout_of(structure, numbers, length.sum(0)),
+    )
     x, v = numbers["initial.rod_vector"].T, numbers["initial.rod_rate"].T
     hinges = None
     if structure["chain.bending"]:
@@ -395,5 +404,4 @@ def build_chain(structure: Structure, numbers: Numbers) -> tuple[RodChain, RodSt
         first = (numbers.get(f"initial.{key}", jnp.zeros(3))[:, None] for key in ("position", "velocity"))
         x, v = (jnp.concatenate(pair, axis=1) for pair in zip(first, (x, v), strict=True))
     chain = RodChain.of(system, hinges)
-    zero = jnp.zeros(())
-    return chain, RodState(x, v, Power(zero, zero) if chain.has_work else None)
+    return chain, RodState(x, v, system.no_power if chain.has_work else None)

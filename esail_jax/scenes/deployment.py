@@ -1,4 +1,4 @@
-"""The table [deployment]: tethers that are paid out from reels at their roots, and its checks."""
+"""The table [deployment]: tethers, or a chain, that are paid out from reels, and its checks."""
 
 from typing import Any, Literal
 
@@ -9,6 +9,7 @@ from esail_jax.scenes.declarations import declare, per_member, table
 from esail_jax.scenes.own_terms import AbsentTerms, kind_of
 from esail_jax.scenes.rules import (
     History,
+    Number,
     PerMember,
     SceneError,
     Series,
@@ -55,6 +56,36 @@ class Deployment:
     )
 
 
+@table
+class ChainDeployment:
+    """A chain is paid out from a reel at its first joint, or reeled in; the lengths of its rods are those of
+    the chain in all. Every rod keeps its share of what is deployed. Law table: the rate is linear between
+    instants, and constant before the first and after the last. Law exponential: the length is start_length
+    exp(growth t), as in the classical theory of deployment in orbit."""
+
+    start_length: Number = declare(positive, unit="m", doc="Length that is deployed at t = 0.")
+    law: PayoutName = declare(
+        choice(PayoutName), unit="-", doc="How the length follows from time.", default="table"
+    )
+    time: Series | None = declare(
+        increasing,
+        shape=Shape.SERIES,
+        unit="s",
+        doc="Law table: instants of `rate`.",
+        default=None,
+    )
+    rate: Series | None = declare(
+        any_number,
+        shape=Shape.SERIES,
+        unit="m/s",
+        doc="Law table: rate of payout at every instant; negative: in.",
+        default=None,
+    )
+    growth: Number | None = declare(
+        any_number, unit="1/s", doc="Law exponential: growth of the length, over the length.", default=None
+    )
+
+
 LAWS: dict[PayoutName, tuple[str, ...]] = {"table": ("time", "rate"), "exponential": ("growth",)}
 """Keys of every law."""
 
@@ -62,6 +93,44 @@ LAWS: dict[PayoutName, tuple[str, ...]] = {"table": ("time", "rate"), "exponenti
 def check_deployment(scene: Any) -> None:
     """Checks that the law has its keys, that the lengths stay within those of the tethers, and that the
     scene has no part that does not go with tethers that are paid out. Raises SceneError."""
+    check_law(scene)
+    check_parts(scene)
+    check_lengths(scene, rules.known(scene.tethers.length), scene.tethers.count)
+
+
+def check_chain_deployment(scene: Any) -> None:
+    """The same for a chain. Raises SceneError."""
+    chain = scene.chain
+    check_law(scene)
+    if chain.bending:
+        raise SceneError("chain.bending", "be left out with [deployment]", "is given")
+    if scene.integrator.method == "energy-momentum":
+        must = "be one of the others with [deployment]"
+        raise SceneError("integrator.method", must, 'is "energy-momentum"')
+    no_own_fields(scene)
+    each = {
+        name: rules.known(getattr(chain, name)) for name in ("mass", "length", "area", "youngs_modulus")
+    }
+    if any(x is None for x in each.values()):
+        return
+    each["mass"] = each["mass"] / each["length"]
+    for name in ("mass", "area", "youngs_modulus"):
+        if np.ptp(each[name]) > 1e-12 * np.max(each[name]):
+            must = "be the same for all rods" + (", per length," if name == "mass" else "")
+            raise SceneError(f"chain.{name}", f"{must} with [deployment]", "differs")
+    total = np.broadcast_to(each["length"], (chain.rods,)).sum()
+    check_lengths(scene, total, 1)
+    vectors, start = (rules.known(x) for x in (scene.initial.rod_vector, scene.deployment.start_length))
+    if vectors is None or start is None:
+        return
+    drawn = np.linalg.norm(np.broadcast_to(vectors, (chain.rods, 3)), axis=1).sum()
+    if not 0.5 * start < drawn < 1.5 * start:
+        must = f"be the rods of what is deployed, {float(start):g} m in all"
+        raise SceneError("initial.rod_vector", must, f"is {drawn:g} m in all")
+
+
+def check_law(scene: Any) -> None:
+    """Checks the keys of the law. Raises SceneError."""
     deployment = scene.deployment
     for law, names in LAWS.items():
         for name in names:
@@ -72,13 +141,11 @@ def check_deployment(scene: Any) -> None:
                 raise SceneError(
                     f"deployment.{name}", f"be left out with the law {deployment.law}", "is given"
                 )
-    check_parts(scene)
     if deployment.law == "table":
         if rules.known(deployment.time) is None:
             got = "is traced: its derivative is not known"
             raise SceneError("deployment.time", "be plain numbers", got)
         check_rates(deployment, scene.members)
-    check_lengths(scene)
 
 
 def check_parts(scene: Any) -> None:
@@ -96,6 +163,12 @@ def check_parts(scene: Any) -> None:
     if scene.integrator.method == "energy-momentum":
         must = "be one of the others with [deployment]"
         raise SceneError("integrator.method", must, 'is "energy-momentum"')
+    no_own_fields(scene)
+
+
+def no_own_fields(scene: Any) -> None:
+    """Refuses acceleration fields of one's own, which would not feel all of the velocity. Raises
+    SceneError."""
     if not isinstance(scene.terms, AbsentTerms):
         for i, term in enumerate(scene.terms):
             if kind_of(term) == "Field":
@@ -103,7 +176,7 @@ def check_parts(scene: Any) -> None:
                 raise SceneError(f"terms[{i}]", "be no Field with [deployment]", got)
 
 
-def check_rates(deployment: Deployment, members: rules.Members) -> None:
+def check_rates(deployment: Deployment | ChainDeployment, members: rules.Members) -> None:
     """Checks that there is a row of rates per instant. Raises SceneError."""
     time: Any = deployment.time
     rate: Any = deployment.rate
@@ -119,27 +192,31 @@ def check_rates(deployment: Deployment, members: rules.Members) -> None:
         raise SceneError("deployment.rate", must, f"has rows of {shape[1]}")
 
 
-def check_lengths(scene: Any) -> None:
+def check_lengths(scene: Any, total: Any, count: int) -> None:
     """Checks that what is deployed is a part of every tether for all of the run. Numbers that are traced
-    have no value to check. Raises SceneError."""
-    deployment, count = scene.deployment, scene.tethers.count
+    have no value to check. total: lengths in all [m], None for traced ones; count: of tethers, or 1 for a
+    chain. Raises SceneError."""
+    deployment = scene.deployment
     names = ("start_length", "time", "rate", "growth")
     given = {name: getattr(deployment, name) for name in names if getattr(deployment, name) is not None}
     known: dict[str, Any] = {name: rules.known(x) for name, x in given.items()}
-    known["L"] = rules.known(scene.tethers.length)
+    known["L"] = total
     if any(x is None for x in known.values()):
         return
     total, start = (np.broadcast_to(known[name], (count,)) for name in ("L", "start_length"))
     for i in range(count):
         if start[i] > total[i] or start[i] < LEAST_SHARE * total[i]:
-            must = f"be between a two-hundredth of `tethers.length` and all of it, {total[i]:g}"
-            raise SceneError("deployment.start_length", must, f"is {start[i]:g} for tether {i + 1}")
+            whole = "`tethers.length`" if scene.chain is None else "the length of all rods"
+            must = f"be between a two-hundredth of {whole} and all of it, {total[i]:g}"
+            which = f" for tether {i + 1}" if scene.chain is None else ""
+            raise SceneError("deployment.start_length", must, f"is {start[i]:g}{which}")
     key = "deployment.rate" if deployment.law == "table" else "deployment.growth"
     instants, lengths = lengths_of(known, start, scene.integrator.t_end)
     good = (lengths > 0.0) & (lengths <= total * (1.0 + 1e-9))
     if not good.all():
         row, tether = np.argwhere(~good)[0]
-        must = f"leave tether {tether + 1} a length between 0 and {total[tether]:g} m in all of the run"
+        which = f"tether {tether + 1}" if scene.chain is None else "the chain"
+        must = f"leave {which} a length between 0 and {total[tether]:g} m in all of the run"
         raise SceneError(key, must, f"it is {lengths[row, tether]:g} m at {instants[row]:g} s")
 
 

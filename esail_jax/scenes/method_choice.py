@@ -61,10 +61,13 @@ gravity and orbit. A free end snaps round about ten times faster; on [MW]'s stee
 4e-6 m of 1.1 m."""
 
 
-def rates(structure: Structure, numbers: Numbers) -> tuple[Array, Array]:
-    """Rates of a chain [rad/s]: of its fastest vibration, and at which its rods turn."""
+def rates(structure: Structure, numbers: Numbers, end: Array) -> tuple[Array, Array]:
+    """Rates of a chain [rad/s]: of its fastest vibration, at the start or at the end [s] of the run, and at
+    which its rods turn."""
     chain, start = build_chain(structure, numbers)
-    return fastest_rate(chain), turning_rate(chain, start)
+    ends = [chain.at(t) for t in (jnp.zeros(()), end)]
+    fastest = [fastest_rate(end) for end in (ends[:1] if chain.system.payout is None else ends)]
+    return jnp.stack(fastest).max(), turning_rate(ends[0], start)
 
 
 def with_method(scene: Scene) -> Scene:
@@ -130,8 +133,9 @@ def chain_method(scene: Scene) -> dict[str, str | float]:
     if any(isinstance(x, jax.core.Tracer) for x in values) or table.tolerance is not None:
         return by_default
     structure, numbers = split(scene)
-    program = program_of(rates, (structure,), (numbers,), START_OPTIONS)
-    fastest, turning = (float(rate) for rate in program(numbers))
+    given = (numbers, jnp.asarray(table.t_end, float))
+    program = program_of(rates, (structure,), given, START_OPTIONS)
+    fastest, turning = (float(rate) for rate in program(*given))
     step = explicit.REACH[CHAIN_METHOD] / fastest
     too_fine = table.t_end / step > MOST_EXPLICIT_STEPS if table.step is None else table.step > step
     if not too_fine or (not METHODS[STIFF_CHAIN_METHOD].chain_bending and scene.chain.bending):

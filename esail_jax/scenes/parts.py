@@ -93,6 +93,13 @@ PARTS = (
     Part(
         "deployment", deployment.Deployment, (SAIL,), check=deployment.check_deployment, switches=("time",)
     ),
+    Part(
+        "deployment",
+        deployment.ChainDeployment,
+        (CHAIN,),
+        check=deployment.check_chain_deployment,
+        switches=("time",),
+    ),
     Part("thermal", tethers.Thermal, (SAIL,), check=tethers.check_thermal, switches=("time",)),
     Part("gravity", start_and_place.Gravity, (SAIL, CHAIN), terms=f"{BUILD}:gravity"),
     Part(

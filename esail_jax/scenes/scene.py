@@ -25,7 +25,7 @@ from esail_jax.scenes.voltage import Voltage, check_law_of_user
 
 if TYPE_CHECKING:  # what `field_of` says of every table; a test compares the two
     from esail_jax.scenes.chain import Chain
-    from esail_jax.scenes.deployment import Deployment
+    from esail_jax.scenes.deployment import ChainDeployment, Deployment
     from esail_jax.scenes.hub import Hub
     from esail_jax.scenes.integration import Integrator
     from esail_jax.scenes.plasma import ChainWind, PlasmaBrake, SolarWind
@@ -45,7 +45,7 @@ if TYPE_CHECKING:  # what `field_of` says of every table; a test compares the tw
         solar_wind: SolarWind | ChainWind | None = None
         voltage: Voltage | ChainVoltage | None = None
         tip_thrust: TipThrust | None = None
-        deployment: Deployment | None = None
+        deployment: Deployment | ChainDeployment | None = None
         thermal: Thermal | None = None
         gravity: Gravity | None = None
         orbit: Orbit | HeliocentricOrbit | None = None

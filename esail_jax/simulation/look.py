@@ -26,7 +26,13 @@ def look(
     system = problem.system
     if observables.is_chain(system):
         of_chain = observables.chain.Instant(
-            system, problem.hinges, point.time, point.q, point.v, point.work, problem.start_energy
+            system.at(point.time),
+            problem.hinges,
+            point.time,
+            point.q,
+            point.v,
+            point.work,
+            problem.start_energy,
         )
         return chosen(observables.chain.observe(of_chain), names), point, jnp.zeros(())
     point, mass = on_constraints(problem, point)

@@ -68,7 +68,7 @@ class Problem(NamedTuple):
     def in_segment(self, start: Scalar | np.ndarray, until: Scalar | np.ndarray) -> "Problem":
         """The problem between two switch times [s], after all events until the first of them."""
         if isinstance(self.model, RodChain):
-            return self
+            return self._replace(model=self.model.in_segment(start, until))
         return self._replace(model=self.model.with_events_until(start).in_segment(start, until))
 
     def under(self, carried: "Carried") -> "Problem":
@@ -125,7 +125,6 @@ def start(
     start."""
     origin = origin_of(numbers)
     zero = jnp.zeros(())
-    nothing = Power(zero, zero)
     scene_orbit: KeplerOrbit | None = None
     orbit: KeplerOrbit | None = None
     model: RodChain | System
@@ -138,10 +137,15 @@ def start(
         floor = energy_floor(chain) if stepper.energy_guard else None
         model = chain if stepper.relative_coordinates else chain.system
         q, v = chain.coordinates(rods)
-        first = rods if stepper.relative_coordinates else Point(zero, q, v, nothing, jnp.asarray(True))
+        first = (
+            rods
+            if stepper.relative_coordinates
+            else Point(zero, q, v, chain.system.no_power, jnp.asarray(True))
+        )
         if point is not None:
             q, v, first = point.q, point.v, point
-        energy = observables.chain.internal_energy(chain.system, chain.hinges, q, v)
+        at_start = chain.system.at(zero if point is None else point.time)
+        energy = observables.chain.internal_energy(at_start, chain.hinges, q, v)
     else:
         built = build(structure, numbers)
         model, q, v, unbalanced = built.system, built.q, built.v, built.unbalanced
