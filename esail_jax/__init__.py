@@ -54,6 +54,7 @@ __all__ = [
     "RESULTS",
     "AuxiliaryTethers",
     "Chain",
+    "ChainDeployment",
     "ChainInitial",
     "ChainVoltage",
     "ChainWind",

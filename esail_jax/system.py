@@ -98,7 +98,7 @@ class System(Assembly):
             return self
         now = self.payout.at(time)
         energies = cast(tuple[Energy, ...], self.energies)  # other terms replace them within a step only
-        reels = Reels(self.payout, now, self.tethers, energies, self.dissipations)
+        reels = Reels.of(self.tethers, self.payout, now, energies, self.dissipations)
         return dataclasses.replace(
             self, tethers=deployed_tethers(self.tethers, self.payout, now), reels=reels
         )

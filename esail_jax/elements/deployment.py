@@ -95,17 +95,17 @@ class ExponentialPayout(AbstractPayout):
 class RateTable(AbstractPayout):
     """A rate that is linear between instants, and constant before the first and after the last.
 
-    start: length l_0 [m] at t = 0. time: increasing instants t_k [s]. rate: l' [m/s], (instant, tether).
-    l'' jumps at an instant: a run is divided there, and in a segment the rate is the straight line of that
-    segment (`environment/temperature.py` does the same).
+    time: increasing instants t_k [s]. rate: l' [m/s], (instant, tether). length: l [m] there. l'' jumps at
+    an instant: a run is divided there, and in a segment the rate is the straight line of that segment
+    (`environment/temperature.py` does the same).
 
     begin, until: ends [s] of the segment; infinite ones for a table that is not divided.
     """
 
     total: PerTether
-    start: PerTether
     time: Float[Array, " instant"]
     rate: Float[Array, "instant tether"]
+    length: Float[Array, "instant tether"]
     begin: Scalar
     until: Scalar
 
@@ -117,9 +117,12 @@ class RateTable(AbstractPayout):
         time: Float[Array, " instant"],
         rate: Float[Array, "instant tether"],
     ) -> "RateTable":
-        """The table of a run that has no segments yet."""
+        """The table of a run that has no segments yet. start: length [m] at t = 0."""
         ends = (jnp.full((), x, float) for x in (-jnp.inf, jnp.inf))
-        return cls(total, start, time, rate, *ends)
+        whole = jnp.cumsum(0.5 * (rate[1:] + rate[:-1]) * jnp.diff(time)[:, None], axis=0)
+        since_first = cls(total, time, rate, jnp.concatenate([jnp.zeros_like(rate[:1]), whole]), *ends)
+        until_start = since_first.at(jnp.zeros(())).length
+        return eqx.tree_at(lambda x: x.length, since_first, since_first.length + (start - until_start))
 
     def in_segment(self, start: Scalar | np.ndarray, until: Scalar | np.ndarray) -> "RateTable":
         return eqx.tree_at(lambda table: (table.begin, table.until), self, (start, until))
@@ -130,27 +133,15 @@ class RateTable(AbstractPayout):
         first, last = (self.time <= self.begin).sum(), (self.time < self.until).sum()
         return jnp.clip((self.time <= time[..., None]).sum(-1), first, last)
 
-    def paid_out(
-        self, time: Instants, piece: Int[Array, "..."]
-    ) -> tuple[PerInstant, PerInstant, PerInstant]:
-        """The length paid out since the first knot, its rate and its acceleration, on a straight line."""
-        count = self.time.shape[0]
-        steps = jnp.diff(self.time)[:, None]
-        whole = jnp.cumsum(0.5 * (self.rate[1:] + self.rate[:-1]) * steps, axis=0)
-        until_knot = jnp.concatenate([jnp.zeros_like(self.rate[:1]), whole])
-        a, b = jnp.maximum(piece - 1, 0), jnp.minimum(piece, count - 1)
-        since, duration = time - self.time[a], jnp.where(a == b, 1.0, self.time[b] - self.time[a])
-        before, first, last = (
-            x[i[..., 0] if i.ndim else i] for x, i in ((until_knot, a), (self.rate, a), (self.rate, b))
-        )
-        slope = (last - first) / duration
-        return before + since * (first + 0.5 * slope * since), first + slope * since, slope
-
     def at(self, time: Instants) -> Deployed:
-        zero = jnp.zeros(())
-        at_start = (self.time <= zero).sum()
-        until_now, rate, slope = self.paid_out(time, self.piece(time))
-        return Deployed(self.start + until_now - self.paid_out(zero, at_start)[0], rate, slope)
+        piece = self.piece(time)
+        a, b = jnp.maximum(piece - 1, 0), jnp.minimum(piece, self.time.shape[0] - 1)
+        since, duration = time - self.time[a], jnp.where(a == b, 1.0, self.time[b] - self.time[a])
+        if piece.ndim:
+            a, b = a[..., 0], b[..., 0]
+        slope = (self.rate[b] - self.rate[a]) / duration
+        length = self.length[a] + since * (self.rate[a] + 0.5 * slope * since)
+        return Deployed(length, self.rate[a] + slope * since, slope)
 
 
 # ---- what the lengths change --------------------------------------------------------------------
@@ -356,19 +347,33 @@ class Reels(eqx.Module):
     """The reels of a sail at one or several instants: what they pay out, and the tethers at their full
     length.
 
-    payout: the lengths as functions of time; now: those of the instant; tethers, energies, dissipations: as
-    they are per undeformed length."""
+    payout: the lengths as functions of time; now: those of the instant; stretching: the same for terms;
+    tethers, energies, dissipations: as they are per undeformed length."""
 
     payout: AbstractPayout
     now: Deployed
+    stretching: Stretching
     tethers: TetherBatch
     energies: tuple[Energy, ...]
     dissipations: tuple[Dissipation, ...]
 
+    @classmethod
+    def of(
+        cls,
+        tethers: TetherBatch,
+        payout: AbstractPayout,
+        now: Deployed,
+        energies: tuple[Energy, ...],
+        dissipations: tuple[Dissipation, ...],
+    ) -> "Reels":
+        """Those of an instant."""
+        stretching = Stretching.of(tethers, payout, now)
+        return cls(payout, now, stretching, tethers, energies, dissipations)
+
     @property
-    def stretching(self) -> Stretching:
-        """What terms need."""
-        return Stretching.of(self.tethers, self.payout, self.now)
+    def whole(self) -> PerElement:
+        """L [m] of the tether of every element."""
+        return self.tethers.repeat_per_element(self.payout.total)
 
     @property
     def density(self) -> PerElement:
@@ -390,9 +395,13 @@ class Reels(eqx.Module):
 
     def elastic_energy(self, q: Nodal) -> Scalar:
         """U [J] of the deployed part."""
-        fields, share = self.tethers.interpolate(q), self.stretching.share
+        return self.elastic_energy_of(self.now.length, self.tethers.interpolate(q)).sum()
+
+    def elastic_energy_of(self, length: PerTether, fields: PointFields) -> PerTether:
+        """U [J] of every tether of which this length [m] is deployed."""
+        share = self.tethers.repeat_per_element(length / self.payout.total)
         terms = [DeployedEnergy(term, share) for term in self.energies]
-        return self.per_tether(total_of(term.density(fields) for term in terms)).sum()
+        return self.per_tether(total_of(term.density(fields) for term in terms))
 
     def energy_of_motion(self, q: Nodal, v: Nodal) -> Scalar:
         """The kinetic energy [J] beside v . M v/2 of the motion through the mesh."""
@@ -401,23 +410,9 @@ class Reels(eqx.Module):
         density = 0.5 * self.density * s.rate**2 / s.share * dot(slope, slope)
         return (v * self.drift(q)).sum() + self.per_tether(density).sum()
 
-    def lagrangian(self, length: PerTether, rate: PerTether, q: Nodal, v: Nodal) -> PerTether:
-        """T - U [J] of every tether, with its remote unit and what is wound up."""
-        batch, each = self.tethers, self.tethers.repeat_per_element
-        share = length / self.payout.total
-        fields, rates = batch.interpolate_motion(q, v)
-        velocity = rates.r + each(rate / share) * distances(batch) * fields.r_x
-        density = 0.5 * self.density * each(share) * dot(velocity, velocity)
-        for energy in self.energies:
-            density = density - DeployedEnergy(energy, each(share)).density(fields)
-        tip, root = (dot(v[0, :, k], v[0, :, k]) for k in (-1, 0))
-        stored = density_of(batch) * (self.payout.total - length)
-        return self.per_tether(density) + 0.5 * batch.tip_mass * tip + 0.5 * stored * root
-
-    def dissipation(self, rate: PerTether, q: Nodal, v: Nodal) -> PerTether:
+    def dissipation(self, rate: PerTether, fields: PointFields, rates: PointFields) -> PerTether:
         """R [W] of every tether at the rates l' [m/s]."""
-        batch, each = self.tethers, self.tethers.repeat_per_element
-        fields, rates = batch.interpolate_motion(q, v)
+        each = self.tethers.repeat_per_element
         share, relative = each(self.now.length / self.payout.total), each(rate / self.now.length)
         terms = [DeployedDissipation(term, share, relative) for term in self.dissipations]
         return self.per_tether(total_of(term.density(fields, rates) for term in terms))
@@ -433,19 +428,24 @@ class Reels(eqx.Module):
         """The force F_w [N] of every winch, which holds the length: Lagrange's equation of l,
 
             F_w = -(d/dt dT/dl' - d(T - U)/dl) - dR/dl' + Q_l,
+            d/dt dT/dl' - dT/dl = int_0^1 rho [u (V_t . r_xi + V . v_xi) - V . V/2 + c u V . r_xi] dxi
+                                  + rho |v(0)|^2/2,
+            V_t = dv/dt + (l''/l - c^2) u r_xi + c u v_xi,
 
         with the virtual work Q_l of loads and fields per unit of l, that of a displacement u r_s of the
         material. One instant. pushed: their force [N/m] per unit of x."""
-        now = self.now
-
-        def momentum(length, rate, q, v):
-            return jax.grad(lambda rate: self.lagrangian(length, rate, q, v).sum())(rate)
-
-        motion = (now.length, now.rate, q, v), (now.rate, now.acceleration, v, vdot)
-        change = jax.jvp(momentum, *motion)[1]
-        force = jax.grad(lambda length: self.lagrangian(length, now.rate, q, v).sum())(now.length) - change
+        now, s, batch = self.now, self.stretching, self.tethers
+        fields, rates = batch.interpolate_motion(q, v)
+        acceleration = batch.interpolate(vdot).r
+        along, moving = (s.along(self.whole * x) for x in (fields.r_x, rates.r_x))
+        c = s.relative_rate
+        velocity = rates.r + c * along
+        change = acceleration + (s.acceleration / (s.share * self.whole) - c**2) * along + c * moving
+        bracket = dot(change, along) + dot(velocity, moving) - 0.5 * dot(velocity, velocity)
+        bracket = self.density / self.whole * (bracket + c * dot(velocity, along))
+        root = v[0, :, 0]
+        force = -self.per_tether(bracket) - 0.5 * density_of(batch) * dot(root, root)
+        force = force - jax.grad(lambda length: self.elastic_energy_of(length, fields).sum())(now.length)
         if self.dissipations:
-            force = force - jax.grad(lambda rate: self.dissipation(rate, q, v).sum())(now.rate)
-        s = self.stretching
-        along = s.along(self.tethers.interpolate(q).r_x) / s.share
-        return force + self.per_tether(dot(pushed, along))
+            force = force - jax.grad(lambda rate: self.dissipation(rate, fields, rates).sum())(now.rate)
+        return force + self.per_tether(dot(pushed, s.along(fields.r_x)) / s.share)

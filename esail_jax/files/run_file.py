@@ -83,7 +83,7 @@ class Content(NamedTuple):
         problem = compiled.problem
         return cls(
             compiled.scene,
-            [described(name) for name in compiled.programs.shapes],
+            [described(name, compiled.scene.chain is not None) for name in compiled.programs.shapes],
             compiled.numerics,
             problem.terms,
             problem.stepper.name,
@@ -96,7 +96,7 @@ class Content(NamedTuple):
         stats = solution.stats
         return cls(
             solution.scene,
-            [described(name) for name in solution],
+            [solution.about(name) for name in solution],
             stats["numerics_units"],
             stats["terms"],
             stats["method"],

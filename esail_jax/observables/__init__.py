@@ -56,16 +56,18 @@ def hint_at(name: str, present: Iterable[str], of_chain: bool) -> str:
     """A hint, in brackets, for a name that is no observable of a run: what an observable of this
     name needs, otherwise the nearest name of those that are present; empty if there is none."""
     if name in known_names(of_chain):
-        need = described(name).needs
+        need = described(name, of_chain).needs
         return f" (only with {in_words(need)})" if need else " (saved on request, with `save`)"
     if name == "spin_rate" and not of_chain:  # the key of a scene, [initial] spin_rate
         return " (it is `angular_velocity_B[:, 0]`)"
     return nearest(name, present)
 
 
-def described(name: str) -> Observable:
-    """The entry of an observable, from its name. Raises KeyError, with the nearest name."""
-    entries = (*sail.OBSERVABLES, *sail.ON_REQUEST, *chain.OBSERVABLES, chain.ENERGY_ERROR)
+def described(name: str, of_chain: bool | None = None) -> Observable:
+    """The entry of an observable, from its name. of_chain: whether it is that of a chain, or of a sail; None
+    for either. Raises KeyError, with the nearest name."""
+    of_sail, of_rods = (*sail.OBSERVABLES, *sail.ON_REQUEST), (*chain.OBSERVABLES, chain.ENERGY_ERROR)
+    entries = (*of_sail, *of_rods) if of_chain is None else (of_rods if of_chain else of_sail)
     for entry in entries:
         if entry.name == name:
             return entry

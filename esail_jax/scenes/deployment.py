@@ -58,10 +58,10 @@ class Deployment:
 
 @table
 class ChainDeployment:
-    """A chain is paid out from a reel at its first joint, or reeled in; the lengths of its rods are those of
-    the chain in all. Every rod keeps its share of what is deployed. Law table: the rate is linear between
-    instants, and constant before the first and after the last. Law exponential: the length is start_length
-    exp(growth t), as in the classical theory of deployment in orbit."""
+    """A chain is paid out from a reel at its first joint, or reeled in; the lengths of its rods are those
+    of the chain in all. Every rod keeps its share of what is deployed. Law table: the rate is linear
+    between instants, and constant before the first and after the last. Law exponential: the length is
+    start_length exp(growth t), as in the classical theory of deployment in orbit."""
 
     start_length: Number = declare(positive, unit="m", doc="Length that is deployed at t = 0.")
     law: PayoutName = declare(

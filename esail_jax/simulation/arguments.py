@@ -98,7 +98,7 @@ def check_names(scene: Scene, save: Sequence[str] | None) -> None:
         names = known_names(scene.chain is not None)
         if name not in names:
             raise SceneError("save", f"hold names of observables{nearest(name, names)}", f"has {name!r}")
-        need = described(name).needs
+        need = described(name, scene.chain is not None).needs
         if need not in ("", WORK) and not scene.has(need):
             raise SceneError("save", f"hold no {name!r} without {in_words(need)}", "does")
         if scene.deployment is not None and name.startswith(("flat_sail", "axisymmetric")):

@@ -26,7 +26,7 @@ from esail_jax.simulation.sampling import Control, sample, sampled_load
 from esail_jax.simulation.voltage_jumps import law_of
 from esail_jax.steppers.consistent import project
 from esail_jax.steppers.stepper import AbstractStepper, Motion, Point
-from esail_jax.system import Power, System
+from esail_jax.system import System
 
 UNBALANCED = 1e-6
 """Fraction of the tip's centrifugal force by which a steady elongation may miss its equilibrium."""

@@ -118,11 +118,11 @@ class Solution(eqx.Module, Mapping):
         `meaning`.
 
         Raises KeyError for an unknown name, with the nearest one."""
-        return described(name)
+        return described(name, None if self.scene is None else self.scene.chain is not None)
 
     def units(self) -> dict[str, str]:
         """The unit of every observable by name."""
-        return {name: described(name).unit for name in self}
+        return {name: self.about(name).unit for name in self}
 
     def at(self, time: float | Sequence[float]) -> dict[str, np.ndarray]:
         """Runs the scene again up to the last of these times [s], and gives the observables there: without
@@ -144,7 +144,7 @@ class Solution(eqx.Module, Mapping):
 
         data = {}
         for name in self:
-            entry = described(name)
+            entry = self.about(name)
             axes = ["time", *(f"{name}_{axis}" if axis in OWN_AXES else axis for axis in entry.axes)]
             attributes = {"units": entry.unit, "symbol": entry.symbol, "equation": entry.equation}
             data[name] = (axes, np.asarray(self[name]), attributes)
@@ -172,7 +172,7 @@ class Solution(eqx.Module, Mapping):
             return html_table(repr(self), ("observable", "unit"), self.units().items())
         rows = []
         for name in self:
-            entry, values = described(name), np.asarray(self[name])
+            entry, values = self.about(name), np.asarray(self[name])
             finite = values[np.isfinite(values)]
             ends = (f"{finite.min():.6g}", f"{finite.max():.6g}") if finite.size else ("", "")
             rows.append((name, entry.unit, ", ".join(("time", *entry.axes)), *ends, entry.meaning))

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import esail_jax as esail
-from esail_jax.coordinates import Coordinates
 from esail_jax.numerics.vectors import dot
 from esail_jax.rod_chain import RodState
 from esail_jax.scenes.build import build_chain
 from esail_jax.scenes.structure import split
 from support.bits import check_same, esail_run
 from support.derivatives import check_both_modes
+from support.payout import lagrangian as payout_lagrangian
 from support.quick import jit
 
 RATE = 1e-3
@@ -104,7 +104,7 @@ def test_the_linear_solution_solves_lagranges_equations(anchor):
             tip, root = (frame(q[0, :, k], v[0, :, k]) for k in (-1, 0))
             own = 0.0 if batch.base_mass is None else 0.5 * batch.base_mass * dot(v[0, :, 0], v[0, :, 0])
             rest = reels.per_tether(density) + batch.tip_mass * tip + base * root + own
-            return (reels.lagrangian(length, rate, q, v) + rest).sum()
+            return (payout_lagrangian(reels, length, rate, q, v) + rest).sum()
 
         def momentum(length, rate, q, v):
             return jax.grad(lagrangian, 3)(length, rate, q, v)
@@ -113,7 +113,10 @@ def test_the_linear_solution_solves_lagranges_equations(anchor):
         motion = (*lengths, q.tether, v.tether), (now.rate, now.acceleration, v.tether, vdot.tether)
         inertia = jax.jvp(momentum, *motion)[1]
         rows = inertia - jax.grad(lagrangian, 2)(*lengths, q.tether, v.tether)
-        damping = jax.grad(lambda v: reels.dissipation(now.rate, q.tether, v).sum())(v.tether)
+        damping = jax.grad(
+            lambda v: reels.dissipation(now.rate, *batch.interpolate_motion(q.tether, v)).sum()
+        )
+        damping = damping(v.tether)
         return rows + damping, inertia, system.residual(time, q, v, vdot, system.no_multipliers())[0].forces
 
     rows, inertia, residual = forces(state)
@@ -144,22 +147,26 @@ def test_the_angle_of_an_exponential_deployment_in_orbit(growth):
     )
     run = esail.simulate(
         chain(
-            [400.0], deployment=given, initial=start, chain=light, integrator=esail.Integrator(t_end=2000.0)
+            [400.0],
+            deployment=given,
+            initial=start,
+            chain=light,
+            integrator=esail.Integrator(t_end=2000.0, tolerance=1e-13),
         )
     )
     tip = run["joint_position"][:, -1]
     angle = np.arctan2(tip[:, 1], tip[:, 0])
     assert np.abs(angle - theta).max() < 1e-6
     assert np.allclose(run["deployed_length"], 100.0 * np.exp(growth * RATE * run.time), rtol=1e-12)
-    assert np.abs(run["energy_balance_error"]).max() < 1e-8 * np.abs(run["winch_work"][-1])
+    assert np.abs(run["energy_balance_error"]).max() < 1e-6 * np.abs(run["winch_work"][-1])
     assert np.sign(run["winch_work"][-1]) == -np.sign(growth)
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("method", ["dopri8", "generalized-alpha"])
+@pytest.mark.parametrize("method", ["tsit5", "generalized-alpha"])
 def test_derivatives_of_a_chain_that_is_paid_out(method):
     """By start length, rates and growth: forward against reverse mode, and against differences."""
-    how = {"tolerance": 1e-12} if method == "dopri8" else {"step": 1.0}
+    how = {"tolerance": 1e-12} if method == "tsit5" else {"step": 1.0}
     end = esail.Integrator(t_end=200.0, method=method, **how)
     scene = chain([50.0, 60.0], damping=1.0, integrator=end)
     scene = scene.replace({"deployment.time": [0.0, 90.0], "output.interval": 100.0})

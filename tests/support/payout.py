@@ -1,0 +1,25 @@
+"""The Lagrangian of tethers that are paid out, which tests differentiate."""
+
+import jax.numpy as jnp
+
+from esail_jax.elements.deployment import DeployedEnergy, density_of
+from esail_jax.numerics.vectors import dot
+
+
+def lagrangian(reels, length, rate, q, v):
+    """T - U [J] of every tether, with its remote unit and what is wound up, for given lengths and rates."""
+    batch, each = reels.tethers, reels.tethers.repeat_per_element
+    share = length / reels.payout.total
+    fields, rates = batch.interpolate_motion(q, v)
+    velocity = rates.r + each(rate / share) * reels.stretching.distance * fields.r_x
+    density = 0.5 * reels.density * each(share) * dot(velocity, velocity)
+    for energy in reels.energies:
+        density = density - DeployedEnergy(energy, each(share)).density(fields)
+    tip, root = (dot(v[0, :, k], v[0, :, k]) for k in (-1, 0))
+    stored = density_of(batch) * (reels.payout.total - length)
+    return reels.per_tether(density) + 0.5 * batch.tip_mass * tip + 0.5 * stored * root
+
+
+def points_of(tethers):
+    """The shape of forces at all points."""
+    return jnp.zeros((3, len(tethers.weights), tethers.elements * tethers.count))
