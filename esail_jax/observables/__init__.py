@@ -64,8 +64,8 @@ def hint_at(name: str, present: Iterable[str], of_chain: bool) -> str:
 
 
 def described(name: str, of_chain: bool | None = None) -> Observable:
-    """The entry of an observable, from its name. of_chain: whether it is that of a chain, or of a sail; None
-    for either. Raises KeyError, with the nearest name."""
+    """The entry of an observable, from its name. of_chain: whether it is that of a chain, or of a sail;
+    None for either. Raises KeyError, with the nearest name."""
     of_sail, of_rods = (*sail.OBSERVABLES, *sail.ON_REQUEST), (*chain.OBSERVABLES, chain.ENERGY_ERROR)
     entries = (*of_sail, *of_rods) if of_chain is None else (of_rods if of_chain else of_sail)
     for entry in entries:

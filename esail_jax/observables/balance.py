@@ -16,9 +16,10 @@ TERMS = ("kinetic_energy", "elastic_energy", "external_work", "dissipated_energy
 def balance_warning(rows: Mapping[str, np.ndarray]) -> str:
     """A warning if the energy balance of a run is violated, otherwise an empty text.
 
-    It is violated if |dE - W + D| exceeds both BALANCE_TOLERANCE of the largest of |dE|, |W| and |D| and
-    ROUNDING of E. For a chain without loads and damping: if |E - E_0| exceeds BALANCE_TOLERANCE of the
-    energy, which is then constant. A run that did not save these observables is not judged."""
+    It is violated if |dE - W + D|, less the work of winches, exceeds both BALANCE_TOLERANCE of the largest
+    of |dE|, |W|, |D| and that work, and ROUNDING of E. For a chain without loads and damping: if |E - E_0|
+    exceeds BALANCE_TOLERANCE of the energy, which is then constant. A run that did not save these
+    observables is not judged."""
     needed = TERMS if "energy_balance_error" in rows else ("energy_error",)
     if not all(name in rows for name in needed):
         return ""
@@ -28,6 +29,7 @@ def balance_warning(rows: Mapping[str, np.ndarray]) -> str:
     kinetic, elastic, work, dissipated, error = (rows[name] for name in TERMS)
     energy, missing = kinetic + elastic, largest(error)
     terms = max(largest(energy - energy[:1]), largest(work), largest(dissipated))
+    terms = max(terms, largest(rows.get("winch_work", work)))
     if missing <= max(BALANCE_TOLERANCE * terms, ROUNDING * largest(energy)):
         return ""
     return f"{SENTENCE} {missing:.1e} J, where its largest term is {terms:.1e} J."

@@ -1,5 +1,5 @@
 """Warnings about a finished run: numbers of its scene, its energy balance, its step size, and tethers that
-go slack or have no thrust."""
+go slack, have no thrust or are under more stress than they bear."""
 
 from collections.abc import Mapping, Sequence
 
@@ -27,9 +27,9 @@ names and the words for the warning."""
 def run_warning(
     rows: Mapping[str, np.ndarray], numerics: Mapping[str, np.ndarray], scene: Scene | None = None
 ) -> str:
-    """The warnings about a finished run: those about its scene, one if no tether had thrust, one if
-    its energy balance is violated, one if its steps are too long, one if tethers go slack, or an empty
-    text.
+    """The warnings about a finished run: those about its scene, one if no tether had thrust, one if its
+    energy balance is violated, one if its steps are too long, one if tethers go slack or are overloaded, or
+    an empty text.
 
     rows: observables by name; numerics: statistics of the steps per saved interval; scene: that of the run,
     None to judge the rows alone."""
@@ -41,6 +41,7 @@ def run_warning(
         *doubts(scene),
         idle_warning(rows, scene),
         lost,
+        strength_warning(rows, scene),
         joined_warnings(rows, parts, scene.thermal),
     )
     return " ".join(filter(None, warnings))
@@ -69,6 +70,31 @@ def idle_warning(rows: Mapping[str, np.ndarray], scene: Scene) -> str:
     return (
         f"No tether has thrust at a saved instant: the largest voltage is {most:g} V{zero}, which "
         f"is not above `solar_wind.cutoff_voltage`, {cutoff:g} V."
+    )
+
+
+def strength_warning(rows: Mapping[str, np.ndarray], scene: Scene) -> str:
+    """A warning if the largest stress of a tether, Young's modulus times its largest elastic strain,
+    exceeds its strength at a saved instant, with the least margin, strength over stress less one. A run
+    that did not save the strain, or the temperature of heated tethers, is not judged."""
+    if scene.tethers is None or scene.tethers.strength is None or "max_axial_strain" not in rows:
+        return ""
+    heat, strain = scene.thermal, np.asarray(rows["max_axial_strain"])
+    if heat is not None:
+        if "temperature" not in rows:
+            return ""
+        strain = strain - np.asarray(heat.expansion) * (rows["temperature"] - heat.reference_temperature)
+    use = np.asarray(scene.tethers.youngs_modulus) * strain / np.asarray(scene.tethers.strength)
+    use = np.where(np.isfinite(use), use, 0.0)
+    over = np.flatnonzero((use > 1.0).any(axis=0)) + 1
+    if not over.size:
+        return ""
+    row, worst = np.unravel_index(int(use.argmax()), use.shape)
+    which = f"Tether {over[0]} is" if over.size == 1 else f"Tethers {', '.join(map(str, over))} are"
+    margin = 1.0 / use.max() - 1.0
+    return (
+        f"{which} under more stress than `tethers.strength`: the least margin is {margin:.0%}, of tether "
+        f"{worst + 1} in saved row {row}."
     )
 
 

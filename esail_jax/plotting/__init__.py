@@ -13,14 +13,21 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from esail_jax.ensembles.ensemble import Ensemble
-from esail_jax.plotting.chain import chain_energies, chain_libration, chain_shapes, chain_tension, chain_tip
+from esail_jax.plotting.chain import (
+    chain_deployment,
+    chain_energies,
+    chain_libration,
+    chain_shapes,
+    chain_tension,
+    chain_tip,
+)
 from esail_jax.plotting.comparison import compare, write_comparison
 from esail_jax.plotting.ensemble import draw_quantiles, figures_of_ensemble
 from esail_jax.plotting.figure_files import Told, write_figures
 from esail_jax.plotting.picture import sail_picture
 from esail_jax.plotting.sail import attitude, energies, sail_forces
 from esail_jax.plotting.single import draw_observable
-from esail_jax.plotting.tether import all_tethers, tether_forces, tether_motion, voltages
+from esail_jax.plotting.tether import all_tethers, deployment, tether_forces, tether_motion, voltages
 
 FIGURES = (
     tether_motion,
@@ -29,6 +36,7 @@ FIGURES = (
     sail_forces,
     attitude,
     all_tethers,
+    deployment,
     voltages,
     sail_picture,
 )
@@ -39,6 +47,7 @@ CHAIN_FIGURES = (
     chain_tip,
     chain_libration,
     chain_tension,
+    chain_deployment,
     chain_energies,
 )
 """Figures of a rod chain's run."""
@@ -48,12 +57,14 @@ __all__ = [
     "FIGURES",
     "all_tethers",
     "attitude",
+    "chain_deployment",
     "chain_energies",
     "chain_libration",
     "chain_shapes",
     "chain_tension",
     "chain_tip",
     "compare",
+    "deployment",
     "energies",
     "figures_of",
     "overview",

@@ -152,6 +152,28 @@ def chain_tension(run: Any) -> Figure:
     return assemble(title, rows)
 
 
+def chain_deployment(run: Any) -> Figure:
+    """The figure of a chain that is paid out: length, rate, tension of the first rod, and work of the
+    winch. It is empty for a chain of constant length."""
+    length, tension = observable(run, "deployed_length"), observable(run, "tension")
+    if length is None:
+        return assemble("Deployment", [])
+    factor, unit = readable("m", length)
+    first = None if tension is None else tension[:, 0]
+    rows = [
+        [
+            history(run, f"$l$ [{unit}]", Curve(factor * length)),
+            history(run, r"$\dot{l}$ [m/s]", Curve(observable(run, "payout_rate"))),
+        ],
+        [
+            history(run, "$N_1$ [N]", Curve(first)),
+            history(run, "$W_w$ [J]", Curve(observable(run, "winch_work"))),
+        ],
+    ]
+    symbols = "deployed length $l$, tension of the first rod $N_1$, work of the winch $W_w$"
+    return assemble("Deployment", rows, symbols)
+
+
 def chain_energies(run: Any) -> Figure:
     """The figure of the energies ([MW] Fig. 2) and of the error of their sum ([MW] Fig. 3).
 
@@ -165,6 +187,8 @@ def chain_energies(run: Any) -> Figure:
     total = kinetic + elastic + potential
     factor, unit = readable("J", kinetic, elastic, potential, total)
     work, dissipated = observable(run, "external_work"), observable(run, "dissipated_energy")
+    winch = observable(run, "winch_work")
+    balance = r"$\Delta(T + U) - W + E_d$ [J]" if winch is None else r"$\Delta(T + U) - W - W_w + E_d$ [J]"
     rows = [
         [
             history(
@@ -177,8 +201,17 @@ def chain_energies(run: Any) -> Figure:
             )
         ],
         [history(run, r"energy error $e_E$ [-]", Curve(observable(run, "energy_error")))],
-        [history(run, "work [J]", Curve(work, "loads and fields"), Curve(dissipated, "dissipated", RED))],
-        [history(run, r"$\Delta(T + U) - W + E_d$ [J]", Curve(observable(run, "energy_balance_error")))],
+        [
+            history(
+                run,
+                "work [J]",
+                Curve(work, "loads and fields"),
+                Curve(dissipated, "dissipated", RED),
+                Curve(winch, "winch", PURPLE),
+            )
+        ],
+        [history(run, balance, Curve(observable(run, "energy_balance_error")))],
     ]
     symbols = "" if work is None else "work of loads and fields $W$, dissipated energy $E_d$"
+    symbols += "" if winch is None else ", work of the winch $W_w$"
     return assemble("Energies", rows, symbols)

@@ -20,7 +20,8 @@ def energies(run: Any) -> Figure:
     kinetic, elastic = observable(run, "kinetic_energy"), observable(run, "elastic_energy")
     total = None if kinetic is None or elastic is None else kinetic + elastic
     dissipated, supplied = observable(run, "dissipated_energy"), observable(run, "external_work")
-    error = observable(run, "energy_balance_error")
+    error, winch = observable(run, "energy_balance_error"), observable(run, "winch_work")
+    balance = r"\Delta E_T - W_{ext} + E_d" + ("" if winch is None else " - W_w")
     rows = [
         [
             history(run, r"$E_T - E_T(0)$ [J]", Curve(change(total))),
@@ -30,10 +31,11 @@ def energies(run: Any) -> Figure:
         [
             history(run, r"$E_d$ [J]", Curve(dissipated)),
             history(run, r"$W_{ext}$ [J]", Curve(supplied)),
-            history(run, r"$\Delta E_T - W_{ext} + E_d$ [J]", Curve(error)),
+            history(run, f"${balance}$ [J]", Curve(error)),
         ],
     ]
     symbols = "total $E_T$, kinetic $E_k$, elastic $E_e$, dissipated $E_d$, work of the loads $W_{ext}$"
+    symbols += "" if winch is None else ", of the winches $W_w$"
     return assemble("Energies", rows, symbols)
 
 

@@ -114,6 +114,34 @@ def all_tethers(run: Any) -> Figure:
     return with_key(assemble("All tethers", rows, symbols), run.scene.tethers.count)
 
 
+def deployment(run: Any) -> Figure:
+    """The figure of tethers that are paid out: length, rate, lagging, and tension and power of their
+    winches. It is empty for tethers of constant length."""
+    length = observable(run, "deployed_length")
+    if length is None:
+        return assemble("Deployment", [])
+    factor, unit = readable("m", length)
+    rows = [
+        [
+            tether_lines(run, f"$l_i$ [{unit}]", factor * length),
+            tether_lines(run, r"$\dot{l}_i$ [m/s]", observable(run, "payout_rate")),
+        ],
+        [
+            tether_lines(run, r"$\beta_i$ [deg]", observable(run, "lagging_angle", DEGREES)),
+            tether_lines(run, r"$|n_{0,i}|$ [N]", observable(run, "winch_tension")),
+        ],
+        [
+            tether_lines(run, r"$P_{w,i}$ [W]", observable(run, "winch_power")),
+            history(run, r"$W_w$ [J]", Curve(observable(run, "winch_work"), colour="black")),
+        ],
+    ]
+    symbols = (
+        r"deployed length $l_i$, lagging $\beta_i$, tension at the guide $|n_{0,i}|$, "
+        r"power $P_{w,i}$ and work $W_w$ of the winches"
+    )
+    return with_key(assemble("Deployment", rows, symbols), run.scene.tethers.count)
+
+
 def voltages(run: Any) -> Figure:
     """The figure of the voltage of every tether and of the electric power of all. It is empty if
     all tethers have one voltage that stays the same, and no power is reported."""

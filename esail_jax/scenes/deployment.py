@@ -108,7 +108,7 @@ def check_chain_deployment(scene: Any) -> None:
         must = "be one of the others with [deployment]"
         raise SceneError("integrator.method", must, 'is "energy-momentum"')
     no_own_fields(scene)
-    each = {
+    each: dict[str, Any] = {
         name: rules.known(getattr(chain, name)) for name in ("mass", "length", "area", "youngs_modulus")
     }
     if any(x is None for x in each.values()):

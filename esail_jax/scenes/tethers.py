@@ -71,6 +71,12 @@ class Tethers:
     root: RootName = declarations.joint_at_root(
         "Joint at a tether's root: spherical, or clamped (cables only).", default="pinned"
     )
+    strength: PerMember | None = per_member(
+        positive,
+        unit="Pa",
+        doc="Tensile strength; with it a run warns of tethers under more stress, and says by how much.",
+        default=None,
+    )
     wire_radius: PerMember | None = per_member(
         positive,
         unit="m",

@@ -32,7 +32,10 @@ def chain_motion(run: SavedRun, frames: np.ndarray) -> Motion:
     if "tension" in run.rows:
         colours["tension"] = Quantity("tension", "N", run.rows["tension"][frames])
     length = np.linalg.norm(np.diff(joints[frames], axis=1), axis=-1)
-    strain = length / np.asarray(scene.chain.length, float) - 1.0
+    undeformed = np.broadcast_to(np.asarray(scene.chain.length, float), (scene.chain.rods,))
+    if "deployed_length" in run.rows:
+        undeformed = run.rows["deployed_length"][frames, None] * undeformed / undeformed.sum()
+    strain = length / undeformed - 1.0
     colours["strain"] = Quantity("elongation of a rod over its length", "-", strain)
     return Motion(
         title=run.name,

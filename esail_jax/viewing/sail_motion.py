@@ -65,7 +65,8 @@ def sail_motion(run: SavedRun, frames: np.ndarray) -> Motion:
     vertices = lines.reshape(len(frames), count * points, 3)
     straight = np.repeat(directions, points, axis=0)
     held = np.where(free[..., None, None], np.nan, lines).reshape(vertices.shape)
-    reach = float(np.linalg.norm(roots, axis=1).max()) + float(np.max(scene.tethers.length))
+    reach = float(np.linalg.norm(roots, axis=1).max())
+    reach += float(np.max(rows.get("deployed_length", scene.tethers.length)))
     ends = tuple(i * points + points - 1 for i in range(count))
     return Motion(
         title=run.name,

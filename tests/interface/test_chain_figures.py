@@ -58,7 +58,24 @@ def chains():
     return Chains()
 
 
-@pytest.mark.parametrize("make", plotting.CHAIN_FIGURES, ids=lambda make: make.__name__)
+FIGURES = [make for make in plotting.CHAIN_FIGURES if make is not plotting.chain_deployment]
+"""The figures of a chain of constant length."""
+
+
+def test_the_figure_of_a_deployment(chains):
+    """Length, rate, tension of the first rod and work of the winch; the work is among the others, too."""
+    run = rows_of(chains["one rod"], lambda values: values)
+    assert not plotting.chain_deployment(run).axes
+    names = ("deployed_length", "payout_rate", "winch_work", "external_work", "dissipated_energy")
+    run.data.update({name: np.linspace(0.0, 1.0, len(run.time)) for name in names})
+    figure = plotting.chain_deployment(run)
+    assert len(figure.axes) == 4
+    check_axes(figure)
+    keys = [ax.get_legend() for ax in plotting.chain_energies(run).axes]
+    assert "winch" in [text.get_text() for key in keys if key is not None for text in key.get_texts()]
+
+
+@pytest.mark.parametrize("make", FIGURES, ids=lambda make: make.__name__)
 @pytest.mark.parametrize("name", CHAINS)
 def test_every_axis_of_a_chains_figures_says_what_it_shows(chains, make, name):
     """All chains have all figures, but only a chain in orbit has libration angles."""
@@ -76,7 +93,7 @@ def test_plot_draws_rods_and_joints_of_a_chain(chains):
     ax = esail_jax.plot(run, "joint_position", ax=Figure().add_subplot())
     assert len(ax.lines) == 12 * 3
     assert list(esail_jax.plot(chains["one rod"])) == [
-        make.__name__ for make in plotting.CHAIN_FIGURES if make is not plotting.chain_libration
+        make.__name__ for make in FIGURES if make is not plotting.chain_libration
     ]
     with pytest.raises(
         ValueError, match=r"an observable of the run \(joint_position, .*energy_error\), but is"
@@ -87,7 +104,7 @@ def test_plot_draws_rods_and_joints_of_a_chain(chains):
 @pytest.mark.parametrize("name", ["satellite", "one rod"])
 def test_plot_all_draws_the_figures_of_a_chain(chains, tmp_path, monkeypatch, name):
     monkeypatch.setattr(plotting.figure_files, "DOTS_PER_INCH", 20)
-    expected = [f"{make.__name__}.png" for make in plotting.CHAIN_FIGURES]
+    expected = [f"{make.__name__}.png" for make in FIGURES]
     if name != "satellite":
         expected.remove("chain_libration.png")
     paths = plotting.plot_all(chains[name], tmp_path)

@@ -68,7 +68,24 @@ def runs():
     return {name: make() for name, make in RUNS.items()}
 
 
-@pytest.mark.parametrize("make", plotting.FIGURES, ids=lambda make: make.__name__)
+FIGURES = [make for make in plotting.FIGURES if make is not plotting.deployment]
+"""The figures of tethers of constant length."""
+
+
+def test_the_figure_of_a_deployment(runs):
+    """Lengths, rates, lag, and tensions and powers of the winches of every tether, and their work."""
+    run, rng = different_tethers(), np.random.default_rng(3)
+    assert not plotting.deployment(run).axes
+    names = ("deployed_length", "payout_rate", "winch_tension", "winch_power")
+    run.data |= {name: rng.normal(size=(len(TIME), 3)) for name in names}
+    run.data["winch_work"] = rng.normal(size=len(TIME))
+    figure = plotting.deployment(run)
+    assert len(panels(figure)) == 6 + 1  # and the key of the colours
+    check_axes(figure)
+    assert r"$\Delta E_T - W_{ext} + E_d - W_w$ [J]" in panels(plotting.energies(run))
+
+
+@pytest.mark.parametrize("make", FIGURES, ids=lambda make: make.__name__)
 @pytest.mark.parametrize("name", RUNS)
 def test_every_axis_says_what_it_shows(runs, make, name):
     figure = make(runs[name])
@@ -200,7 +217,7 @@ def test_plot_all_writes_png_files(runs, tmp_path, monkeypatch):
     told = []
     paths = plotting.plot_all(runs["one tether"], tmp_path / "new" / "figures", tell=told.append)
     assert told == paths
-    assert [path.name for path in paths] == [f"{make.__name__}.png" for make in plotting.FIGURES]
+    assert [path.name for path in paths] == [f"{make.__name__}.png" for make in FIGURES]
     for path in paths:
         assert matplotlib.image.imread(path).std() > 0.0
 
@@ -264,7 +281,7 @@ def test_symbols_are_typeset_with_greek_letters_and_whole_indices():
 def test_plot_without_a_name_makes_the_overview(runs):
     """The figures that `esail plot` writes; without a hub the attitude is still there."""
     figures = esail_jax.plot(runs["no hub"])
-    assert list(figures) == [make.__name__ for make in plotting.FIGURES]
+    assert list(figures) == [make.__name__ for make in FIGURES]
     assert esail_jax.plot(failed_at(0)) == {}
 
 

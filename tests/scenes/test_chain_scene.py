@@ -33,7 +33,12 @@ def chain():
     return parse(small_chain.TEXT, "chain")
 
 
+EQUAL = {"chain.mass": 0.1, "deployment.start_length": 1.4}
+PAID_OUT = EQUAL | {"deployment.time": (0.0, 1.0), "deployment.rate": (0.0, 0.0625)}
+
 NEEDS = {
+    **{f"deployment.{x}": PAID_OUT for x in ("start_length", "law", "time", "rate")},
+    "deployment.growth": EQUAL | {"deployment.law": "exponential"},
     "chain.base_mass": {"chain.anchor": "free"}, "initial.position": {"chain.anchor": "free"},
     "initial.velocity": {"chain.anchor": "free"}, "chain.bending": {"chain.second_moment": 1e-12},
     "chain.root": {"chain.bending": True, "chain.second_moment": 1e-12},
@@ -69,7 +74,9 @@ def test_every_key_can_be_given_and_written(key, chain):
     values = {
         "chain.rods": 3, "chain.anchor": "free", "chain.strain": "green-lagrange", "chain.bending": True,
         "chain.root": "clamped", "integrator.method": "dopri5", "integrator.tolerance": 0.125,
-        "solar_wind.relative": True, "plasma_brake.voltage": -1e3,
+        "solar_wind.relative": True, "plasma_brake.voltage": -1e3, "deployment.start_length": 1.375,
+        "deployment.law": "table", "deployment.time": (0.0, 2.0), "deployment.rate": (0.0, 0.125),
+        "deployment.growth": 0.0625,
     }  # fmt: skip
     shape = (1.0, 2.0, 0.5) if FIELDS[key].shape in (Shape.VECTOR, Shape.VECTORS) else 0.125
     value = values.get(key, shape)
@@ -79,10 +86,17 @@ def test_every_key_can_be_given_and_written(key, chain):
     assert parse(to_toml(scene), "again") == scene
 
 
-@pytest.mark.parametrize("key", [key for key, rule in FIELDS.items() if not rule.structure])
+PLAIN = ("deployment.time",)
+"""Numbers that are not traced: they say where the run is divided."""
+
+
+@pytest.mark.parametrize(
+    "key", [key for key, rule in FIELDS.items() if not rule.structure and key not in PLAIN]
+)
 def test_every_number_may_be_traced(key, chain, monkeypatch):
     """A traced number reaches the program of the traced run, which takes it as an argument."""
     like = jnp.ones(3) if FIELDS[key].shape in (Shape.VECTOR, Shape.VECTORS) else jnp.asarray(0.125)
+    like = jnp.array([0.0, 0.125]) if key == "deployment.rate" else like
     seen = []
 
     def run(structure, schedule, names, numbers, *more):

@@ -80,6 +80,11 @@ SPACECRAFT = {
 """A hub that is no cylinder. The keys of the cylinder are tried without it."""
 
 
+PAID_OUT = {
+    "deployment.start_length": 5e3, "deployment.time": (0.0, 1.0), "deployment.rate": (0.0, 0.125),
+}  # fmt: skip
+
+
 def beside(key: str) -> dict:
     """The overrides that a key requires."""
     table, name = key.split(".")
@@ -103,6 +108,10 @@ def beside(key: str) -> dict:
         return {"tethers.wire_radius": 1e-5}
     if name in {"thrust_law", "electron_temperature_ev", "tether_radius"}:
         return SHEATH
+    if name == "growth":
+        return {"deployment.law": "exponential", "deployment.start_length": 5e3}
+    if table == "deployment":
+        return PAID_OUT
     if name == "straight_turn":
         return {"tethers.bending_damping_time": 1.0}
     return LAW_OF.get(name, {}) if table == "voltage" else {}
@@ -234,6 +243,8 @@ def test_every_key_can_be_overridden(key, sail):
         "tethers.wires": 4, "solar_wind.relative": True, "tip_thrust.direction": "radial",
         "solar_wind.thrust_law": "debye-sheath", "voltage.measured_axis": "hub",
         "orbit.position_au": (0.0, 1.0, 0.5), "orbit.velocity": (1e3, 2e4, 0.0),
+        "deployment.start_length": 4e3, "deployment.law": "table", "deployment.time": (0.0, 2.0),
+        "deployment.rate": (0.0, 0.25), "deployment.growth": 1e-4,
     }  # fmt: skip
     value = values.get(key) or SPACECRAFT.get(key) or 0.125
     extra = {"tethers.second_moment": 2e-18} if key == "tethers.bending" else {}
@@ -328,11 +339,15 @@ def test_a_tracer_is_refused_for_structure_by_name(key, sail):
         jax.make_jaxpr(program)(1.0)
 
 
-@pytest.mark.parametrize("key", [key for key in SAIL_KEYS if key not in STRUCTURE])
+PLAIN = ("deployment.law", "deployment.time")
+"""Keys of which no tracer is accepted; the second says where a run is divided."""
+
+
+@pytest.mark.parametrize("key", [key for key in SAIL_KEYS if key not in (*STRUCTURE, *PLAIN)])
 def test_a_tracer_is_accepted_for_every_number(key, sail):
     shapes = {"gravity.acceleration": 3, "initial.heliocentric_position_au": 3, "voltage.cosine": 1}
     shapes |= {"orbit.position_au": 3, "orbit.velocity": 3, "thermal.time": 2}
-    shapes |= {"hub.centre": 3, "hub.inertia": (3, 3), "hub.roots": (2, 3)}
+    shapes |= {"deployment.rate": 2, "hub.centre": 3, "hub.inertia": (3, 3), "hub.roots": (2, 3)}
     shapes |= {"voltage.sine": 1, "voltage.time": 2, "voltage.table": 2, "solar_wind.time": 2}
     example = jnp.ones(shapes[key]) if key in shapes else 1.0
     seen = []
