@@ -76,8 +76,14 @@ class Instant(eqx.Module):
 
     @property
     def sense(self) -> Scalar:
-        """The sense of the spin: -1 if the sail turns about X_B in the left-handed sense, otherwise 1."""
-        return jnp.where(angular_velocity(self.system, self.q, self.v)[0] < 0.0, -1.0, 1.0)
+        """The sense of the spin: -1 if the sail as a whole turns about X_B in the left-handed sense,
+        otherwise 1. The hub may turn back for a while, when tethers swing."""
+        if self.system.hub is None:
+            about_axis = angular_velocity(self.system, self.q, self.v)[0]
+        else:
+            momentum = self.system.angular_momentum(self.system.centred(self.q), self.v)
+            about_axis = momentum @ self.rotation[:, 0]
+        return jnp.where(about_axis < 0.0, -1.0, 1.0)
 
     @property
     def p(self) -> int:

@@ -49,6 +49,10 @@ LEAST_RATE = 0.02
 several hundred times smaller than the first, but later changes decrease more slowly: with the true first
 ratio the estimate would be too small."""
 
+DIVERGED = 1e-3
+"""Remaining error over the first change above which iterations have failed: a derivative with three digits
+or less is not given."""
+
 MAX_LINEAR_ITERATIONS = 30
 """Largest number of these iterations. They converge if those of the step did: the factors are the same."""
 
@@ -239,7 +243,8 @@ def improved(
     The iterations end when the remaining error of x, estimated from the last two changes in the norm of
     `work_norm`, is within LINEAR_TOLERANCE of the first change. The estimate assumes that the next changes
     decrease as the last one did. A part that decreases slowly and is still small can leave an error ten
-    times as large."""
+    times as large. Iterations that end with a remaining error above DIVERGED of the first change give
+    NaN."""
 
     def improve(carry):
         sums, left, count, before, first, _ = carry
@@ -259,7 +264,8 @@ def improved(
     left = jax.tree.map(jnp.negative, rhs)
     infinite = jnp.asarray(jnp.inf)
     carry = (nothing, left, jnp.zeros((), int), infinite, jnp.zeros(()), infinite)
-    return lax.while_loop(unfinished, improve, carry)[0]
+    sums, *_, first, error = lax.while_loop(unfinished, improve, carry)
+    return jax.tree.map(lambda x: jnp.where(error > DIVERGED * first, jnp.nan, x), sums)
 
 
 def work_norm(change: StageUnknowns, rows: StageUnknowns) -> Scalar:

@@ -335,6 +335,26 @@ def test_derivatives_by_the_numbers_of_a_deployment(method):
 
 
 @pytest.mark.nightly
+def test_derivatives_of_short_tethers_that_become_long():
+    """The factors of a block of steps are those of its lengths: with those of another instant, by which the
+    length is off by more than the strain, the derivative had no digit. By the spin rate, against
+    differences, over fifty steps and more than one block."""
+    short = CALM | {
+        "tethers.length": 200.0, "tethers.density": 76530.0, "remote_units.mass": 0.05,
+        "deployment.start_length": 10.0, "deployment.time": [0.0, 300.0], "deployment.rate": [0.0, 0.01],
+        "integrator.t_end": 600.0, "output.interval": 300.0,
+    }  # fmt: skip
+
+    @jit
+    def spin(w):
+        return esail.simulate("baseline", short | {"initial.spin_rate": w})["spin_rate"][1:, 0]
+
+    moved = jax.jvp(spin, (0.3,), (1.0,))[1]
+    by_differences = (spin(0.3 + 1e-5) - spin(0.3 - 1e-5)) / 2e-5
+    assert np.abs(moved - by_differences).max() < 1e-5 * np.abs(by_differences).max()
+
+
+@pytest.mark.nightly
 def test_a_run_is_resumed_bit_for_bit(tmp_path):
     """Within a deployment, beyond a knot of the rates."""
     from esail_jax.scenes.toml_text import to_toml

@@ -101,8 +101,9 @@ def coning_angle():
 
 
 def sense(state):
-    """The sense of the spin, in which lagging angles are counted here; the paper's sails spin about X_B."""
-    return np.where(state.seen["angular_velocity_B"][0] < 0.0, -1.0, 1.0)
+    """The sense of the spin of the whole sail, in which lagging angles are counted here; the paper's sails
+    spin about X_B."""
+    return np.where(state.seen["spin_rate"][1] < 0.0, -1.0, 1.0)
 
 
 @holds("PGV", "59 lagging", "lagging angle", note="Below 90 deg; beyond, atan2 is needed.")
