@@ -97,7 +97,8 @@ class System(Assembly):
         if self.payout is None or self.reels is not None:
             return self
         now = self.payout.at(time)
-        energies = cast(tuple[Energy, ...], self.energies)  # other terms replace them within a step only
+        # Other terms replace energies within a step only.
+        energies = tuple(term.at(time) for term in cast(tuple[Energy, ...], self.energies))
         reels = Reels.of(self.tethers, self.payout, now, energies, self.dissipations)
         return dataclasses.replace(
             self, tethers=deployed_tethers(self.tethers, self.payout, now), reels=reels
@@ -112,8 +113,13 @@ class System(Assembly):
     def in_segment(self, start: Scalar | np.ndarray, until: Scalar | np.ndarray) -> "System":
         """The system between two switch times [s]: temperatures and rates of payout go on beyond them
         without a kink."""
-        if self.payout is not None:
-            return dataclasses.replace(self, payout=self.payout.in_segment(start, until))
+        system = self.heated_in_segment(start, until)
+        if system.payout is None:
+            return system
+        return dataclasses.replace(system, payout=system.payout.in_segment(start, until))
+
+    def heated_in_segment(self, start: Scalar | np.ndarray, until: Scalar | np.ndarray) -> "System":
+        """The system with the temperatures between two switch times [s]."""
         if not any(isinstance(term, ThermalEnergy) for term in self.energies):
             return self
         energies = tuple(
@@ -387,8 +393,11 @@ class System(Assembly):
             velocity = rates.r if self.reels is None else self.reels.velocity(fields, rates)
             densities.append(dot(loads.r, velocity))
         densities += [] if dissipated_density is None else [dissipated_density]
-        for part in (term.thermal_part(time) for term in self.energies):
-            if part is not None:
+        for term in self.energies:
+            part = term.thermal_part(time)
+            if part is not None and self.reels is not None:
+                densities.append(-self.reels.heating(term, time, fields, rates))
+            elif part is not None:
                 densities.append(-dot(part.point_forces(time, fields, rates).r_x, rates.r_x))
         if len(densities) > 1:
             # Stacked into memory: the compiler does not vectorise what it computes inside a sum.

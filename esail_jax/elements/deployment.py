@@ -380,6 +380,16 @@ class Reels(eqx.Module):
         """rho [kg/m] of every element."""
         return self.tethers.repeat_per_element(density_of(self.tethers))
 
+    def heating(self, term: Energy, time: Instants, fields: PointFields, rates: PointFields) -> PerPoint:
+        """The power [W/m] of the thermal stress per unit of x, less what the thermal energy changes by as
+        more of the tether is deployed."""
+        s, part = self.stretching, term.thermal_part(time)
+        material = PointFields(None, fields.r_x / s.share)
+        moving = PointFields(None, (rates.r_x - s.relative_rate * fields.r_x) / s.share)
+        stress = part.point_forces(time, material, moving).r_x
+        power = dot(stress, moving.r_x) + s.relative_rate * term.thermal_energy(time, material)
+        return s.share * power
+
     def velocity(self, fields: PointFields, rates: PointFields) -> VectorPerPoint:
         """V = v + l' u r_s [m/s] of the material."""
         s = self.stretching

@@ -10,6 +10,7 @@ from esail_jax.elements.thermal import ThermalEnergy
 from esail_jax.numerics.small_matrices import matmul
 from esail_jax.numerics.vectors import total_of
 from esail_jax.observables.meanings import MEANINGS
+from esail_jax.point_fields import PointFields
 from esail_jax.system import System
 from esail_jax.terms import Energy, find_term
 
@@ -77,7 +78,12 @@ def thermal_energy(system: System, time: Scalar, q: Coordinates) -> Scalar | Non
     term = find_term(system.energies, ThermalEnergy)
     if term is None:
         return None
-    return system.integrate(term.thermal_energy(time, system.tethers.interpolate(q.tether)))
+    fields = system.tethers.interpolate(q.tether)
+    if system.payout is None:
+        return system.integrate(term.thermal_energy(time, fields))
+    share = system.tethers.repeat_per_element(system.payout.at(time).length / system.payout.total)
+    material = PointFields(None, fields.r_x / share)
+    return system.integrate(share * term.thermal_energy(time, material))
 
 
 def shape_of(axes: tuple[str, ...], sizes: Mapping[str, int]) -> tuple[int, ...]:

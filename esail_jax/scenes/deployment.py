@@ -151,7 +151,7 @@ def check_law(scene: Any) -> None:
 def check_parts(scene: Any) -> None:
     """Refuses what is not computed while tethers are paid out. Raises SceneError."""
     without = "be left out with [deployment]"
-    for name in ("auxiliary_tethers", "event", "thermal"):
+    for name in ("auxiliary_tethers", "event"):
         if getattr(scene, name) is not None:
             raise SceneError(name, without, "is given")
     if scene.tethers.root == "clamped":

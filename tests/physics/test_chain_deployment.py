@@ -126,6 +126,30 @@ def test_the_linear_solution_solves_lagranges_equations(anchor):
     assert np.abs(residual.tether[:, :, first:]).max() < 1e-12 * size
 
 
+@pytest.mark.parametrize("anchor", ["fixed", "free"])
+def test_a_field_does_work_on_all_of_the_motion(anchor):
+    """The power of the tide is the sum of its force times the velocity V of the material, reel and end
+    masses included; the Coriolis force has none, whatever part of V is the rate of mesh points."""
+    model, state = random_motion(anchor)
+    time = jnp.asarray(1.7)
+    tide, _ = model.system.fields[0].matrices
+
+    @jit
+    def powers(state):
+        system, (q, v) = model.system.at(time), model.coordinates(state)
+        fields, rates = system.reels.tethers.interpolate_motion(q.tether, v.tether)
+        velocity = system.reels.velocity(fields, rates)
+        density = system.reels.density * system.reels.stretching.share
+        whole = system.reels.per_tether(density * dot(jnp.tensordot(tide, fields.r, 1), velocity)).sum()
+        for mass, node in ((system.tethers.tip_mass, -1), (system.tethers.base_mass, 0)):
+            force = jnp.tensordot(tide, q.tether[0, :, node], 1)
+            whole = whole + (mass * dot(force, v.tether[0, :, node])).sum()
+        return system.field_power(time, q, v), whole
+
+    found, expected = powers(state)
+    assert np.allclose(found, expected, rtol=1e-12)
+
+
 @pytest.mark.parametrize("growth", [0.3, -0.3])
 def test_the_angle_of_an_exponential_deployment_in_orbit(growth):
     """A light tether that is paid out as exp(k W t) rests at sin(2 theta) = -4 k/3 from the vertical, on
