@@ -395,7 +395,7 @@ class System(Assembly):
         densities += [] if dissipated_density is None else [dissipated_density]
         for term in self.energies:
             part = term.thermal_part(time)
-            if part is not None and self.reels is not None:
+            if isinstance(term, ThermalEnergy) and self.reels is not None:
                 densities.append(-self.reels.heating(term, time, fields, rates))
             elif part is not None:
                 densities.append(-dot(part.point_forces(time, fields, rates).r_x, rates.r_x))

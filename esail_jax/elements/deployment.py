@@ -41,6 +41,7 @@ from esail_jax.array_types import (
     VectorPerPoint,
 )
 from esail_jax.elements.tether import TetherBatch
+from esail_jax.elements.thermal import ThermalEnergy
 from esail_jax.measurements import Measurements
 from esail_jax.numerics.quadrature import gauss_legendre
 from esail_jax.numerics.vectors import dot, total_of
@@ -380,7 +381,9 @@ class Reels(eqx.Module):
         """rho [kg/m] of every element."""
         return self.tethers.repeat_per_element(density_of(self.tethers))
 
-    def heating(self, term: Energy, time: Instants, fields: PointFields, rates: PointFields) -> PerPoint:
+    def heating(
+        self, term: ThermalEnergy, time: Instants, fields: PointFields, rates: PointFields
+    ) -> PerPoint:
         """The power [W/m] of the thermal stress per unit of x, less what the thermal energy changes by as
         more of the tether is deployed."""
         s, part = self.stretching, term.thermal_part(time)

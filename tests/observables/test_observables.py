@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from esail_jax.equilibria.moving_frame import MovingFrame
 from esail_jax.numerics.angles import euler_angles, rotation_of, smallest_eigenvector
 from esail_jax.observables import chain, hint_at, sail
 from esail_jax.observables.meanings import MEANINGS
@@ -203,3 +204,23 @@ def test_every_observable_has_a_meaning():
     entries = (*sail.OBSERVABLES, *sail.ON_REQUEST, *chain.OBSERVABLES, chain.ENERGY_ERROR)
     assert {entry.name for entry in entries} == set(MEANINGS)
     assert all(entry.meaning.endswith(".") and entry.meaning[0].isupper() for entry in entries)
+
+
+def test_a_hub_that_turns_back_does_not_change_the_sense_of_lagging():
+    """The hub turns back for a while, where the sail as a whole turns on: the lag keeps its sign. It has
+    the other sign if all of the sail turns the other way."""
+    built, rng = model(), np.random.default_rng(3)
+    q, _, turn, _ = random_placement(rng, built.system)
+    axis = jnp.asarray(turn[:, 0])
+
+    def turning(hub, tethers):
+        around = MovingFrame(axis, jnp.zeros(3)).turned(built.system.centred(q))
+        return around._replace(hub=hub * around.hub, tether=tethers * around.tether)
+
+    rates = [turning(*x) for x in ((1.0, 1.0), (-0.01, 1.0), (-1.0, -1.0))]
+    rates += [rates[0]] * (STATES - len(rates))
+    on, back, other = (
+        seen["lagging_angle"] for seen in look(built.system, ORIGIN, [q] * STATES, rates)[:3]
+    )
+    np.testing.assert_allclose(back, on, rtol=1e-12)
+    np.testing.assert_allclose(other, -on, rtol=1e-12)
