@@ -79,6 +79,11 @@ class Assembly(eqx.Module):
         names += [term.name for term in (*self.tip_loads, *self.hub_loads, *self.fields)]
         return tuple(names)
 
+    @property
+    def has_unknown_lengths(self) -> bool:
+        """Tells whether deployed lengths are unknowns."""
+        return self.payout is not None and self.payout.unknown
+
     # ---- inertia ----------------------------------------------------------------------------
 
     def momenta(self, v: Coordinates, q: Coordinates | None = None) -> Coordinates:
@@ -91,12 +96,13 @@ class Assembly(eqx.Module):
         return momenta._replace(tether=momenta.tether + self.reels.drift(q.tether))
 
     def member_inertia(self, acceleration: Coordinates) -> Coordinates:
-        """Inertia forces M `acceleration` of tethers and ring; the hub's part is its acceleration."""
+        """Inertia forces M `acceleration` of tethers and ring; the parts of hub and lengths are the
+        accelerations themselves."""
         tether, own = self.tethers.inertia(acceleration.tether), None
         if self.ring is not None:
             tips, own = self.ring.inertia(acceleration)
             tether = tether.at[0, :, -1].add(tips)
-        return Coordinates(tether, acceleration.hub, own)
+        return Coordinates(tether, acceleration.hub, own, acceleration.reel)
 
     def momentum(self, v: Coordinates, q: Coordinates | None = None) -> Vector:
         """Total linear momentum [kg m/s]. q: as for `momenta`."""
@@ -110,7 +116,8 @@ class Assembly(eqx.Module):
     def uniform(self, vector: Vector) -> Coordinates:
         """Coordinates of a uniform displacement of a sail with a hub."""
         ring = None if self.ring is None else self.ring.uniform(vector)
-        return Coordinates(self.tethers.uniform(vector), jnp.broadcast_to(vector, (4, 3)), ring)
+        reel = jnp.zeros(self.tethers.count) if self.has_unknown_lengths else None
+        return Coordinates(self.tethers.uniform(vector), jnp.broadcast_to(vector, (4, 3)), ring, reel)
 
     def mean(self, x: Coordinates) -> Vector:
         """Position, velocity or acceleration of the centre of mass of a sail with a hub."""

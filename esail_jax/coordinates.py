@@ -18,12 +18,14 @@ class Coordinates(NamedTuple):
     """q, v, vdot or generalized forces.
 
     tether: nodal vectors. hub: base points of the hub; None without a hub. ring: own vectors of the
-    auxiliary tethers (`elements/ring.py`); None if there are none.
+    auxiliary tethers (`elements/ring.py`); None if there are none. reel: deployed lengths [m] that are
+    unknowns (`elements/winch.py`), and in forces the force of every winch; None for all others.
     """
 
     tether: Nodal
     hub: Maybe[HubPoints]
     ring: Maybe[Float[Array, "3 *state vector tether"]] = None
+    reel: Maybe[Float[Array, "*state tether"]] = None
 
     def axpy(self, factor: Array | float, other: "Coordinates") -> "Coordinates":
         """self + factor * other."""
@@ -34,7 +36,8 @@ class Coordinates(NamedTuple):
         columns = rotation.T[:, None, :, None, None]
         tether = total_of(columns[j] * self.tether[:, j : j + 1] for j in range(3))
         ring = None if self.ring is None else total_of(columns[j, 0] * self.ring[j] for j in range(3))
-        return Coordinates(tether, None if self.hub is None else matmul(self.hub, rotation.T), ring)
+        hub = None if self.hub is None else matmul(self.hub, rotation.T)
+        return Coordinates(tether, hub, ring, self.reel)
 
 
 class Multipliers(NamedTuple):

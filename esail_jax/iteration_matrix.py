@@ -69,7 +69,7 @@ def tangent(
     of the control laws. The unknowns beside dq are s dlam. With that scaling the matrix tends to that of
     `mass` as the step tends to zero (Bottasso; Arnold & Brüls).
     """
-    system = system.paid_out(time)
+    given, system = system, system.paid_out(time, q, v)
     tethers = system.tethers
     fields, rates = tethers.interpolate(q.tether), tethers.interpolate(v.tether)
     jacobian = point_jacobian(system.with_commanded_loads(time, q, v), time, fields, rates, rate_factor)
@@ -82,6 +82,9 @@ def tangent(
     elements = elements + tethers.mass_elements(axes)
     scaled = jax.tree.map(lambda x: stiffness_factor * x, lam)
     matrix = assemble(system, time, q, elements, tethers.point_masses(axes), scaled)
+    if system.has_unknown_lengths:
+        factors = stiffness_factor, stiffness_factor * rate_factor
+        return matrix._replace(lengths=length_rows(given, time, q, v, *factors))
     if system.ring is None:
         return matrix
     ring = system.ring
@@ -93,12 +96,44 @@ def tangent(
 
 def mass(system: System, time: Scalar, q: Coordinates) -> bordered.Bordered:
     """Mass matrix M with the constraint gradients: the matrix of consistent accelerations."""
-    system = system.paid_out(time)
+    given, system = system, system.paid_out(time, q)
     tethers, masses = system.tethers, mass_elements(system.tethers)
     matrix = assemble(system, time, q, masses, tethers.point_masses(), system.no_multipliers())
+    if system.has_unknown_lengths:
+        rest, zero = jax.tree.map(jnp.zeros_like, q), jnp.zeros(())
+        return matrix._replace(lengths=length_rows(given, time, q, rest, zero, zero))
     if system.ring is None:
         return matrix
     return matrix._replace(segments=segments_of(system.ring, mass_elements(system.ring.segments)))
+
+
+def length_rows(
+    system: System, time: Scalar, q: Coordinates, v: Coordinates, position: Scalar, rate: Scalar
+) -> bordered.LengthRows:
+    """The rows and columns of the lengths in M + position K + rate C, at fixed commands of the control laws. A
+    tether's rows depend on its own length alone, so that one derivative along all lengths gives every column,
+    and one of the sum of the rows of all lengths every row."""
+    if system.controlled:
+        system = system.with_commands(system.at(time, q, v).commands(time, q, v))
+    rest = jax.tree.map(jnp.zeros_like, q)
+
+    def rows(q, v, vdot):
+        now = system.paid_out(time, q, v, vdot)
+        forces, _ = now.member_forces(time, q, v, now.relative_to_free_fall(time, q, v, vdot))
+        return forces._replace(reel=now.rows_of_lengths(time, now.winch_forces(time, q, v, vdot)))
+
+    def along(lengths):
+        steps = (position, rate, jnp.ones(()))
+        moved = (x._replace(reel=x.reel + s * lengths) for x, s in zip((q, v, rest), steps, strict=True))
+        return rows(*moved)
+
+    zero = jnp.zeros_like(q.reel)
+    _, column = jax.jvp(along, (zero,), (jnp.ones_like(zero),))
+    by_q, by_v, by_vdot = jax.grad(lambda *x: rows(*x).reel.sum(), (0, 1, 2))(q, v, rest)
+    row = by_vdot.axpy(position, by_q).axpy(rate, by_v)
+    return bordered.LengthRows(
+        to_blocks(system, column.tether), to_blocks(system, row.tether), column.reel
+    )
 
 
 def segments_of(ring: Ring, elements: Float[Array, "row col elem tether"]) -> Segments:
@@ -264,7 +299,7 @@ def to_vector(system: System, forces: Coordinates, constraints: Multipliers) -> 
     if system.clamped:
         local = constraints.clamp
     ring = None if forces.ring is None else system.ring.to_blocks(forces.ring)
-    return bordered.Vector(to_blocks(system, forces.tether), local, border, ring)
+    return bordered.Vector(to_blocks(system, forces.tether), local, border, ring, forces.reel)
 
 
 def from_vector(system: System, x: bordered.Vector) -> tuple[Coordinates, Multipliers]:
@@ -277,7 +312,8 @@ def from_vector(system: System, x: bordered.Vector) -> tuple[Coordinates, Multip
     lam = Multipliers(
         x.border[12:] if system.hub is not None else None, x.local if system.clamped else None
     )
-    return Coordinates(nodal, hub, None if x.ring is None else system.ring.from_blocks(x.ring)), lam
+    ring = None if x.ring is None else system.ring.from_blocks(x.ring)
+    return Coordinates(nodal, hub, ring, x.lengths), lam
 
 
 def to_blocks(system: System, nodal: Nodal) -> Float[Array, "node row tether"]:

@@ -151,7 +151,7 @@ class RodChain(eqx.Module):
         acceleration = chain.accelerate(time, x, v, stress, load)
         if power is not None and chain.system.reels is not None:
             motion = (Coordinates(self.joints(c)[None, :, :, None], None) for c in (x, v, acceleration))
-            power = power._replace(winch=chain.system.winch_power(time, *motion))
+            power, _ = chain.system.of_winches(time, *motion, power)
         return RodState(v, acceleration, power)
 
     def accelerate(

@@ -34,9 +34,12 @@ from esail_jax.elements.deployment import (
     Convection,
     DeployedDissipation,
     DeployedEnergy,
+    Deployed,
     Reels,
+    ScheduledPayout,
     deployed_load,
     deployed_tethers,
+    density_of,
 )
 from esail_jax.elements.thermal import ThermalEnergy
 from esail_jax.environment.kepler_orbit import PlaceOnOrbit, at_place
@@ -84,19 +87,25 @@ class Residual(NamedTuple):
 class System(Assembly):
     """The equations of motion of an assembly: its forces, power and residual."""
 
-    def at(self, time: Instants) -> "System":
+    def at(self, time: Instants, *motion: Coordinates) -> "System":
         """The system at one or several instants [s]: on its orbit, and with its tethers paid out. A system
-        at an instant stays as it is."""
-        system = at_place(self, self.place(time))
-        if system.payout is None or system.reels is not None:
-            return system
-        return system.paid_out(time)
+        at an instant stays as it is. motion: as for `lengths`."""
+        return at_place(self, self.place(time)).paid_out(time, *motion)
 
-    def paid_out(self, time: Instants) -> "System":
-        """The system with the tethers that are deployed at one or several instants [s], or (*state, 1)."""
+    def lengths(self, time: Instants, *motion: Coordinates) -> Deployed:
+        """The deployed lengths at one or several instants [s], or (*state, 1). motion: q, v and vdot there;
+        those that are left out are zero. They matter only where lengths are unknowns."""
+        if isinstance(self.payout, ScheduledPayout):
+            return self.payout.at(time)
+        known = [x.reel for x in motion]
+        return Deployed(*known, *(jnp.zeros_like(known[0]),) * (3 - len(known)))
+
+    def paid_out(self, time: Instants, *motion: Coordinates) -> "System":
+        """The system with the tethers that are deployed at one or several instants [s], or (*state, 1).
+        motion: as for `lengths`."""
         if self.payout is None or self.reels is not None:
             return self
-        now = self.payout.at(time)
+        now = self.lengths(time, *motion)
         # Other terms replace energies within a step only.
         energies = tuple(term.at(time) for term in cast(tuple[Energy, ...], self.energies))
         reels = Reels.of(self.tethers, self.payout, now, energies, self.dissipations)
@@ -178,12 +187,16 @@ class System(Assembly):
             return self.energies
         return tuple(DeployedEnergy(x, self.reels.stretching.share) for x in self.reels.energies)
 
-    def axial_energy(self, times: Float[Array, " time"]) -> Energy:
-        """The axial energy per unit of x at several instants."""
+    def axial_energy(
+        self, times: Float[Array, " time"], lengths: Float[Array, "time tether"] | None
+    ) -> Energy:
+        """The axial energy per unit of x at several instants. lengths: those that are unknowns."""
         axial = find_term(self.energies, AbstractAxialEnergy).at(times[:, None])
         if self.payout is None:
             return axial
-        share = self.payout.at(times[:, None]).length / self.payout.total
+        if isinstance(self.payout, ScheduledPayout):
+            lengths = self.payout.at(times[:, None]).length
+        share = lengths / self.payout.total
         return DeployedEnergy(axial, self.tethers.repeat_per_element(share))
 
     @property
@@ -213,7 +226,7 @@ class System(Assembly):
             tether = tether + field.at_nodes(time, q.tether, v.tether)
             hub = None if hub is None else hub + field.acceleration(time, q.hub.T, v.hub.T).T
             ring = None if ring is None else ring + self.ring.own_of_nodal(field.at_nodes(time, *segments))
-        return Coordinates(tether, hub, ring)
+        return Coordinates(tether, hub, ring, None if q.reel is None else jnp.zeros_like(q.reel))
 
     def field_gradients(
         self, time: Scalar, q: Coordinates, v: Coordinates
@@ -234,13 +247,14 @@ class System(Assembly):
         self, time: Scalar, q: Coordinates, v: Coordinates, vdot: Coordinates, lam: Multipliers
     ) -> tuple[Residual, Power]:
         """Residual of the equations of motion and constraints at one state, and the power of its forces."""
-        system = self.at(time)
+        system = self.at(time, q, v, vdot)
         inertial = system.relative_to_free_fall(time, q, v, vdot)
         commanded = system.with_commanded_loads(time, q, v)
         forces, power = commanded.member_forces(time, q, v, inertial)
         residual, power = system.complete_residual(time, q, v, forces, lam, power)
         if self.payout is not None:
-            power = power._replace(winch=self.winch_power(time, q, v, vdot))
+            power, rows = system.of_winches(time, q, v, vdot, power)
+            residual = residual._replace(forces=residual.forces._replace(reel=rows))
         return self.with_moved_reactions(residual), power
 
     def residuals(
@@ -258,38 +272,47 @@ class System(Assembly):
         place = self.place(times)
 
         def of_every_state(method: Callable[..., Any], *of_states: Any) -> Any:
-            def of_one(place: PlaceOnOrbit | None, time: Scalar, *of_state: Any) -> Any:
-                return method(at_place(self, place).paid_out(time), time, *of_state)
+            def of_one(place: PlaceOnOrbit | None, motion: Any, time: Scalar, *of_state: Any) -> Any:
+                return method(at_place(self, place).paid_out(time, *motion), time, *of_state)
 
-            return jax.vmap(of_one, (-1, *(0,) * len(of_states)))(place, *of_states)
+            return jax.vmap(of_one, (-1, *(0,) * (1 + len(of_states))))(place, (q, v, vdot), *of_states)
 
         inertial = of_every_state(type(self).relative_to_free_fall, times, q, v, vdot)
         motion = (states_inside(x) for x in (q, v, inertial))
-        system = at_place(self, place).paid_out(times[:, None])
+        system = at_place(self, place).paid_out(times[:, None], q, v, vdot)
         if self.controlled:
             system = system.with_commands(of_every_state(type(self).commands, times, q, v))
         members, power = system.member_forces(times[:, None], *motion)
         ring = None if members.ring is None else jnp.moveaxis(members.ring, 1, 0)
-        forces = Coordinates(jnp.moveaxis(members.tether, 2, 0), inertial.hub, ring)
+        forces = Coordinates(jnp.moveaxis(members.tether, 2, 0), inertial.hub, ring, members.reel)
         rows, power = of_every_state(type(self).complete_residual, times, q, v, forces, lam, power)
         if self.payout is not None:
-            power = power._replace(winch=of_every_state(type(self).winch_power, times, q, v, vdot))
+            power, reel = of_every_state(type(self).of_winches, times, q, v, vdot, power)
+            rows = rows._replace(forces=rows.forces._replace(reel=reel))
         return jax.vmap(self.with_moved_reactions)(rows), power
 
-    def winch_power(self, time: Scalar, q: Coordinates, v: Coordinates, vdot: Coordinates) -> Scalar:
-        """Power [W] of all winches: -l' F_w of every tether (`elements/deployment.py`)."""
-        return -(self.at(time).reels.now.rate * self.winch_forces(time, q, v, vdot)).sum()
+    def of_winches(
+        self, time: Scalar, q: Coordinates, v: Coordinates, vdot: Coordinates, power: Power
+    ) -> tuple[Power, PerTether | None]:
+        """The power with that of the winches, -l' F_w, of a system at an instant; and the left-hand sides of
+        the equations of the lengths that are unknowns, None for given ones."""
+        forces = self.with_commanded_loads(time, q, v).winch_forces(time, q, v, vdot)
+        power = power._replace(winch=-(self.reels.now.rate * forces).sum())
+        return power, self.rows_of_lengths(time, forces) if self.has_unknown_lengths else None
+
+    def rows_of_lengths(self, time: Scalar, winch_forces: PerTether) -> PerTether:
+        """The left-hand sides [N] of the equations of the lengths, of a system at an instant."""
+        return self.payout.rows(time, self.reels.now, winch_forces, density_of(self.reels.tethers))
 
     def winch_forces(self, time: Scalar, q: Coordinates, v: Coordinates, vdot: Coordinates) -> PerTether:
-        """Force F_w [N] of every winch."""
-        system = self.at(time).with_commanded_loads(time, q, v)
-        tethers, reels = system.tethers, system.reels
+        """Force F_w [N] of every winch, of a system at an instant whose loads have their commands."""
+        tethers, reels = self.tethers, self.reels
         fields, rates = reels.tethers.interpolate_motion(q.tether, v.tether)
         pushed = jnp.zeros_like(fields.r_x)
-        for load in system.acting_loads:
+        for load in self.acting_loads:
             pushed = pushed - load.point_forces(time, fields, rates).r
-        if system.fields:
-            fall = tethers.interpolate(system.field(time, q, v).tether).r
+        if self.fields:
+            fall = tethers.interpolate(self.field(time, q, v).tether).r
             pushed = pushed + reels.density * reels.stretching.share * fall
         return reels.winch_forces(q.tether, v.tether, vdot.tether, pushed)
 
@@ -375,7 +398,7 @@ class System(Assembly):
         states. The hub's part is that of `inertial`."""
         tether, power = self.tether_forces(time, q.tether, v.tether, inertial.tether)
         if self.ring is None:
-            return Coordinates(tether, inertial.hub), power
+            return Coordinates(tether, inertial.hub, reel=inertial.reel), power
         ring_forces = self.ring.forces(q, v, inertial)
         tether = tether.at[0, ..., -1, :].add(ring_forces.tips)
         power = power._replace(dissipated=power.dissipated + ring_forces.dissipated)
@@ -501,4 +524,4 @@ class System(Assembly):
 def states_inside(x: Coordinates) -> Coordinates:
     """Coordinates of several states, the first axis, with this axis where elements expect it."""
     ring = None if x.ring is None else jnp.moveaxis(x.ring, 0, 1)
-    return Coordinates(jnp.moveaxis(x.tether, 0, 2), x.hub, ring)
+    return Coordinates(jnp.moveaxis(x.tether, 0, 2), x.hub, ring, x.reel)

@@ -32,7 +32,6 @@ from esail_jax.array_types import (
     Array,
     Float,
     Instants,
-    Int,
     Nodal,
     PerElement,
     PerPoint,
@@ -43,6 +42,7 @@ from esail_jax.array_types import (
 from esail_jax.elements.tether import TetherBatch
 from esail_jax.elements.thermal import ThermalEnergy
 from esail_jax.measurements import Measurements
+from esail_jax.numerics.lines_in_time import LinesInTime
 from esail_jax.numerics.quadrature import gauss_legendre
 from esail_jax.numerics.vectors import dot, total_of
 from esail_jax.point_fields import Invariants, PointFields
@@ -63,20 +63,34 @@ class Deployed(NamedTuple):
 
 
 class AbstractPayout(eqx.Module):
-    """The deployed length of every tether as a function of time. total: the length L [m]."""
+    """The deployed length of every tether. total: the length L [m]."""
 
     total: eqx.AbstractVar[PerTether]
 
+    unknown: ClassVar[bool] = False
+    """Tells whether the lengths are unknowns, which a state holds (`elements/winch.py`)."""
+
     @abstractmethod
-    def at(self, time: Instants) -> Deployed:
-        """The lengths at one or several instants [s]: one number, or (*state, 1)."""
+    def at_start(self) -> Deployed:
+        """The lengths at t = 0."""
 
     @abstractmethod
     def in_segment(self, start: Scalar | np.ndarray, until: Scalar | np.ndarray) -> "AbstractPayout":
         """The lengths as a segment of a run sees them: without a kink."""
 
 
-class ExponentialPayout(AbstractPayout):
+class ScheduledPayout(AbstractPayout):
+    """Lengths that are given functions of time."""
+
+    @abstractmethod
+    def at(self, time: Instants) -> Deployed:
+        """The lengths at one or several instants [s]: one number, or (*state, 1)."""
+
+    def at_start(self) -> Deployed:
+        return self.at(jnp.zeros(()))
+
+
+class ExponentialPayout(ScheduledPayout):
     """l = l_0 exp(growth t).
 
     start: l_0 [m]; growth [1/s]."""
@@ -93,22 +107,15 @@ class ExponentialPayout(AbstractPayout):
         return self
 
 
-class RateTable(AbstractPayout):
+class RateTable(ScheduledPayout):
     """A rate that is linear between instants, and constant before the first and after the last.
 
-    time: increasing instants t_k [s]. rate: l' [m/s], (instant, tether). length: l [m] there. l'' jumps at
-    an instant: a run is divided there, and in a segment the rate is the straight line of that segment
-    (`environment/temperature.py` does the same).
-
-    begin, until: ends [s] of the segment; infinite ones for a table that is not divided.
-    """
+    rates: l' [m/s]. length: l [m] at the knots, (instant, tether). l'' jumps at a knot: a run is divided
+    there, and in a segment the rate is the straight line of that segment."""
 
     total: PerTether
-    time: Float[Array, " instant"]
-    rate: Float[Array, "instant tether"]
+    rates: LinesInTime
     length: Float[Array, "instant tether"]
-    begin: Scalar
-    until: Scalar
 
     @classmethod
     def undivided(
@@ -119,30 +126,21 @@ class RateTable(AbstractPayout):
         rate: Float[Array, "instant tether"],
     ) -> "RateTable":
         """The table of a run that has no segments yet. start: length [m] at t = 0."""
-        ends = (jnp.full((), x, float) for x in (-jnp.inf, jnp.inf))
         whole = jnp.cumsum(0.5 * (rate[1:] + rate[:-1]) * jnp.diff(time)[:, None], axis=0)
-        since_first = cls(total, time, rate, jnp.concatenate([jnp.zeros_like(rate[:1]), whole]), *ends)
-        until_start = since_first.at(jnp.zeros(())).length
+        whole = jnp.concatenate([jnp.zeros_like(rate[:1]), whole])
+        since_first = cls(total, LinesInTime.undivided(time, rate), whole)
+        until_start = since_first.at_start().length
         return eqx.tree_at(lambda x: x.length, since_first, since_first.length + (start - until_start))
 
     def in_segment(self, start: Scalar | np.ndarray, until: Scalar | np.ndarray) -> "RateTable":
-        return eqx.tree_at(lambda table: (table.begin, table.until), self, (start, until))
-
-    def piece(self, time: Instants) -> Int[Array, "..."]:
-        """The number of the straight line at each instant: 0 before the first knot, never one outside of
-        the segment."""
-        first, last = (self.time <= self.begin).sum(), (self.time < self.until).sum()
-        return jnp.clip((self.time <= time[..., None]).sum(-1), first, last)
+        return eqx.tree_at(lambda x: x.rates, self, self.rates.in_segment(start, until))
 
     def at(self, time: Instants) -> Deployed:
-        piece = self.piece(time)
-        a, b = jnp.maximum(piece - 1, 0), jnp.minimum(piece, self.time.shape[0] - 1)
-        since, duration = time - self.time[a], jnp.where(a == b, 1.0, self.time[b] - self.time[a])
-        if piece.ndim:
-            a, b = a[..., 0], b[..., 0]
-        slope = (self.rate[b] - self.rate[a]) / duration
-        length = self.length[a] + since * (self.rate[a] + 0.5 * slope * since)
-        return Deployed(length, self.rate[a] + slope * since, slope)
+        a, b, since, duration = self.rates.line(time)
+        rate = self.rates.table
+        slope = (rate[b] - rate[a]) / duration
+        length = self.length[a] + since * (rate[a] + 0.5 * slope * since)
+        return Deployed(length, rate[a] + slope * since, slope)
 
 
 # ---- what the lengths change --------------------------------------------------------------------

@@ -22,7 +22,8 @@ import numpy as np
 
 from esail_jax.array_types import Array, Float, Instants, PerElement, PerPoint, Scalar
 from esail_jax.elements.axial import AbstractAxialEnergy, Strain, axial_strain
-from esail_jax.environment.temperature import SteadyTemperature, TemperatureSeries
+from esail_jax.environment.temperature import SteadyTemperature
+from esail_jax.numerics.lines_in_time import LinesInTime
 from esail_jax.point_fields import Invariants, PointFields, invariants_of
 from esail_jax.terms import Energy
 
@@ -75,7 +76,7 @@ class ThermalEnergy(AbstractAxialEnergy):
     stiffness: PerElement
     expansion: Scalar
     reference: Scalar
-    temperature: SteadyTemperature | TemperatureSeries
+    temperature: SteadyTemperature | LinesInTime
     strain: Strain = eqx.field(static=True)
     elements: int = eqx.field(static=True)
 

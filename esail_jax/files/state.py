@@ -69,8 +69,8 @@ def load_point(file: h5py.File) -> AnyPoint | None:
     group = file["final"]
 
     def coordinates(name: str) -> Coordinates:
-        hub, ring = (group[name][x][()] if x in group[name] else None for x in ("hub", "ring"))
-        return Coordinates(group[f"{name}/tether"][()], hub, ring)
+        parts = (group[name][x][()] if x in group[name] else None for x in ("hub", "ring", "reel"))
+        return Coordinates(group[f"{name}/tether"][()], *parts)
 
     work = Power(**{name: group[f"work/{name}"][()] for name in Power._fields if f"work/{name}" in group})
     point = Point(group["time"][()], coordinates("q"), coordinates("v"), work, group["exact"][()])

@@ -7,6 +7,9 @@ work). Without a border the held rows are fixed. The other rows of a port block,
 they are local unknowns. If the ports are loose (only without a border), all rows are free; the port of a
 released chain is free, too.
 
+A chain may also have one unknown that couples to all of its blocks, its *length*. It is condensed on the
+port like the blocks, and then one of the free rows there.
+
 The chains are condensed on their ports in O(blocks), the local unknowns are eliminated chain by chain, and
 a small dense system in the border remains. Absent parts are `None` and cost nothing. Chains whose last
 blocks are joined by a ring of segments are solved in `ring.py`; `factor` and `solve` here are without
@@ -26,6 +29,15 @@ HELD_ROWS = 3
 """Number of rows of a port block that the border holds, unless the ports are loose."""
 
 
+class LengthRows(NamedTuple):
+    """The length of every chain in the matrix. column: its coefficients in the rows of all blocks; row: those
+    of all blocks in its own row; corner: its own in its own row."""
+
+    column: Inexact[Array, "block row tether"]
+    row: Inexact[Array, "block row tether"]
+    corner: Inexact[Array, " tether"]
+
+
 class Bordered(NamedTuple):
     """The matrix. Axes: row, col within a block; tether last.
 
@@ -37,6 +49,7 @@ class Bordered(NamedTuple):
     loose: () if nothing holds the ports (only without a border), else None
     released: tells which chains are released, if chains can be; their weights must be zero
     segments: segment i joins the last blocks of chain i and of the next one, in a ring
+    lengths: lengths of the chains as unknowns; not with local unknowns or a ring
     """
 
     diag: Inexact[Array, "block row row tether"]
@@ -50,6 +63,7 @@ class Bordered(NamedTuple):
     loose: Maybe[tuple[()]] = None
     released: Maybe[Bool[Array, " tether"]] = None
     segments: Maybe[Segments] = None
+    lengths: Maybe[LengthRows] = None
 
     @property
     def held(self) -> int:
@@ -58,8 +72,8 @@ class Bordered(NamedTuple):
 
     @property
     def free(self) -> int:
-        """Number of free rows of a port block."""
-        return self.diag.shape[1] - self.held
+        """Number of free rows of a port block, with that of a length."""
+        return self.diag.shape[1] - self.held + (self.lengths is not None)
 
 
 class Vector(NamedTuple):
@@ -69,12 +83,14 @@ class Vector(NamedTuple):
     local: rows of the local unknowns other than the free rows
     border: rows of the border
     ring: rows of the ring's segments; those of their ends are zero, as they belong to the chains
+    lengths: rows of the lengths
     """
 
     blocks: Inexact[Array, "block row tether"]
     local: Maybe[Inexact[Array, "local tether"]] = None
     border: Maybe[Inexact[Array, " border"]] = None
     ring: Maybe[Inexact[Array, "block row segment"]] = None
+    lengths: Maybe[Inexact[Array, " tether"]] = None
 
 
 class PortFactors(NamedTuple):
@@ -88,11 +104,22 @@ class PortFactors(NamedTuple):
     released_inverse: Maybe[Inexact[Array, "row row tether"]]
 
 
+class LengthFactors(NamedTuple):
+    """Factors that condense the lengths on the ports.
+
+    along: what `reduce_to_port` leaves of `column` in the blocks 1 ... N. weights: A^-T row, with the matrix A
+    of these blocks: the row of the length then has weights . rhs less on its right."""
+
+    along: Inexact[Array, "link row tether"]
+    weights: Inexact[Array, "link row tether"]
+
+
 class Factors(NamedTuple):
     """All factors that `solve` needs. A stepper uses them over several time steps."""
 
     chains: chains.ChainFactors
     port: PortFactors
+    lengths: Maybe[LengthFactors] = None
 
 
 def padded(a: Array, like: Array | None) -> Array:
@@ -166,7 +193,31 @@ def eliminate_ports(
 def factor(matrix: Bordered) -> Factors:
     """Computes the block LU factors of the whole matrix."""
     chain_factors, schur = chains.factor(matrix.diag, matrix.upper, matrix.lower)
-    return Factors(chain_factors, factor_ports(matrix, schur))
+    lengths = None
+    if matrix.lengths is not None:
+        lengths, schur = condense_lengths(matrix.lengths, chain_factors, schur)
+    return Factors(chain_factors, factor_ports(matrix, schur), lengths)
+
+
+def condense_lengths(
+    rows: LengthRows, factors: chains.ChainFactors, schur: Inexact[Array, "row row tether"]
+) -> tuple[LengthFactors, Inexact[Array, "port port tether"]]:
+    """Condenses the lengths on the ports: their factors, and the Schur complements with one more row and
+    column."""
+    along, column = chains.reduce_to_port(factors, rows.column)
+    turned = transposed_chains(factors)
+    own, row = chains.reduce_to_port(turned, rows.row)
+    weights = chains.substitute_from_port(turned, own, jnp.zeros_like(row))[1:]
+    corner = rows.corner - (weights * rows.column[1:]).sum((0, 1))
+    wide = jnp.concatenate([schur, column[:, None]], axis=1)
+    below = jnp.concatenate([row, corner[None]])[None]
+    return LengthFactors(along, weights), jnp.concatenate([wide, below])
+
+
+def transposed_chains(factors: chains.ChainFactors) -> chains.ChainFactors:
+    """The factors of the transposed chains: S_k^T, and L and U change places."""
+    given = factors.inverse, factors.substitute, factors.reduce
+    return chains.ChainFactors(*(jnp.swapaxes(x, 1, 2) for x in given))
 
 
 def port_loads(
@@ -253,6 +304,13 @@ def with_released(
 def solve(matrix: Bordered, factors: Factors, rhs: Vector) -> Vector:
     """The solution of matrix x = rhs. Of `matrix` only weights and shapes are read."""
     own, port = chains.reduce_to_port(factors.chains, rhs.blocks)
+    if factors.lengths is None:
+        displacement, local, border = solve_ports(matrix, factors.port, port, rhs)
+        return Vector(chains.substitute_from_port(factors.chains, own, displacement), local, border)
+    row = rhs.lengths - (factors.lengths.weights * rhs.blocks[1:]).sum((0, 1))
+    port = jnp.concatenate([port, row[None]])
     displacement, local, border = solve_ports(matrix, factors.port, port, rhs)
-    blocks = chains.substitute_from_port(factors.chains, own, displacement)
-    return Vector(blocks, local, border)
+    length = displacement[-1]
+    own = own - factors.lengths.along * length
+    blocks = chains.substitute_from_port(factors.chains, own, displacement[:-1])
+    return Vector(blocks, local, border, lengths=length)

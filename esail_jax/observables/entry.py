@@ -66,7 +66,7 @@ def elastic_energy(system: System, time: Scalar, q: Coordinates) -> Scalar:
     """The elastic energy U [J] at an instant [s] ([PGV] Eq. 23)."""
     fields = system.tethers.interpolate(q.tether)
     if system.payout is not None:
-        return system.at(time).reels.elastic_energy(q.tether)
+        return system.at(time, q).reels.elastic_energy(q.tether)
     energies = cast(tuple[Energy, ...], system.energies)  # other terms replace them within a step only
     energy = total_of(system.integrate(term.at(time).density(fields)) for term in energies)
     return energy if system.ring is None else energy + system.ring.elastic_energy(q)
@@ -81,7 +81,7 @@ def thermal_energy(system: System, time: Scalar, q: Coordinates) -> Scalar | Non
     fields = system.tethers.interpolate(q.tether)
     if system.payout is None:
         return system.integrate(term.thermal_energy(time, fields))
-    share = system.tethers.repeat_per_element(system.payout.at(time).length / system.payout.total)
+    share = system.tethers.repeat_per_element(system.lengths(time, q).length / system.payout.total)
     material = PointFields(None, fields.r_x / share)
     return system.integrate(share * term.thermal_energy(time, material))
 

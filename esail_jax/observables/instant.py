@@ -179,7 +179,8 @@ class Instant(eqx.Module):
     @property
     def winch_forces(self) -> Float[Array, " tether"]:
         """Force F_w [N] of every winch."""
-        return self.system.winch_forces(self.time, self.q, self.v, self.vdot)
+        system = self.system.with_commanded_loads(self.time, self.q, self.v)
+        return system.winch_forces(self.time, self.q, self.v, self.vdot)
 
     @property
     def root_couples(self) -> Float[Array, "3 tether"]:
@@ -263,8 +264,8 @@ def make_instant(
         place = PlaceOnOrbit(*system.kepler_orbit.at(time))
         shift = Shift.between(time, place, system.kepler_orbit, scene_orbit)
         system, origin, velocity = at_place(system, place), place.position, place.velocity
-    system = system.paid_out(time)
     vdot, lam, forces, power = consistent_motion(system, time, q, v, mass)
+    system = system.paid_out(time, q, v, vdot)
     load: VectorPerPoint | None = None
     commanded = system.with_commanded_loads(time, q, v)
     place_of = [i for i, x in enumerate(commanded.loads) if isinstance(x, CoulombThrust)]

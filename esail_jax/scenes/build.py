@@ -21,13 +21,15 @@ from esail_jax.elements.rigid_body import Body, RigidBody, Spacecraft
 from esail_jax.elements.ring import Ring
 from esail_jax.elements.tether import TetherBatch, per_element
 from esail_jax.elements.thermal import ThermalEnergy
-from esail_jax.environment.temperature import SteadyTemperature, TemperatureSeries
+from esail_jax.elements.winch import Winches
+from esail_jax.environment.temperature import SteadyTemperature
 from esail_jax.equilibria.steady_ring import hanging, steady_ring
 from esail_jax.equilibria.steady_stretch import Line, along, steady_line, unstretched_line
 from esail_jax.joints import roots as joints
 from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.loads.law_structure import NUMBER
 from esail_jax.loads.own_terms import Surroundings, fields_needed, own_terms
+from esail_jax.numerics.lines_in_time import LinesInTime
 from esail_jax.point_fields import PointFields
 from esail_jax.rod_chain import RodChain, RodState
 from esail_jax.scenes.build_parts import kepler_orbit_of, origin_of, starting_attitude
@@ -132,11 +134,18 @@ def payout_of(structure: Structure, numbers: Numbers, total: PerTether) -> Abstr
     if not structure.has("deployment"):
         return None
     start = jnp.broadcast_to(numbers["deployment.start_length"], total.shape)
-    if structure["deployment.law"] == "exponential":
+    law = structure["deployment.law"]
+    if law == "exponential":
         return ExponentialPayout(total, start, jnp.broadcast_to(numbers["deployment.growth"], total.shape))
-    time, rate = numbers["deployment.time"], numbers["deployment.rate"]
-    rate = jnp.broadcast_to(rate if rate.ndim == 2 else rate[:, None], (time.shape[0], total.shape[0]))
-    return RateTable.undivided(total, start, time, rate)
+    time, rows = (
+        numbers["deployment.time"],
+        numbers["deployment.rate" if law == "table" else "deployment.tension"],
+    )
+    rows = jnp.broadcast_to(rows if rows.ndim == 2 else rows[:, None], (time.shape[0], total.shape[0]))
+    if law == "table":
+        return RateTable.undivided(total, start, time, rows)
+    drum = jnp.broadcast_to(numbers["deployment.drum_mass"], total.shape)
+    return Winches(total, start, drum, LinesInTime.undivided(time, rows))
 
 
 def terms_of_parts(structure: Structure, numbers: Numbers) -> Terms:
@@ -190,11 +199,11 @@ def material_terms(structure: Structure, numbers: Numbers) -> Terms:
 def heated(structure: Structure, numbers: Numbers, axial: AxialEnergy) -> ThermalEnergy:
     """The axial energy of tethers with the temperatures of [thermal]."""
     table, p = numbers["thermal.temperature"], structure["tethers.count"]
-    temperature: SteadyTemperature | TemperatureSeries
+    temperature: SteadyTemperature | LinesInTime
     if structure.has("thermal.time"):
         time = numbers["thermal.time"]
         rows = jnp.broadcast_to(table if table.ndim == 2 else table[:, None], (time.shape[0], p))
-        temperature = TemperatureSeries.undivided(time, rows)
+        temperature = LinesInTime.undivided(time, rows)
     else:
         temperature = SteadyTemperature(jnp.broadcast_to(table, (p,)))
     return ThermalEnergy(
@@ -287,7 +296,7 @@ def initial_state(
         line, unbalanced = steady_line(
             deployed_part(numbers, system), system.energies, radius, spin, coning
         )
-        share = system.payout.at(jnp.zeros(())).length / system.payout.total
+        share = system.payout.at_start().length / system.payout.total
         line = line.at[1:].multiply(share)  # slopes by x in place of s
     x_axis = jnp.array([[1.0], [0.0], [0.0]])
     direction = jnp.cos(coning) * outward + jnp.sin(coning) * x_axis
@@ -312,7 +321,11 @@ def initial_state(
         hub = system.hub.base_points @ start.T
         hub_velocity = turned(hub, 1)
     ring_velocity = None if ring is None else turned(ring, 0)
-    q, v = Coordinates(tether, hub, ring), Coordinates(turned(tether, 1), hub_velocity, ring_velocity)
+    reel = reel_rate = None
+    if system.has_unknown_lengths:
+        reel, reel_rate, _ = system.payout.at_start()
+    q = Coordinates(tether, hub, ring, reel)
+    v = Coordinates(turned(tether, 1), hub_velocity, ring_velocity, reel_rate)
     zero = jnp.zeros(())
     if system.payout is not None:
         v = v._replace(tether=v.tether + rate_of_payout(system, q.tether))
@@ -335,7 +348,7 @@ def deployed_part(numbers: Numbers, system: System) -> TetherBatch:
 def rate_of_payout(system: System, tether: Nodal) -> Nodal:
     """The rates of the nodes of a straight tether whose material has the velocity l' r_s beside that of the
     hub: l' xi r_s of positions, and c r_x of slopes."""
-    now = system.payout.at(jnp.zeros(()))
+    now = system.payout.at_start()
     relative = now.rate / now.length
     along = tether[0] - tether[0, :, :1]
     return jnp.concatenate([(relative * along)[None], relative * tether[1:]])

@@ -21,6 +21,7 @@ from esail_jax.scenes.rules import (
 )
 
 PayoutName = Literal["table", "exponential"]
+WinchName = Literal["table", "exponential", "tension"]
 
 LEAST_SHARE = 1.0 / 200.0
 """Least length that is deployed at the start, over that of the tether: frequencies along a tether grow as
@@ -31,17 +32,21 @@ its length falls, rates of damping as the square."""
 class Deployment:
     """Tethers are paid out from reels at their roots, or reeled in; `tethers.length` is the length in all.
     Law table: the rate is linear between instants, and constant before the first and after the last. Law
-    exponential: the length is start_length exp(growth t)."""
+    exponential: the length is start_length exp(growth t). Law tension: a motor holds a tension, which is
+    linear between instants, and the length is an unknown of every tether."""
 
     start_length: PerMember = per_member(positive, unit="m", doc="Length that is deployed at t = 0.")
-    law: PayoutName = declare(
-        choice(PayoutName), unit="-", doc="How the length follows from time.", default="table"
+    law: WinchName = declare(
+        choice(WinchName),
+        unit="-",
+        doc="How the length follows from time, or from a tension.",
+        default="table",
     )
     time: Series | None = declare(
         increasing,
         shape=Shape.SERIES,
         unit="s",
-        doc="Law table: instants of the rows of `rate`.",
+        doc="Laws table and tension: instants of the rows of `rate` or `tension`.",
         default=None,
     )
     rate: History | None = declare(
@@ -53,6 +58,20 @@ class Deployment:
     )
     growth: PerMember | None = per_member(
         any_number, unit="1/s", doc="Law exponential: growth of the length, over the length.", default=None
+    )
+    tension: History | None = declare(
+        any_number,
+        shape=Shape.HISTORY,
+        unit="N",
+        doc="Law tension: what the motor holds, a row per instant, one number or one per tether; positive: "
+        "against payout.",
+        default=None,
+    )
+    drum_mass: PerMember | None = per_member(
+        positive,
+        unit="kg",
+        doc="Law tension: inertia of drum and motor over the radius squared.",
+        default=None,
     )
 
 
@@ -86,7 +105,11 @@ class ChainDeployment:
     )
 
 
-LAWS: dict[PayoutName, tuple[str, ...]] = {"table": ("time", "rate"), "exponential": ("growth",)}
+LAWS: dict[WinchName, tuple[str, ...]] = {
+    "table": ("time", "rate"),
+    "exponential": ("growth",),
+    "tension": ("time", "tension", "drum_mass"),
+}
 """Keys of every law."""
 
 
@@ -132,20 +155,18 @@ def check_chain_deployment(scene: Any) -> None:
 def check_law(scene: Any) -> None:
     """Checks the keys of the law. Raises SceneError."""
     deployment = scene.deployment
-    for law, names in LAWS.items():
-        for name in names:
-            given = getattr(deployment, name) is not None
-            if law == deployment.law and not given:
-                raise SceneError(f"deployment.{name}", f"be given with the law {law}", "is missing")
-            if law != deployment.law and given:
-                raise SceneError(
-                    f"deployment.{name}", f"be left out with the law {deployment.law}", "is given"
-                )
-    if deployment.law == "table":
+    law, own = deployment.law, LAWS[deployment.law]
+    for name in dict.fromkeys(name for names in LAWS.values() for name in names):
+        given = getattr(deployment, name, None) is not None
+        if name in own and not given:
+            raise SceneError(f"deployment.{name}", f"be given with the law {law}", "is missing")
+        if name not in own and given:
+            raise SceneError(f"deployment.{name}", f"be left out with the law {law}", "is given")
+    if "time" in own:
         if rules.known(deployment.time) is None:
             got = "is traced: its derivative is not known"
             raise SceneError("deployment.time", "be plain numbers", got)
-        check_rates(deployment, scene.members)
+        check_rows(deployment, own[1], scene.members)
 
 
 def check_parts(scene: Any) -> None:
@@ -176,20 +197,20 @@ def no_own_fields(scene: Any) -> None:
                 raise SceneError(f"terms[{i}]", "be no Field with [deployment]", got)
 
 
-def check_rates(deployment: Deployment | ChainDeployment, members: rules.Members) -> None:
-    """Checks that there is a row of rates per instant. Raises SceneError."""
+def check_rows(deployment: Deployment | ChainDeployment, name: str, members: rules.Members) -> None:
+    """Checks that there is a row of rates or tensions per instant. Raises SceneError."""
     time: Any = deployment.time
-    rate: Any = deployment.rate
+    rows: Any = getattr(deployment, name)
     if np.ndim(time) == 0:
         raise SceneError("deployment.time", "be a list of instants", rules.describe(time))
-    count, shape = np.shape(time)[0], np.shape(rate)
+    count, shape = np.shape(time)[0], np.shape(rows)
     if not shape or shape[0] != count:
         must = f"have as many rows as `deployment.time` has instants ({count})"
-        has = f"has {shape[0]} rows" if shape else rules.describe(rate)
-        raise SceneError("deployment.rate", must, has)
+        has = f"has {shape[0]} rows" if shape else rules.describe(rows)
+        raise SceneError(f"deployment.{name}", must, has)
     if len(shape) == 2 and shape[1] != members.count:
         must = f"have rows of {members.count} (`{members.key}`)"
-        raise SceneError("deployment.rate", must, f"has rows of {shape[1]}")
+        raise SceneError(f"deployment.{name}", must, f"has rows of {shape[1]}")
 
 
 def check_lengths(scene: Any, total: Any, count: int) -> None:
@@ -210,6 +231,8 @@ def check_lengths(scene: Any, total: Any, count: int) -> None:
             must = f"be between a two-hundredth of {whole} and all of it, {total[i]:g}"
             which = f" for tether {i + 1}" if scene.chain is None else ""
             raise SceneError("deployment.start_length", must, f"is {start[i]:g}{which}")
+    if deployment.law == "tension":
+        return
     key = "deployment.rate" if deployment.law == "table" else "deployment.growth"
     instants, lengths = lengths_of(known, start, scene.integrator.t_end)
     good = (lengths > 0.0) & (lengths <= total * (1.0 + 1e-9))

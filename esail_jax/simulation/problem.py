@@ -161,7 +161,8 @@ def start(
             model = model.with_events_until(point.time)
             q, v = project(model, point.time, point.q, point.v)
             first = point._replace(q=q, v=v)
-        energy = observables.kinetic_energy(model.at(first.time), v, q) + observables.elastic_energy(
+        now = model.at(first.time, q, v)
+        energy = observables.kinetic_energy(now, v, q) + observables.elastic_energy(
             model, first.time, q
         )
         thermal = observables.thermal_energy(model, first.time, q)

@@ -56,7 +56,7 @@ def rectified(system: System, point: Point, orbit: KeplerOrbit) -> tuple[Point, 
     position, velocity = system.hub.centre(point.q.hub), system.hub.centre(point.v.hub)
     q = point.q.axpy(-1.0, system.uniform(position))
     v = point.v.axpy(-1.0, system.uniform(velocity))
-    now = system.paid_out(point.time)
+    now = system.paid_out(point.time, point.q, point.v)
     lost = kinetic_energy(now, point.v, q) - kinetic_energy(now, v, q)
     work = point.work._replace(external=point.work.external - lost)
     place, motion = orbit.at(point.time)

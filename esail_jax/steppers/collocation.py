@@ -107,7 +107,7 @@ class Collocation(AbstractStepper):
         constant = jax.tree.map(lambda x: jnp.broadcast_to(x, (STAGES + 1, *x.shape)), now)
         h = self.step_size
         if h is None:
-            h = jnp.minimum(first_step(system, time, vdot, self.tolerance), until - time)
+            h = jnp.minimum(first_step(system, time, q, vdot, self.tolerance), until - time)
         history = History(constant, jnp.asarray(jnp.inf))
         at_start = StepEnd(time, q, v, vdot, work, power)
         state = CollocationState(at_start, history, h, zero, zero, time, RESULTS.successful)
@@ -163,7 +163,7 @@ class Collocation(AbstractStepper):
         now, h = state.now, state.h
         guess = first_guess(system, state)
         part = ROUNDING if self.step_size is not None else NEWTON_FRACTION * self.tolerance
-        enough = jnp.maximum(part * lengths(system, now.time), rounding(now.q))
+        enough = jnp.maximum(part * lengths(system, now.time, now.q), rounding(now.q))
         unknowns, iterations, left = solve_stages(system, now, h, guess, factors, enough)
         solved = left <= 1.0
         times, q, _ = stage_states(now, h, unknowns.vdot)
@@ -203,7 +203,7 @@ class Collocation(AbstractStepper):
             return scale * (first * before + jnp.tensordot(np.array(others), stages, 1))
 
         errors = jax.tree.map(beyond, now.vdot, vdot)
-        return largest(system, errors, self.tolerance * lengths(system, now.time))
+        return largest(system, errors, self.tolerance * lengths(system, now.time, now.q))
 
     def outcome(self, state: CollocationState) -> RESULTS:
         """Tells whether the method can go on: the state is finite, and the step changes the time."""

@@ -257,14 +257,14 @@ def work_of_step(h: Scalar, first: Power, power: Power) -> Power:
 # ---- sizes --------------------------------------------------------------------------------------
 
 
-def lengths(system: System, time: Scalar) -> Float[Array, "2"]:
+def lengths(system: System, time: Scalar, q: Coordinates) -> Float[Array, "2"]:
     """The scales of errors [m] at an instant: the length of the shortest tether, of what is deployed of it,
     and HUB_SHARE times the hub's radius."""
     tethers = system.tethers
     if system.payout is None:
         total = jnp.broadcast_to(tethers.element_length, (tethers.elements, tethers.count)).sum(0).min()
     else:
-        total = system.payout.at(time).length.min()
+        total = system.lengths(time, q).length.min()
     hub = total if system.hub is None else HUB_SHARE * system.hub.radius
     return lax.stop_gradient(jnp.stack([total, hub]))
 
@@ -281,5 +281,7 @@ def largest(system: System, change: Coordinates, unit: Float[Array, "2"]) -> Sca
     size = nodes.max()
     if change.ring is not None:
         size = jnp.maximum(size, jnp.abs(change.ring).max())
+    if change.reel is not None:
+        size = jnp.maximum(size, jnp.abs(change.reel).max())
     size = size / unit[0]
     return size if change.hub is None else jnp.maximum(size, jnp.abs(change.hub).max() / unit[1])

@@ -27,9 +27,11 @@ def next_step(state: CollocationState, records: CollocationSteps, h: Scalar) -> 
     return jnp.where(state.h == h, h * factor, state.h)
 
 
-def first_step(system: System, time: Scalar, vdot: Coordinates, tolerance: Scalar) -> Scalar:
+def first_step(
+    system: System, time: Scalar, q: Coordinates, vdot: Coordinates, tolerance: Scalar
+) -> Scalar:
     """A guess of the first step size [s]: tolerance^(1/(STAGES + 2)) times the time in which the
     largest acceleration moves a node by the length of a tether."""
     fastest = jnp.abs(vdot.tether[0]).max()
-    scale = jnp.sqrt(lengths(system, time)[0] / jnp.maximum(fastest, 1e-30))
+    scale = jnp.sqrt(lengths(system, time, q)[0] / jnp.maximum(fastest, 1e-30))
     return tolerance ** (1.0 / (STAGES + 2)) * scale

@@ -39,7 +39,7 @@ def consistent_motion(
 ) -> ConsistentMotion:
     """accelerations, multipliers, forces and powers of the state (q, v), which must satisfy the
     constraints and their rates. mass: the factored mass matrix at q, if it is known."""
-    system = system.at(time)
+    assembly, system = system, system.at(time, q, v)
     rest = jax.tree.map(jnp.zeros_like, q)
     if system.hub is None:
         rest = system.place_roots(time, rest, derivative=2)
@@ -47,15 +47,23 @@ def consistent_motion(
     commanded = system.with_commanded_loads(time, q, v)
     loads, power = commanded.member_forces(time, q, v, at_rest)
     residual, _ = system.complete_residual(time, q, v, loads, system.no_multipliers(), power)
+    if system.has_unknown_lengths:
+        _, rows = system.of_winches(time, q, v, rest, power)
+        residual = residual._replace(forces=residual.forces._replace(reel=rows))
     phi_ddot = system.constraint_acceleration(time, q, v, rest)
-    matrix, factors = iteration_matrix.factor_mass(system, time, q) if mass is None else mass
+    matrix, factors = iteration_matrix.factor_mass(assembly, time, q) if mass is None else mass
     rhs = iteration_matrix.to_vector(system, *jax.tree.map(jnp.negative, (residual.forces, phi_ddot)))
     vdot, lam = iteration_matrix.from_vector(system, structured.solve(matrix, factors, rhs))
+    if system.has_unknown_lengths:
+        # The lengths' accelerations move the tethers, too.
+        vdot = jax.tree.map(jnp.add, rest, vdot)
+        residual, power = assembly.residual(time, q, v, vdot, lam)
+        return ConsistentMotion(vdot, lam, residual.forces, power)
     moving = loads.axpy(1.0, system.member_inertia(vdot))
     residual, power = system.complete_residual(time, q, v, moving, lam, power)
     vdot = jax.tree.map(jnp.add, rest, vdot)
     if system.reels is not None:
-        power = power._replace(winch=system.winch_power(time, q, v, vdot))
+        power, _ = system.of_winches(time, q, v, vdot, power)
     return ConsistentMotion(vdot, lam, residual.forces, power)
 
 

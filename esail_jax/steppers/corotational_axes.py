@@ -58,7 +58,7 @@ class Turn(NamedTuple):
             turned = turned + far * (self.free_mask * (near * flat).sum(1))[:, None]
         hub = None if x.hub is None else matmul(x.hub, self.hub.T)
         ring = None if x.ring is None else (self.hub[:, :, None, None] * x.ring[None]).sum(1)
-        return Coordinates(turned.reshape(x.tether.shape), hub, ring)
+        return Coordinates(turned.reshape(x.tether.shape), hub, ring, x.reel)
 
     def to_reference(self, x: Coordinates) -> Coordinates:
         """Vectors rotated from the current axes to the reference ones."""

@@ -93,7 +93,7 @@ def updated(
     steps = len(jax.tree.leaves(ends)[0])
     number = jnp.arange(steps + 1)
     times = time + h * number
-    growth = jnp.minimum(h * count * growth_rates(system, times[1:], ends.tether, count), GROWTH_CAP)
+    growth = jnp.minimum(h * count * growth_rates(system, times[1:], ends, count), GROWTH_CAP)
     share = 0.5 * np.pi * phase_error * count / jnp.maximum(count - 2, 1)
     kept, counted = number <= count, jnp.arange(3, steps + 1) <= count
 
@@ -115,7 +115,8 @@ def updated(
     slopes = along(lambda nodal: root_slopes(system, nodal))
     hubs = None if start.hub is None else jnp.concatenate([start.hub[None], ends.hub])
     tip = continued(errors.tip, tips)
-    force = continued(errors.force, root_forces(system, times, slopes, hubs))
+    reels = None if start.reel is None else jnp.concatenate([start.reel[None], ends.reel])
+    force = continued(errors.force, root_forces(system, times, slopes, hubs, reels))
     return StepErrors(tip, force, jnp.stack([tip.relative(), force.relative()]))
 
 
@@ -137,10 +138,12 @@ def root_forces(
     times: Float[Array, " time"],
     slopes: Float[Array, "time 3 tether"],
     hubs: Float[Array, "time 4 3"] | None,
+    reels: Float[Array, "time tether"] | None,
 ) -> Signal:
-    """The elastic force [N] on the section at the root, in the hub's axes; 0 if released."""
+    """The elastic force [N] on the section at the root, in the hub's axes; 0 if released. reels: deployed
+    lengths [m] that are unknowns."""
     tethers = system.tethers
-    axial = system.axial_energy(times)
+    axial = system.axial_energy(times, reels)
     axial = jax.tree.map(lambda x: x[..., : tethers.count] if x.ndim else x, axial)
     fields = PointFields(None, jnp.moveaxis(slopes, 0, 1))
     force = axial.point_forces(times[0], fields, fields).r_x
@@ -155,15 +158,15 @@ def root_forces(
 def growth_rates(
     system: System,
     times: Float[Array, " time"],
-    nodal: Float[Array, "time coef 3 node tether"],
+    ends: Coordinates,
     count: Array,
 ) -> Float[Array, " tether"]:
     """sigma [1/s] of each tether, the maximum over its elements, from the mean axial force of a
-    block."""
-    tethers = system.tethers
-    some = nodal[TENSION_STRIDE - 1 :: TENSION_STRIDE]
+    block. ends: q after each step."""
+    tethers, every = system.tethers, slice(TENSION_STRIDE - 1, None, TENSION_STRIDE)
+    some = ends.tether[every]
     fields = tethers.interpolate(jnp.moveaxis(some, 0, 2))
-    axial = system.axial_energy(times[TENSION_STRIDE - 1 :: TENSION_STRIDE])
+    axial = system.axial_energy(times[every], None if ends.reel is None else ends.reel[every])
     force = axial.point_forces(jnp.zeros(()), fields, fields).r_x
     tension = jnp.tensordot(tethers.weights, dot(force, fields.r_x) / norm(fields.r_x), 1)
     # Only steps that were taken count; a block of less than TENSION_STRIDE steps counts as slack.

@@ -10,7 +10,7 @@ import pytest
 import esail_jax as esail
 from esail_jax.constants import STEFAN_BOLTZMANN
 from esail_jax.elements.thermal import ThermalEnergy
-from esail_jax.environment.temperature import SteadyTemperature, TemperatureSeries
+from esail_jax.environment.temperature import SteadyTemperature
 from esail_jax.environment.thermal import (
     ALUMINIUM,
     eclipse_series,
@@ -19,6 +19,7 @@ from esail_jax.environment.thermal import (
     thermal_toml,
     visible_fraction,
 )
+from esail_jax.numerics.lines_in_time import LinesInTime
 from esail_jax.observables import elastic_energy
 from esail_jax.observables.run_warning import slack_warning
 from esail_jax.scenes.build import build
@@ -69,7 +70,7 @@ def test_hanging_mass_on_a_wire_that_is_heated(stepper, validate):
     """
     mass, g, length, axial, a, rate = 0.5, 2.0, 10.0, 50.0, 2e-4, 30.0
     omega, one = np.sqrt(axial / (mass * length)), lambda x: jnp.full((2, 1), x)
-    series = TemperatureSeries.undivided(jnp.array([0.0, 100.0]), one(320.0).at[1].add(100.0 * rate))
+    series = LinesInTime.undivided(jnp.array([0.0, 100.0]), one(320.0).at[1].add(100.0 * rate))
     made = one_tether(
         kind="truss", elements=1, length=length, axial=axial, line_density=1e-12, tip_mass=mass,
         strain="engineering", gravity=[0.0, g, 0.0],
@@ -210,7 +211,7 @@ def test_series():
     """Temperatures are linear between knots, constant outside, and in a segment they follow its line also
     beyond its ends."""
     table = jnp.array([[300.0, 310.0], [200.0, 250.0], [260.0, 280.0]])
-    series = TemperatureSeries.undivided(jnp.array([1.0, 3.0, 6.0]), table)
+    series = LinesInTime.undivided(jnp.array([1.0, 3.0, 6.0]), table)
     times = jnp.array([-1.0, 1.0, 2.0, 3.0, 4.0, 6.0, 9.0])
     exact = np.stack([np.interp(times, series.time, column) for column in table.T], 1)
     assert np.allclose(series.at(times[:, None]), exact, rtol=0, atol=1e-12)
