@@ -10,14 +10,14 @@ import jax.numpy as jnp
 from esail_jax.array_types import Instants, Maybe, Rotation, Scalar, Vector
 from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.elements.axial import TensionOnlyEnergy
-from esail_jax.elements.deployment import AbstractPayout, Reels
+from esail_jax.elements.deployment import AbstractPayout, DeployedDissipation, DeployedEnergy, Reels
 from esail_jax.elements.rigid_body import Body
 from esail_jax.elements.ring import Ring
 from esail_jax.elements.tether import TetherBatch
 from esail_jax.environment.kepler_orbit import KeplerOrbit, PlaceOnOrbit
 from esail_jax.joints.roots import FrameRoots, HubRoots
 from esail_jax.numerics.small_matrices import matmul
-from esail_jax.terms import Dissipation, Field, HubLoad, Load, Term, TipLoad, has_law
+from esail_jax.terms import Dissipation, Field, HubLoad, Load, Term, TipLoad, WinchLaw, has_law
 
 
 class Assembly(eqx.Module):
@@ -27,8 +27,9 @@ class Assembly(eqx.Module):
     accelerations of everything that has mass. ring: auxiliary tethers between the tips. tip_loads: forces
     on the remote units. hub_loads: forces and torques on the hub. kepler_orbit: path about the Sun of the
     origin of the coordinates, whose axes do not turn. Absent parts are None, or empty. parts: names of the
-    tables and keys of the scene, on which depends what is observed. payout: how tethers are paid out;
-    reels: those of an instant, of a system at this instant (`System.at`)."""
+    tables and keys of the scene, on which depends what is observed. winch_laws: what motors of winches hold
+    beside their table. payout: how tethers are paid out; reels: those of an instant, of a system at this
+    instant (`System.at`)."""
 
     tethers: TetherBatch
     roots: Maybe[HubRoots | FrameRoots]
@@ -41,6 +42,7 @@ class Assembly(eqx.Module):
     tip_loads: tuple[TipLoad, ...] = ()
     hub_loads: tuple[HubLoad, ...] = ()
     kepler_orbit: Maybe[KeplerOrbit | PlaceOnOrbit] = None
+    winch_laws: tuple[WinchLaw, ...] = ()
     parts: tuple[str, ...] = eqx.field(static=True, default=())
     payout: AbstractPayout | None = None
     reels: Reels | None = None
@@ -76,8 +78,24 @@ class Assembly(eqx.Module):
         names += [load.law_name for load in self.loads if has_law(load)]
         if self.payout is not None:
             names.append("deployment")
-        names += [term.name for term in (*self.tip_loads, *self.hub_loads, *self.fields)]
+        others = (*self.tip_loads, *self.hub_loads, *self.fields, *self.winch_laws)
+        names += [term.name for term in others]
         return tuple(names)
+
+    @property
+    def acting_energies(self) -> tuple[Term, ...]:
+        """The energies per unit of x: of tethers that are paid out, those of the deployed part."""
+        if self.reels is None:
+            return self.energies
+        return tuple(DeployedEnergy(x, self.reels.stretching.share) for x in self.reels.energies)
+
+    @property
+    def acting_dissipations(self) -> tuple[Dissipation, ...]:
+        """The dissipations per unit of x."""
+        if self.reels is None:
+            return self.dissipations
+        s = self.reels.stretching
+        return tuple(DeployedDissipation(x, s.share, s.relative_rate) for x in self.reels.dissipations)
 
     @property
     def has_unknown_lengths(self) -> bool:

@@ -110,30 +110,31 @@ def mass(system: System, time: Scalar, q: Coordinates) -> bordered.Bordered:
 def length_rows(
     system: System, time: Scalar, q: Coordinates, v: Coordinates, position: Scalar, rate: Scalar
 ) -> bordered.LengthRows:
-    """The rows and columns of the lengths in M + position K + rate C, at fixed commands of the control laws. A
-    tether's rows depend on its own length alone, so that one derivative along all lengths gives every column,
-    and one of the sum of the rows of all lengths every row."""
+    """The rows and columns of the lengths in M + position K + rate C, at fixed commands of the control
+    laws. A tether's rows depend on its own length alone, so that one derivative along all lengths gives
+    every column, and one of the sum of the rows of all lengths every row."""
     if system.controlled:
         system = system.with_commands(system.at(time, q, v).commands(time, q, v))
-    rest = jax.tree.map(jnp.zeros_like, q)
+    rest, no_tension = jax.tree.map(jnp.zeros_like, q), jnp.zeros_like(q.reel)
 
     def rows(q, v, vdot):
         now = system.paid_out(time, q, v, vdot)
         forces, _ = now.member_forces(time, q, v, now.relative_to_free_fall(time, q, v, vdot))
-        return forces._replace(reel=now.rows_of_lengths(time, now.winch_forces(time, q, v, vdot)))
+        return forces._replace(reel=now.rows_of_lengths(now.winch_forces(time, q, v, vdot), no_tension))
 
     def along(lengths):
         steps = (position, rate, jnp.ones(()))
         moved = (x._replace(reel=x.reel + s * lengths) for x, s in zip((q, v, rest), steps, strict=True))
         return rows(*moved)
 
-    zero = jnp.zeros_like(q.reel)
-    _, column = jax.jvp(along, (zero,), (jnp.ones_like(zero),))
+    _, column = jax.jvp(along, (no_tension,), (jnp.ones_like(no_tension),))
     by_q, by_v, by_vdot = jax.grad(lambda *x: rows(*x).reel.sum(), (0, 1, 2))(q, v, rest)
     row = by_vdot.axpy(position, by_q).axpy(rate, by_v)
-    return bordered.LengthRows(
-        to_blocks(system, column.tether), to_blocks(system, row.tether), column.reel
-    )
+    corner = column.reel
+    if system.winch_laws:
+        by_length, by_rate = system.motor_gains(time, q, v)
+        corner = corner + position * by_length + rate * by_rate
+    return bordered.LengthRows(to_blocks(system, column.tether), to_blocks(system, row.tether), corner)
 
 
 def segments_of(ring: Ring, elements: Float[Array, "row col elem tether"]) -> Segments:

@@ -34,7 +34,8 @@ class Measurements(NamedTuple):
     [m/s]. root_tension: axial force in the first element of every tether [N]. voltage: of every tether, as
     applied since the last sample [V]; zero at the first sample, None for laws that are not sampled.
     current: the electron current of every tether [A], for terms that users write (`physics.py`) in scenes
-    that describe the wires; None for laws, whose voltages it follows from.
+    that describe the wires; None for laws, whose voltages it follows from. deployed_length [m] and
+    payout_rate [m/s] of every tether, while tethers are paid out.
     """
 
     time: Scalar
@@ -52,6 +53,8 @@ class Measurements(NamedTuple):
     root_tension: Maybe[PerTether] = None
     voltage: Maybe[PerTether] = None
     current: Maybe[PerTether] = None
+    deployed_length: Maybe[PerTether] = None
+    payout_rate: Maybe[PerTether] = None
 
     @property
     def sun(self) -> Vector:

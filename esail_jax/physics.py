@@ -20,6 +20,7 @@ A term is an `equinox.Module` of one of these kinds, with one method that reads 
 | `TipLoad` | `force(measurements)` | force on every remote unit [N] |
 | `HubLoad` | `wrench(hub)` | force at the hub's centre [N] and torque about it [N m] |
 | `Field` | `acceleration(time, position, velocity)` | acceleration of everything that has mass [m/s^2] |
+| `WinchLaw` | `tension(measurements)` | tension that every motor of a winch holds [N] |
 
 The term is added to those of the scene. Arrays have the component first. Those of the tethers end with the
 axes (element, tether), so that a number per tether, of shape (tether,), needs no care; what stands between
@@ -40,7 +41,17 @@ from esail_jax import terms
 from esail_jax.array_types import Array, Float
 from esail_jax.terms import HubMotion
 
-__all__ = ["Dissipation", "Energy", "Field", "HubLoad", "HubMotion", "Load", "LoadFields", "TipLoad"]
+__all__ = [
+    "Dissipation",
+    "Energy",
+    "Field",
+    "HubLoad",
+    "HubMotion",
+    "Load",
+    "LoadFields",
+    "TipLoad",
+    "WinchLaw",
+]
 
 
 class LoadFields(NamedTuple):
@@ -127,6 +138,24 @@ class Field(Named, terms.Field):
     """Acceleration of everything that has mass: `acceleration(time, position, velocity)` [m/s^2].
 
     position [m] and velocity [m/s] are arrays with the component first, in I; so is the result.
+    """
+
+
+class WinchLaw(Named, terms.WinchLaw):
+    """What the motors of winches hold, for scenes with the law "tension" of [deployment]:
+    `tension(measurements)` [N], one number per tether, or one for all; positive against payout. It is added
+    to the table `deployment.tension`, which may be left out.
+
+    `measurements` is that of voltage laws, with `deployed_length` [m], `payout_rate` [m/s] and
+    `root_tension` [N] of every tether. A motor that holds a rate, with a gain k [N s/m]:
+
+        class HoldRate(WinchLaw):
+            rate: Array
+            gain: Array
+            torque: Array
+
+            def tension(self, measurements):
+                return self.torque + self.gain * (measurements.payout_rate - self.rate)
     """
 
 

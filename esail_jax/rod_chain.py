@@ -150,8 +150,10 @@ class RodChain(eqx.Module):
             stress = stress + jax.grad(self.hinges.energy)(self.rods(x))
         acceleration = chain.accelerate(time, x, v, stress, load)
         if power is not None and chain.system.reels is not None:
-            motion = (Coordinates(self.joints(c)[None, :, :, None], None) for c in (x, v, acceleration))
-            power, _ = chain.system.of_winches(time, *motion, power)
+            q, qdot, vdot = (
+                Coordinates(self.joints(c)[None, :, :, None], None) for c in (x, v, acceleration)
+            )
+            power, _ = chain.system.of_winches(time, q, qdot, vdot, power)
         return RodState(v, acceleration, power)
 
     def accelerate(

@@ -14,7 +14,8 @@ from esail_jax.terms import inner_terms_of
 def with_motion(
     sail: Assembly, time: Scalar, q: Coordinates, v: Coordinates, measured: Measurements
 ) -> Measurements:
-    """The measurements of a sail with attitude, rates, tips and tensions."""
+    """The measurements of a sail with attitude, rates, tips and tensions, and with the deployed lengths.
+    sail: at that instant."""
     rotation, omega = sail.rotation(time, q), angular_velocity(sail, q, v)
     tips, velocities = q.tether[0, :, -1], v.tether[0, :, -1]
     if sail.hub is not None:
@@ -27,6 +28,8 @@ def with_motion(
         tip_position=tips,
         tip_velocity=velocities - jnp.cross(omega[:, None], tips, axis=0),
         root_tension=root_tension(sail, time, q, v),
+        deployed_length=None if sail.reels is None else sail.reels.now.length,
+        payout_rate=None if sail.reels is None else sail.reels.now.rate,
     )
 
 
@@ -43,7 +46,10 @@ def root_tension(sail: Assembly, time: Scalar, q: Coordinates, v: Coordinates) -
     tethers = sail.tethers
     fields, rates = tethers.interpolate_motion(q.tether, v.tether)
     terms = inner_terms_of(
-        *(tuple(x for x in part if x.depends_on == ("r_x",)) for part in (sail.energies, sail.dissipations))
+        *(
+            tuple(x for x in part if x.depends_on == ("r_x",))
+            for part in (sail.acting_energies, sail.acting_dissipations)
+        )
     )
     stress = [term.point_forces(time, fields, rates).r_x for term in terms]
     along = dot(sum(stress[1:], stress[0]), fields.r_x) / norm(fields.r_x)

@@ -17,6 +17,7 @@ import numpy as np
 
 from esail_jax.array_types import (
     Array,
+    Bool,
     Float,
     HubPoints,
     Instants,
@@ -32,14 +33,13 @@ from esail_jax.coordinates import Coordinates, Multipliers
 from esail_jax.elements.axial import AbstractAxialEnergy
 from esail_jax.elements.deployment import (
     Convection,
-    DeployedDissipation,
-    DeployedEnergy,
     Deployed,
+    DeployedEnergy,
     Reels,
     ScheduledPayout,
+    density_of,
     deployed_load,
     deployed_tethers,
-    density_of,
 )
 from esail_jax.elements.thermal import ThermalEnergy
 from esail_jax.environment.kepler_orbit import PlaceOnOrbit, at_place
@@ -50,7 +50,6 @@ from esail_jax.point_fields import PointFields, add_fields
 from esail_jax.sensors import angular_velocity, with_motion
 from esail_jax.terms import (
     ControlledLoad,
-    Dissipation,
     Energy,
     HubMotion,
     LinearField,
@@ -148,7 +147,8 @@ class System(Assembly):
         None if there are none."""
         measured = self.measurements(time, q, v) if self.controlled else None
         instants = [x for load in self.loads for x in load.knots(measured)]
-        instants += [x for term in (*self.tip_loads, *self.hub_loads, *self.fields) for x in term.knots]
+        others = (*self.tip_loads, *self.hub_loads, *self.fields, *self.winch_laws)
+        instants += [x for term in others for x in term.knots]
         return jnp.concatenate([jnp.ravel(x) for x in instants]) if instants else None
 
     # ---- forces ----------------------------------------------------------------------------
@@ -180,13 +180,6 @@ class System(Assembly):
         """Energies and dissipations; those that are functions of the invariants as one summed term."""
         return inner_terms_of(self.acting_energies, self.acting_dissipations)
 
-    @property
-    def acting_energies(self) -> tuple[Term, ...]:
-        """The energies per unit of x: of tethers that are paid out, those of the deployed part."""
-        if self.reels is None:
-            return self.energies
-        return tuple(DeployedEnergy(x, self.reels.stretching.share) for x in self.reels.energies)
-
     def axial_energy(
         self, times: Float[Array, " time"], lengths: Float[Array, "time tether"] | None
     ) -> Energy:
@@ -194,18 +187,10 @@ class System(Assembly):
         axial = find_term(self.energies, AbstractAxialEnergy).at(times[:, None])
         if self.payout is None:
             return axial
-        if isinstance(self.payout, ScheduledPayout):
-            lengths = self.payout.at(times[:, None]).length
-        share = lengths / self.payout.total
+        known = isinstance(self.payout, ScheduledPayout)
+        length = self.payout.at(times[:, None]).length if known else cast(Array, lengths)
+        share = length / self.payout.total
         return DeployedEnergy(axial, self.tethers.repeat_per_element(share))
-
-    @property
-    def acting_dissipations(self) -> tuple[Dissipation, ...]:
-        """The dissipations per unit of x."""
-        if self.reels is None:
-            return self.dissipations
-        s = self.reels.stretching
-        return tuple(DeployedDissipation(x, s.share, s.relative_rate) for x in self.reels.dissipations)
 
     @property
     def acting_loads(self) -> tuple[Load, ...]:
@@ -294,15 +279,43 @@ class System(Assembly):
     def of_winches(
         self, time: Scalar, q: Coordinates, v: Coordinates, vdot: Coordinates, power: Power
     ) -> tuple[Power, PerTether | None]:
-        """The power with that of the winches, -l' F_w, of a system at an instant; and the left-hand sides of
-        the equations of the lengths that are unknowns, None for given ones."""
+        """The power with that of the winches, -l' F_w, of a system at an instant; and the left-hand sides
+        of the equations of the lengths that are unknowns, None for given ones."""
         forces = self.with_commanded_loads(time, q, v).winch_forces(time, q, v, vdot)
         power = power._replace(winch=-(self.reels.now.rate * forces).sum())
-        return power, self.rows_of_lengths(time, forces) if self.has_unknown_lengths else None
+        if not self.has_unknown_lengths:
+            return power, None
+        return power, self.rows_of_lengths(forces, self.motor_tension(time, q, v))
 
-    def rows_of_lengths(self, time: Scalar, winch_forces: PerTether) -> PerTether:
+    def within_lengths(self, q: Coordinates) -> Bool[Array, ""] | None:
+        """Tells whether lengths that are unknowns are neither those of tethers that are paid out to their
+        end nor of tethers that are reeled in; None for given lengths."""
+        return self.payout.within(q.reel).all() if self.has_unknown_lengths else None
+
+    def rows_of_lengths(self, winch_forces: PerTether, motor_tension: PerTether) -> PerTether:
         """The left-hand sides [N] of the equations of the lengths, of a system at an instant."""
-        return self.payout.rows(time, self.reels.now, winch_forces, density_of(self.reels.tethers))
+        density = density_of(self.reels.tethers)
+        return self.payout.rows(self.reels.now, winch_forces, motor_tension, density)
+
+    def motor_tension(self, time: Scalar, q: Coordinates, v: Coordinates) -> PerTether:
+        """The tension F [N] that every motor holds: that of the table and of all laws."""
+        parts = [] if self.payout.tension is None else [self.payout.tension.at(time)]
+        if self.winch_laws:
+            measured = self.all_measurements(time, q, v)
+            parts += [law.tension(measured) for law in self.winch_laws]
+        return sum(parts[1:], parts[0])
+
+    def motor_gains(self, time: Scalar, q: Coordinates, v: Coordinates) -> tuple[PerTether, PerTether]:
+        """The derivatives of the tensions that motors hold by the length [N/m] and the rate [N s/m] of
+        their own tether; those by anything else are left to iterations."""
+        measured = self.all_measurements(time, q, v)
+
+        def held(length, rate):
+            now = measured._replace(deployed_length=length, payout_rate=rate)
+            return sum((law.tension(now) for law in self.winch_laws), jnp.zeros_like(length))
+
+        gains = jax.jacfwd(held, (0, 1))(measured.deployed_length, measured.payout_rate)
+        return jax.tree.map(jnp.diagonal, gains)
 
     def winch_forces(self, time: Scalar, q: Coordinates, v: Coordinates, vdot: Coordinates) -> PerTether:
         """Force F_w [N] of every winch, of a system at an instant whose loads have their commands."""
@@ -332,10 +345,14 @@ class System(Assembly):
 
     def measurements(self, time: Scalar, q: Coordinates, v: Coordinates) -> Measurements:
         """What the control laws of the loads may measure at a state, without the wind."""
-        measured = self.directions(time, q, v)
         if any(isinstance(load, ControlledLoad) and load.measures_motion for load in self.loads):
-            return with_motion(self, time, q, v, measured)
-        return measured
+            return self.all_measurements(time, q, v)
+        return self.directions(time, q, v)
+
+    def all_measurements(self, time: Scalar, q: Coordinates, v: Coordinates) -> Measurements:
+        """What laws of users may measure at a state, without the wind."""
+        system = self.at(time, q, v)
+        return with_motion(system, time, q, v, system.directions(time, q, v))
 
     def directions(self, time: Scalar, q: Coordinates, v: Coordinates) -> Measurements:
         """The measurements that are directions, and the position of a sail on an orbit."""
@@ -371,11 +388,11 @@ class System(Assembly):
 
     def holding(self, volts: PerTether) -> "System":
         """The system whose sampled voltage law holds other voltages [V]."""
-        loads, tip_loads = (
-            tuple(load.holding(volts, self.tethers.elements) for load in part)
-            for part in (self.loads, self.tip_loads)
+        held = tuple(
+            tuple(term.holding(volts, self.tethers.elements) for term in part)
+            for part in (self.loads, self.tip_loads, self.winch_laws)
         )
-        return eqx.tree_at(lambda system: (system.loads, system.tip_loads), self, (loads, tip_loads))
+        return eqx.tree_at(lambda system: (system.loads, system.tip_loads, system.winch_laws), self, held)
 
     def with_added_strength(self, added: dict[int, PerTether]) -> "System":
         """The system some of whose loads, by their places, are stronger than their law says [N/m]."""
@@ -476,9 +493,8 @@ class System(Assembly):
 
     def tip_forces(self, time: Scalar, q: Coordinates, v: Coordinates) -> Float[Array, "3 tether"]:
         """Forces [N] on the remote units: the sum of the loads on them."""
-        measured = self.directions(time, q, v)
-        if any(term.measures_motion for term in self.tip_loads):
-            measured = with_motion(self, time, q, v, measured)
+        everything = any(term.measures_motion for term in self.tip_loads)
+        measured = self.all_measurements(time, q, v) if everything else self.directions(time, q, v)
         parts = [term.force(measured) for term in self.tip_loads]
         return sum(parts[1:], parts[0])
 

@@ -422,6 +422,18 @@ class LinearField(Field):
         return self.matrices
 
 
+class WinchLaw(BodyTerm):
+    """What the motors of winches hold, beside their table (`elements/winch.py`)."""
+
+    @abstractmethod
+    def tension(self, measurements: Measurements) -> PerTether:
+        """The tension F [N] that every motor holds; positive against payout."""
+
+    def holding(self, volts: PerTether, elements: int) -> "WinchLaw":
+        """The law when a sampled voltage law holds other voltages [V]."""
+        return self
+
+
 class Terms(eqx.Module):
     """What acts, by kind; kinds that are absent are empty. The sum of two has the terms of both."""
 
@@ -431,6 +443,7 @@ class Terms(eqx.Module):
     tip_loads: tuple[TipLoad, ...] = ()
     hub_loads: tuple[HubLoad, ...] = ()
     fields: tuple[Field, ...] = ()
+    winch_laws: tuple[WinchLaw, ...] = ()
 
     def __add__(self, other: "Terms") -> "Terms":
         return Terms(**{kind: (*terms, *getattr(other, kind)) for kind, terms in vars(self).items()})

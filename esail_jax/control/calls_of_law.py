@@ -23,6 +23,8 @@ NEEDED = {
     "position": "[orbit]",
     "momentum_axis": "[hub]",
     "current": "`tethers.wire_radius`",
+    "deployed_length": "[deployment]",
+    "payout_rate": "[deployment]",
     "heliocentric_position": "[orbit]",
     "r_xx": "`depends_on` of the term to name it",
     "normal_squared": "`tethers.bending`",

@@ -60,8 +60,8 @@ class Objective:
             if not is_traced(weight) and (number is None or number.shape or not np.isfinite(number)):
                 raise SceneError("weights", "be finite numbers", f"has {weight!r}")
         # A file with `law = "python"` is a scene here: the law is among the parameters.
-        scene = scene if isinstance(scene, Scene) else read_scene(scene, None)
-        scene = scene if terms is None else scene.replace({OWN_TERMS: terms})
+        added = {} if terms is None else {OWN_TERMS: terms}
+        scene = scene.replace(added) if isinstance(scene, Scene) else read_scene(scene, added)
         check_voltage(scene)
         self.scene = scene
         self.weights: dict[objectives.Goal, float] = {name: x for name, x in weights.items()}

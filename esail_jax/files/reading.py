@@ -85,9 +85,9 @@ def read_rows(file: h5py.File, path: Path, member: int | None) -> SavedRun:
 def scene_in(file: h5py.File, path: Path) -> Scene:
     """The scene of a file. Terms that a user wrote are not in it: the scene knows their names, and
     is no scene to run without them."""
-    scene = parse(file["scene"].asstr()[()], str(path))
     names = tuple(file.attrs.get("own_terms", ()))
-    return scene.replace({OWN_TERMS: AbsentTerms(names)}) if names else scene
+    absent = {OWN_TERMS: AbsentTerms(names)} if names else None
+    return parse(file["scene"].asstr()[()], str(path), absent)
 
 
 def known_rows(rows: Mapping[str, np.ndarray], count: int) -> int:

@@ -46,6 +46,7 @@ from esail_jax.terms import (
     Term,
     Terms,
     TipLoad,
+    WinchLaw,
 )
 
 
@@ -391,6 +392,26 @@ class OwnField(Own, Field):
         return self.like("acceleration", accelerations, position.shape, "accelerations [m/s^2]")
 
 
+class OwnWinchLaw(Own, WinchLaw):
+    """A user's law of what the motors of winches hold."""
+
+    around: Surroundings
+
+    @property
+    def knots(self) -> tuple[Array, ...]:
+        return self.instants
+
+    def holding(self, volts: PerTether, elements: int) -> "OwnWinchLaw":
+        return dataclasses.replace(self, around=self.around.holding(volts, elements))
+
+    def tension(self, measurements: Measurements) -> PerTether:
+        count = measurements.chords.shape[1]
+        numbers = self.call("tension", self.around.measured(measurements))
+        if isinstance(numbers, float | int) or getattr(numbers, "shape", None) == ():
+            numbers = jnp.full(count, numbers)
+        return self.like("tension", numbers, (count,), "numbers of newtons, one per tether,")
+
+
 Divided = tuple[LawStructure, tuple[Array, ...]]
 
 
@@ -408,6 +429,8 @@ def own_terms(terms: tuple[Divided, ...], tethers: TetherBatch, around: Surround
             wrappers += Terms(loads=(kind(*own, elements, distances(tethers), around),))
         elif isinstance(term, TipLoad):
             wrappers += Terms(tip_loads=(OwnTipLoad(*own, around),))
+        elif isinstance(term, WinchLaw):
+            wrappers += Terms(winch_laws=(OwnWinchLaw(*own, around),))
         elif isinstance(term, HubLoad):
             wrappers += Terms(hub_loads=(OwnHubLoad(*own, around),))
         else:

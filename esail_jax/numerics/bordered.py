@@ -30,8 +30,8 @@ HELD_ROWS = 3
 
 
 class LengthRows(NamedTuple):
-    """The length of every chain in the matrix. column: its coefficients in the rows of all blocks; row: those
-    of all blocks in its own row; corner: its own in its own row."""
+    """The length of every chain in the matrix. column: its coefficients in the rows of all blocks; row:
+    those of all blocks in its own row; corner: its own in its own row."""
 
     column: Inexact[Array, "block row tether"]
     row: Inexact[Array, "block row tether"]
@@ -107,8 +107,8 @@ class PortFactors(NamedTuple):
 class LengthFactors(NamedTuple):
     """Factors that condense the lengths on the ports.
 
-    along: what `reduce_to_port` leaves of `column` in the blocks 1 ... N. weights: A^-T row, with the matrix A
-    of these blocks: the row of the length then has weights . rhs less on its right."""
+    along: what `reduce_to_port` leaves of `column` in the blocks 1 ... N. weights: A^-T row, with the
+    matrix A of these blocks: the row of the length then has weights . rhs less on its right."""
 
     along: Inexact[Array, "link row tether"]
     weights: Inexact[Array, "link row tether"]

@@ -10,10 +10,10 @@ from esail_jax.array_types import Array, Float, Instants, Int, Scalar
 class LinesInTime(eqx.Module):
     """Numbers that are linear between instants, and constant before the first and after the last.
 
-    time: increasing instants t_k [s], the knots. table: the numbers there, (instant, column). The derivative
-    jumps at a knot. A method of integration that passes a knot within a step loses its order there. A run
-    is therefore divided at the knots, and in each segment the numbers are the straight line of that
-    segment, also where a step, or the rounding of an instant, passes the segment's ends.
+    time: increasing instants t_k [s], the knots. table: the numbers there, (instant, column). The
+    derivative jumps at a knot. A method of integration that passes a knot within a step loses its order
+    there. A run is therefore divided at the knots, and in each segment the numbers are the straight line of
+    that segment, also where a step, or the rounding of an instant, passes the segment's ends.
 
     start, until: ends [s] of the segment; infinite ones for a table that is not divided.
     """

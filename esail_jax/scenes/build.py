@@ -133,19 +133,24 @@ def payout_of(structure: Structure, numbers: Numbers, total: PerTether) -> Abstr
     chain one."""
     if not structure.has("deployment"):
         return None
-    start = jnp.broadcast_to(numbers["deployment.start_length"], total.shape)
-    law = structure["deployment.law"]
+
+    def each(name: str) -> PerTether:
+        return jnp.broadcast_to(numbers[f"deployment.{name}"], total.shape)
+
+    def rows(name: str) -> Float[Array, "instant tether"]:
+        given = numbers[f"deployment.{name}"]
+        given = given if given.ndim == 2 else given[:, None]
+        return jnp.broadcast_to(given, (given.shape[0], total.shape[0]))
+
+    start, law = each("start_length"), structure["deployment.law"]
     if law == "exponential":
-        return ExponentialPayout(total, start, jnp.broadcast_to(numbers["deployment.growth"], total.shape))
-    time, rows = (
-        numbers["deployment.time"],
-        numbers["deployment.rate" if law == "table" else "deployment.tension"],
-    )
-    rows = jnp.broadcast_to(rows if rows.ndim == 2 else rows[:, None], (time.shape[0], total.shape[0]))
+        return ExponentialPayout(total, start, each("growth"))
     if law == "table":
-        return RateTable.undivided(total, start, time, rows)
-    drum = jnp.broadcast_to(numbers["deployment.drum_mass"], total.shape)
-    return Winches(total, start, drum, LinesInTime.undivided(time, rows))
+        return RateTable.undivided(total, start, numbers["deployment.time"], rows("rate"))
+    tension = None
+    if structure.has("deployment.tension"):
+        tension = LinesInTime.undivided(numbers["deployment.time"], rows("tension"))
+    return Winches(total, start, each("drum_mass"), tension)
 
 
 def terms_of_parts(structure: Structure, numbers: Numbers) -> Terms:

@@ -106,9 +106,9 @@ class ChainDeployment:
 
 
 LAWS: dict[WinchName, tuple[str, ...]] = {
-    "table": ("time", "rate"),
+    "table": ("rate", "time"),
     "exponential": ("growth",),
-    "tension": ("time", "tension", "drum_mass"),
+    "tension": ("tension", "time", "drum_mass"),
 }
 """Keys of every law."""
 
@@ -156,17 +156,28 @@ def check_law(scene: Any) -> None:
     """Checks the keys of the law. Raises SceneError."""
     deployment = scene.deployment
     law, own = deployment.law, LAWS[deployment.law]
+    optional = ("time", "tension") if law == "tension" and has_winch_law(scene) else ()
     for name in dict.fromkeys(name for names in LAWS.values() for name in names):
         given = getattr(deployment, name, None) is not None
         if name in own and not given:
-            raise SceneError(f"deployment.{name}", f"be given with the law {law}", "is missing")
+            if name in optional and all(getattr(deployment, x) is None for x in optional):
+                continue
+            or_law = ", or a WinchLaw among the terms," if name == "tension" else ""
+            raise SceneError(f"deployment.{name}", f"be given{or_law} with the law {law}", "is missing")
         if name not in own and given:
             raise SceneError(f"deployment.{name}", f"be left out with the law {law}", "is given")
-    if "time" in own:
+    if deployment.time is not None:
         if rules.known(deployment.time) is None:
             got = "is traced: its derivative is not known"
             raise SceneError("deployment.time", "be plain numbers", got)
-        check_rows(deployment, own[1], scene.members)
+        check_rows(deployment, own[0], scene.members)
+
+
+def has_winch_law(scene: Any) -> bool:
+    """Tells whether a law of a user says what motors hold, or may say so: a run file has no terms."""
+    if isinstance(scene.terms, AbsentTerms):
+        return True
+    return any(kind_of(term) == "WinchLaw" for term in scene.terms)
 
 
 def check_parts(scene: Any) -> None:

@@ -10,7 +10,7 @@ from esail_jax.scenes.rules import SceneError
 OWN_TERMS = "terms"
 """Key of the terms among the overrides of a scene. It is no table, and no file can have it."""
 
-KINDS = ("Energy", "Dissipation", "Load", "TipLoad", "HubLoad", "Field")
+KINDS = ("Energy", "Dissipation", "Load", "TipLoad", "HubLoad", "Field", "WinchLaw")
 """Classes of `physics.py`, one of which every term has as its base."""
 
 
@@ -54,6 +54,8 @@ def check_own_terms(scene: Any) -> None:
         got = f"{type(term).__name__} is a {kind}"
         if kind == "HubLoad" and scene.hub is None:
             raise SceneError(name, "be no HubLoad without [hub]", got)
+        if kind == "WinchLaw" and (scene.deployment is None or scene.deployment.law != "tension"):
+            raise SceneError(name, 'be no WinchLaw without the law "tension" of [deployment]', got)
         if scene.chain is not None and kind == "TipLoad":
             raise SceneError(name, "be no TipLoad with a chain", got)
         if scene.chain is not None and hasattr(term, "commanded"):

@@ -21,12 +21,11 @@ from esail_jax.scenes.own_terms import kind_of
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.structure import Numbers, Structure, split
-from esail_jax.sensors import with_motion
 from esail_jax.system import System
 
 METHODS = {
     "Energy": "energy_density", "Dissipation": "rayleigh_density", "Load": "force", "TipLoad": "force",
-    "HubLoad": "wrench", "Field": "acceleration",
+    "HubLoad": "wrench", "Field": "acceleration", "WinchLaw": "tension",
 }  # fmt: skip
 """The method that gives what a kind of term is."""
 
@@ -91,7 +90,10 @@ def straight_start(system: System, numbers: Numbers) -> tuple[Coordinates, Coord
         hub_velocity = jnp.cross(omega, hub)
         tether = tether.at[0].add(system.roots.positions(hub)[:, None])
     velocity = jnp.cross(omega, tether, axisb=1, axisc=1)
-    return Coordinates(tether, hub), Coordinates(velocity, hub_velocity)
+    reel = reel_rate = None
+    if system.has_unknown_lengths:
+        reel, reel_rate, _ = system.payout.at_start()
+    return Coordinates(tether, hub, reel=reel), Coordinates(velocity, hub_velocity, reel=reel_rate)
 
 
 def results(system: System, q: Coordinates, v: Coordinates) -> Iterator[tuple[Own, Any]]:
@@ -103,8 +105,11 @@ def results(system: System, q: Coordinates, v: Coordinates) -> Iterator[tuple[Ow
         if isinstance(term, Own):
             yield term, [x for x in term.point_forces(time, fields, rates) if x is not None]
     if any(isinstance(term, Own) for term in system.tip_loads):
-        measured = with_motion(system, time, q, v, system.directions(time, q, v))
+        measured = system.all_measurements(time, q, v)
         yield from ((term, term.force(measured)) for term in system.tip_loads if isinstance(term, Own))
+    if system.winch_laws:
+        measured = system.all_measurements(time, q, v)
+        yield from ((law, law.tension(measured)) for law in system.winch_laws)
     for load in system.hub_loads:
         yield load, load.wrench(system.hub_motion(time, q, v))
     for field in system.fields:

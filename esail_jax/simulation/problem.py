@@ -162,9 +162,7 @@ def start(
             q, v = project(model, point.time, point.q, point.v)
             first = point._replace(q=q, v=v)
         now = model.at(first.time, q, v)
-        energy = observables.kinetic_energy(now, v, q) + observables.elastic_energy(
-            model, first.time, q
-        )
+        energy = observables.kinetic_energy(now, v, q) + observables.elastic_energy(model, first.time, q)
         thermal = observables.thermal_energy(model, first.time, q)
         if thermal is not None and point is None:
             first = first._replace(work=model.no_power._replace(external=-thermal))

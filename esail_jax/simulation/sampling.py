@@ -11,7 +11,6 @@ import numpy as np
 from esail_jax.array_types import PerTether
 from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.scenes.scene import Scene
-from esail_jax.sensors import with_motion
 from esail_jax.steppers.stepper import Point
 from esail_jax.system import System
 from esail_jax.terms import find_term
@@ -36,9 +35,7 @@ def sample(system: System, point: Point, control: Control | None) -> Control:
     control: those before the sample; None for the first sample of a run."""
     load = sampled_load(system)
     law = load.sampled if control is None else load.sampled.holding(control.voltage)
-    measured = with_motion(
-        system, point.time, point.q, point.v, system.directions(point.time, point.q, point.v)
-    )
+    measured = system.all_measurements(point.time, point.q, point.v)
     measured = load.with_wind(measured)._replace(voltage=law.held)
     memory = law.first_memory(measured) if control is None else control.memory
     return Control(*law.sample(measured, memory, control is None))

@@ -51,6 +51,7 @@ from esail_jax.steppers.collocation_steps import (
     zero_length_steps,
 )
 from esail_jax.steppers.consistent import consistent_motion
+from esail_jax.steppers.ended_tethers import message_of, with_ended_tethers
 from esail_jax.steppers.kinks import kinked, kinks_passed
 from esail_jax.steppers.knots import behind, fitting_step, knots_ahead
 from esail_jax.steppers.log import Log, Statistic
@@ -153,7 +154,7 @@ class Collocation(AbstractStepper):
         else:
             # A step that failed with factors of an earlier one is tried again with fresh factors.
             state = replace(state, h=jnp.where(records.taken[0], h, state.h))
-        return replace(state, result=self.outcome(state)), records
+        return replace(state, result=self.outcome(system, state)), records
 
     def attempt(
         self, system: System, state: CollocationState, factors: FrozenFactors
@@ -174,6 +175,9 @@ class Collocation(AbstractStepper):
             good &= error <= 1.0
 
         q_and_v = end_of_step(system, now, h, unknowns, factors)
+        inside = system.within_lengths(q_and_v[0])
+        if inside is not None:
+            good &= inside
         power = stage_powers(system, now, h, unknowns)
         work = jax.tree.map(jnp.add, now.work, work_of_step(h, now.power, power))
         taken = state.taken + 1.0
@@ -186,7 +190,8 @@ class Collocation(AbstractStepper):
 
         shorter = jnp.zeros(())  # no other size is allowed: the run has failed
         if self.step_size is None:
-            by_error = jnp.where(solved & jnp.isfinite(error), change_of_step(error), 0.5)
+            usual = solved & jnp.isfinite(error)
+            by_error = jnp.where(usual if inside is None else usual & inside, change_of_step(error), 0.5)
             shorter = h * jnp.minimum(by_error, 0.9)
         again = replace(state, h=shorter, rejected=state.rejected + 1.0)
         after = select(good, done, again)
@@ -205,12 +210,16 @@ class Collocation(AbstractStepper):
         errors = jax.tree.map(beyond, now.vdot, vdot)
         return largest(system, errors, self.tolerance * lengths(system, now.time, now.q))
 
-    def outcome(self, state: CollocationState) -> RESULTS:
-        """Tells whether the method can go on: the state is finite, and the step changes the time."""
+    def outcome(self, system: System, state: CollocationState) -> RESULTS:
+        """Tells whether the method can go on: the state is finite, the step changes the time, and no tether
+        has come to its end."""
         finite = jnp.stack([jnp.isfinite(x).all() for x in jax.tree.leaves(state.now)]).all()
         moves = state.now.time + 0.25 * state.h > state.now.time
         failed = RESULTS.where(finite, RESULTS.newton_diverged, RESULTS.nonfinite)
-        return RESULTS.where(finite & moves, RESULTS.successful, failed)
+        result = RESULTS.where(finite & moves, RESULTS.successful, failed)
+        given = self.step_size
+        h = state.h if given is None else jnp.where(state.h > 0.0, 0.0, given)
+        return with_ended_tethers(system, state.now.q, state.now.v, h, given is not None, result)
 
     def evaluate(self, model: System, step: CollocationSteps, time: Scalar) -> Point:
         """Evaluates the polynomials of the step, with the derivatives that kinks of loads within the step,
@@ -226,6 +235,9 @@ class Collocation(AbstractStepper):
     def failure(self, model: System, state: CollocationState, log: Log) -> str:
         sizes = np.asarray(log.size)[np.asarray(log.tried)]
         size = sizes[-1] if len(sizes) else float("nan")
+        ended = message_of(model, float(state.time), state.now.q, state.result)
+        if ended is not None:
+            return ended
         hint = "" if self.step_size is None else " Ask for a shorter one."
         return f"At t = {float(state.time):.6g} s with a step of {size:.3g} s.{hint}"
 

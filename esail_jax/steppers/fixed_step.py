@@ -26,6 +26,7 @@ from esail_jax.array_types import Array, Bool, Float, Int, Scalar
 from esail_jax.numerics.lockstep import any_member, bounded_loop, cond_of_members, select, while_active
 from esail_jax.steppers import step_error
 from esail_jax.steppers.consistent import consistent_motion
+from esail_jax.steppers.ended_tethers import message_of, with_ended_tethers
 from esail_jax.steppers.fixed_step_method import FixedStepMethod
 from esail_jax.steppers.fixed_step_state import (
     MAX_HALVINGS,
@@ -159,7 +160,9 @@ class FixedStep(FixedStepMethod):
             now, rate, index = carry
             time = state.origin + (state.ticks + index * ticks) * state.tick
             now, info = fine.step(model, time, now, factors, rate)
-            good = info.converged()
+            good, inside = info.converged(), model.within_lengths(now.q)
+            if inside is not None:
+                good &= inside
             return (now, lax.stop_gradient(info.rate), index + 1), good, (Node.of(now), info, good)
 
         whole = (TICKS - state.ticks % TICKS) // ticks
@@ -206,6 +209,7 @@ class FixedStep(FixedStepMethod):
         now = select(halvings == state.halvings, now, self.rescaled(now, ratio))
         finite = jnp.isfinite(failure.increment).all()
         cause = RESULTS.where(finite, RESULTS.newton_diverged, RESULTS.nonfinite)
+        cause = with_ended_tethers(model, state.now.q, state.now.v, length, True, cause)
         state = replace(
             state,
             now=now,
@@ -222,6 +226,9 @@ class FixedStep(FixedStepMethod):
         return step.evaluate(time)
 
     def failure(self, model: System, state: FixedStepState, log: Log) -> str:
+        ended = message_of(model, float(state.time), state.now.q, state.result)
+        if ended is not None:
+            return ended
         tried = np.asarray(log.tried)
         last = {name: np.asarray(x)[tried][-1] for name, x in log.statistics.items()}
         step, time = np.asarray(log.size)[tried][-1], np.asarray(log.end)[tried][-1]

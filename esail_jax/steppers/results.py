@@ -24,11 +24,12 @@ class RESULTS(eqx.Enumeration):
     other_start: "RESULTS" = member(
         "The time of `start`, which was traced, is not the first instant of the run."
     )
+    tether_ended: "RESULTS" = member("A tether was paid out to its end, or reeled in.")
 
 
 NAMES = (
     "successful", "newton_diverged", "nonfinite", "energy_drift", "min_step_reached", "too_many_steps",
-    "other_start",
+    "other_start", "tether_ended",
 )  # fmt: skip
 """The names of the members of `RESULTS`, as run files store them."""
 

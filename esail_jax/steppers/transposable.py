@@ -23,8 +23,8 @@ class Transposable(System):
 
     @classmethod
     def of(cls, system: System) -> System:
-        """The same system, with the hand-written transpose. Lengths that are unknowns are part of the state:
-        with them the whole system would depend on it, and JAX transposes the forces."""
+        """The same system, with the hand-written transpose. Lengths that are unknowns are part of the
+        state: with them the whole system would depend on it, and JAX transposes the forces."""
         if system.has_unknown_lengths:
             return system
         return cls(**{field.name: getattr(system, field.name) for field in dataclasses.fields(system)})

@@ -293,7 +293,8 @@ def test_the_force_of_a_winch_at_rest(name):
 @pytest.mark.parametrize("name", ["baseline", "truss"])
 def test_momenta_and_energy_of_a_free_sail(name, validate):
     """Hub and unequal tethers without loads: both momenta are constant, the stored tether included, to 1e-8
-    of that of a remote unit and 1e-9 of the largest angular momentum; the energy changes by the work of the winches, to 1e-6 of it."""
+    of that of a remote unit and 1e-9 of the largest angular momentum; the energy changes by the work of the
+    winches, to 1e-6 of it."""
     run = esail.simulate(name, NOTHING_LOST | {"output.interval": 1.0})
     part = 1.5 * 0.05 * 450.0
     drift = np.abs(run["total_momentum_I"] - run["total_momentum_I"][0]).max() / part
