@@ -69,7 +69,7 @@ class Winches(AbstractPayout):
         """Tells whether no tether moves by more than END_GAP of its length in a step [s]."""
         return (jnp.abs(step * rate) < END_GAP * self.total).all()
 
-    def ended(self, length: np.ndarray) -> str:
+    def ended(self, length: PerTether) -> str:
         """What is deployed of the tether that is nearest to an end."""
         total, start, length = (np.asarray(x) for x in (self.total, self.start, length))
         i = np.argmin(np.minimum(1.0 - length / total, length / (LEAST_PART * start) - 1.0))

@@ -147,7 +147,7 @@ def solve(matrix: Bordered, factors: RingFactors, rhs: Vector) -> Vector:
         inside = segments.solve_own(factors.segments, rhs.ring)
         ends = segments.end_rows(factors.segments, inside)
         blocks = blocks.at[-1, :END].add(-ends[:END] - previous_tip(ends[END:]))
-    chain, ports = factors.tethers
+    chain, ports, _ = factors.tethers
     own, port = chains.reduce_to_port(chain, blocks)
     local, border = bordered.port_loads(matrix, port, rhs)
     displacement, _ = ports_alone(matrix, ports, port, local)

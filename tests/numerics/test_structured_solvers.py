@@ -169,6 +169,41 @@ def test_solution(p, elements, size, hub, extra, ring):
     assert relative_error(x, exact) < TOLERANCE
 
 
+@pytest.mark.parametrize("p, elements, size, hub", [(3, 5, 6, True), (2, 1, 3, True), (3, 2, 3, False)])
+def test_lengths_of_chains(p, elements, size, hub):
+    """An unknown per chain that is coupled to all of its blocks, and not symmetrically. The transposed
+    solution is that of the transposed matrix."""
+    matrix, rhs = random_system(p, elements, size, hub)
+    random = np.random.default_rng(7)
+    shape = matrix.diag.shape[0], size, p
+    column, row = 0.3 * random.normal(size=shape), 0.3 * random.normal(size=shape)
+    corner = 3.0 + random.normal(size=p) / 10.0
+    lengths = bordered.LengthRows(column, row, corner)
+    rhs = rhs._replace(lengths=random.normal(size=p))
+    matrix = matrix._replace(lengths=lengths)
+    dense = Dense(matrix)
+    n = dense.count
+    a, e = np.zeros((n + p, n + p)), np.eye(n + p)
+    a[:n, :n], a[n:, n:] = dense.matrix(matrix), np.diag(corner)
+    for i in range(p):
+        a[dense.blocks[i], n + i], a[n + i, dense.blocks[i]] = column[..., i], row[..., i]
+    e = np.delete(e, dense.held, axis=1)
+    e[:n, : -p or None] = dense.roots_held(matrix)
+
+    def flat(vector):
+        return np.concatenate([dense.flatten(vector), vector.lengths])
+
+    inverse = e @ np.linalg.inv(e.T @ a @ e) @ e.T
+    x = solved(*on_device(matrix, rhs))
+    assert relative_error(flat(x), inverse @ flat(rhs)) < TOLERANCE
+    weights = random_system(p, elements, size, hub, seed=2)[1]
+    weights = weights._replace(local=np.zeros((0, p)), lengths=random.normal(size=p))
+    _, transposed = derivatives(*on_device(matrix, rhs, rhs, weights))
+    # Held rows have no right-hand side of their own: it acts on the border.
+    free = np.setdiff1d(np.arange(n + p), dense.blocks[:, 0, :3])
+    assert relative_error(flat(transposed)[free], (inverse.T @ flat(weights))[free]) < TOLERANCE
+
+
 @pytest.mark.parametrize("ring", [NONE, CABLES])
 def test_derivatives_by_the_right_hand_side(ring):
     """The solution is linear in the right-hand side: its derivative is the inverse of A, transposed that

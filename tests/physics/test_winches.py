@@ -1,0 +1,376 @@
+"""Winches whose motors hold a tension (`elements/winch.py`): the length of every tether is an unknown."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import esail_jax as esail
+from esail_jax import iteration_matrix
+from esail_jax.array_types import Array
+from esail_jax.numerics import structured
+from esail_jax.physics import WinchLaw
+from esail_jax.scenes.loading import load_scene
+from esail_jax.scenes.structure import split
+from esail_jax.steppers.consistent import consistent_motion
+from esail_jax.steppers.results import RESULTS
+from support.bits import check_same, esail_run
+from support.derivatives import check_both_modes
+from support.payout import lagrangian as payout_lagrangian
+from support.quick import build_jitted, jit
+
+UNEQUAL = {
+    "hub.density": 100.0,
+    "hub.height": 1.0,
+    "tethers.count": 2,
+    "tethers.length": 1000.0,
+    "tethers.elements": 2,
+    "tethers.bending_damping_time": None,
+    "remote_units.mass": [0.5, 0.6],
+    "initial.spin_rate": 0.06,
+    "initial.sailing_angle_deg": 0.0,
+    "deployment.start_length": [50.0, 60.0],
+    "deployment.law": "tension",
+    "deployment.drum_mass": [3.0, 4.0],
+    "integrator.t_end": 60.0,
+    "output.interval": 5.0,
+}
+TABLE = {
+    "deployment.time": [0.0, 25.0],
+    "deployment.tension": [[0.1, 0.12], [0.06, 0.09]],
+}
+CALM = UNEQUAL | TABLE | {"solar_wind": None, "voltage": None}
+LIGHT = CALM | {"tethers.axial_damping_time": None}
+WITHOUT_TABLE = {key: x for key, x in CALM.items() if key not in TABLE}
+
+
+class HoldRate(WinchLaw):
+    """A motor that holds a rate [m/s], with a gain [N s/m] and a torque [N]."""
+
+    rate: Array
+    gain: Array
+    torque: Array
+
+    def tension(self, measurements):
+        return self.torque + self.gain * (measurements.payout_rate - self.rate)
+
+
+class Constant(WinchLaw):
+    """A constant tension [N] of every motor."""
+
+    newtons: Array
+
+    def tension(self, measurements):
+        return self.newtons
+
+
+def random_motion(name):
+    """A system, and an arbitrary state of its tethers and lengths with the hub at rest."""
+    system, q, v, *_ = build_jitted(*split(load_scene(name, CALM)))
+    rng = np.random.default_rng(3)
+    scale = np.array([1.0, 1e-2]).reshape(2, 1, 1, 1)[: system.tethers.coefs]
+    move = np.ones((system.tethers.elements + 1, 1))
+    move[0] = 0.0
+
+    def moved(x, base):
+        return x._replace(
+            tether=base.tether + scale * move * rng.normal(size=base.tether.shape),
+            reel=base.reel + rng.normal(size=2),
+        )
+
+    rest = jax.tree.map(jnp.zeros_like, q)
+    return system, jnp.asarray(11.0), moved(q, q), moved(v, rest), moved(v, rest)._replace(hub=rest.hub)
+
+
+@pytest.mark.parametrize("name", ["baseline", "truss"])
+def test_rows_of_lengths_are_those_of_lagrange(name):
+    """d/dt dT/dl' - d(T - U)/dl + F = 0 of deployed and stored tether, drum and motor, by automatic
+    differentiation of the energies: (m_d + rho (L - l)) l'^2/2 is the part of the drum. To 1e-12 of the
+    inertia of the drums."""
+    system, time, q, v, vdot = random_motion(name)
+    system = dataclasses.replace(system, dissipations=())
+
+    @jit
+    def both(q, v, vdot):
+        now = system.at(time, q, v, vdot)
+        reels, payout = now.reels, now.payout
+
+        def lagrangian(length, rate, tether, moving):
+            density = reels.tethers.line_density
+            drum = 0.5 * (payout.drum + density * (payout.total - length)) * rate**2
+            return (payout_lagrangian(reels, length, rate, tether, moving) + drum).sum()
+
+        def momentum(*at):
+            return jax.grad(lagrangian, 1)(*at)
+
+        at = q.reel, v.reel, q.tether, v.tether
+        expected = jax.jvp(momentum, at, (v.reel, vdot.reel, v.tether, vdot.tether))[1]
+        expected = expected - jax.grad(lagrangian, 0)(*at) + jnp.array([0.0824, 0.1068])
+        residual, _ = system.residual(time, q, v, vdot, system.no_multipliers())
+        return residual.forces.reel, expected
+
+    found, expected = both(q, v, vdot)
+    assert np.abs(found - expected).max() < 1e-12 * 4.0
+
+
+@pytest.mark.parametrize("name", ["baseline", "truss"])
+def test_accelerations_solve_the_equations(name):
+    """Those of a state with wind solve all rows at once; lengths are coupled to the nodes of their tether
+    in both directions. The row of a length to 1e-12 of its motor's tension, those of nodes to 1e-12 of the
+    largest."""
+    system, q, v, *_ = build_jitted(*split(load_scene(name, UNEQUAL | TABLE)))
+    v = v._replace(reel=v.reel + jnp.array([0.4, -0.3]))
+
+    @jit
+    def solved(q, v):
+        motion = consistent_motion(system, jnp.asarray(3.0), q, v)
+        rows = system.residual(jnp.asarray(3.0), q, v, motion.vdot, motion.lam)[0].forces
+        return motion.vdot, rows
+
+    vdot, rows = solved(q, v)
+    assert np.abs(vdot.reel).min() > 1e-4
+    assert np.abs(rows.reel).max() < 1e-12
+    assert np.abs(rows.tether[0, :, 1:]).max() < 1e-12 * np.abs(rows.tether[0, :, 0]).max()
+
+
+def test_the_iteration_matrix_is_the_derivative_of_the_rows():
+    """In a turning frame, where no hub joins the tethers: solving M + s K + s c C for the derivative of the
+    residual along a random change of lengths and nodes gives that change, to 1e-9 of it."""
+    frame = {"hub": None, "initial.sailing_angle_deg": None}
+    built = build_jitted(
+        *split(load_scene("truss", CALM | frame | {"hub.density": None, "hub.height": None}))
+    )
+    system, time, s, c = built.system, jnp.asarray(11.0), 0.3, 0.2
+    rng = np.random.default_rng(1)
+    nodes = jnp.asarray(rng.normal(size=built.q.tether.shape)).at[:, :, 0].set(0.0)
+    change = built.q._replace(tether=nodes, reel=jnp.asarray(rng.normal(size=2)))
+    v = built.v._replace(reel=jnp.array([0.3, -0.2]))
+
+    @jit
+    def solved(q, v, change):
+        lam, rest = system.no_multipliers(), jax.tree.map(jnp.zeros_like, q)
+
+        def rows(step):
+            moved = q.axpy(s * step, change), v.axpy(s * c * step, change), rest.axpy(step, change)
+            return system.residual(time, *moved, lam)[0].forces
+
+        expected = jax.jvp(rows, (jnp.zeros(()),), (jnp.ones(()),))[1]
+        matrix = iteration_matrix.tangent(system, time, q, v, lam, jnp.asarray(s), jnp.asarray(c))
+        rhs = iteration_matrix.to_vector(system, expected, lam)
+        solution = structured.solve(matrix, structured.factor(matrix), rhs)
+        return iteration_matrix.from_vector(system, solution)[0]
+
+    found = solved(built.q, v, change)
+    assert np.abs(found.reel - change.reel).max() < 1e-9
+    assert np.abs(found.tether - change.tether).max() < 1e-9
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", ["baseline", "truss"])
+def test_energy_and_momenta_are_constant(name, validate):
+    """With constant motors and no damping, the sum of the energy of the sail and of (m_d + rho (L - l))
+    l'^2/2 + F l is constant, to 1e-8 of the work of the winches; so are both momenta, and the balance with
+    the work of the winches closes."""
+    constant = {"deployment.tension": [[0.1, 0.12], [0.1, 0.12]], "integrator.tolerance": 1e-12}
+    run = esail.simulate(name, LIGHT | constant)
+    tethers = load_scene(name, LIGHT).tethers
+    length, rate = run["deployed_length"], run["payout_rate"]
+    inertia = np.array([3.0, 4.0]) + tethers.density * tethers.area * (1000.0 - length)
+    motors = (0.5 * inertia * rate**2 + np.array([0.1, 0.12]) * length).sum(1)
+    total = run["kinetic_energy"] + run["elastic_energy"] + motors
+    work = np.abs(run["winch_work"]).max()
+    case = f"winches with constant tension ({name})"
+    validate(
+        f"WIN-{name}",
+        case,
+        "work of the winches",
+        "change of the energy over it",
+        np.ptp(total) / work,
+        1e-8,
+    )
+    assert np.abs(run["energy_balance_error"]).max() < 1e-8 * work
+    turned = np.abs(run["angular_momentum_I"] - run["angular_momentum_I"][0]).max()
+    assert turned < 1e-9 * np.abs(run["angular_momentum_I"]).max()
+    drift = np.abs(run["total_momentum_I"] - run["total_momentum_I"][0]).max()
+    assert drift < 1e-8 * 0.6 * 0.06 * 60.0
+
+
+def test_a_law_of_ones_own_is_added_to_the_table():
+    """A constant law gives the same motion as a table with its numbers, to the tolerance of the iterations,
+    and half of the table and half of the law do, too."""
+    flat = {"deployment.time": [0.0, 25.0], "deployment.tension": [[0.1, 0.12], [0.1, 0.12]]}
+    half = flat | {"deployment.tension": [[0.05, 0.06], [0.05, 0.06]]}
+    names = ["deployed_length", "payout_rate", "winch_tension"]
+    table = esail.simulate("truss", CALM | flat, save=names)
+    law = esail.simulate("truss", WITHOUT_TABLE, terms=[Constant(jnp.array([0.1, 0.12]))], save=names)
+    both = esail.simulate("truss", CALM | half, terms=[Constant(jnp.array([0.05, 0.06]))], save=names)
+    for name in names:
+        for other in (law, both):
+            assert np.abs(other[name] - table[name]).max() < 1e-6 * np.abs(table[name]).max()
+
+
+def test_a_motor_holds_a_rate():
+    """A stiff gain holds the rate to torque over gain; the law sees length, rate and tension."""
+    seen = []
+
+    class Watched(HoldRate):
+        def tension(self, measurements):
+            seen.append([measurements.deployed_length, measurements.root_tension])
+            return super().tension(measurements)
+
+    law = Watched(jnp.asarray(0.2), jnp.asarray(2000.0), jnp.array([0.1, 0.12]))
+    run = esail.simulate("truss", WITHOUT_TABLE, terms=[law], save=["payout_rate", "deployed_length"])
+    assert np.allclose(run["payout_rate"][-1], 0.2, atol=1e-4)
+    assert np.allclose(run["deployed_length"][-1], np.array([50.0, 60.0]) + 0.2 * 60.0, atol=0.01)
+    assert all(x is not None and x.shape[-1] == 2 for pair in seen for x in pair)
+
+
+def test_the_measured_tension_is_that_of_what_is_deployed():
+    """A law reads the stress of r_s: with table and law it is the tension of a sail of the deployed length,
+    m w^2 (r + l) of a light tether, to a per cent."""
+    scene = load_scene("truss", CALM | {"deployment.start_length": 55.0})
+    system, q, v, *_ = build_jitted(*split(scene))
+    measured = jit(lambda q, v: system.all_measurements(jnp.zeros(()), q, v))(q, v)
+    radius = scene.hub.radius
+    assert np.allclose(measured.root_tension, np.array([0.5, 0.6]) * 0.06**2 * (55.0 + radius), rtol=1e-2)
+    assert np.allclose(measured.deployed_length, 55.0) and not measured.payout_rate.any()
+
+
+@pytest.mark.parametrize(
+    ("change", "method", "words"),
+    [
+        ({"tethers.length": 70.0, "deployment.tension": [[0.0, 0.0], [0.0, 0.0]]}, {}, "of 3 to 70 m"),
+        ({"deployment.tension": [[0.0, 0.0], [0.0, 0.0]], "tethers.length": 70.0},
+         {"integrator.method": "generalized-alpha", "integrator.step": 0.5}, "of 3 to 70 m"),
+        ({"deployment.tension": [[1.0, 0.0], [1.0, 0.0]], "initial.spin_rate": 0.002}, {}, "tether 1 has"),
+    ],
+)  # fmt: skip
+def test_a_run_ends_with_its_tether(change, method, words):
+    """Paid out to its end, or reeled in to a twentieth of the start: the run ends there with a message, and
+    the rows before it are kept, all of them of lengths in between."""
+    run = esail.simulate("truss", CALM | change | method, throw=False)
+    assert run.result == RESULTS.tether_ended
+    assert "A tether was paid out to its end, or reeled in." in run.stats["message"]
+    assert words in run.stats["message"]
+    lengths = run["deployed_length"]
+    known = np.isfinite(lengths).all(1)
+    assert 2 < known.sum() < len(known) and not known[known.sum() :].any()
+    total = change.get("tethers.length", 1000.0)
+    assert (lengths[known] < total).all() and (lengths[known] > np.array([2.5, 3.0])).all()
+
+
+def test_the_mirror_image_is_paid_out_alike():
+    """With the other sense of the spin the lengths and the lag, which is counted in that sense, are the
+    same, to 1e-8 of their ranges: the tolerance of the iterations."""
+    names = ["deployed_length", "lagging_angle"]
+    one, other = (
+        esail.simulate("truss", CALM | {"initial.spin_rate": spin}, save=names) for spin in (0.06, -0.06)
+    )
+    for name in names:
+        assert np.abs(one[name] - other[name]).max() < 1e-8 * np.ptp(one[name])
+
+
+@pytest.mark.nightly
+def test_other_methods_and_meshes_agree():
+    """Four unequal tethers with wind: against generalized-alpha and twice the elements, lengths and tips to
+    1e-5 of their ranges."""
+    four = UNEQUAL | {
+        "tethers.count": 4,
+        "remote_units.mass": [0.5, 0.6, 0.55, 0.5],
+        "deployment.start_length": [50.0, 60.0, 55.0, 52.0],
+        "deployment.drum_mass": 3.0,
+        "deployment.time": [0.0, 25.0],
+        "deployment.tension": [0.1, 0.08],
+    }
+    how = {"integrator.method": "generalized-alpha", "integrator.step": 0.02}
+    runs = [esail.simulate("truss", four | x) for x in ({}, how, {"tethers.elements": 4})]
+    for other in runs[1:]:
+        for name in ("deployed_length", "payout_rate", "lagging_angle"):
+            error = np.abs(other[name] - runs[0][name]).max() / np.ptp(runs[0][name])
+            assert error < 1e-5, name
+
+
+@pytest.mark.nightly
+def test_a_run_is_resumed_bit_for_bit(tmp_path):
+    """Beyond the knot of the tensions."""
+    from esail_jax.scenes.toml_text import to_toml
+
+    scene, whole, parts = (tmp_path / name for name in ("a.toml", "whole.h5", "parts.h5"))
+    scene.write_text(to_toml(load_scene("truss", CALM)))
+    assert esail_run(scene, whole) == 0
+    assert esail_run(scene, parts, "--t-end", "30") == 0
+    assert esail_run(scene, parts, "--resume") == 0
+    check_same(parts, whole)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("method", ["collocation", "generalized-alpha"])
+def test_derivatives(method):
+    """By start length, tension, drum mass and spin: reverse mode against forward mode, and forward mode
+    against differences, to 1e-6 of the range for lengths, and 1e-3 for the tension, which the differences
+    have in the digits that vibrations leave."""
+    how = {"tolerance": 1e-12} if method == "collocation" else {"step": 0.25}
+    short = {"integrator.t_end": 20.0, "output.interval": 4.0, "integrator.method": method}
+    short |= {f"integrator.{key}": x for key, x in how.items()} | {"deployment.time": [0.0, 10.0]}
+    numbers = {
+        "deployment.start_length": ([50.0, 60.0], [1e-3, -1e-3]),
+        "deployment.tension": ([[0.1, 0.12], [0.08, 0.1]], [[1e-4, 2e-4], [-1e-4, 1e-4]]),
+        "deployment.drum_mass": ([3.0, 4.0], [1e-3, 1e-3]),
+        "initial.spin_rate": (0.06, 1e-6),
+    }
+
+    def signals(given):
+        run = esail.simulate("truss", CALM | short | given, max_steps=4000)
+        return {name: run[name] for name in ("deployed_length", "payout_rate", "winch_tension")}
+
+    for (key, name), error in check_both_modes(signals, numbers).items():
+        assert error < (1e-3 if name == "winch_tension" else 1e-6), (key, name)
+
+
+@pytest.mark.nightly
+def test_second_derivatives_and_batches():
+    """The derivative of a gradient by the tension is that of differences of the gradient, to 1e-6; a batch
+    of gradients is their sequence."""
+    short = {"integrator.t_end": 10.0, "output.interval": 5.0, "integrator.tolerance": 1e-12}
+
+    def last(newtons):
+        tension = {"deployment.tension": newtons * jnp.ones((2, 2))}
+        run = esail.simulate("truss", CALM | short | tension, save=["deployed_length"], max_steps=2000)
+        return run["deployed_length"][-1].sum()
+
+    slope = esail.jit(jax.grad(last))
+    second = esail.jit(jax.grad(jax.grad(last)))(0.1)
+    assert abs(second - (slope(0.101) - slope(0.099)) / 2e-3) < 1e-6 * abs(second)
+    batch = esail.jit(jax.vmap(jax.grad(last)))(jnp.array([0.08, 0.1]))
+    assert np.allclose(batch, [slope(0.08), slope(0.1)], rtol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("change", "terms", "message"),
+    [
+        ({"deployment.tension": None}, (), r"`deployment.tension` must be given, or a WinchLaw among"),
+        ({"deployment.time": None}, (), r"`deployment.time` must be given with the law tension"),
+        ({"deployment.time": None}, (Constant(jnp.ones(2)),), r"`deployment.time` must be given"),
+        ({"deployment.drum_mass": None}, (), r"`deployment.drum_mass` must be given with the law tension"),
+        ({"deployment.drum_mass": 0.0}, (), r"`deployment.drum_mass` must be positive"),
+        ({"deployment.drum_mass": [1.0, 2.0, 3.0]}, (), r"`deployment.drum_mass` must"),
+        ({"deployment.rate": [0.0, 1.0]}, (), r"`deployment.rate` must be left out with the law tension"),
+        ({"deployment.tension": [0.1, 0.1, 0.1]}, (), r"`deployment.tension` must have as many rows"),
+        ({"deployment.tension": [[0.1], [0.1]]}, (), r"`deployment.tension` must have rows of 2"),
+        ({"deployment.start_length": 1001.0}, (), r"`deployment.start_length` must be between"),
+        ({}, (Constant(jnp.ones(3)),), r"terms\[0\] \(Constant\).tension` must return numbers of newtons"),
+    ],
+)  # fmt: skip
+def test_what_is_refused(change, terms, message):
+    """In one line that names the key, before anything is computed."""
+    with pytest.raises(esail.SceneError, match=message):
+        esail.simulate("truss", CALM | change, terms=terms)
+
+
+@pytest.mark.parametrize("change", [{}, {"deployment.start_length": 900.0, "deployment.law": "exponential",
+                                         "deployment.growth": 0.0}])  # fmt: skip
+def test_a_winch_law_needs_winches(change):
+    with pytest.raises(esail.SceneError, match=r"must be no WinchLaw without the law \"tension\""):
+        esail.simulate("truss", {"tethers.count": 2} | change, terms=[Constant(jnp.ones(2))])
