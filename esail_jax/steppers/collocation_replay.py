@@ -97,8 +97,9 @@ def replay_steps(
     of the system and of the start of the first step. Step sizes carry no derivative. Work and powers, on
     which nothing else depends, are left to `replay_work`, with what kinks add to them."""
     h = records.h[0]
+    now = now._replace(time=records.start.time[0])
     if system.knots(now.time, now.q, now.v) is not None:
-        now = behind(system, now._replace(time=records.start.time[0]))
+        now = behind(system, now)
     lam = jax.tree.map(lambda x: x[0, 0], records.stages.lam)
     factors = lax.stop_gradient(factor(*lax.stop_gradient((system, now, h, lam))))
 
