@@ -5,7 +5,7 @@ python experiments/deployment/bench.py    # writes bench.csv, bench.png
 
 import jax.numpy as jnp
 import numpy as np
-from common import CALM, HERE, panels, simulated, written
+from common import CALM, HERE, panels, simulated, table_keys, written
 
 from esail_jax.array_types import Array
 from esail_jax.physics import HubLoad
@@ -92,22 +92,25 @@ def run_of(tether, law, limit):
         "hub.inertia": np.diag([inertia, 0.8 * inertia, 0.8 * inertia]).tolist(), "hub.radius": RADIUS,
         "tethers.count": 2, "tethers.length": LENGTH, "tethers.elements": 4,
         "remote_units.mass": tether.tip, "initial.spin_rate": float(rate[0]),
-        "deployment.start_length": START, "deployment.time": time.tolist(), "deployment.rate": paid.tolist(),
-    }  # fmt: skip
+            }  # fmt: skip
+    changes |= table_keys(time, paid, START)
     motor = Motor(jnp.asarray(time), jnp.asarray(rate), jnp.asarray(inertia * 0.5))
     return simulated(changes, time[-1], 600, [motor]), ideal
 
 
 def main():
-    rows, runs = [], {}
+    rows, runs, known = [], {}, {}
     for share in (0.01, 1.0, 100.0):
         tether = Tether(share)
         for limit in ("nominal", "lag"):
             found = {}
             for law in ("constant rate", "constant tension"):
-                same = limit == "lag" and law == "constant rate"  # without an Euler force
-                run, ideal = kept if same else run_of(tether, law, limit)
-                kept = (run, ideal) if law == "constant rate" else kept
+                same = limit == "lag" and law == "constant rate"
+                # The constant rate has no Euler force: both limits are the same.
+                key = (share, law, "nominal" if same else limit)
+                if key not in known:
+                    known[key] = run_of(tether, law, limit)
+                run, ideal = known[key]
                 lag = np.sin(np.asarray(run["lagging_angle"])[:, 0])
                 middle = (run.time > 0.15 * run.time[-1]) & (run.time < 0.85 * run.time[-1])
                 found[law] = (

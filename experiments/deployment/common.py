@@ -1,6 +1,7 @@
 """What the scripts of this folder share: schedules of payout, moments of inertia, tables and figures."""
 
 import csv
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -41,7 +42,9 @@ class Rigid:
 
     def tension(self, length, spin):
         """At the guide [N], at rest."""
-        return spin**2 * (self.tip * (self.radius + length) + self.line * length * (self.radius + 0.5 * length))
+        return spin**2 * (
+            self.tip * (self.radius + length) + self.line * length * (self.radius + 0.5 * length)
+        )
 
 
 def pulse(time, off, rise):
@@ -58,7 +61,7 @@ def schedule(speed, start, end, rise, knots=161):
     def run(off, count):
         times = np.linspace(0.0, off + rise, count)
         lengths, rates = [start], []
-        for a, b in zip(times[:-1], times[1:], strict=True):
+        for a, b in pairwise(times):
             h, x = b - a, lengths[-1]
             k1 = speed(x) * pulse(a, off, rise)
             k2 = speed(x + 0.5 * h * k1) * pulse(a + 0.5 * h, off, rise)
@@ -76,8 +79,8 @@ def schedule(speed, start, end, rise, knots=161):
         low, high = (off, high) if abs(run(off, 800)[2] - start) < abs(end - start) else (low, off)
     fine, rates, _ = run(off, 1601)
     # Knots are dense where the rate bends: in the rises.
-    inner = np.unique(np.concatenate([np.linspace(0.0, rise, 21), np.linspace(off, off + rise, 21),
-                                      rise * (off / rise) ** np.linspace(0.0, 1.0, knots - 40)]))  # fmt: skip
+    between = rise * (off / rise) ** np.linspace(0.0, 1.0, knots - 40)
+    inner = np.unique([*np.linspace(0.0, rise, 21), *np.linspace(off, off + rise, 21), *between])
     at = np.interp(inner, fine, rates)
     paid = (0.5 * (at[1:] + at[:-1]) * np.diff(inner)).sum()
     return inner, at * ((end - start) / paid), off

@@ -138,7 +138,9 @@ def picture(runs):
         axis.set_xlim(0.1, None)
     for axis in axes[2:]:
         axis.set_xlabel("time [h]")
-    figure.legend(*axes[0].get_legend_handles_labels(), frameon=False, fontsize=8, ncols=4, loc="outside upper center")
+    figure.legend(
+        *axes[0].get_legend_handles_labels(), frameon=False, fontsize=8, ncols=4, loc="outside upper center"
+    )
     figure.savefig(HERE / "sail.png", dpi=90)
 
 

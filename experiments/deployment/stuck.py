@@ -25,7 +25,7 @@ TURNS, VOLTS = 3, 20e3
 
 
 class Gas(TipLoad):
-    """A force on every tip normal to its chord, in the spin plane, that a table gives, (instant, tether)."""
+    """A force on every tip normal to its chord, in the spin plane, of a table (instant, tether)."""
 
     time: Array
     size: Array
@@ -83,7 +83,7 @@ class Plan:
         return SPIN * rates * self.slope(self.lengths(self.fine, rates))
 
 
-STUCK_RATE, TETHER, OPPOSITE = None, 0, 6
+TETHER, OPPOSITE = 0, 6
 
 
 def tables(plan, name):
@@ -110,6 +110,8 @@ def volts(plan, name, thrust_from=1e3):
     values = np.full(plan.rigid.count, VOLTS)
     rates, _ = tables(plan, name)
     short = plan.lengths(plan.fine, rates[:, TETHER])[-1] / FULL
+    if "no voltage" in name:
+        return 0.0 * values
     if "its voltage raised" in name:
         values[TETHER] = thrust_from + (VOLTS - thrust_from) / short
     if "opposite voltage lowered" in name:
@@ -133,6 +135,8 @@ def run_of(plan, name, count=1200):
     end = on + 600.0 + TURNS * 2.0 * np.pi / SPIN
     if name == "stuck, its gas goes on":
         end = plan.at + 1800.0
+    if "40 h" in name:
+        end = 40.0 * 3600.0
     gas = Gas(jnp.asarray(plan.fine), jnp.asarray(forces))
     run = simulated(changes, end, count, [gas])
     return run, 1e3 * np.trapezoid(np.abs(forces), plan.fine, axis=0).max() / (60.0 * 9.80665)
@@ -154,7 +158,9 @@ def motion(run, rigid, hub_mass):
     y /= np.linalg.norm(y, axis=1)[:, None]
     z = np.cross(axis, y)
     about = out - offset[:, None]
-    angles = np.unwrap(np.arctan2(np.einsum("tki,ti->tk", about, z), np.einsum("tki,ti->tk", about, y)), axis=0)
+    angles = np.unwrap(
+        np.arctan2(np.einsum("tki,ti->tk", about, z), np.einsum("tki,ti->tk", about, y)), axis=0
+    )
     gaps = np.diff(np.concatenate([angles, angles[:, :1] + 2.0 * np.pi], axis=1), axis=1)
     gaps += np.round((2.0 * np.pi / rigid.count - gaps[0]) / (2.0 * np.pi)) * 2.0 * np.pi
     wobble = np.arccos(np.clip((rotation[:, :, 0] * axis).sum(1), -1.0, 1.0))
@@ -165,6 +171,8 @@ def motion(run, rigid, hub_mass):
 CASES = (
     "none stuck", "stuck, its gas goes on", "stuck, its gas stops", "opposite reeled back to it",
     "all reeled back to it", "stuck, its voltage raised", "stuck, opposite voltage lowered",
+    "none stuck, 40 h", "stuck, its gas stops, no voltage, 40 h", "stuck, its gas stops, 40 h",
+    "opposite reeled back to it, 40 h",
 )  # fmt: skip
 
 
@@ -180,25 +188,65 @@ def main():
         gaps, offset, wobble, turned = motion(run, rigid, mass)
         runs[name] = run, gaps, offset, wobble, turned
         time, angle = np.asarray(run.time), lambda key, run=run: np.rad2deg(np.asarray(run[key]))
+        crossed = time[(gaps < 0.0).any(1)]
         calm, late = time <= plan.end + 300.0, time > plan.end + 900.0
+        sailing = bool(late.any())
+
+        def most(signal, late=late, sailing=sailing):
+            return signal[late].max() if sailing else np.nan
+
         rows.append({
-            "case": name, "spin of the sail before the voltage [mrad/s]": 1e3 * run["spin_rate"][calm][-1, 1],
+            "case": name,
+            "spin of the sail before the voltage [mrad/s]": 1e3 * run["spin_rate"][calm][-1, 1],
             "gas of a unit [g]": grams,
             "least gap without voltage [deg]": gaps[calm].min(),
+            "neighbours in line after [min]": (crossed[0] - plan.at) / 60.0 if len(crossed) else np.nan,
             "hub from centre of mass [m]": offset[calm][-1],
             "largest lag without voltage [deg]": np.abs(angle("lagging_angle")[calm]).max(),
             "largest tension [N]": np.asarray(run["winch_tension"]).max(),
             "wobble without voltage [deg]": wobble[calm].max(),
-            "axis turned by the voltage [deg]": np.ptp(turned[late]) if late.any() else np.nan,
-            "wobble with voltage [deg]": wobble[late].max() if late.any() else np.nan,
-            "coning from [deg]": angle("coning_angle")[late].min() if late.any() else np.nan,
-            "to [deg]": angle("coning_angle")[late].max() if late.any() else np.nan,
-            "largest lag with voltage [deg]": np.abs(angle("lagging_angle")[late]).max() if late.any() else np.nan,
-            "least gap with voltage [deg]": gaps[late].min() if late.any() else np.nan,
+            "axis turned by the voltage [deg]": np.ptp(turned[late]) if sailing else np.nan,
+            "wobble with voltage [deg]": most(wobble),
+            "coning from [deg]": -most(-angle("coning_angle")),
+            "to [deg]": most(angle("coning_angle")),
+            "largest lag with voltage [deg]": most(np.abs(angle("lagging_angle"))),
+            "least gap with voltage [deg]": -most(-gaps),
             "steps": run.stats["steps"], "message": run.stats["message"] or "none",
         })  # fmt: skip
         print(rows[-1], flush=True)
     written("stuck.csv", rows)
+    picture(plan, runs)
+
+
+def picture(plan, runs):
+    """Draws the smallest gap between neighbours, the place of the hub and its wobble."""
+    figure, axes = panels(2, 2, (10.0, 6.5))
+    for name, (run, gaps, offset, wobble, _) in runs.items():
+        hours = np.asarray(run.time) / 3600.0
+        if "40 h" in name:
+            axes[1, 1].plot(hours, gaps.min(1), lw=0.8, label=name.replace(", 40 h", ""))
+            continue
+        axes[0, 0].plot(hours, gaps.min(1), label=name)
+        axes[0, 1].plot(hours, offset)
+        axes[1, 0].plot(hours, wobble, lw=0.8)
+    labels = ("least gap between neighbours [deg]", "hub from centre of mass [m]",
+              "hub's axis from angular momentum [deg]", "least gap in 40 h [deg]")  # fmt: skip
+    for axis, label in zip(axes.ravel(), labels, strict=True):
+        axis.set_ylabel(label)
+        axis.set_xlabel("time [h]")
+    for axis in axes.ravel()[:3]:
+        axis.axvline(plan.at / 3600.0, color="0.7", lw=0.8)
+        axis.axvline((plan.end + 300.0) / 3600.0, color="0.7", lw=0.8, ls=":")
+    axes[0, 0].set_ylim(0.0, 35.0)
+    figure.legend(
+        *axes[0, 0].get_legend_handles_labels(),
+        frameon=False,
+        fontsize=8,
+        ncols=3,
+        loc="outside upper center",
+    )
+    axes[1, 1].legend(frameon=False, fontsize=7)
+    figure.savefig(HERE / "stuck.png", dpi=90)
 
 
 if __name__ == "__main__":
