@@ -26,8 +26,8 @@ duration after the deployment."""
 
 
 def reels(seed):
-    """Factors of the rates of every reel, (member, tether): errors of 2 % that slow a reel down, as friction
-    does, and a first reel that is slower by up to 10 %."""
+    """Factors of the rates, (member, tether): errors of 2 % that slow a reel down, as friction does, and a
+    first reel that is slower by up to 10 %."""
     rng = np.random.default_rng(seed)
     scales = 1.0 - 0.02 * np.abs(rng.normal(size=(MEMBERS, COUNT)))
     scales[:, 0] -= rng.uniform(0.0, 0.1, MEMBERS)

@@ -6,7 +6,6 @@ and damping times 1/a times: every run here takes REFERENCE seconds, and its dur
 numbers."""
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 

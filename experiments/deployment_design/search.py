@@ -1,5 +1,7 @@
 """Least duration within limits, by gradients of whole runs."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -31,7 +33,7 @@ def free(z):
 
 
 def window(end, rise):
-    """1 while tethers are paid out; it rises from 0 at the start and falls to 0 at a part of the duration."""
+    """1 while tethers are paid out; it rises from 0 at the start, and is 0 from `end` on."""
     return jnp.clip(jnp.minimum(SHARE, end - SHARE) / rise, 0.0, 1.0)
 
 
@@ -93,11 +95,14 @@ def exceeded_by(schedule, scales):
     return jax.vmap(lambda scale: violations(simulate(schedule, scale)))(scales)
 
 
-def scan(kind, members, durations=np.arange(1000.0, 3000.0, 25.0)):
+DURATIONS = np.arange(1000.0, 3000.0, 25.0)
+
+
+def scan(kind, members):
     """The numbers of the shortest of many schedules with four numbers that keep the limits, and the number
     of runs."""
     runs, as_schedule = 0, jax.jit(kind)
-    for duration in durations:
+    for duration in DURATIONS:
         for rise in (0.0625, 0.125, 0.1875, 0.25, 0.3125):
             for end in (0.7, 0.8, 0.9, 1.0):
                 for share in (0.5, 0.6, 0.7, 0.8, 0.9, 1.0):
@@ -116,13 +121,13 @@ def search(kind, z, scales, rounds=7, iterations=25, weight=3.0, report=print):
     """The numbers z of the shortest schedule within the limits for all members."""
     as_schedule = jax.jit(kind)
     backward = jax.jit(lambda z, slope: jax.vjp(kind, z)[1](slope)[0])
-    members, count = scales.shape
     shapes = jax.eval_shape(lambda s: exceeded_by(s, scales), as_schedule(z))
     multipliers = {name: np.zeros(x.shape) for name, x in shapes.items()}
     for k in range(rounds):
+        slopes = functools.partial(lagrangian, scales=scales, multipliers=multipliers, weight=weight)
 
-        def cost(z):
-            (value, _), slope = lagrangian(as_schedule(z), scales, multipliers, weight)
+        def cost(z, slopes=slopes):
+            (value, _), slope = slopes(as_schedule(z))
             slope = np.asarray(backward(z, slope))
             if not np.isfinite(value) or not np.isfinite(slope).all():
                 return FAILED, np.zeros_like(z)
@@ -131,7 +136,7 @@ def search(kind, z, scales, rounds=7, iterations=25, weight=3.0, report=print):
         options = {"maxiter": iterations, "maxls": 20}
         found = minimize(cost, z, jac=True, method="L-BFGS-B", bounds=BOUNDS[kind], options=options)
         z = found.x
-        (_, exceeded), _ = lagrangian(as_schedule(z), scales, multipliers, weight)
+        (_, exceeded), _ = slopes(as_schedule(z))
         multipliers = {
             name: np.maximum(multipliers[name] + weight * np.asarray(c), 0.0)
             for name, c in exceeded.items()
