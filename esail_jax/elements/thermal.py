@@ -20,15 +20,28 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax.array_types import Array, Float, Instants, PerElement, PerPoint, Scalar
+from esail_jax.array_types import Array, Float, Instants, PerElement, PerPoint, PerTether, Scalar
 from esail_jax.elements.axial import AbstractAxialEnergy, Strain, axial_strain
-from esail_jax.environment.temperature import SteadyTemperature
 from esail_jax.numerics.lines_in_time import LinesInTime
 from esail_jax.point_fields import Invariants, PointFields, invariants_of
 from esail_jax.terms import Energy
 
 PerInstant = Float[Array, "*instant #element"]
 """One number per element, at one or several instants."""
+
+
+class SteadyTemperature(eqx.Module):
+    """A constant temperature T [K] of every tether."""
+
+    value: PerTether
+
+    def at(self, time: Instants) -> PerTether:
+        """T [K]: the same at all instants."""
+        return self.value
+
+    def in_segment(self, start: Scalar | np.ndarray, until: Scalar | np.ndarray) -> "SteadyTemperature":
+        """The same temperature."""
+        return self
 
 
 class NaturalStrainEnergy(AbstractAxialEnergy):

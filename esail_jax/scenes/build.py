@@ -20,9 +20,8 @@ from esail_jax.elements.hinges import Hinges
 from esail_jax.elements.rigid_body import Body, RigidBody, Spacecraft
 from esail_jax.elements.ring import Ring
 from esail_jax.elements.tether import TetherBatch, per_element
-from esail_jax.elements.thermal import ThermalEnergy
+from esail_jax.elements.thermal import SteadyTemperature, ThermalEnergy
 from esail_jax.elements.winch import Winches
-from esail_jax.environment.temperature import SteadyTemperature
 from esail_jax.equilibria.steady_ring import hanging, steady_ring
 from esail_jax.equilibria.steady_stretch import Line, along, steady_line, unstretched_line
 from esail_jax.joints import roots as joints

@@ -3,7 +3,7 @@
 The instants have no value when the run is traced, and the windows are computed within its program. Every
 window ends at one instant: a saved one, a cut, or an end of a segment. The ends of segments have no
 derivative. First derivatives need none: the motion is continuous there, and what changes with the instants
-on both sides of them is what the segments see (`environment/temperature.py`). Second ones have a part of
+on both sides of them is what the segments see (`numerics/lines_in_time.py`). Second ones have a part of
 their own (`traced.in_next_segment`).
 """
 

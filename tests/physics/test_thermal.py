@@ -9,8 +9,7 @@ import pytest
 
 import esail_jax as esail
 from esail_jax.constants import STEFAN_BOLTZMANN
-from esail_jax.elements.thermal import ThermalEnergy
-from esail_jax.environment.temperature import SteadyTemperature
+from esail_jax.elements.thermal import SteadyTemperature, ThermalEnergy
 from esail_jax.environment.thermal import (
     ALUMINIUM,
     eclipse_series,
