@@ -77,6 +77,7 @@ FIRST_SENTENCES = {
     "voltage": "Voltage that the law commands for a tether, positive for a positively charged tether.",
     "total_momentum_I": "Momentum of tethers, remote units, ring and hub in the frame I.",
     "angular_momentum_I": "Angular momentum about the centre of mass.",
+    "total_angular_momentum_I": "Angular momentum about the origin of the frame I.",
     "spin_rate": (
         "Spin rates of two bodies: of the hub about X_B, and of the sail as a whole, its angular momentum "
         "over its moment of inertia about the axis of that momentum; positive in the right-handed sense."
@@ -121,6 +122,7 @@ COUNTED = (
     "smallest_tether_distance",
     "total_momentum_I",
     "angular_momentum_I",
+    "total_angular_momentum_I",
     "spin_rate",
     "electric_power",
     "flat_sail_thrust_O",

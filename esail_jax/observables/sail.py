@@ -199,6 +199,16 @@ def total_momentum(i: Instant) -> Vector:
     return momentum if i.shift is None else momentum + i.mass * i.shift.velocity
 
 
+def total_angular_momentum(i: Instant) -> Vector:
+    """The angular momentum of the sail [kg m^2/s] about the origin of the frame I."""
+    own, shift = i.system.angular_momentum(i.q, i.v), i.shift
+    if shift is None:
+        return own
+    momentum, first_moment = i.system.momentum(i.v, i.q), i.system.momentum(i.q)
+    carried = jnp.cross(first_moment + i.mass * shift.position, shift.velocity)
+    return own + jnp.cross(shift.position, momentum) + carried
+
+
 def spin_rates(i: Instant) -> Float[Array, "2"]:
     """The spin rates [rad/s] of the hub about X_B and of the sail as a whole."""
     return jnp.stack([angular_velocity(i.system, i.q, i.v)[0], sail_spin(i)])
@@ -285,6 +295,8 @@ OBSERVABLES = (
                needs="hub"),
     Observable("angular_momentum_I", "kg m^2/s", "L", XYZ, "about the centre of mass",
                lambda i: i.system.angular_momentum(i.system.centred(i.q), i.v), needs="hub"),
+    Observable("total_angular_momentum_I", "kg m^2/s", "H", XYZ, "about the origin of I",
+               total_angular_momentum, needs="hub"),
     Observable("spin_rate", "rad/s", "omega", ("body",), "of the hub about X_B, and L/I of the sail",
                spin_rates, needs="hub"),
     Observable("electron_current", "A", "I_i", TETHER, "2 r_w e n_0 sqrt(2 e V/m_e) per length of a wire",

@@ -13,7 +13,9 @@ import pytest
 from esail_jax.equilibria.moving_frame import MovingFrame
 from esail_jax.numerics.angles import euler_angles, rotation_of, smallest_eigenvector
 from esail_jax.observables import chain, hint_at, sail
+from esail_jax.observables.instant import Instant, Shift
 from esail_jax.observables.meanings import MEANINGS
+from esail_jax.observables.sail import total_angular_momentum
 from esail_jax.scenes.loading import load_scene
 from esail_jax.simulation.solution import Solution
 from esail_jax.steppers.results import RESULTS
@@ -224,3 +226,22 @@ def test_a_hub_that_turns_back_does_not_change_the_sense_of_lagging():
     )
     np.testing.assert_allclose(back, on, rtol=1e-12)
     np.testing.assert_allclose(other, -on, rtol=1e-12)
+
+
+def test_total_angular_momentum_is_about_the_origin_of_I():
+    """Where the origin of the coordinates moves relative to that of I, by s with the velocity w, it is that
+    of positions r + s with velocities v + w: to rounding."""
+    built, rng = model(), np.random.default_rng(4)
+    system, zero = built.system, jnp.zeros(())
+    q, *_ = random_placement(rng, system)
+    v = jax.tree.map(lambda x: jnp.asarray(rng.normal(size=x.shape)), q)
+    s, w = jnp.array([3e3, -2e3, 5e3]), jnp.array([0.7, 0.2, -0.4])
+
+    def observed(shift):
+        state = system, zero, q, v, q, system.no_multipliers(), system.no_power, zero, ORIGIN
+        return total_angular_momentum(Instant(*state, q, system.no_power, None, shift=shift))
+
+    exact = system.angular_momentum(q.axpy(1.0, system.uniform(s)), v.axpy(1.0, system.uniform(w)))
+    moving = observed(Shift(s, w, jnp.zeros(3)))
+    assert np.abs(moving - exact).max() < 1e-12 * np.abs(exact).max()
+    assert np.array_equal(observed(None), system.angular_momentum(q, v))
