@@ -238,7 +238,7 @@ def test_total_angular_momentum_is_about_the_origin_of_I():
     s, w = jnp.array([3e3, -2e3, 5e3]), jnp.array([0.7, 0.2, -0.4])
 
     def observed(shift):
-        state = system, zero, q, v, q, system.no_multipliers(), system.no_power, zero, ORIGIN
+        state = system, zero, q, v, q, system.no_multipliers(), system.no_power, zero, jnp.asarray(ORIGIN)
         return total_angular_momentum(Instant(*state, q, system.no_power, None, shift=shift))
 
     exact = system.angular_momentum(q.axpy(1.0, system.uniform(s)), v.axpy(1.0, system.uniform(w)))

@@ -440,7 +440,7 @@ def test_the_mirror_image():
     [
         ({"deployment.rate": None}, r"`deployment.rate` must be given with the law table"),
         ({"deployment.growth": 0.1}, r"`deployment.growth` must be left out with the law table"),
-        ({"deployment.law": "tension"}, r'`deployment.law` must be "table" or "exponential", but is'),
+        ({"deployment.law": "tension"}, r"`deployment.rate` must be left out with the law tension, but is"),
         ({"deployment.start_length": 1100.0}, r"`deployment.start_length` must be between a two-"),
         ({"deployment.start_length": 4.0}, r"`deployment.start_length` must be between a two-"),
         ({"deployment.rate": [0.0, 20.0, 40.0]}, r"`deployment.rate` must leave tether 1 a length"),

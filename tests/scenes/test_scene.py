@@ -85,6 +85,12 @@ PAID_OUT = {
 }  # fmt: skip
 
 
+WINCHES = {
+    "deployment.start_length": 5e3, "deployment.law": "tension", "deployment.time": (0.0, 2.0),
+    "deployment.tension": (0.1, 0.2), "deployment.drum_mass": 3.0,
+}  # fmt: skip
+
+
 def beside(key: str) -> dict:
     """The overrides that a key requires."""
     table, name = key.split(".")
@@ -110,6 +116,8 @@ def beside(key: str) -> dict:
         return SHEATH
     if name == "growth":
         return {"deployment.law": "exponential", "deployment.start_length": 5e3}
+    if key in ("deployment.tension", "deployment.drum_mass"):
+        return WINCHES
     if table == "deployment":
         return PAID_OUT
     if name == "straight_turn":
@@ -245,6 +253,7 @@ def test_every_key_can_be_overridden(key, sail):
         "orbit.position_au": (0.0, 1.0, 0.5), "orbit.velocity": (1e3, 2e4, 0.0),
         "deployment.start_length": 4e3, "deployment.law": "table", "deployment.time": (0.0, 2.0),
         "deployment.rate": (0.0, 0.25), "deployment.growth": 1e-4,
+        "deployment.tension": (0.1, 0.2), "deployment.drum_mass": 3.0,
     }  # fmt: skip
     value = values.get(key) or SPACECRAFT.get(key) or 0.125
     extra = {"tethers.second_moment": 2e-18} if key == "tethers.bending" else {}
@@ -347,7 +356,13 @@ PLAIN = ("deployment.law", "deployment.time")
 def test_a_tracer_is_accepted_for_every_number(key, sail):
     shapes = {"gravity.acceleration": 3, "initial.heliocentric_position_au": 3, "voltage.cosine": 1}
     shapes |= {"orbit.position_au": 3, "orbit.velocity": 3, "thermal.time": 2}
-    shapes |= {"deployment.rate": 2, "hub.centre": 3, "hub.inertia": (3, 3), "hub.roots": (2, 3)}
+    shapes |= {
+        "deployment.rate": 2,
+        "deployment.tension": 2,
+        "hub.centre": 3,
+        "hub.inertia": (3, 3),
+        "hub.roots": (2, 3),
+    }
     shapes |= {"voltage.sine": 1, "voltage.time": 2, "voltage.table": 2, "solar_wind.time": 2}
     example = jnp.ones(shapes[key]) if key in shapes else 1.0
     seen = []
