@@ -187,9 +187,9 @@ class System(Assembly):
         axial = find_term(self.energies, AbstractAxialEnergy).at(times[:, None])
         if self.payout is None:
             return axial
-        known = isinstance(self.payout, ScheduledPayout)
-        length = self.payout.at(times[:, None]).length if known else cast(Array, lengths)
-        share = length / self.payout.total
+        if isinstance(self.payout, ScheduledPayout):
+            lengths = self.payout.at(times[:, None]).length
+        share = cast(Array, lengths) / self.payout.total
         return DeployedEnergy(axial, self.tethers.repeat_per_element(share))
 
     @property

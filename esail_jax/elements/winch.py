@@ -71,7 +71,6 @@ class Winches(AbstractPayout):
 
     def ended(self, length: PerTether) -> str:
         """What is deployed of the tether that is nearest to an end."""
-        total, start, length = (np.asarray(x) for x in (self.total, self.start, length))
-        i = np.argmin(np.minimum(1.0 - length / total, length / (LEAST_PART * start) - 1.0))
-        least = LEAST_PART * start[i]
-        return f"tether {i + 1} has {length[i]:.6g} m deployed, of {least:.6g} to {total[i]:.6g} m."
+        total, least, now = (np.asarray(x) for x in (self.total, LEAST_PART * self.start, length))
+        i = np.argmin(np.minimum(1.0 - now / total, now / least - 1.0))
+        return f"tether {i + 1} has {now[i]:.6g} m deployed, of {least[i]:.6g} to {total[i]:.6g} m."

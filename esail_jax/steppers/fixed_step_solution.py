@@ -197,11 +197,13 @@ def jvp_if_wanted(function: Callable, primals: tuple, tangents: tuple) -> Any:
 
 
 def increment_norms(system: System, dq: Coordinates) -> tuple[Float[jax.Array, "2"], Int[jax.Array, ""]]:
-    """The largest change [m] of nodal coordinates of the tethers (slopes times l) and of the hub's
-    points, and the number of the tether with the largest change."""
+    """The largest change [m] of nodal coordinates of the tethers (slopes times l), of lengths that are
+    unknowns, and of the hub's points, and the number of the tether with the largest change."""
     tether = jnp.abs(system.tethers.scale_slopes(dq.tether)).max((0, 1, 2))
     if dq.ring is not None:
         tether = jnp.maximum(tether, jnp.abs(dq.ring).max((0, 1)))
+    if dq.reel is not None:
+        tether = jnp.maximum(tether, jnp.abs(dq.reel))
     hub = jnp.abs(dq.hub).max() if dq.hub is not None else jnp.zeros(())
     return jnp.stack([tether.max(), hub]), jnp.argmax(tether)
 

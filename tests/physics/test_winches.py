@@ -227,6 +227,7 @@ def test_energy_and_momenta_are_constant(name, validate):
     assert drift < 1e-8 * 0.6 * 0.06 * 60.0
 
 
+@pytest.mark.nightly
 def test_a_law_of_ones_own_is_added_to_the_table():
     """A constant law gives the same motion as a table with its numbers, to the tolerance of the iterations,
     and half of the table and half of the law do, too."""
@@ -241,6 +242,7 @@ def test_a_law_of_ones_own_is_added_to_the_table():
             assert np.abs(other[name] - table[name]).max() < 1e-6 * np.abs(table[name]).max()
 
 
+@pytest.mark.nightly
 def test_a_motor_holds_a_rate():
     """A stiff gain holds the rate to torque over gain; the law sees length, rate and tension."""
     seen = []
@@ -268,6 +270,7 @@ def test_the_measured_tension_is_that_of_what_is_deployed():
     assert np.allclose(measured.deployed_length, 55.0) and not measured.payout_rate.any()
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("change", "method", "words"),
     [
@@ -291,6 +294,7 @@ def test_a_run_ends_with_its_tether(change, method, words):
     assert (lengths[known] < total).all() and (lengths[known] > np.array([2.5, 3.0])).all()
 
 
+@pytest.mark.nightly
 def test_the_mirror_image_is_paid_out_alike():
     """With the other sense of the spin the lengths and the lag, which is counted in that sense, are the
     same, to 1e-8 of their ranges: the tolerance of the iterations."""
