@@ -11,6 +11,7 @@ import numpy as np
 from esail_jax.array_types import Rotation
 from esail_jax.compilation.kept import program_of
 from esail_jax.compilation.options import START_OPTIONS
+from esail_jax.elements.deployment import ExponentialPayout
 from esail_jax.errors import SimulationError
 from esail_jax.modal.floquet import Moving
 from esail_jax.modal.floquet import floquet as multipliers_of
@@ -117,9 +118,23 @@ class Start(NamedTuple):
 
 def start_of(structure: Structure, numbers: Numbers) -> Start:
     """The start of a scene, from its structure and numbers."""
-    model = build(structure, numbers)
+    model = held(build(structure, numbers))
     axes = model.system.rotation(jnp.zeros(()), model.q)
     return Start(model, axes, with_mean_loads(model.system, axes))
+
+
+def held(model: Model) -> Model:
+    """The model whose winches hold the lengths of the start; without them the model itself."""
+    system = model.system
+    if system.payout is None:
+        return model
+    start = system.payout.at_start().length
+    zero = jnp.zeros(())
+    still = dataclasses.replace(
+        system, payout=ExponentialPayout(system.payout.total, start, jnp.zeros_like(start))
+    )
+    q, v = (x._replace(reel=None) for x in (model.q, model.v))
+    return model._replace(system=still.paid_out(zero), q=q, v=v)
 
 
 def assembled(scene: Scene, solved: Solved, count: int | None) -> ModeTable:

@@ -20,6 +20,7 @@ from esail_jax.array_types import Rotation
 from esail_jax.environment.solar_wind import SteadyWind
 from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.loads.fields import UniformGravity
+from esail_jax.scenes.deployment import check_starts_at_rest
 from esail_jax.scenes.own_terms import OWN_TERMS, kind_of
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
@@ -30,9 +31,11 @@ from esail_jax.terms import Field, find_term
 
 def check_has_modes(scene: Scene) -> None:
     """Raises SceneError, with one line, if the scene has no steady spinning state."""
-    for name in ("chain", "event", "orbit", "deployment"):
+    for name in ("chain", "event", "orbit"):
         if getattr(scene, name) is not None:
             raise SceneError(name, "be left out of a scene whose modes are asked for", "is given")
+    if scene.deployment is not None:
+        check_starts_at_rest(scene.deployment)
     for i, term in enumerate(scene.terms):
         if kind_of(term) not in ("Energy", "Dissipation"):
             must = "be an Energy or a Dissipation for modes, as they need a steady load"

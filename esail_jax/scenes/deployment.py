@@ -173,6 +173,20 @@ def check_law(scene: Any) -> None:
         check_rows(deployment, own[0], scene.members)
 
 
+def check_starts_at_rest(deployment: Deployment | ChainDeployment) -> None:
+    """Raises SceneError unless the rates are zero at t = 0."""
+    if deployment.law not in ("table", "exponential"):
+        return
+    key = "rate" if deployment.law == "table" else "growth"
+    rate: Any = rules.known(getattr(deployment, key))
+    if rate is not None and deployment.law == "table":
+        time: Any = deployment.time
+        rate = np.array([np.interp(0.0, time, row) for row in rate.reshape(len(rate), -1).T])
+    if rate is not None and np.any(rate != 0.0):
+        must = "be zero at t = 0 for modes, which are those at the length of the start"
+        raise SceneError(f"deployment.{key}", must, rules.describe(rate))
+
+
 def has_winch_law(scene: Any) -> bool:
     """Tells whether a law of a user says what motors hold, or may say so: a run file has no terms."""
     if isinstance(scene.terms, AbsentTerms):

@@ -116,6 +116,41 @@ def test_lowest_modes_of_a_large_sail():
 
 
 @pytest.mark.nightly
+@pytest.mark.parametrize("law", [
+    {"deployment.time": [0.0, 10.0], "deployment.rate": [0.0, 1.0]},
+    {"deployment.law": "tension", "deployment.time": [0.0, 9.0], "deployment.tension": [0.1, 0.1],
+     "deployment.drum_mass": 3.0},
+], ids=["table", "tension"])  # fmt: skip
+def test_modes_of_a_sail_whose_tethers_begin_to_be_paid_out(law):
+    """At the length of the start, with the winches at rest: those of a sail of that length whose hub has
+    what is wound up as point masses at the roots, to 1e-10."""
+    length, total, stored = 400.0, 1000.0, 7653.0 * 4.28e-9 * 600.0
+    sail = {
+        "hub.height": None,
+        "hub.density": None,
+        "hub.radius": 1.0,
+        "tethers.count": 4,
+        "tethers.elements": 3,
+        "solar_wind": None,
+        "voltage": None,
+        "initial.spin_rate": 0.05,
+        "initial.sailing_angle_deg": 0.0,
+        "remote_units.mass": 0.5,
+        "integrator.t_end": 100.0,
+    }
+
+    def hub(masses):
+        inertia = np.diag([200.0 + 4.0 * masses, 150.0 + 2.0 * masses, 150.0 + 2.0 * masses])
+        return {"hub.mass": 300.0 + 4.0 * masses, "hub.inertia": inertia.tolist()}
+
+    short = esail.modes("truss", sail | hub(stored) | {"tethers.length": length})
+    paid = sail | hub(0.0) | {"tethers.length": total, "deployment.start_length": length}
+    found = esail.modes("truss", paid | law)
+    assert found.name == short.name
+    assert np.abs(found.eigenvalue / short.eigenvalue - 1.0).max() < 1e-10
+
+
+@pytest.mark.nightly
 def test_no_equilibrium_is_said():
     """Across the wind, the notes name the mean load; its cone is that of a wind of u cos(alpha)."""
     angle = {"initial.sailing_angle_deg": 10.0}
@@ -142,6 +177,7 @@ def test_command(tmp_path, capsys):
 HEAT = ["thermal.expansion=2e-5", "thermal.reference_temperature=300", "thermal.temperature=[250, 300]"]
 HEAT += ["thermal.time=[0, 9]"]
 PULSE = ["tip_thrust.force=1e-3", "tip_thrust.on=0", "tip_thrust.off=9", "tip_thrust.rise_time=1"]
+PAID_OUT = ["deployment.start_length=5e3", "deployment.time=[0, 9]", "deployment.rate=[0.5, 0.0]"]
 ON_OFF = ['voltage.law="on-off"', "voltage.on=0", "voltage.rise_time=10"]
 
 
@@ -155,6 +191,7 @@ ON_OFF = ['voltage.law="on-off"', "voltage.on=0", "voltage.rise_time=10"]
         ("voltage-off", PULSE, "`tip_thrust.on` must be absent, as modes need a steady load"),
         ("voltage-off", HEAT, "`thermal.time` must be absent, as modes need a steady temperature"),
         ("sun-facing", ["solar_wind.relative=true"], "`solar_wind.relative` must be false for modes"),
+        ("truss", PAID_OUT, "`deployment.rate` must be zero at t = 0 for modes"),
         ("voltage-off", ["event.time=[1.0]", "event.release=[1]"], "`event` must be left out"),
     ],
 )

@@ -1,6 +1,7 @@
 """Winches whose motors hold a tension (`elements/winch.py`): the length of every tether is an unknown."""
 
 import dataclasses
+import re
 
 import jax
 import jax.numpy as jnp
@@ -10,7 +11,9 @@ import pytest
 import esail_jax as esail
 from esail_jax import iteration_matrix
 from esail_jax.array_types import Array
+from esail_jax.elements.winch import Winches
 from esail_jax.numerics import structured
+from esail_jax.numerics.lines_in_time import LinesInTime
 from esail_jax.physics import WinchLaw
 from esail_jax.scenes.loading import load_scene
 from esail_jax.scenes.structure import split
@@ -242,6 +245,15 @@ def test_a_law_of_ones_own_is_added_to_the_table():
             assert np.abs(other[name] - table[name]).max() < 1e-6 * np.abs(table[name]).max()
 
 
+def test_a_tension_goes_on_beyond_its_segment():
+    """Within a segment of a run it is the straight line of that segment, on either side of its ends."""
+    table = LinesInTime.undivided(jnp.array([0.0, 25.0, 50.0]), jnp.array([[0.1], [0.2], [0.6]]))
+    one = jnp.ones(1)
+    part = Winches(9.0 * one, one, one, table).in_segment(jnp.asarray(0.0), jnp.asarray(25.0)).tension
+    assert np.allclose(part.at(jnp.asarray(30.0)), 0.22, rtol=1e-12)
+    assert np.allclose(table.at(jnp.asarray(30.0)), 0.28, rtol=1e-12)
+
+
 @pytest.mark.nightly
 def test_a_motor_holds_a_rate():
     """A stiff gain holds the rate to torque over gain; the law sees length, rate and tension."""
@@ -287,10 +299,12 @@ def test_a_run_ends_with_its_tether(change, method, words):
     assert run.result == RESULTS.tether_ended
     assert "A tether was paid out to its end, or reeled in." in run.stats["message"]
     assert words in run.stats["message"]
+    last = float(re.search(r"has ([0-9.]+) m", run.stats["message"])[1])
+    total = change.get("tethers.length", 1000.0)
+    assert min(abs(last - end) for end in (total, 2.5, 3.0)) < 0.02
     lengths = run["deployed_length"]
     known = np.isfinite(lengths).all(1)
     assert 2 < known.sum() < len(known) and not known[known.sum() :].any()
-    total = change.get("tethers.length", 1000.0)
     assert (lengths[known] < total).all() and (lengths[known] > np.array([2.5, 3.0])).all()
 
 
