@@ -21,13 +21,16 @@ TIP, LINE, STIFFNESS, MODULUS = 12.0, 970.0 * np.pi / 4.0 * 0.5e-3**2, np.pi / 4
 FIRST, SECOND = 3400.0, 31700.0
 """Lengths of the two stages [m]."""
 
-DAMPING = 0.02
+DAMPING = 0.005
 """Of axial damping [s]."""
+
+SLACK = 1e-6
+"""Strain over which the stiffness of a slack rod rises."""
 
 START, EJECTED = 160.0, 3.0
 """Length [m] at which the runs begin, a two-hundredth of the tether, and speed of the springs [m/s]."""
 
-STAGE_1, HOLD, STAGE_2, BACK = 5400.0, 3000.0, 3900.0, 1500.0
+STAGE_1, HOLD, STAGE_2, BACK = 5400.0, 3000.0, 3900.0, 900.0
 """Durations [s]: first payout, pause, second payout, swing back."""
 
 KNOT, HALF = 30.0, 5.0
@@ -109,8 +112,8 @@ def fine(times, rates):
 
 
 def designed(nodes, duration, first, start, end, state, goal, fastest):
-    """Table whose stage ends at length `end` with angle and speed `goal`: by least squares, with smooth
-    rates, a taut tether and no rate above `fastest`."""
+    """Table of a stage that ends at length `end` and makes `goal(angles, speeds)` zero: by least squares,
+    with smooth rates, a taut tether and no rate above `fastest`."""
 
     def missing(nodes):
         times, rates = table(nodes, duration, first)
@@ -119,9 +122,9 @@ def designed(nodes, duration, first, start, end, state, goal, fastest):
         slack = np.minimum(tension(length, acceleration, angle, speed) - 4e-6 * length, 0.0)
         size = np.abs(rates).mean()
         return np.concatenate([
-            [1e3 * (angle[-1] - goal[0]), 1e3 * (speed[-1] - goal[1]) / W, 1e3 * (length[-1] / end - 1.0)],
-            0.05 * np.diff([*nodes, 0.0], 2) / size, 3.0 * np.minimum(rates, 0.0) / size,
-            3.0 * np.maximum(rates - fastest, 0.0) / size, 10.0 * slack / length * 1e6,
+            1e3 * goal(angle, speed), [1e3 * (length[-1] / end - 1.0)],
+            0.1 * np.diff([*nodes, 0.0], 2) / size, 30.0 * np.minimum(rates, 0.0) / size,
+            30.0 * np.maximum(rates - fastest, 0.0) / size, 10.0 * slack / length * 1e6,
         ])  # fmt: skip
 
     found = least_squares(missing, nodes, x_scale=np.abs(nodes), max_nfev=300)
@@ -150,11 +153,18 @@ def ejected():
 def stages():
     """The tables of stage 1 with a good brake profile, of one with a straight one, and of stage 2."""
     nodes = np.array([1.0, 0.4, 0.4, 0.6, 0.8, 0.8, 0.4])
-    good = designed(nodes, STAGE_1, EJECTED, START, FIRST, ejected(), (0.0, 0.0), EJECTED)
+
+    def at_rest(angle, speed):
+        return np.array([angle[-1], speed[-1] / W])
+
+    def swung_forward(angle, speed):
+        return np.array([angle.max() - np.deg2rad(45.0)])
+
+    good = designed(nodes, STAGE_1, EJECTED, START, FIRST, ejected(), at_rest, EJECTED)
     stop = 2.0 * (FIRST - START) / EJECTED
     straight = np.array([0.0, stop, STAGE_1]), np.array([EJECTED, 0.0, 0.0])
-    nodes = np.array([2.0, 5.0, 9.0, 12.5, 12.5, 9.0, 3.0])
-    second = designed(nodes, STAGE_2, 0.0, FIRST, SECOND, (0.0, 0.0), (np.deg2rad(45.0), 0.0), 13.0)
+    nodes = np.array([1.5, 3.0, 7.5, 12.0, 12.0, 12.0, 10.0])
+    second = designed(nodes, STAGE_2, 0.0, FIRST, SECOND, (0.0, 0.0), swung_forward, 13.0)
     return good, straight, second
 
 
@@ -182,6 +192,7 @@ def flown(
         chain=esail.Chain(
             rods=rods, mass=LINE * whole / rods, length=whole / rods, area=STIFFNESS / MODULUS,
             youngs_modulus=MODULUS, tip_mass=TIP, anchor="fixed", axial_damping_time=DAMPING,
+            slack_strain=SLACK,
         ),
         deployment=esail.ChainDeployment(start_length=start, **law),
         initial=esail.ChainInitial(rod_vector=vector.tolist(), rod_rate=moving.tolist()),
@@ -217,6 +228,11 @@ class Flight:
         self.error = float(np.abs(np.asarray(run["energy_balance_error"])).max() / np.abs(self.work))
 
 
+def shown(row):
+    """Prints a row."""
+    print({k: x if isinstance(x, str) else float(f"{x:.4g}") for k, x in row.items()}, flush=True)
+
+
 # ---- the two stages ----------------------------------------------------------------------------------
 
 
@@ -246,7 +262,7 @@ def two_stages(rows):
         flights[name] = flight
         for k, stage in enumerate(("stage 1", "pause", "stage 2", "swing back")):
             rows.append(stage_row(f"{name}: {stage}", flight, ends[k : k + 2]))
-            print(rows[-1], flush=True)
+            shown(rows[-1])
         half = times.searchsorted(ends[1] + HOLD)
         model = swing(fine(times[: half + 1], rates[: half + 1]), START, *ejected())
         print(
@@ -328,7 +344,7 @@ def retrievals(rows):
             "frequency in the plane / W": inside[1], "formula in the plane": swinging[0],
             "frequency out of the plane / W": normal[1], "formula out of the plane": swinging[1],
         })  # fmt: skip
-        print(rows[-1], flush=True)
+        shown(rows[-1])
     return flights
 
 
@@ -359,7 +375,7 @@ def swung(rows):
                 "least tension [N]": flight.tension.min(), "largest tension [N]": flight.tension.max(),
                 "energy error": flight.error,
             })  # fmt: skip
-            print(rows[-1], flush=True)
+            shown(rows[-1])
     return flights
 
 
