@@ -24,8 +24,8 @@ FIRST, SECOND = 3400.0, 31700.0
 DAMPING = 0.005
 """Of axial damping [s]."""
 
-SLACK = 1e-6
-"""Strain over which the stiffness of a slack rod rises."""
+SLACK, LOOSE = 1e-6, 1e-3
+"""Strain over which the stiffness of a slack rod rises, and tension that counts as slack [N]."""
 
 START, EJECTED = 160.0, 3.0
 """Length [m] at which the runs begin, a two-hundredth of the tether, and speed of the springs [m/s]."""
@@ -181,9 +181,15 @@ def flown(
     inside = np.array([np.sin(angle) * np.cos(up), np.cos(angle) * np.cos(up), 0.0])
     normal = np.array([np.cos(angle) * np.sin(up), -np.sin(angle) * np.sin(up), np.cos(up)])
     change = growth**2 * start if growth else (rates[1] - rates[0]) / (times[1] - times[0])
-    stretch = 1.0 + tension(start, change, angle, speed) / STIFFNESS
-    vector = start / rods * stretch * along
-    moving = stretch / rods * (rate * along + start * (speed * inside + rise * normal))
+    # Every rod has the stretch of what hangs from its middle.
+    middle = (np.arange(rods) + 0.5) / rods * start
+    first, pulled = moments(start)[0] - LINE * middle**2 / 2.0, TIP + LINE * (start - middle)
+    newtons = first * tension(start, 0.0, angle, speed) / moments(start)[0] - pulled * change
+    share = (1.0 + newtons / STIFFNESS)[:, None] / rods
+    vector, moving = (
+        start * share * along,
+        share * (rate * along + start * (speed * inside + rise * normal)),
+    )
     law = {"law": "exponential", "growth": growth}
     if growth is None:
         law = {"time": times.tolist(), "rate": rates.tolist()}
@@ -225,6 +231,8 @@ class Flight:
         off = bow - np.einsum("tki,ti->tk", bow, chord)[..., None] * chord[:, None]
         self.bow = np.linalg.norm(off, axis=2).max(1) / self.length
         self.work = float(np.asarray(run["winch_work"]).ravel()[-1])
+        loose = np.flatnonzero(self.tension < LOOSE)
+        self.taut = slice(None, loose[0] if len(loose) else None)
         self.error = float(np.abs(np.asarray(run["energy_balance_error"])).max() / np.abs(self.work))
 
 
@@ -248,6 +256,7 @@ def stage_row(name, flight, part):
         "largest power of the brake [W]": flight.power[now].max(),
         "energy taken up by the brake [J]": np.trapezoid(flight.power[now], flight.time[now]),
         "bow over length": flight.bow[now].max(),
+        "slack after [s]": flight.time[flight.taut][-1] if flight.taut.stop else np.nan,
     }  # fmt: skip
 
 
@@ -383,15 +392,19 @@ def picture(two, ends, small, large):
     """Draws the two stages, and the retrievals."""
     figure, axes = panels(2, 3, (11.0, 6.6))
     for (name, flight), style in zip(two.items(), ("-", "--"), strict=True):
-        hours = flight.time / 3600.0
-        axes[0, 0].plot(hours, 1e-3 * flight.length, style, color="C0", label=f"length [km], {name}")
-        axes[0, 0].plot(hours, flight.rate, style, color="C1", label=f"rate [m/s], {name}")
-        axes[0, 1].plot(hours, flight.angle, style, color="C0", label=name)
-        axes[0, 2].semilogy(hours, flight.tension, style, color="C0", lw=0.9, label=f"tension [N], {name}")
-        axes[0, 2].semilogy(
-            hours, np.where(flight.rate > 1e-3, flight.power, np.nan), style, color="C1", lw=0.9,
-            label=f"power of the brake [W], {name}",
-        )  # fmt: skip
+        taut = flight.taut
+        hours = flight.time[taut] / 3600.0
+        rate, power = flight.rate[taut], np.where(flight.rate > 1e-2, flight.power, np.nan)[taut]
+        axes[0, 0].plot(hours, 1e-3 * flight.length[taut], style, color="C0", label=f"length [km], {name}")
+        axes[0, 0].plot(hours, rate, style, color="C1", label=f"rate [m/s], {name}")
+        axes[0, 1].plot(hours, flight.angle[taut], style, color="C0", label=name)
+        axes[0, 2].semilogy(hours, flight.tension[taut], style, color="C0", label=f"tension [N], {name}")
+        axes[0, 2].semilogy(hours, power, style, color="C1", label=f"power of the brake [W], {name}")
+        if taut.stop:
+            axes[0, 1].plot(hours[-1], flight.angle[taut][-1], "kx", label="slack")
+            axes[0, 2].plot(hours[-1], flight.tension[taut][-1], "kx")
+    axes[0, 2].set_ylim(1e-3, 1e3)
+    axes[0, 1].set_ylim(None, 95.0)
     for axis in axes[0]:
         axis.set_xlabel("time [h]")
         for end in ends[1:-1]:
@@ -418,10 +431,11 @@ def picture(two, ends, small, large):
     for axis, label in zip(axes[1], labels, strict=True):
         axis.set_ylabel(label)
         axis.set_xlabel("time [h]")
+    axes[1, 0].set_ylim(None, 10.0)
     axes[1, 0].legend(frameon=False, fontsize=7, title="retrieval, small swing; grey: exp(|k| W t)",
-                      title_fontsize=7, loc="upper left")  # fmt: skip
+                      title_fontsize=7, loc="upper left", ncols=2)  # fmt: skip
     axes[1, 1].legend(frameon=False, fontsize=7)
-    figure.savefig(HERE / "orbit.png", dpi=90)
+    figure.savefig(HERE / "orbit.png", dpi=80)
 
 
 def main():
@@ -429,6 +443,8 @@ def main():
     two, ends = two_stages(rows)
     small = retrievals(more)
     large = swung(last)
+    for row in last:
+        row["case"] += ", from 3 deg"
     keys = list(dict.fromkeys(key for row in (*rows, *more, *last) for key in row))
     written("orbit.csv", [{key: row.get(key, "") for key in keys} for row in (*rows, *more, *last)])
     picture(two, ends, small, large)

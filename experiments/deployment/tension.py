@@ -12,7 +12,8 @@ from esail_jax.physics import WinchLaw
 
 SPIN, RADIUS, LENGTH, WHOLE = 0.05, 1.0, 100.0, 200.0
 TIP, LINE = 0.5, 7653.0 * 4.28e-9
-APART = 0.02
+STIFFNESS = 70e9 * 4.28e-9
+APART = 0.002
 """Difference of the lengths at the start [m]."""
 
 DRUMS = 2.0, 5.0, 20.0, 100.0, 500.0, 5000.0
@@ -36,8 +37,12 @@ class Loop(WinchLaw):
 
 def resting():
     """The tension [N] of a tether of LENGTH at rest, and its slope by the length [N/m]."""
-    pull = TIP * (RADIUS + LENGTH) + LINE * LENGTH * (RADIUS + 0.5 * LENGTH)
-    return SPIN**2 * pull, SPIN**2 * (TIP + LINE * (RADIUS + LENGTH))
+    strain = 0.0
+    for _ in range(5):
+        long = LENGTH * (1.0 + strain)
+        pull = SPIN**2 * (TIP * (RADIUS + long) + LINE * LENGTH * (RADIUS + 0.5 * long))
+        strain = pull / STIFFNESS
+    return pull, SPIN**2 * (TIP + LINE * (RADIUS + LENGTH))
 
 
 def growths(drum):
