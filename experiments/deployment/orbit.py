@@ -247,6 +247,10 @@ def shown(row):
 def stage_row(name, flight, part):
     """Row of one stage. part: first and last instant [s]."""
     now = (flight.time >= part[0]) & (flight.time <= part[1])
+    angle, length = flight.angle[now], flight.length[now]
+    vertical = np.flatnonzero((angle[:-1] > 0.0) & (angle[1:] <= 0.0) & (length[1:] > 0.9 * SECOND))
+    released = [x[now][vertical[0] + 1] if len(vertical) else np.nan
+                for x in (flight.time, flight.length, flight.tension)]  # fmt: skip
     return {
         "case": name, "from [s]": part[0], "to [s]": part[1],
         "length at the end [m]": flight.length[now][-1], "largest rate [m/s]": flight.rate[now].max(),
@@ -256,6 +260,8 @@ def stage_row(name, flight, part):
         "largest power of the brake [W]": flight.power[now].max(),
         "energy taken up by the brake [J]": np.trapezoid(flight.power[now], flight.time[now]),
         "bow over length": flight.bow[now].max(),
+        "back at the vertical after [s]": released[0], "length there [m]": released[1],
+        "tension there [N]": released[2],
         "slack after [s]": flight.time[flight.taut][-1] if flight.taut.stop else np.nan,
     }  # fmt: skip
 
@@ -382,7 +388,7 @@ def swung(rows):
                 "out of the plane, last period [deg]": np.abs(flight.out[last]).max(),
                 "fastest [m/s]": flight.rate.min(), "slowest [m/s]": flight.rate.max(),
                 "least tension [N]": flight.tension.min(), "largest tension [N]": flight.tension.max(),
-                "energy error": flight.error,
+                "bow over length": flight.bow[last].max(), "energy error": flight.error,
             })  # fmt: skip
             shown(rows[-1])
     return flights
