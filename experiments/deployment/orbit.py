@@ -424,8 +424,8 @@ def picture(two, ends, small, large):
         flight = small[k, "small"]
         rest = np.rad2deg(steady(k, RETRIEVED[0]))
         hours, grown = flight.time / 3600.0, 0.5 * np.exp(-k * W * flight.time)
-        axes[1, 0].plot(hours, flight.angle - rest, color=color, label=f"in the plane, k = {k:g}")
-        axes[1, 0].plot(hours, flight.out, ":", color=color, label=f"out of the plane, k = {k:g}")
+        axes[1, 0].plot(hours, flight.angle - rest, color=color, label=f"in plane, k = {k:g}")
+        axes[1, 0].plot(hours, flight.out, ":", color=color, label=f"normal to it, k = {k:g}")
         for sign in (-1.0, 1.0):
             axes[1, 0].plot(hours, sign * grown, color="0.6", lw=0.8, ls="--")
         for name, style in (("exponential", "--"), ("held", "-")):
@@ -437,9 +437,12 @@ def picture(two, ends, small, large):
     for axis, label in zip(axes[1], labels, strict=True):
         axis.set_ylabel(label)
         axis.set_xlabel("time [h]")
-    axes[1, 0].set_ylim(None, 10.0)
-    axes[1, 0].legend(frameon=False, fontsize=7, title="retrieval, small swing; grey: exp(|k| W t)",
-                      title_fontsize=7, loc="upper left", ncols=2)  # fmt: skip
+    axes[1, 0].set_ylim(None, 11.0)
+    axes[1, 0].legend(frameon=False, fontsize=7, loc="upper left")
+    for axis, title in zip(
+        axes[1], ("small swing; grey: exp(|k| W t)", "from 3 deg", "from 3 deg"), strict=True
+    ):
+        axis.set_title(f"retrieval, {title}", fontsize=9)
     axes[1, 1].legend(frameon=False, fontsize=7)
     figure.savefig(HERE / "orbit.png", dpi=80)
 
