@@ -166,6 +166,7 @@ def picture(shown):
         axis.set_ylabel(label)
         axis.set_xlabel("time [h]")
     axes[0, 1].set_yscale("symlog", linthresh=10.0)
+    axes[0, 1].set_ylim(-20.0, 300.0)
     axes[0, 1].axhline(0.0, color="0.7", lw=0.8)
     axes[0, 0].legend(frameon=False)
     figure.savefig(HERE / "identify.png", dpi=90)
