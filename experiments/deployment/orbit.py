@@ -203,7 +203,7 @@ def flown(
         deployment=esail.ChainDeployment(start_length=start, **law),
         initial=esail.ChainInitial(rod_vector=vector.tolist(), rod_rate=moving.tolist()),
         orbit=esail.Orbit(mean_motion=W),
-        integrator=esail.Integrator(t_end=end),
+        integrator=esail.Integrator(t_end=end, method="dopri8", tolerance=1e-9),
         output=esail.Output(interval=10.0),
     )  # fmt: skip
     begin = clock.perf_counter()
@@ -273,11 +273,14 @@ def two_stages(rows):
     ends = np.cumsum([0.0, STAGE_1, HOLD, STAGE_2, BACK])
     for name, first in (("good profile", good), ("straight brake", straight)):
         times, rates = joined(first, PAUSE, second)
-        flight = flown(times, rates, START, ejected(), end=ends[-1])
+        # The tether of the second flight becomes slack soon after the pause.
+        last = ends[-1] if name == "good profile" else ends[2] + 600.0
+        flight = flown(times, rates, START, ejected(), end=last)
         flights[name] = flight
         for k, stage in enumerate(("stage 1", "pause", "stage 2", "swing back")):
-            rows.append(stage_row(f"{name}: {stage}", flight, ends[k : k + 2]))
-            shown(rows[-1])
+            if ends[k] < last:
+                rows.append(stage_row(f"{name}: {stage}", flight, (ends[k], min(ends[k + 1], last))))
+                shown(rows[-1])
         half = times.searchsorted(ends[1] + HOLD)
         model = swing(fine(times[: half + 1], rates[: half + 1]), START, *ejected())
         print(
