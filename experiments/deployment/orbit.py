@@ -267,7 +267,7 @@ def stage_row(name, flight, part):
 
 
 def two_stages(rows):
-    """Flies both tables of stage 1, each with the same stage 2, and stage 2 with another pause."""
+    """Flies both tables of stage 1, each with the same stage 2."""
     good, straight, second = stages()
     flights = {}
     ends = np.cumsum([0.0, STAGE_1, HOLD, STAGE_2, BACK])
