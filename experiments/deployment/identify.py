@@ -22,6 +22,9 @@ NOISE = 1e-5
 """Standard deviation of a measured spin rate [rad/s]: two degrees an hour."""
 
 START, LENGTH, INSTANTS = 10.0, 200.0, 96
+BEFORE_THE_STOP = 0.9
+"""Part of the payout's time before the reels slow down."""
+
 SETS = {
     "J and mass": ("hub inertia", "tether density", "start spin"),
     "J and length": ("hub inertia", "length scale", "start spin"),
@@ -93,11 +96,12 @@ def fitted(both, names, data, passes, start=GUESS):
     return numbers, dict(zip(names, deviation, strict=True))
 
 
-def rigid_fit(rate, names, data):
-    """The same with the rigid formula."""
+def rigid_fit(rate, names, data, until=1.0):
+    """The same with the rigid formula, from the measurements of the first part of the payout."""
+    used = slice(round(until * INSTANTS))
 
     def missing(x):
-        return (rigid_spin(rate, TRUE | dict(zip(names, x, strict=True))) - data) / NOISE
+        return (rigid_spin(rate, TRUE | dict(zip(names, x, strict=True))) - data)[used] / NOISE
 
     start = np.array([GUESS[name] for name in names])
     found = least_squares(missing, start, x_scale=np.abs(start), xtol=1e-15, ftol=1e-15, gtol=1e-15)
@@ -120,14 +124,14 @@ def main():
         both = esail.jit(jax.jacfwd(twice, has_aux=True))
         begin = time.perf_counter()
         for name, names in SETS.items():
-            quiet = rigid_fit(rate, names, truth)
+            quiet, early = (rigid_fit(rate, names, truth, until) for until in (1.0, BEFORE_THE_STOP))
             noisy = [rigid_fit(rate, names, truth + n) for n in noise[:50]]
             exact, deviation = fitted(both, names, truth, 3)
             one, _ = fitted(both, names, truth + noise[0], 1, exact)
             for key in (x for x in names if x in UNITS):
                 bias = {
-                    "rigid, no noise": quiet[key], "simulation, no noise": exact[key],
-                    "simulation, one draw": one[key],
+                    "rigid, no noise": quiet[key], "rigid, no noise, without the stop": early[key],
+                    "simulation, no noise": exact[key], "simulation, one draw": one[key],
                 }  # fmt: skip
                 row = {"rate [m/s]": rate, "largest lag [deg]": np.abs(shown[rate][2]).max(), "fit": name,
                        "number": key}  # fmt: skip
@@ -137,7 +141,9 @@ def main():
                     1e2 * np.std([x[key] for x in noisy]) / TRUE[key]
                 )
                 rows.append(row)
-                print(row, flush=True)
+                print(
+                    {k: x if isinstance(x, str) else float(f"{x:.4g}") for k, x in row.items()}, flush=True
+                )
         print(f"fits at {rate} m/s: {time.perf_counter() - begin:.0f} s", flush=True)
     written("identify.csv", rows)
     picture(shown)
@@ -145,16 +151,23 @@ def main():
 
 def picture(shown):
     """Draws spin, what the rigid formula misses, and the lag."""
-    figure, axes = panels(1, 3, (10.0, 3.4))
+    figure, axes = panels(1, 3, (11.0, 3.6))
     for rate, (truth, rigid, lag) in shown.items():
-        part = instants(rate) / instants(rate)[-1]
-        axes[0, 0].plot(part, truth, label=f"{rate:g} m/s")
-        axes[0, 1].plot(part, (rigid - truth) / NOISE)
-        axes[0, 2].plot(part, lag)
-    labels = "spin of the hub [rad/s]", "rigid formula less simulation [deviations]", "lag [deg]"
+        hours = instants(rate) / 3600.0
+        axes[0, 0].plot(hours, truth, label=f"{rate:g} m/s")
+        axes[0, 1].plot(hours, (rigid - truth) / NOISE)
+        axes[0, 2].plot(hours, lag)
+    labels = (
+        "spin of the hub [rad/s]",
+        "rigid formula less simulation,\nover the noise [-]",
+        "angle of a tether [deg]; negative: lag",
+    )
     for axis, label in zip(axes[0], labels, strict=True):
         axis.set_ylabel(label)
-        axis.set_xlabel("part of the payout's time")
+        axis.set_xlabel("time [h]")
+    axes[0, 1].set_yscale("symlog", linthresh=10.0)
+    axes[0, 1].set_ylim(-20.0, 300.0)
+    axes[0, 1].axhline(0.0, color="0.7", lw=0.8)
     axes[0, 0].legend(frameon=False)
     figure.savefig(HERE / "identify.png", dpi=90)
 

@@ -92,7 +92,7 @@ def tables(plan, name):
     stuck = plan.stop(plan.at)
     length = plan.lengths(plan.fine, stuck)[-1]
     rates = plan.rates[:, None].repeat(count, 1)
-    if name != "none stuck":
+    if not name.startswith("none stuck"):
         rates[:, TETHER] = stuck
     if name.startswith("opposite"):
         rates[:, OPPOSITE] = plan.back(plan.at + REACTION, length)
@@ -230,7 +230,7 @@ def picture(plan, runs):
         axes[0, 1].plot(hours, offset)
         axes[1, 0].plot(hours, wobble, lw=0.8)
     labels = ("least gap between neighbours [deg]", "hub from centre of mass [m]",
-              "hub's axis from angular momentum [deg]", "least gap in 40 h [deg]")  # fmt: skip
+              "wobble of the hub's axis [deg]", "least gap in 40 h [deg]")  # fmt: skip
     for axis, label in zip(axes.ravel(), labels, strict=True):
         axis.set_ylabel(label)
         axis.set_xlabel("time [h]")
@@ -245,6 +245,7 @@ def picture(plan, runs):
         ncols=3,
         loc="outside upper center",
     )
+    axes[1, 1].set_ylim(0.0, 35.0)
     axes[1, 1].legend(frameon=False, fontsize=7)
     figure.savefig(HERE / "stuck.png", dpi=90)
 
