@@ -317,9 +317,13 @@ def error_scale(chain: RodChain, start: RodState) -> RodState:
 
 def turning_rate(chain: RodChain, start: RodState) -> Scalar:
     """Estimated rate [rad/s] at which rods turn: the largest of their initial rates, the rate of a fall
-    over their own length under gravity, and twice that of the orbit."""
-    system, length = chain.system, chain.lengths
-    speed = jnp.sqrt((chain.rods(start.v) ** 2).sum(0).max())
+    over their own length under gravity, and twice that of the orbit. Payout is no turning: the rates along
+    the rods of a chain that is paid out do not count."""
+    system, length, moving = chain.system, chain.lengths, chain.rods(start.v)
+    if system.payout is not None:
+        rods = chain.rods(start.x)
+        moving = moving - rods * (dot(moving, rods) / dot(rods, rods))
+    speed = jnp.sqrt((moving**2).sum(0).max())
     rate = speed / length.min()
     gravity, orbital = (find_term(system.fields, kind) for kind in (UniformGravity, OrbitalField))
     if gravity is not None:

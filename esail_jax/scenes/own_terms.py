@@ -56,6 +56,9 @@ def check_own_terms(scene: Any) -> None:
             raise SceneError(name, "be no HubLoad without [hub]", got)
         if kind == "WinchLaw" and (scene.deployment is None or scene.deployment.law != "tension"):
             raise SceneError(name, 'be no WinchLaw without the law "tension" of [deployment]', got)
+        if kind == "WinchLaw" and (hasattr(term, "period") or hasattr(term, "update")):
+            must = "have no `period` and no `update`, as winch laws act at every instant"
+            raise SceneError(name, must, f"{type(term).__name__} has one")
         if scene.chain is not None and kind == "TipLoad":
             raise SceneError(name, "be no TipLoad with a chain", got)
         if scene.chain is not None and hasattr(term, "commanded"):

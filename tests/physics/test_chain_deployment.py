@@ -9,8 +9,9 @@ import pytest
 
 import esail_jax as esail
 from esail_jax.numerics.vectors import dot
-from esail_jax.rod_chain import RodState
+from esail_jax.rod_chain import RodState, fastest_rate, turning_rate
 from esail_jax.scenes.build import build_chain
+from esail_jax.scenes.method_choice import rates
 from esail_jax.scenes.structure import split
 from support.bits import check_same, esail_run
 from support.derivatives import check_both_modes
@@ -184,6 +185,22 @@ def test_the_angle_of_an_exponential_deployment_in_orbit(growth):
     assert np.allclose(run["deployed_length"], 100.0 * np.exp(growth * RATE * run.time), rtol=1e-12)
     assert np.abs(run["energy_balance_error"]).max() < 1e-6 * np.abs(run["winch_work"][-1])
     assert np.sign(run["winch_work"][-1]) == -np.sign(growth)
+
+
+def test_payout_is_no_turning():
+    """A straight chain that is paid out fast does not turn faster than its orbit, and what it is at the end
+    counts for the choice of its method: an implicit step is that of the orbit, a thousandth of a radian at
+    twice its rate."""
+    along = [-160.0 / 2, 0.0, 0.0]
+    given = {"start_length": 160.0, "time": [0.0, 10000.0], "rate": [3.0, 3.0]}
+    start = esail.ChainInitial(rod_vector=along, rod_rate=[-1.5, 0.0, 0.0])
+    end = esail.Integrator(t_end=10000.0)
+    scene = chain([15850.0] * 2, deployment=given, initial=start, integrator=end)
+    built, state = build_chain(*split(scene))
+    assert np.isclose(turning_rate(built.at(jnp.zeros(())), state), 2.0 * RATE, rtol=1e-12)
+    fastest, _ = rates(*split(scene), jnp.asarray(10000.0))
+    first, last = (fastest_rate(built.at(jnp.asarray(t))) for t in (0.0, 10000.0))
+    assert last < fastest < 0.2 * first
 
 
 @pytest.mark.nightly

@@ -422,3 +422,13 @@ def test_what_is_refused(change, terms, message):
 def test_a_winch_law_needs_winches(change):
     with pytest.raises(esail.SceneError, match=r"must be no WinchLaw without the law \"tension\""):
         esail.simulate("truss", {"tethers.count": 2} | change, terms=[Constant(jnp.ones(2))])
+
+
+def test_a_winch_law_is_not_sampled():
+    """A period would be ignored: it is refused."""
+
+    class Sampled(Constant):
+        period: float = 5.0
+
+    with pytest.raises(esail.SceneError, match=r"must have no `period` and no `update`"):
+        esail.simulate("truss", WITHOUT_TABLE, terms=[Sampled(jnp.ones(2))])
