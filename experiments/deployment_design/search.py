@@ -11,9 +11,9 @@ from scipy.optimize import minimize
 import esail_jax as esail
 
 SHARE = KNOTS / KNOTS[-1]
-FAILED = 1e3
-STEPS = {"integrator.method": "generalized-alpha", "integrator.step": 0.5}
-"""The method of the searches."""
+FAILED = 10.0
+RESERVE = 0.01
+"""Part of every limit that the searches keep in reserve, for what a coarse mesh and few instants miss."""
 
 
 # ---- kinds of schedule: numbers z of order one to a schedule -------------------------------------
@@ -65,7 +65,7 @@ BOUNDS = {
 
 def freed(schedule):
     """The numbers of `free` for a schedule."""
-    rates = np.log(np.maximum(np.asarray(schedule.rates)[1:-1], 1e-2))
+    rates = np.log(np.maximum(np.asarray(schedule.rates)[1:-1], 0.1))
     forces = np.asarray(schedule.forces)[:-1] / MOST_THRUST
     return np.concatenate([[np.log(float(schedule.duration) / 1000.0)], rates, forces])
 
@@ -75,16 +75,17 @@ def freed(schedule):
 
 @esail.jit
 def lagrangian(schedule, scales, multipliers, weight):
-    """Duration [1000 s] and the augmented Lagrangian's terms of all limits, in the mean over members. Its
-    derivative by the schedule, and the violations."""
+    """Duration [1000 s] and the augmented Lagrangian's terms of all limits: the sum over instants, the mean
+    over members and tethers. Its derivative by the schedule, and the violations."""
+
+    def term(c, m):
+        instants = c.shape[1] if c.ndim > 1 else 1
+        pushed = jnp.maximum(m + weight * (c + RESERVE), 0.0)
+        return instants * (pushed**2 - m**2).mean() / (2.0 * weight)
 
     def value(schedule):
-        exceeded = jax.vmap(lambda scale: violations(simulate(schedule, scale, STEPS)))(scales)
-        terms = jax.tree.map(
-            lambda c, m: (jnp.maximum(m + weight * c, 0.0) ** 2 - m**2).mean() / (2.0 * weight),
-            exceeded,
-            multipliers,
-        )
+        exceeded = jax.vmap(lambda scale: violations(simulate(schedule, scale)))(scales)
+        terms = jax.tree.map(term, exceeded, multipliers)
         return schedule.duration / 1000.0 + sum(jax.tree.leaves(terms)), exceeded
 
     return jax.value_and_grad(value, has_aux=True)(schedule)
@@ -95,7 +96,7 @@ def exceeded_by(schedule, scales):
     return jax.vmap(lambda scale: violations(simulate(schedule, scale)))(scales)
 
 
-DURATIONS = np.arange(1000.0, 3000.0, 25.0)
+DURATIONS = np.arange(1300.0, 3000.0, 100.0)
 
 
 def scan(kind, members):
@@ -103,11 +104,11 @@ def scan(kind, members):
     of runs."""
     runs, as_schedule = 0, jax.jit(kind)
     for duration in DURATIONS:
-        for rise in (0.0625, 0.125, 0.1875, 0.25, 0.3125):
-            for end in (0.7, 0.8, 0.9, 1.0):
-                for share in (0.5, 0.6, 0.7, 0.8, 0.9, 1.0):
+        for rise in (0.0625, 0.125, 0.1875, 0.25):
+            for end in (0.7, 0.85, 1.0):
+                for share in (0.6, 0.8, 1.0):
                     z, runs = np.array([np.log(duration / 1000.0), end, share, rise]), runs + 1
-                    if max(largest(exceeded_by(as_schedule(z), members)).values()) <= 0.0:
+                    if max(largest(exceeded_by(as_schedule(z), members)).values()) <= -RESERVE:
                         return z, runs
     raise RuntimeError("no schedule keeps the limits")
 
@@ -117,19 +118,24 @@ def largest(exceeded):
     return {name: float(np.max(x)) for name, x in exceeded.items()}
 
 
-def search(kind, z, scales, rounds=7, iterations=25, weight=3.0, report=print):
-    """The numbers z of the shortest schedule within the limits for all members."""
+def search(kind, z, scales, rounds, iterations, weight=3.0, report=print):
+    """The numbers z of the shortest schedule within the limits for all members: that of the rounds that
+    keep them, or of the last round."""
     as_schedule = jax.jit(kind)
     backward = jax.jit(lambda z, slope: jax.vjp(kind, z)[1](slope)[0])
     shapes = jax.eval_shape(lambda s: exceeded_by(s, scales), as_schedule(z))
     multipliers = {name: np.zeros(x.shape) for name, x in shapes.items()}
+    best, least = None, np.inf
     for k in range(rounds):
+        failed = 0
         slopes = functools.partial(lagrangian, scales=scales, multipliers=multipliers, weight=weight)
 
         def cost(z, slopes=slopes):
+            nonlocal failed
             (value, _), slope = slopes(as_schedule(z))
             slope = np.asarray(backward(z, slope))
             if not np.isfinite(value) or not np.isfinite(slope).all():
+                failed += 1
                 return FAILED, np.zeros_like(z)
             return float(value), slope
 
@@ -138,14 +144,16 @@ def search(kind, z, scales, rounds=7, iterations=25, weight=3.0, report=print):
         z = found.x
         (_, exceeded), _ = slopes(as_schedule(z))
         multipliers = {
-            name: np.maximum(multipliers[name] + weight * np.asarray(c), 0.0)
+            name: np.maximum(multipliers[name] + weight * (np.asarray(c) + RESERVE), 0.0)
             for name, c in exceeded.items()
         }
-        worst = largest(exceeded)
+        worst, duration = largest(exceeded), float(as_schedule(z).duration)
+        if max(worst.values()) <= 0.0 and duration < least:
+            best, least = z, duration
         report(
-            f"round {k}: {float(as_schedule(z).duration):.1f} s, {found.nfev} runs,",
+            f"round {k}: {duration:.1f} s, {found.nfev} runs ({failed} failed),",
             {name: round(x, 3) for name, x in worst.items() if x > -0.05},
             flush=True,
         )
         weight *= 1.7
-    return z, worst
+    return z if best is None else best
