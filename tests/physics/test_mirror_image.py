@@ -30,6 +30,7 @@ SIGNS = {
     "precession_angle": -1.0, "rotation_IB": np.outer(POLAR, POLAR), "thrust_O": POLAR, "reaction_O": POLAR,
     "thrust_B": POLAR, "reaction_B": POLAR, "thrust_moment_O": AXIAL, "reaction_moment_O": AXIAL,
     "thrust_moment_B": AXIAL, "spin_rate": -1.0, "angular_momentum_I": -1.0,
+    "total_angular_momentum_I": -1.0,
 }  # fmt: skip
 """What becomes of an observable; the others stay the same, positions in I aside."""
 
