@@ -119,8 +119,11 @@ def length_rows(
 
     def rows(q, v, vdot):
         now = system.paid_out(time, q, v, vdot)
-        forces, _ = now.member_forces(time, q, v, now.relative_to_free_fall(time, q, v, vdot))
-        return forces._replace(reel=now.rows_of_lengths(now.winch_forces(time, q, v, vdot), no_tension))
+        inertial = now.relative_to_free_fall(time, q, v, vdot)
+        forces, _ = now.member_forces(time, q, v, inertial)
+        fall = vdot.tether - inertial.tether if now.fields else None
+        winches = now.winch_forces(time, q.tether, v.tether, vdot.tether, fall)
+        return forces._replace(reel=now.rows_of_lengths(winches, no_tension))
 
     def along(lengths):
         steps = (position, rate, jnp.ones(()))

@@ -35,6 +35,7 @@ from esail_jax.elements.deployment import (
     Convection,
     Deployed,
     DeployedEnergy,
+    DeployedMaterial,
     Reels,
     ScheduledPayout,
     density_of,
@@ -178,7 +179,10 @@ class System(Assembly):
     @property
     def material_terms(self) -> tuple[Term, ...]:
         """Energies and dissipations; those that are functions of the invariants as one summed term."""
-        return inner_terms_of(self.acting_energies, self.acting_dissipations)
+        if self.reels is None:
+            return inner_terms_of(self.energies, self.dissipations)
+        terms = inner_terms_of(self.reels.energies, self.dissipations)
+        return tuple(DeployedMaterial(term, self.reels.stretching) for term in terms)
 
     def axial_energy(
         self, times: Float[Array, " time"], lengths: Float[Array, "time tether"] | None
@@ -263,7 +267,7 @@ class System(Assembly):
             return jax.vmap(of_one, (-1, *(0,) * (1 + len(of_states))))(place, (q, v, vdot), *of_states)
 
         inertial = of_every_state(type(self).relative_to_free_fall, times, q, v, vdot)
-        motion = (states_inside(x) for x in (q, v, inertial))
+        motion = [states_inside(x) for x in (q, v, inertial)]
         system = at_place(self, place).paid_out(times[:, None], q, v, vdot)
         if self.controlled:
             system = system.with_commands(of_every_state(type(self).commands, times, q, v))
@@ -272,8 +276,14 @@ class System(Assembly):
         forces = Coordinates(jnp.moveaxis(members.tether, 2, 0), inertial.hub, ring, members.reel)
         rows, power = of_every_state(type(self).complete_residual, times, q, v, forces, lam, power)
         if self.payout is not None:
-            power, reel = of_every_state(type(self).of_winches, times, q, v, vdot, power)
-            rows = rows._replace(forces=rows.forces._replace(reel=reel))
+            inside = states_inside(vdot).tether
+            fall = inside - motion[2].tether if self.fields else None
+            winches = system.winch_forces(times[:, None], motion[0].tether, motion[1].tether, inside, fall)
+            power = power._replace(winch=-(system.reels.now.rate * winches).sum(-1))
+            if self.has_unknown_lengths:
+                motor = of_every_state(type(self).motor_tension, times, q, v)
+                reel = system.rows_of_lengths(winches, motor)
+                rows = rows._replace(forces=rows.forces._replace(reel=reel))
         return jax.vmap(self.with_moved_reactions)(rows), power
 
     def of_winches(
@@ -281,7 +291,7 @@ class System(Assembly):
     ) -> tuple[Power, PerTether | None]:
         """The power with that of the winches, -l' F_w, of a system at an instant; and the left-hand sides
         of the equations of the lengths that are unknowns, None for given ones."""
-        forces = self.with_commanded_loads(time, q, v).winch_forces(time, q, v, vdot)
+        forces = self.commanded_winch_forces(time, q, v, vdot)
         power = power._replace(winch=-(self.reels.now.rate * forces).sum())
         if not self.has_unknown_lengths:
             return power, None
@@ -292,8 +302,11 @@ class System(Assembly):
         end nor of tethers that are reeled in; None for given lengths."""
         return self.payout.within(q.reel).all() if self.has_unknown_lengths else None
 
-    def rows_of_lengths(self, winch_forces: PerTether, motor_tension: PerTether) -> PerTether:
-        """The left-hand sides [N] of the equations of the lengths, of a system at an instant."""
+    def rows_of_lengths(
+        self, winch_forces: Float[Array, "*state tether"], motor_tension: Float[Array, "*state tether"]
+    ) -> Float[Array, "*state tether"]:
+        """The left-hand sides [N] of the equations of the lengths, of a system at one or several
+        instants."""
         density = density_of(self.reels.tethers)
         return self.payout.rows(self.reels.now, winch_forces, motor_tension, density)
 
@@ -317,17 +330,27 @@ class System(Assembly):
         gains = jax.jacfwd(held, (0, 1))(measured.deployed_length, measured.payout_rate)
         return jax.tree.map(jnp.diagonal, gains)
 
-    def winch_forces(self, time: Scalar, q: Coordinates, v: Coordinates, vdot: Coordinates) -> PerTether:
-        """Force F_w [N] of every winch, of a system at an instant whose loads have their commands."""
-        tethers, reels = self.tethers, self.reels
-        fields, rates = reels.tethers.interpolate_motion(q.tether, v.tether)
+    def commanded_winch_forces(
+        self, time: Scalar, q: Coordinates, v: Coordinates, vdot: Coordinates
+    ) -> PerTether:
+        """Force F_w [N] of every winch at a state, of a system at that instant."""
+        system = self.with_commanded_loads(time, q, v)
+        fall = self.field(time, q, v).tether if self.fields else None
+        return system.winch_forces(time, q.tether, v.tether, vdot.tether, fall)
+
+    def winch_forces(
+        self, time: Instants, q: Nodal, v: Nodal, vdot: Nodal, fall: Nodal | None
+    ) -> Float[Array, "*state tether"]:
+        """Force F_w [N] of every winch at one or several states, of a system at those instants whose loads
+        have their commands. fall: accelerations of the fields at the nodes; None without fields."""
+        reels = self.reels
+        fields, rates = reels.tethers.interpolate_motion(q, v)
         pushed = jnp.zeros_like(fields.r_x)
         for load in self.acting_loads:
             pushed = pushed - load.point_forces(time, fields, rates).r
-        if self.fields:
-            fall = tethers.interpolate(self.field(time, q, v).tether).r
-            pushed = pushed + reels.density * reels.stretching.share * fall
-        return reels.winch_forces(q.tether, v.tether, vdot.tether, pushed)
+        if fall is not None:
+            pushed = pushed + reels.density * reels.stretching.share * reels.tethers.interpolate(fall).r
+        return reels.winch_forces(q, v, vdot, pushed)
 
     def field_power(self, time: Scalar, q: Coordinates, v: Coordinates) -> Scalar:
         """Power [W] of the acceleration fields. While tethers are paid out, the velocity v is not all of

@@ -265,6 +265,34 @@ class DeployedDissipation(Dissipation):
         return self.share * self.inner.density_of_invariants(now, Invariants(stretch, bent))
 
 
+class DeployedMaterial(Term):
+    """Energies and dissipations of the deployed part: their forces at r_s and r_ss, with rates of the
+    strain of r_s in which mesh points do not move, conjugate to r_x and r_xx. They are those of
+    `DeployedEnergy` and `DeployedDissipation`, with fewer operations at a point."""
+
+    inner: Term
+    stretching: Stretching
+
+    name: ClassVar[str] = "deployed material"
+
+    @property
+    def depends_on(self) -> tuple[str, ...]:
+        return self.inner.depends_on
+
+    def point_forces(self, time: Instants, fields: PointFields, rates: PointFields) -> PointFields:
+        s, back = self.stretching, 1.0 / self.stretching.share
+        r_x = back * fields.r_x
+        moving = back * rates.r_x - s.relative_rate * r_x
+        bent = bending = None
+        if fields.r_xx is not None:
+            bent = back**2 * fields.r_xx
+            bending = back**2 * rates.r_xx - 2.0 * s.relative_rate * bent
+        forces = self.inner.point_forces(
+            time, PointFields(fields.r, r_x, bent), PointFields(rates.r, moving, bending)
+        )
+        return forces if forces.r_xx is None else forces._replace(r_xx=back * forces.r_xx)
+
+
 class DeployedLoad(Load):
     """A load on the deployed part, -lambda f(r, r_s, V) per unit of x."""
 
@@ -408,7 +436,7 @@ class Reels(eqx.Module):
         """U [J] of the deployed part."""
         return self.elastic_energy_of(self.now.length, self.tethers.interpolate(q)).sum()
 
-    def elastic_energy_of(self, length: PerTether, fields: PointFields) -> PerTether:
+    def elastic_energy_of(self, length: PerInstant, fields: PointFields) -> PerInstant:
         """U [J] of every tether of which this length [m] is deployed."""
         share = self.tethers.repeat_per_element(length / self.payout.total)
         terms = [DeployedEnergy(term, share) for term in self.energies]
@@ -421,21 +449,20 @@ class Reels(eqx.Module):
         density = 0.5 * self.density * s.rate**2 / s.share * dot(slope, slope)
         return (v * self.drift(q)).sum() + self.per_tether(density).sum()
 
-    def dissipation(self, rate: PerTether, fields: PointFields, rates: PointFields) -> PerTether:
+    def dissipation(self, rate: PerInstant, fields: PointFields, rates: PointFields) -> PerInstant:
         """R [W] of every tether at the rates l' [m/s]."""
         each = self.tethers.repeat_per_element
         share, relative = each(self.now.length / self.payout.total), each(rate / self.now.length)
         terms = [DeployedDissipation(term, share, relative) for term in self.dissipations]
         return self.per_tether(total_of(term.density(fields, rates) for term in terms))
 
-    def per_tether(self, density: Float[Array, "point element"]) -> PerTether:
+    def per_tether(self, density: Float[Array, "point *state element"]) -> PerInstant:
         """The integral over every tether of a quantity per unit of x."""
         batch = self.tethers
-        return batch.of_tethers(jnp.tensordot(batch.weights, density, 1) * batch.lengths).sum(0)
+        weights = batch.weights.reshape(-1, *(1,) * (density.ndim - 1))
+        return batch.of_tethers((weights * density).sum(0) * batch.lengths).sum(-2)
 
-    def winch_forces(
-        self, q: Nodal, v: Nodal, vdot: Nodal, pushed: Float[Array, "3 point element"]
-    ) -> PerTether:
+    def winch_forces(self, q: Nodal, v: Nodal, vdot: Nodal, pushed: VectorPerPoint) -> PerInstant:
         """The force F_w [N] of every winch, which holds the length: Lagrange's equation of l,
 
             F_w = -(d/dt dT/dl' - d(T - U)/dl) - dR/dl' + Q_l,
@@ -444,7 +471,7 @@ class Reels(eqx.Module):
             V_t = dv/dt + (l''/l - c^2) u r_xi + c u v_xi,
 
         with the virtual work Q_l of loads and fields per unit of l, that of a displacement u r_s of the
-        material. One instant. pushed: their force [N/m] per unit of x."""
+        material. pushed: their force [N/m] per unit of x."""
         now, s, batch = self.now, self.stretching, self.tethers
         fields, rates = batch.interpolate_motion(q, v)
         acceleration = batch.interpolate(vdot).r
@@ -454,7 +481,7 @@ class Reels(eqx.Module):
         change = acceleration + (s.acceleration / (s.share * self.whole) - c**2) * along + c * moving
         bracket = dot(change, along) + dot(velocity, moving) - 0.5 * dot(velocity, velocity)
         bracket = self.density / self.whole * (bracket + c * dot(velocity, along))
-        root = v[0, :, 0]
+        root = v[0, ..., 0, :]
         force = -self.per_tether(bracket) - 0.5 * density_of(batch) * dot(root, root)
         force = force - jax.grad(lambda length: self.elastic_energy_of(length, fields).sum())(now.length)
         if self.dissipations:

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.array_types import Array, Bool, PerTether, Scalar
-from esail_jax.elements.deployment import AbstractPayout, Deployed
+from esail_jax.elements.deployment import AbstractPayout, Deployed, PerInstant
 from esail_jax.numerics.lines_in_time import LinesInTime
 
 LEAST_PART = 1.0 / 20.0
@@ -50,8 +50,8 @@ class Winches(AbstractPayout):
         return eqx.tree_at(lambda x: x.tension, self, self.tension.in_segment(start, until))
 
     def rows(
-        self, now: Deployed, winch_force: PerTether, motor_tension: PerTether, density: PerTether
-    ) -> PerTether:
+        self, now: Deployed, winch_force: PerInstant, motor_tension: PerInstant, density: PerTether
+    ) -> PerInstant:
         """The left-hand sides [N] of the equations of the lengths. winch_force: F_w [N]; motor_tension: F
         [N]; density: rho [kg/m]."""
         inertia = self.drum + density * (self.total - now.length)

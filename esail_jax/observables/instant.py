@@ -179,8 +179,7 @@ class Instant(eqx.Module):
     @property
     def winch_forces(self) -> Float[Array, " tether"]:
         """Force F_w [N] of every winch."""
-        system = self.system.with_commanded_loads(self.time, self.q, self.v)
-        return system.winch_forces(self.time, self.q, self.v, self.vdot)
+        return self.system.commanded_winch_forces(self.time, self.q, self.v, self.vdot)
 
     @property
     def root_couples(self) -> Float[Array, "3 tether"]:

@@ -139,6 +139,31 @@ def test_accelerations_solve_the_equations(name):
     assert np.abs(rows.tether[0, :, 1:]).max() < 1e-12 * np.abs(rows.tether[0, :, 0]).max()
 
 
+def test_rows_of_several_states_are_those_of_each():
+    """Two states at two instants, on an orbit with the tide and relative wind: rows and powers of both at
+    once are those of each alone, to 1e-12 of the largest."""
+    orbit = {"orbit.position_au": [0.9, 0.1, 0.2], "orbit.velocity": [1e3, 2e4, 3e3]}
+    scene = load_scene("truss", UNEQUAL | TABLE | orbit | {"initial.heliocentric_position_au": None})
+    system, q, v, *_ = build_jitted(*split(scene))
+    rng = np.random.default_rng(6)
+
+    def pair(x, size):
+        return jax.tree.map(lambda a: jnp.stack([a + size * rng.normal(size=a.shape) for _ in range(2)]), x)
+
+    times, rest = jnp.array([3.0, 11.0]), jax.tree.map(jnp.zeros_like, q)
+    q, v, vdot = pair(q, 1e-3), pair(v, 1e-2), pair(rest, 1e-1)
+    lam = jax.tree.map(lambda x: jnp.stack([x, x]), system.no_multipliers())
+
+    @jit
+    def both(q, v, vdot):
+        each = jax.vmap(lambda t, *x: system.residual(t, *x))(times, q, v, vdot, lam)
+        rows, power = system.residuals(times, q, v, vdot, lam)
+        return (rows.forces, power), (each[0].forces, each[1])
+
+    for found, expected in zip(*map(jax.tree.leaves, both(q, v, vdot)), strict=True):
+        assert np.abs(found - expected).max() < 1e-12 * np.abs(expected).max()
+
+
 def test_rows_have_the_same_derivative_in_both_senses():
     """y . (J x) = (J^T y) . x for the derivative J of all rows by lengths, rates and their accelerations,
     forward of the system and backward of what reverse mode takes in its place, to 1e-12 of the sum of all
