@@ -24,7 +24,7 @@ from esail_jax.equilibria import motions
 from esail_jax.equilibria.moving_frame import MovingFrame, expanded, independent
 from esail_jax.errors import SimulationError
 from esail_jax.loads.coulomb import CoulombThrust
-from esail_jax.modal.multipliers import FASTEST, Floquet
+from esail_jax.modal.multipliers import FASTEST, LEAST, Floquet
 from esail_jax.modal.periodic_orbit import Orbit, Setting, periodic_orbit
 from esail_jax.modal.solving import Solved
 from esail_jax.modal.turn_map import to_state
@@ -92,8 +92,10 @@ def multipliers(table: Any, moving: Moving, setting: Setting, orbit: Orbit) -> F
     multiplier = exponent.copy()
     logarithm = np.log(nu[:-2]) + 1j * angle
     turns = np.round((rates.imag * orbit.duration - logarithm.imag) / (2.0 * np.pi))
-    exponent[slow] = (logarithm + 2j * np.pi * turns) / orbit.duration
-    multiplier[slow] = nu[:-2] ** setting.parts
+    resolved = np.abs(nu[:-2]) > LEAST
+    known = slow[resolved]
+    exponent[known] = (logarithm + 2j * np.pi * turns)[resolved] / orbit.duration
+    multiplier[known] = nu[:-2][resolved] ** setting.parts
     parts = setting.parts
     return Floquet(
         multiplier,

@@ -12,12 +12,17 @@ FASTEST = 40.0
 """Fastest motions, in radians per radian of spin, whose multipliers are given. Faster ones follow the slow
 change of the load; the time steps do not resolve them."""
 
+LEAST = 1e-8
+"""Factor by which a motion must not decay in a map for its multiplier to be given: rounding changes the
+eigenvalues of a map by about 1e-14, whatever their size."""
+
 
 @dataclasses.dataclass(frozen=True)
 class Floquet:
     """Multipliers of the periodic orbit, in the order of the modes of a table.
 
-    multiplier: mu, of a whole turn; exponent: s [1/s]; NaN for modes that are faster than FASTEST
+    multiplier: mu, of a whole turn; exponent: s [1/s]; NaN for modes that are faster than FASTEST, or that
+        decay by more than LEAST in a map
     period: of a turn relative to the wind [s]; precession: of the spin axis about the wind, in a turn [rad]
     tilt_drift: change of the sailing angle in a turn [rad]; spin_drift: relative change of the spin in a
         turn; left: what else does not repeat itself in a map, relative to the largest coordinate

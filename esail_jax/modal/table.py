@@ -116,7 +116,7 @@ class ModeTable:
 
     def floquet_record(self, mode: int) -> dict[str, Any]:
         """Multiplier and exponent of a mode for `records`: none unless they were asked for, null
-        for a mode that is too fast."""
+        for a mode that is too fast or decays too fast."""
         if self.floquet is None:
             return {}
         mu, s = complex(self.floquet.multiplier[mode]), complex(self.floquet.exponent[mode])

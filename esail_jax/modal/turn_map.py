@@ -34,7 +34,7 @@ from esail_jax.steppers.collocation import Collocation
 from esail_jax.steppers.consistent import consistent_acceleration, project
 from esail_jax.steppers.results import RESULTS
 from esail_jax.steppers.stepper import Motion, Point
-from esail_jax.system import Power, System
+from esail_jax.system import System
 
 MOST_STEPS = 24
 """Largest number of steps whose derivative is recorded at once: a turn is put together from parts."""
@@ -112,7 +112,7 @@ def flow(system: System, q: Coordinates, v: Coordinates, duration: Scalar, steps
     stepper = RecordedCollocation(step, jnp.asarray(UNUSED_TOLERANCE))
     problem = Problem(system, stepper, jnp.zeros(3), zero, inertia_of(system), None)
     state, last = stepper.init(
-        system, Point(zero, q, v, Power(zero, zero), jnp.asarray(True)), jnp.asarray(jnp.inf)
+        system, Point(zero, q, v, system.no_power, jnp.asarray(True)), jnp.asarray(jnp.inf)
     )
     window = Window(duration[None], jnp.asarray(1))
     motion, points, _ = move(problem, Motion(state, last, jnp.zeros(2)), window, jnp.asarray(jnp.inf))

@@ -25,6 +25,28 @@ def at_angle(degrees, overrides=SMALL):
     return esail.modes("sun-facing", scene, converge=False, floquet=True)
 
 
+SHORT = 400.0
+"""Deployed length [m] of tethers of 1,000 m."""
+
+PAID_OUT = SMALL | {
+    "hub.height": None, "hub.density": None, "hub.radius": 1.0, "tethers.bending_damping_time": None,
+    "initial.spin_rate": 0.05, "remote_units.mass": 0.5, "integrator.t_end": 9.0, "output.interval": 1.0,
+}  # fmt: skip
+
+
+def hub_with(stored):
+    """A hub with point masses [kg] at the roots of three tethers, 1 m from its centre."""
+    inertia = [200.0 + 3.0 * stored, 150.0 + 1.5 * stored, 150.0 + 1.5 * stored]
+    return {"hub.mass": 300.0 + 3.0 * stored, "hub.inertia": np.diag(inertia).tolist()}
+
+
+@pytest.fixture(scope="module")
+def short():
+    """Modes and multipliers of a sail of constant length with what longer tethers would have wound up."""
+    stored = 7653.0 * 4.28e-9 * (1000.0 - SHORT)
+    return at_angle(0.0, PAID_OUT | hub_with(stored) | {"tethers.length": SHORT})
+
+
 @pytest.fixture(scope="module")
 def facing():
     return at_angle(0.0)
@@ -61,6 +83,28 @@ def test_unequal_tethers_use_the_map_of_a_whole_turn(validate):
     found = difference(at_angle(0.0, SMALL | UNEQUAL))
     case = "multipliers of unequal tethers"
     validate("FLO-2", case, "eigenvalues of the modes", "exponents, relative", found, UNRESOLVED)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("law", [
+    {"deployment.time": [0.0, 10.0], "deployment.rate": [0.0, 1.0]},
+    {"deployment.law": "tension", "deployment.time": [0.0, 9.0], "deployment.tension": [0.1, 0.1],
+     "deployment.drum_mass": 3.0},
+], ids=["table", "tension"])  # fmt: skip
+def test_tethers_that_begin_to_be_paid_out(law, short):
+    """At the length of the start, with the winches at rest: the multipliers of a sail of that length whose
+    hub has what is wound up as point masses at the roots. Motions that decay by more than 1e-8 in a map
+    are not resolved: these have no multipliers."""
+    paid = {"tethers.length": 1000.0, "deployment.start_length": SHORT}
+    found = at_angle(0.0, PAID_OUT | hub_with(0.0) | paid | law).floquet
+    known = np.isfinite(short.floquet.multiplier)
+    np.testing.assert_array_equal(known, np.isfinite(found.multiplier))
+    lost = np.exp(short.eigenvalue.real * found.period / 3.0) < 1e-8
+    slow = np.abs(short.eigenvalue) <= FASTEST * 0.05
+    np.testing.assert_array_equal(known, slow & ~lost)
+    assert known.sum() > 9 and (slow & lost).sum() > 3
+    change = np.abs(found.exponent - short.floquet.exponent)[known]
+    assert np.all(change < 1e-8 * np.abs(found.exponent[known]))
 
 
 @pytest.mark.nightly
