@@ -8,6 +8,7 @@ the border that the tethers share (`numerics/bordered.py`). With s = 0 it is the
 accelerations.
 """
 
+import dataclasses
 from typing import NamedTuple
 
 import jax
@@ -100,11 +101,36 @@ def mass(system: System, time: Scalar, q: Coordinates) -> bordered.Bordered:
     tethers, masses = system.tethers, mass_elements(system.tethers)
     matrix = assemble(system, time, q, masses, tethers.point_masses(), system.no_multipliers())
     if system.has_unknown_lengths:
-        rest, zero = jax.tree.map(jnp.zeros_like, q), jnp.zeros(())
-        return matrix._replace(lengths=length_rows(given, time, q, rest, zero, zero))
+        return matrix._replace(lengths=inertia_of_lengths(given, time, q))
     if system.ring is None:
         return matrix
     return matrix._replace(segments=segments_of(system.ring, mass_elements(system.ring.segments)))
+
+
+def inertia_of_lengths(system: System, time: Scalar, q: Coordinates) -> bordered.LengthRows:
+    """The rows and columns of the lengths in M, which is symmetric: the inertia forces of accelerations
+    l''."""
+    rest, one = jax.tree.map(jnp.zeros_like, q), jnp.ones_like(q.reel)
+    inertia = dataclasses.replace(system, energies=(), dissipations=(), loads=(), fields=())
+
+    def forces(lengths):
+        return rows_with_lengths(inertia, time, q, rest, rest._replace(reel=lengths))
+
+    _, column = jax.jvp(forces, (jnp.zeros_like(one),), (one,))
+    blocks = to_blocks(system, column.tether)
+    return bordered.LengthRows(blocks, blocks, column.reel)
+
+
+def rows_with_lengths(
+    system: System, time: Scalar, q: Coordinates, v: Coordinates, vdot: Coordinates
+) -> Coordinates:
+    """Rows of tethers and lengths at given commands of the control laws, without the tension of motors."""
+    now = system.paid_out(time, q, v, vdot)
+    inertial = now.relative_to_free_fall(time, q, v, vdot)
+    forces, _ = now.member_forces(time, q, v, inertial)
+    fall = vdot.tether - inertial.tether if now.fields else None
+    winches = now.winch_forces(time, q.tether, v.tether, vdot.tether, fall)
+    return forces._replace(reel=now.rows_of_lengths(winches, jnp.zeros_like(q.reel)))
 
 
 def length_rows(
@@ -115,22 +141,17 @@ def length_rows(
     every column, and one of the sum of the rows of all lengths every row."""
     if system.controlled:
         system = system.with_commands(system.at(time, q, v).commands(time, q, v))
-    rest, no_tension = jax.tree.map(jnp.zeros_like, q), jnp.zeros_like(q.reel)
+    rest, nothing = jax.tree.map(jnp.zeros_like, q), jnp.zeros_like(q.reel)
 
     def rows(q, v, vdot):
-        now = system.paid_out(time, q, v, vdot)
-        inertial = now.relative_to_free_fall(time, q, v, vdot)
-        forces, _ = now.member_forces(time, q, v, inertial)
-        fall = vdot.tether - inertial.tether if now.fields else None
-        winches = now.winch_forces(time, q.tether, v.tether, vdot.tether, fall)
-        return forces._replace(reel=now.rows_of_lengths(winches, no_tension))
+        return rows_with_lengths(system, time, q, v, vdot)
 
     def along(lengths):
         steps = (position, rate, jnp.ones(()))
         moved = (x._replace(reel=x.reel + s * lengths) for x, s in zip((q, v, rest), steps, strict=True))
         return rows(*moved)
 
-    _, column = jax.jvp(along, (no_tension,), (jnp.ones_like(no_tension),))
+    _, column = jax.jvp(along, (nothing,), (jnp.ones_like(nothing),))
     by_q, by_v, by_vdot = jax.grad(lambda *x: rows(*x).reel.sum(), (0, 1, 2))(q, v, rest)
     row = by_vdot.axpy(position, by_q).axpy(rate, by_v)
     corner = column.reel

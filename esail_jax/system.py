@@ -236,6 +236,13 @@ class System(Assembly):
         self, time: Scalar, q: Coordinates, v: Coordinates, vdot: Coordinates, lam: Multipliers
     ) -> tuple[Residual, Power]:
         """Residual of the equations of motion and constraints at one state, and the power of its forces."""
+        residual, power = self.rows(time, q, v, vdot, lam)
+        return self.with_moved_reactions(residual), power
+
+    def rows(
+        self, time: Scalar, q: Coordinates, v: Coordinates, vdot: Coordinates, lam: Multipliers
+    ) -> tuple[Residual, Power]:
+        """`residual` and power as functions of the state alone, which are linear in vdot and lam."""
         system = self.at(time, q, v, vdot)
         inertial = system.relative_to_free_fall(time, q, v, vdot)
         commanded = system.with_commanded_loads(time, q, v)
@@ -244,7 +251,7 @@ class System(Assembly):
         if self.payout is not None:
             power, rows = system.of_winches(time, q, v, vdot, power)
             residual = residual._replace(forces=residual.forces._replace(reel=rows))
-        return self.with_moved_reactions(residual), power
+        return residual, power
 
     def residuals(
         self,

@@ -483,7 +483,9 @@ class Reels(eqx.Module):
         bracket = self.density / self.whole * (bracket + c * dot(velocity, along))
         root = v[0, ..., 0, :]
         force = -self.per_tether(bracket) - 0.5 * density_of(batch) * dot(root, root)
-        force = force - jax.grad(lambda length: self.elastic_energy_of(length, fields).sum())(now.length)
+        if self.energies:
+            by_length = jax.grad(lambda length: self.elastic_energy_of(length, fields).sum())(now.length)
+            force = force - by_length
         if self.dissipations:
             force = force - jax.grad(lambda rate: self.dissipation(rate, fields, rates).sum())(now.rate)
         return force + self.per_tether(dot(pushed, s.along(fields.r_x)) / s.share)

@@ -43,21 +43,24 @@ def consistent_motion(
     rest = jax.tree.map(jnp.zeros_like, q)
     if system.hub is None:
         rest = system.place_roots(time, rest, derivative=2)
-    at_rest = system.relative_to_free_fall(time, q, v, rest)
-    commanded = system.with_commanded_loads(time, q, v)
-    loads, power = commanded.member_forces(time, q, v, at_rest)
-    residual, _ = system.complete_residual(time, q, v, loads, system.no_multipliers(), power)
     if system.has_unknown_lengths:
-        _, rows = system.of_winches(time, q, v, rest, power)
-        residual = residual._replace(forces=residual.forces._replace(reel=rows))
+        # The lengths' accelerations move the tethers, too: rows are linear in all of them.
+        at_rest, moved = jax.linearize(
+            lambda vdot, lam: assembly.rows(time, q, v, vdot, lam), rest, system.no_multipliers()
+        )
+        residual = at_rest[0]
+    else:
+        free = system.relative_to_free_fall(time, q, v, rest)
+        commanded = system.with_commanded_loads(time, q, v)
+        loads, power = commanded.member_forces(time, q, v, free)
+        residual, _ = system.complete_residual(time, q, v, loads, system.no_multipliers(), power)
     phi_ddot = system.constraint_acceleration(time, q, v, rest)
     matrix, factors = iteration_matrix.factor_mass(assembly, time, q) if mass is None else mass
     rhs = iteration_matrix.to_vector(system, *jax.tree.map(jnp.negative, (residual.forces, phi_ddot)))
     vdot, lam = iteration_matrix.from_vector(system, structured.solve(matrix, factors, rhs))
     if system.has_unknown_lengths:
-        # The lengths' accelerations move the tethers, too.
+        residual, power = jax.tree.map(jnp.add, at_rest, moved(vdot, lam))
         vdot = jax.tree.map(jnp.add, rest, vdot)
-        residual, power = assembly.residual(time, q, v, vdot, lam)
         return ConsistentMotion(vdot, lam, residual.forces, power)
     moving = loads.axpy(1.0, system.member_inertia(vdot))
     residual, power = system.complete_residual(time, q, v, moving, lam, power)

@@ -15,6 +15,7 @@ from esail_jax.scenes.method_choice import rates
 from esail_jax.scenes.structure import split
 from support.bits import check_same, esail_run
 from support.derivatives import check_both_modes
+from support.payout import dissipation
 from support.payout import lagrangian as payout_lagrangian
 from support.quick import jit
 
@@ -114,10 +115,7 @@ def test_the_linear_solution_solves_lagranges_equations(anchor):
         motion = (*lengths, q.tether, v.tether), (now.rate, now.acceleration, v.tether, vdot.tether)
         inertia = jax.jvp(momentum, *motion)[1]
         rows = inertia - jax.grad(lagrangian, 2)(*lengths, q.tether, v.tether)
-        damping = jax.grad(
-            lambda v: reels.dissipation(now.rate, *batch.interpolate_motion(q.tether, v)).sum()
-        )
-        damping = damping(v.tether)
+        damping = jax.grad(lambda v: dissipation(system, q.tether, v))(v.tether)
         return rows + damping, inertia, system.residual(time, q, v, vdot, system.no_multipliers())[0].forces
 
     rows, inertia, residual = forces(state)

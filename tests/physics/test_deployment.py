@@ -17,8 +17,8 @@ from esail_jax.scenes.loading import load_scene
 from esail_jax.scenes.structure import split
 from support.bits import check_same, esail_run
 from support.derivatives import check_both_modes
+from support.payout import dissipation
 from support.payout import lagrangian as payout_lagrangian
-from support.payout import points_of
 from support.quick import build_jitted, jit
 
 FREE = {
@@ -180,12 +180,15 @@ def test_a_taut_tether_that_is_paid_out_dissipates_nothing(name):
     along = jnp.stack([1.1 * share * x, 1.1 * share * jnp.ones_like(x)][: now.tethers.coefs])
     q = jnp.zeros_like(q).at[:, 0].set(along)
 
-    @jit
-    def dissipated(v):
-        return now.reels.dissipation(now.reels.now.rate, *now.reels.tethers.interpolate_motion(q, v))
+    steady, at_rest = jit(lambda v: [dissipation(now, q, x) for x in v])((c * q, 0.0 * q))
+    assert abs(steady) < 1e-25 * at_rest
 
-    steady, at_rest = dissipated(c * q), dissipated(0.0 * q)
-    assert np.all(np.abs(steady) < 1e-25 * at_rest)
+
+def energy(system, time, q, v):
+    """T + U [J] of the tethers with what is wound up."""
+    now = system.at(time)
+    moving = 0.5 * (v * now.tethers.inertia(v)).sum() + now.reels.energy_of_motion(q, v)
+    return moving + elastic_energy(system, time, Coordinates(q, None))
 
 
 @pytest.mark.parametrize("name", ["baseline", "truss"])
@@ -195,17 +198,12 @@ def test_the_winch_balances_the_energy(name):
     system, time, q, v, vdot = random_motion(name)
     system = dataclasses.replace(system, hub=None)
 
-    def energy(time, q, v):
-        now = system.at(time)
-        moving = 0.5 * (v * now.tethers.inertia(v)).sum() + now.reels.energy_of_motion(q, v)
-        return moving + elastic_energy(system, time, Coordinates(q, None))
-
     @jit
     def balance(q, v, vdot):
         now = system.at(time)
         rows, power = now.tether_forces(time, q, v, vdot)
-        forces = now.reels.winch_forces(q, v, vdot, points_of(now.tethers))
-        change = jax.jvp(energy, (time, q, v), (jnp.ones(()), v, vdot))[1]
+        forces = now.winch_forces(time, q, v, vdot, None)
+        change = jax.jvp(functools.partial(energy, system), (time, q, v), (jnp.ones(()), v, vdot))[1]
         supplied = (rows * v).sum() - (now.reels.now.rate * forces).sum() - power.dissipated
         return change, supplied, power.dissipated
 
@@ -223,17 +221,12 @@ def test_heated_tethers_balance_their_energy():
     built = build_jitted(*split(load_scene("truss", NOTHING_LOST | heat)))
     system = dataclasses.replace(built.system, hub=None, payout=table(built.system.payout.total))
 
-    def energy(time, q, v):
-        now = system.at(time)
-        moving = 0.5 * (v * now.tethers.inertia(v)).sum() + now.reels.energy_of_motion(q, v)
-        return moving + elastic_energy(system, time, Coordinates(q, None))
-
     @jit
     def balance(q, v, vdot):
         now, one = system.at(time), jnp.ones(())
         rows, power = now.tether_forces(time, q, v, vdot)
-        forces = now.reels.winch_forces(q, v, vdot, points_of(now.tethers))
-        change = jax.jvp(energy, (time, q, v), (one, v, vdot))[1]
+        forces = now.winch_forces(time, q, v, vdot, None)
+        change = jax.jvp(functools.partial(energy, system), (time, q, v), (one, v, vdot))[1]
 
         def stored(time, q):
             return thermal_energy(system, time, Coordinates(q, None))
@@ -247,27 +240,34 @@ def test_heated_tethers_balance_their_energy():
 
 @pytest.mark.parametrize("name", ["baseline", "truss"])
 def test_the_force_of_a_winch_is_lagranges_equation_of_the_length(name):
-    """-(d/dt dT/dl' - d(T - U)/dl) by automatic differentiation, to 1e-13 of its largest part."""
+    """-(d/dt dT/dl' - d(T - U)/dl) by automatic differentiation, without and with elasticity, to 1e-12 of
+    the largest part."""
     system, time, q, v, vdot = random_motion(name)
-    now = dataclasses.replace(system, dissipations=()).at(time)
+    elastic = dataclasses.replace(system, dissipations=()).at(time)
 
     @jit
     def both(q, v, vdot):
-        reels, lengths = now.reels, now.reels.now
+        def of(now):
+            reels, lengths = now.reels, now.reels.now
 
-        def lagrangian(length, rate, q, v):
-            return payout_lagrangian(reels, length, rate, q, v).sum()
+            def lagrangian(length, rate, q, v):
+                return payout_lagrangian(reels, length, rate, q, v).sum()
 
-        def momentum(*x):
-            return jax.grad(lagrangian, 1)(*x)
+            def momentum(*x):
+                return jax.grad(lagrangian, 1)(*x)
 
-        state, rates = (*lengths[:2], q, v), (*lengths[1:], v, vdot)
-        inertia = jax.jvp(momentum, state, rates)[1]
-        force = reels.winch_forces(q, v, vdot, points_of(now.tethers))
-        return force, jax.grad(lagrangian, 0)(*state) - inertia, inertia
+            state, rates = (*lengths[:2], q, v), (*lengths[1:], v, vdot)
+            expected = jax.grad(lagrangian, 0)(*state) - jax.jvp(momentum, state, rates)[1]
+            return now.winch_forces(time, q, v, vdot, None), expected
 
-    force, expected, inertia = both(q, v, vdot)
-    assert np.abs(force - expected).max() < 1e-12 * np.abs(inertia).max()
+        limp = dataclasses.replace(elastic, energies=())
+        limp = dataclasses.replace(limp, reels=dataclasses.replace(elastic.reels, energies=()))
+        return of(limp), of(elastic)
+
+    limp, taut = both(q, v, vdot)
+    assert np.abs(taut[0]).max() > 100.0 * np.abs(limp[0]).max()
+    for force, expected in (limp, taut):
+        assert np.abs(force - expected).max() < 1e-12 * np.abs(expected).max()
 
 
 @pytest.mark.parametrize("name", ["baseline", "truss"])
@@ -282,8 +282,9 @@ def test_the_force_of_a_winch_at_rest(name):
     q = jnp.zeros_like(q).at[:, 0].set(along)
     r = now.reels
     rest = r.now._replace(rate=0.0 * share, acceleration=0.0 * share)
-    at_rest = Reels.of(r.tethers, r.payout, rest, r.energies, r.dissipations)
-    force = jit(lambda q: at_rest.winch_forces(q, 0.0 * q, 0.0 * q, points_of(now.tethers)))(q)
+    reels = Reels.of(r.tethers, r.payout, rest, r.energies, r.dissipations)
+    at_rest = dataclasses.replace(now, reels=reels)
+    force = jit(lambda q: at_rest.winch_forces(time, q, 0.0 * q, 0.0 * q, None))(q)
     stiffness, strain = now.tethers.of_tethers(now.energies[0].stiffness)[0], e + 0.5 * e**2
     tension = stiffness * strain * (1.0 + e)
     assert np.allclose(force, tension * (1.0 + e) - 0.5 * stiffness * strain**2, rtol=1e-10)

@@ -17,6 +17,7 @@ from esail_jax.numerics.lines_in_time import LinesInTime
 from esail_jax.physics import WinchLaw
 from esail_jax.scenes.loading import load_scene
 from esail_jax.scenes.structure import split
+from esail_jax.steppers import kinks
 from esail_jax.steppers.consistent import consistent_motion
 from esail_jax.steppers.results import RESULTS
 from esail_jax.steppers.transposable import Transposable
@@ -137,6 +138,32 @@ def test_accelerations_solve_the_equations(name):
     assert np.abs(vdot.reel).min() > 1e-4
     assert np.abs(rows.reel).max() < 1e-12
     assert np.abs(rows.tether[0, :, 1:]).max() < 1e-12 * np.abs(rows.tether[0, :, 0]).max()
+
+
+@pytest.mark.parametrize("law", ["table", "tension"])
+def test_an_impulse_of_a_kink_changes_velocities_as_the_load_does(law):
+    """What a second derivative adds at a kink of the thrust: the velocities, of the lengths too, change by
+    an impulse [N s/m] along the tethers as the accelerations do by a load that is stronger [N/m]."""
+    on_off = {"voltage.law": "on-off", "voltage.on": 1.0, "voltage.off": 9.0, "voltage.rise_time": 1.0}
+    motor = {key: x for key, x in UNEQUAL.items() if key not in ("deployment.law", "deployment.drum_mass")}
+    table = motor | {"deployment.time": [0.0, 25.0], "deployment.rate": [0.0, 0.4]}
+    scene = table if law == "table" else UNEQUAL | TABLE
+    system, q, v, *_ = build_jitted(*split(load_scene("truss", scene | on_off)))
+    time, impulse = jnp.asarray(3.0), jnp.array([3e-7, -2e-7])
+    coned = q._replace(tether=q.tether.at[0, 0].add(jnp.array([0.0, 3.0, 5.0])[:, None]))
+
+    @jit
+    def both(q, v):
+        def accelerations(added):
+            return consistent_motion(system.with_added_strength({0: added}), time, q, v).vdot
+
+        changed, _ = kinks.response(system, time, q, v, (impulse,))
+        return changed, jax.tree.map(jnp.subtract, accelerations(impulse), accelerations(0.0 * impulse))
+
+    changed, expected = both(coned, v)
+    assert (law == "tension") == (changed.reel is not None)
+    for x, y in zip(*map(jax.tree.leaves, (changed, expected)), strict=True):
+        assert np.abs(y).max() > 1e-9 and np.abs(x - y).max() < 1e-6 * np.abs(y).max()
 
 
 def test_rows_of_several_states_are_those_of_each():

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 
 from esail_jax.elements.deployment import DeployedEnergy, density_of
-from esail_jax.numerics.vectors import dot
+from esail_jax.numerics.vectors import dot, total_of
 
 
 def lagrangian(reels, length, rate, q, v):
@@ -20,6 +20,7 @@ def lagrangian(reels, length, rate, q, v):
     return reels.per_tether(density) + 0.5 * batch.tip_mass * tip + 0.5 * stored * root
 
 
-def points_of(tethers):
-    """The shape of forces at all points."""
-    return jnp.zeros((3, len(tethers.weights), tethers.elements * tethers.count))
+def dissipation(now, q, v):
+    """R [W] of all tethers of a system at an instant."""
+    motion = now.reels.tethers.interpolate_motion(q, v)
+    return now.integrate(total_of(term.density(*motion) for term in now.acting_dissipations))
