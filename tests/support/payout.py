@@ -1,7 +1,5 @@
 """The Lagrangian of tethers that are paid out, which tests differentiate."""
 
-import jax.numpy as jnp
-
 from esail_jax.elements.deployment import DeployedEnergy, density_of
 from esail_jax.numerics.vectors import dot, total_of
 
