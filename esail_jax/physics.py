@@ -147,7 +147,10 @@ class WinchLaw(Named, terms.WinchLaw):
     to the table `deployment.tension`, which may be left out.
 
     `measurements` is that of voltage laws, with `deployed_length` [m], `payout_rate` [m/s] and
-    `root_tension` [N] of every tether. A motor that holds a rate, with a gain k [N s/m]:
+    `root_tension` [N] of every tether. A law with an attribute `period` [s] is sampled, and its tensions
+    are held in between; it may then have `init(measurements)`, the memory at the start, and
+    `update(measurements, memory)`, the tensions and the next memory, in place of `tension`. A motor that
+    holds a rate, with a gain k [N s/m]:
 
         class HoldRate(WinchLaw):
             rate: Array

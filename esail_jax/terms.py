@@ -425,9 +425,10 @@ class LinearField(Field):
 class WinchLaw(BodyTerm):
     """What the motors of winches hold, beside their table (`elements/winch.py`)."""
 
-    @abstractmethod
     def tension(self, measurements: Measurements) -> PerTether:
-        """The tension F [N] that every motor holds; positive against payout."""
+        """The tension F [N] that every motor holds; positive against payout. A sampled law of a user may
+        have `init` and `update` in its place."""
+        raise NotImplementedError
 
     def holding(self, volts: PerTether, elements: int) -> "WinchLaw":
         """The law when a sampled voltage law holds other voltages [V]."""

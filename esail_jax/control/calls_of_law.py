@@ -49,13 +49,18 @@ def updated(law: Any, measurements: Measurements, memory: Any) -> tuple[Any, Any
     """The voltages and the next memory, None for a law without one. Raises SceneError."""
     if not hasattr(law, "update"):
         return commanded(law, measurements), None
-    returned = called(law, "update", measurements, memory)
+    return two_things(called(law, "update", measurements, memory), "voltage_law", "voltages")
+
+
+def two_things(returned: Any, subject: str, what: str) -> tuple[Any, Any]:
+    """What the method `update` of a law returned, as two things. subject: what the law is called; what: the
+    first of the two. Raises SceneError."""
     if not isinstance(returned, tuple | list) or len(returned) != 2:
         many = f" of {len(returned)}" if isinstance(returned, tuple | list) else ""
-        must = "return two things, the voltages and the next memory"
-        raise SceneError("voltage_law.update", must, f"returned a {type(returned).__name__}{many}")
-    volts, after = returned
-    return volts, after
+        must = f"return two things, the {what} and the next memory"
+        raise SceneError(f"{subject}.update", must, f"returned a {type(returned).__name__}{many}")
+    first, after = returned
+    return first, after
 
 
 def called(law: Any, method: str, *given: Any, subject: str = "voltage_law", own: bool = False) -> Any:

@@ -100,7 +100,7 @@ def member_function(scene: Scene, names: tuple[str, ...]) -> Callable:
         steps = run.stats["steps"] + 0 * member
         errors = run.stats.get("step_errors", jnp.zeros(len(STEP_ERRORS)))
         rows = {name: run[name] for name in names}
-        jumped = run.stats.get("voltage_jumped", jnp.asarray(False))
+        jumped = run.stats.get("jumped", jnp.asarray(False))
         return MemberResult(rows, run.result == RESULTS.successful, steps, errors, jumped)
 
     return simulate_member

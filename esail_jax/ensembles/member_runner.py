@@ -31,10 +31,10 @@ from esail_jax.observables.run_warning import joined_warnings
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.tethers import Thermal
+from esail_jax.simulation.law_jumps import JUMPS
 from esail_jax.simulation.problem import require_64_bit
 from esail_jax.simulation.schedule import save_times
 from esail_jax.simulation.simulate import simulate
-from esail_jax.simulation.voltage_jumps import JUMPS
 from esail_jax.steppers.results import RESULTS
 from kept_programs.program import TreeProgram
 

@@ -36,13 +36,13 @@ from esail_jax.scenes.own_terms import AbsentTerms
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.toml_text import to_toml
 from esail_jax.simulation.host import CompiledScene, HostRun
+from esail_jax.simulation.law_jumps import jump_warning
 from esail_jax.simulation.problem import require_64_bit
 from esail_jax.simulation.rectification import AnyPoint
 from esail_jax.simulation.results import Checkpoint, Chunk, join
 from esail_jax.simulation.simulate import observables_at
 from esail_jax.simulation.solution import Solution, Stats
 from esail_jax.simulation.stability import Stability
-from esail_jax.simulation.voltage_jumps import jump_warning
 from esail_jax.steppers.results import RESULTS, name_of
 
 CHECKPOINT_SECONDS = 1.0
@@ -212,7 +212,7 @@ class RunWriter:
                 "wall_time": self._before[1] + progress.times[1],
             }
             if progress.jump is not None:
-                attributes["voltage_jump"] = progress.jump
+                attributes["jump"] = progress.jump
             file.attrs.update(attributes)
             del file["scene"]
             file["scene"] = to_toml(self.scene)
@@ -275,7 +275,7 @@ def save(solution: Solution, path: str | os.PathLike, overwrite: bool = False) -
         writer = RunWriter(temporary, Content.of_solution(solution), resume=False)
         rows = {name: np.asarray(x) for name, x in solution.observables.items()}
         writer.add(Chunk(np.asarray(solution.time), rows, solution.numerics, reached))
-        writer.write(progress._replace(jump=stats.get("voltage_jump")))
+        writer.write(progress._replace(jump=stats.get("jump")))
         if "stability" in stats:
             save_stability(temporary, stats["stability"])
 

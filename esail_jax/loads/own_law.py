@@ -40,30 +40,30 @@ def per_tether(volts: Any, count: int) -> PerTether:
     return jnp.broadcast_to(numbers, (count,))
 
 
-def arrays(memory: Any) -> Any:
-    """A memory whose numbers are arrays of a definite type. Raises SceneError for anything else, such as
-    keys of `jax.random`, which no file can hold."""
+def arrays(memory: Any, subject: str = "voltage_law") -> Any:
+    """A memory whose numbers are arrays of a definite type. subject: what its law is called. Raises
+    SceneError for anything else, such as keys of `jax.random`, which no file can hold."""
 
     def array(x: Any) -> Array:
         if not isinstance(x, jax.Array | np.ndarray | np.generic | bool | int | float | complex) or (
             jnp.issubdtype(jnp.result_type(x), jax.dtypes.extended)
         ):
-            raise SceneError("voltage_law", "have a memory of numbers", f"it holds {x!r:.60}")
+            raise SceneError(subject, "have a memory of numbers", f"it holds {x!r:.60}")
         return jnp.asarray(x, jnp.result_type(x))
 
     return jax.tree.map(array, memory)
 
 
-def check_same(before: Any, after: Any) -> None:
+def check_same(before: Any, after: Any, subject: str = "voltage_law") -> None:
     """Raises SceneError unless the memory after a sample has the structure, shapes and types of the memory
-    before it."""
+    before it. subject: what its law is called."""
     kinds = [
         (jax.tree.structure(x), [(y.shape, y.dtype) for y in jax.tree.leaves(x)]) for x in (before, after)
     ]
     if kinds[0] != kinds[1]:
         words = [jax.tree.map(lambda y: f"{y.dtype}{list(y.shape)}", x) for x in (before, after)]
         must = f"return a memory like the one before, {words[0]}"
-        raise SceneError("voltage_law.update", must, f"returned {words[1]}")
+        raise SceneError(f"{subject}.update", must, f"returned {words[1]}")
 
 
 class UsersLaw(VoltageLaw):

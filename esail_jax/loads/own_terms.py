@@ -25,12 +25,13 @@ from esail_jax.array_types import (
     Vector,
     VectorPerPoint,
 )
-from esail_jax.control.calls_of_law import called
+from esail_jax.control.calls_of_law import called, two_things
 from esail_jax.elements.tether import TetherBatch
 from esail_jax.environment.kepler_orbit import KeplerOrbit, PlaceOnOrbit
 from esail_jax.errors import SceneError
 from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.loads.law_structure import NUMBER, LawStructure
+from esail_jax.loads.own_law import arrays, check_same
 from esail_jax.measurements import Measurements
 from esail_jax.numerics.quadrature import gauss_legendre
 from esail_jax.physics import LoadFields
@@ -405,11 +406,47 @@ class OwnWinchLaw(Own, WinchLaw):
         return dataclasses.replace(self, around=self.around.holding(volts, elements))
 
     def tension(self, measurements: Measurements) -> PerTether:
-        count = measurements.chords.shape[1]
         numbers = self.call("tension", self.around.measured(measurements))
+        return self.per_tether("tension", numbers, measurements.chords.shape[1])
+
+    def per_tether(self, method: str, numbers: Any, count: int) -> PerTether:
+        """Tensions [N] that a method returned, one per tether."""
         if isinstance(numbers, float | int) or getattr(numbers, "shape", None) == ():
             numbers = jnp.full(count, numbers)
-        return self.like("tension", numbers, (count,), "numbers of newtons, one per tether,")
+        return self.like(method, numbers, (count,), "numbers of newtons, one per tether,")
+
+
+class SampledWinchLaw(OwnWinchLaw):
+    """A user's law of winches with a control period, by sample and hold. It has `tension(measurements)`, or
+    `init(measurements)` and `update(measurements, memory)`. held: the tensions of the last sample [N]."""
+
+    held: PerTether
+
+    def tension(self, measurements: Measurements) -> PerTether:
+        return self.held
+
+    def first_memory(self, measurements: Measurements) -> Any:
+        """The memory before the first sample; None for a law without a memory."""
+        if not self.has_memory:
+            return None
+        memory = self.call("init", self.around.measured(measurements))
+        return arrays(memory, subject_of(self.term, self.place))
+
+    def sample(self, measurements: Measurements, memory: Any) -> tuple[PerTether, Any]:
+        """The tensions [N], and the next memory."""
+        if not self.has_memory:
+            return super().tension(measurements), None
+        subject = subject_of(self.term, self.place)
+        returned = self.call("update", self.around.measured(measurements), memory)
+        tensions, after = two_things(returned, subject, "tensions")
+        after = arrays(after, subject)
+        check_same(memory, after, subject)
+        return self.per_tether("update", tensions, measurements.chords.shape[1]), after
+
+    @property
+    def has_memory(self) -> bool:
+        """Tells whether the law has a memory."""
+        return hasattr(self.term, "update")
 
 
 Divided = tuple[LawStructure, tuple[Array, ...]]
@@ -430,7 +467,10 @@ def own_terms(terms: tuple[Divided, ...], tethers: TetherBatch, around: Surround
         elif isinstance(term, TipLoad):
             wrappers += Terms(tip_loads=(OwnTipLoad(*own, around),))
         elif isinstance(term, WinchLaw):
-            wrappers += Terms(winch_laws=(OwnWinchLaw(*own, around),))
+            law = OwnWinchLaw(*own, around)
+            if hasattr(term, "period"):
+                law = SampledWinchLaw(*own, around, jnp.zeros(tethers.count))
+            wrappers += Terms(winch_laws=(law,))
         elif isinstance(term, HubLoad):
             wrappers += Terms(hub_loads=(OwnHubLoad(*own, around),))
         else:

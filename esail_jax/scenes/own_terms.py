@@ -56,9 +56,8 @@ def check_own_terms(scene: Any) -> None:
             raise SceneError(name, "be no HubLoad without [hub]", got)
         if kind == "WinchLaw" and (scene.deployment is None or scene.deployment.law != "tension"):
             raise SceneError(name, 'be no WinchLaw without the law "tension" of [deployment]', got)
-        if kind == "WinchLaw" and (hasattr(term, "period") or hasattr(term, "update")):
-            must = "have no `period` and no `update`, as winch laws act at every instant"
-            raise SceneError(name, must, f"{type(term).__name__} has one")
+        if kind == "WinchLaw":
+            check_winch_law(term, name)
         if scene.chain is not None and kind == "TipLoad":
             raise SceneError(name, "be no TipLoad with a chain", got)
         if scene.chain is not None and hasattr(term, "commanded"):
@@ -70,6 +69,19 @@ def check_own_terms(scene: Any) -> None:
             if scene.chain is not None or scene.tethers.element != "cable":
                 must = "not depend on the curvature without cable elements"
                 raise SceneError(name, must, f"{type(term).__name__} does")
+
+
+def check_winch_law(law: Any, name: str) -> None:
+    """Raises SceneError unless a winch law has one of the two sets of methods, and with a memory a
+    period."""
+    none = sys.modules["esail_jax.terms"].WinchLaw.tension
+    methods = ["tension"] if type(law).tension is not none else []
+    methods += [x for x in ("init", "update") if callable(getattr(law, x, None))]
+    if methods not in (["tension"], ["init", "update"]):
+        must = "have the method `tension`, or the methods `init` and `update`"
+        raise SceneError(name, must, f"{type(law).__name__} has {' and '.join(methods) or 'none of them'}")
+    if "update" in methods and not hasattr(law, "period"):
+        raise SceneError(f"{name}.period", "be given for a law with `update`", "is missing")
 
 
 def check_has_terms(scene: Any) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from esail_jax.html import html_table
 from esail_jax.scenes import rules
+from esail_jax.scenes.control_period import check_one_clock
 from esail_jax.scenes.declarations import rule_of
 from esail_jax.scenes.integration import Output, method_name
 from esail_jax.scenes.overrides import EXPANDERS, Request, unknown
@@ -211,6 +212,7 @@ def check_together(scene: Scene) -> None:
     if scene.voltage_law is not None:
         check_law_of_user(scene)
     check_own_terms(scene)
+    check_one_clock(scene)
 
 
 def with_place(scene: Scene) -> Any:

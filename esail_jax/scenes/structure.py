@@ -12,6 +12,7 @@ import numpy as np
 
 from esail_jax.array_types import Array, Float
 from esail_jax.loads.law_structure import LawStructure, divided
+from esail_jax.scenes.control_period import control_period
 from esail_jax.scenes.declarations import rule_of
 from esail_jax.scenes.own_terms import OWN_TERMS
 from esail_jax.scenes.parts import model_of, parts_of, table_names
@@ -21,6 +22,9 @@ from esail_jax.scenes.voltage import OWN_LAW, PERIOD, period_of
 
 SCHEDULE = ("integrator.t_end", "integrator.step", "output.interval", "event.time", "event.release")
 """Keys that decide which instants a run computes, but not which program is compiled."""
+
+CLOCK = f"{OWN_TERMS}.period"
+"""Key of the control period of winch laws, where the voltage law has none."""
 
 Numbers = dict[str, Array]
 """Numbers of a scene by key, such as `tethers.length`."""
@@ -49,15 +53,15 @@ class Structure:
     @property
     def is_switched(self) -> bool:
         """Tells whether the stepper may start anew during a run: at the instants of a part, or at those of
-        a sampled voltage law."""
+        a sampled law."""
         parts = [part for part in parts_of(self.model).values() if self.has(part.name)]
         switches = any(self.has(f"{part.name}.{name}") for part in parts for name in part.switches)
         return self.is_sampled or switches or any(part.every is not None for part in parts)
 
     @property
     def is_sampled(self) -> bool:
-        """Tells whether the scene has a user's voltage law with a control period."""
-        return any(key == PERIOD and value is not None for key, value in self.choices)
+        """Tells whether the scene has a user's law with a control period."""
+        return any(key in (PERIOD, CLOCK) and value is not None for key, value in self.choices)
 
     @property
     def own_terms(self) -> tuple[LawStructure, ...]:
@@ -93,6 +97,8 @@ def split(scene: Scene) -> tuple[Structure, Numbers]:
     if isinstance(scene.terms, tuple) and scene.terms:
         parts = [divided(term) for term in scene.terms]
         choices += [(OWN_TERMS, tuple(structure for structure, _ in parts))]
+        sampled = control_period(scene)
+        choices += [] if sampled is None or sampled[0] == PERIOD else [(CLOCK, sampled[1])]
         for i, (_, term_numbers) in enumerate(parts):
             numbers |= {f"{OWN_TERMS}.{i}.{j}": x for j, x in enumerate(term_numbers)}
     if scene.event is not None:

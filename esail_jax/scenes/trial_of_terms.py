@@ -7,14 +7,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from esail_jax.array_types import Array, Bool
+from esail_jax.array_types import Array, Bool, PerTether
 from esail_jax.compilation.kept import program_of
 from esail_jax.compilation.options import START_OPTIONS
 from esail_jax.coordinates import Coordinates
 from esail_jax.equilibria.steady_stretch import along, unstretched_line
 from esail_jax.joints import roots
 from esail_jax.loads.law_structure import is_number
-from esail_jax.loads.own_terms import Own, line_of, subject_of
+from esail_jax.loads.own_terms import Own, SampledWinchLaw, line_of, subject_of
+from esail_jax.measurements import Measurements
 from esail_jax.scenes.build import build_chain, system_of
 from esail_jax.scenes.build_parts import starting_attitude
 from esail_jax.scenes.own_terms import kind_of
@@ -22,6 +23,7 @@ from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.structure import Numbers, Structure, split
 from esail_jax.system import System
+from esail_jax.terms import WinchLaw
 
 METHODS = {
     "Energy": "energy_density", "Dissipation": "rayleigh_density", "Load": "force", "TipLoad": "force",
@@ -45,7 +47,7 @@ def try_terms(scene: Scene) -> None:
     finite = program_of(are_finite, (structure,), (numbers,), START_OPTIONS)(numbers)
     for place, (term, is_finite) in enumerate(zip(scene.terms, np.asarray(finite), strict=True)):
         if not is_finite:
-            method = METHODS[kind_of(term) or ""]
+            method = method_of(term)
             got = f"what {line_of(term, method)} returns at the start of the scene is not"
             raise SceneError(f"{subject_of(term, place)}.{method}", "be finite", got)
 
@@ -60,8 +62,21 @@ def check_numbers(term: Any, place: int) -> None:
             raise SceneError(name, "hold no masked numbers", f"has {np.ma.count_masked(leaf)}")
         if not np.isfinite(np.asarray(leaf)).all():
             name = f"{subject_of(term, place)}{jax.tree_util.keystr(path)}"
-            line = line_of(term, METHODS[kind_of(term) or ""])
+            line = line_of(term, method_of(term))
             raise SceneError(name, "be finite", f"is {leaf} (see {line})")
+
+
+def method_of(term: Any) -> str:
+    """The method that gives what a term is."""
+    kind = kind_of(term) or ""
+    return "update" if kind == "WinchLaw" and hasattr(term, "update") else METHODS[kind]
+
+
+def tensions_of(law: WinchLaw, measured: Measurements) -> PerTether:
+    """What a winch law gives for measurements, without what it may hold."""
+    if isinstance(law, SampledWinchLaw):
+        return law.sample(measured, law.first_memory(measured))[0]
+    return law.tension(measured)
 
 
 def are_finite(structure: Structure, numbers: Numbers) -> Bool[Array, " term"]:
@@ -109,7 +124,7 @@ def results(system: System, q: Coordinates, v: Coordinates) -> Iterator[tuple[Ow
         yield from ((term, term.force(measured)) for term in system.tip_loads if isinstance(term, Own))
     if system.winch_laws:
         measured = system.all_measurements(time, q, v)
-        yield from ((law, law.tension(measured)) for law in system.winch_laws)
+        yield from ((law, tensions_of(law, measured)) for law in system.winch_laws)
     for load in system.hub_loads:
         yield load, load.wrench(system.hub_motion(time, q, v))
     for field in system.fields:

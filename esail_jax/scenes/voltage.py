@@ -297,18 +297,19 @@ def check_has_law(name: str, law: Any) -> None:
         raise MissingLaw(OWN_LAW, 'be given with `voltage.law` = "python"', "is missing")
 
 
-def period_of(law: Any) -> float | None:
-    """The control period [s] of a user's law; None for a law that is not sampled. Raises SceneError."""
+def period_of(law: Any, name: str = PERIOD) -> float | None:
+    """The control period [s] of a user's law; None for a law that is not sampled. name: of the period.
+    Raises SceneError."""
     if law is None or not hasattr(law, "period"):
         return None
     period = law.period
     if known(period) is None:
         must = "be a plain number (declare the field with equinox.field(static=True))"
-        raise SceneError(PERIOD, must, "is a traced value")
+        raise SceneError(name, must, "is a traced value")
     try:
         number = float(period)
     except (TypeError, ValueError):
         number = math.nan
     if not 0.0 < number < math.inf:
-        raise SceneError(PERIOD, "be positive", f"is {period!r}")
+        raise SceneError(name, "be positive", f"is {period!r}")
     return number

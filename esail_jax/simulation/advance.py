@@ -18,8 +18,8 @@ from esail_jax.compilation.jit import traced_once
 from esail_jax.numerics.lockstep import any_member, buffer_set, while_active
 from esail_jax.numerics.own_derivative import custom_jvp
 from esail_jax.numerics.symbolic_zeros import jvp_of_perturbed
+from esail_jax.simulation.law_jumps import largest_jump
 from esail_jax.simulation.problem import Problem
-from esail_jax.simulation.voltage_jumps import largest_jump
 from esail_jax.steppers.results import RESULTS
 from esail_jax.steppers.stepper import (
     AbstractState,

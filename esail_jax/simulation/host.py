@@ -122,7 +122,7 @@ class HostRun:
 
     @property
     def jump(self) -> float | None:
-        """Largest jump of a voltage so far; None if none is looked for (`voltage_jumps.py`)."""
+        """Largest jump of what a law commands so far; None if none is looked for (`law_jumps.py`)."""
         jump = self.checkpoint.motion.jump
         return None if jump is None else float(jump)
 

@@ -21,9 +21,9 @@ from esail_jax.scenes.method_choice import stepper_of
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.structure import Numbers, Structure
+from esail_jax.simulation.law_jumps import watched
 from esail_jax.simulation.rectification import AnyPoint, PointOnOrbit, rectified
-from esail_jax.simulation.sampling import Control, sample, sampled_load
-from esail_jax.simulation.voltage_jumps import law_of
+from esail_jax.simulation.sampling import Control, is_sampled, sample
 from esail_jax.steppers.consistent import project
 from esail_jax.steppers.stepper import AbstractStepper, Motion, Point
 from esail_jax.system import System
@@ -76,19 +76,19 @@ class Problem(NamedTuple):
         return self._replace(carried=carried.without_memory)
 
     def settled(self) -> "Problem":
-        """The problem whose model has the voltages that a sampled law holds, and the orbit on which
+        """The problem whose model has what sampled laws hold, and the orbit on which
         the origin of its coordinates moves."""
         if self.carried is None:
             return self
         control, orbit = self.carried
-        model = self.model if control is None else self.model.holding(control.voltage)
+        model = self.model if control is None else control.held_by(self.system)
         return self._replace(model=at_place(model, orbit), carried=None)
 
 
 class Carried(NamedTuple):
     """What a run carries along beside its motion. It changes at switch times only.
 
-    control: of a sampled voltage law; orbit: the Kepler orbit on which the origin of the coordinates moves
+    control: of sampled laws; orbit: the Kepler orbit on which the origin of the coordinates moves
     (`rectification`). Each is None without such a part."""
 
     control: Control | None = None
@@ -96,14 +96,14 @@ class Carried(NamedTuple):
 
     @property
     def without_memory(self) -> "Carried":
-        """The same without the memory of the law, which forces do not need."""
-        return self if self.control is None else self._replace(control=self.control._replace(memory=None))
+        """The same without the memories of laws, which forces do not need."""
+        return self if self.control is None else self._replace(control=self.control.without_memory)
 
 
 class Start(NamedTuple):
     """The start of a run. unbalanced: unbalanced force of the steady elongation [N], per tether; q:
-    positions of a sail at the start. `check_steady` judges both. carried: with the first sample of a
-    sampled voltage law. The problem does not contain it (`Problem.under`)."""
+    positions of a sail at the start. `check_steady` judges both. carried: with the first sample of
+    sampled laws. The problem does not contain it (`Problem.under`)."""
 
     problem: Problem
     motion: Motion
@@ -175,10 +175,10 @@ def start(
             energy = energy - point.work.winch
     problem = Problem(model, stepper, origin, energy, inertia, floor, scene_orbit)
     carried = Carried(None, orbit)
-    if not structure.has("chain") and isinstance(model, System) and sampled_load(model) is not None:
+    if not structure.has("chain") and isinstance(model, System) and is_sampled(model):
         carried = carried._replace(control=sample(at_place(model, orbit), first, None))
     state, last = stepper.init(problem.under(carried).settled().model, first, jnp.asarray(jnp.inf))
-    jump = None if law_of(model) is None else zero
+    jump = zero if watched(model) else None
     return Start(problem, Motion(state, last, jnp.zeros(2), jump), unbalanced, q, carried)
 
 
@@ -194,7 +194,7 @@ def restart(
     carries along from there on.
 
     problem: the problem after the event; until: the next switch time [s]; carried: before the switch time;
-    due: whether that is a sampling instant, None without a sampled law."""
+    due: whether that is a sampling instant, None without sampled laws."""
     control, orbit = carried
     if orbit is not None:
         point, orbit = rectified(problem.system, point, orbit)

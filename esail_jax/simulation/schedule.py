@@ -7,17 +7,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from esail_jax.array_types import Array, Bool, Float, Int
+from esail_jax.scenes.control_period import control_period
 from esail_jax.scenes.parts import parts_of
 from esail_jax.scenes.rules import SceneError, known
 from esail_jax.scenes.scene import Scene
-from esail_jax.scenes.voltage import PERIOD, period_of
 
 SNAP = 1e-9
 """Fraction of an interval by which a time may miss a multiple of it: multiples of decimal fractions are
 rounded in binary."""
 
 MOST_SAMPLES = 10**6
-"""Largest number of samples of a voltage law in a run: two years of one a minute."""
+"""Largest number of samples of a law in a run: two years of one a minute."""
 
 
 def save_times(t_end: float, interval: float) -> np.ndarray:
@@ -38,7 +38,7 @@ def switch_times(scene: Scene, end: float | None = None) -> tuple[float, ...]:
 
     They are the instants at which the motion has a kink by a part of the scene (`Part.switches`), such as
     those of events, every multiple of the interval after which a part starts the stepper anew
-    (`Part.every`), and the sampling instants of a user's voltage law, if they are positive. A time that is
+    (`Part.every`), and the sampling instants of a user's laws, if they are positive. A time that is
     a tracer has no value yet: see `divided_at`."""
     times = set()
     for instants in instants_of(scene).values():
@@ -48,23 +48,23 @@ def switch_times(scene: Scene, end: float | None = None) -> tuple[float, ...]:
     for part in parts_of(scene.model).values():
         if part.every is not None and scene.has(part.name):
             times |= set(np.arange(part.every, end, part.every).tolist())
-    samples = sampling_instants(scene, end)
-    period = period_of(scene.voltage_law)
-    if samples and period is not None:
-        times = {time for time in times if not is_multiple(time, period)} | set(samples)
+    samples, clock = sampling_instants(scene, end), control_period(scene)
+    if samples and clock is not None:
+        times = {time for time in times if not is_multiple(time, clock[1])} | set(samples)
     return tuple(sorted(time for time in times if time > 0.0))
 
 
 def sampling_instants(scene: Scene, end: float | None = None) -> tuple[float, ...]:
-    """The sampling instants [s] of a user's voltage law after the start: all multiples of its
+    """The sampling instants [s] of a user's laws after the start: all multiples of their
     period until the end of the run [s], that of the scene if None. Raises SceneError if they are more than
     MOST_SAMPLES. A switch time that differs from one of them by rounding only is replaced by it."""
-    period = period_of(scene.voltage_law)
-    if period is None:
+    clock = control_period(scene)
+    if clock is None:
         return ()
+    name, period = clock
     last = (scene.integrator.t_end if end is None else end) / period * (1.0 + SNAP)
     if last > MOST_SAMPLES:
-        raise SceneError(PERIOD, f"leave at most {MOST_SAMPLES:.0e} samples", f"is {period:g}")
+        raise SceneError(name, f"leave at most {MOST_SAMPLES:.0e} samples", f"is {period:g}")
     return tuple((np.arange(1, int(last) + 1) * period).tolist())
 
 

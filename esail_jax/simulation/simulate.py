@@ -11,22 +11,23 @@ import numpy as np
 
 from esail_jax.errors import SimulationError
 from esail_jax.observables.run_warning import run_warning
+from esail_jax.scenes.control_period import control_period
 from esail_jax.scenes.key_reference import refuse_keywords
 from esail_jax.scenes.loading import load_scene
 from esail_jax.scenes.overrides import check_overrides
 from esail_jax.scenes.own_terms import OWN_TERMS
 from esail_jax.scenes.rules import SceneError, numbers_of
 from esail_jax.scenes.scene import Scene
-from esail_jax.scenes.voltage import OWN_LAW, period_of
+from esail_jax.scenes.voltage import OWN_LAW
 from esail_jax.simulation.arguments import check_arguments
 from esail_jax.simulation.host import HostRun, compile_scene
+from esail_jax.simulation.law_jumps import DERIVATIVE, jump_warning
 from esail_jax.simulation.rectification import AnyPoint
 from esail_jax.simulation.results import Checkpoint, Chunk, all_rows
 from esail_jax.simulation.schedule import save_times
 from esail_jax.simulation.solution import Solution, Stats
 from esail_jax.simulation.stability import INSTANTS, Stability, stability_of
 from esail_jax.simulation.under_trace import simulate_traced, under_trace
-from esail_jax.simulation.voltage_jumps import DERIVATIVE, jump_warning
 from esail_jax.steppers.results import RESULTS, name_of
 from esail_jax.steppers.stepper import AbstractStepper
 
@@ -77,16 +78,16 @@ def simulate(
     the failure on, and derivatives of them in reverse mode are NaN. A derivative records the steps in
     buffers of fixed size: WINDOWS_PER_TURN windows for every turn of the sail, but at least LEAST_WINDOWS,
     with `blocks_per_window` blocks of the stepper each; or more, if `max_steps` asks for more. A run that
-    needs more ends with `RESULTS.too_many_steps`. A run in which the voltage of a law of your own jumps
-    within steps has no derivative (`stats["voltage_jumped"]`): it is NaN, and an error where JAX knows the
+    needs more ends with `RESULTS.too_many_steps`. A run in which a law of your own jumps
+    within steps has no derivative (`stats["jumped"]`): it is NaN, and an error where JAX knows the
     numbers.
 
     Raises SceneError for bad input, SimulationError for a failed run, RuntimeError in 32-bit mode."""
     refuse_keywords("simulate", unknown)
     scene = load_scene(scene, with_own(overrides, voltage_law, terms))
     check_arguments(scene, save, times, start, max_steps)
-    if stability and period_of(scene.voltage_law) is not None:
-        raise SceneError("stability", "be False with a sampled `voltage_law`", "is True")
+    if stability and control_period(scene) is not None:
+        raise SceneError("stability", "be False with a sampled law", "is True")
     if under_trace(scene, start, stepper):
         if stability:
             raise SceneError("stability", "be False under a trace", "is True")
@@ -176,7 +177,7 @@ def raised(solution: Solution, throw: bool) -> Solution:
     """A traced solution. Raises SimulationError if it is known already that the run has failed, as
     it is in `jax.jvp` and `jax.grad` outside `jax.jit`, and `throw` asks for errors."""
     known = not any(isinstance(x, jax.core.Tracer) for x in jax.tree.leaves(solution.result))
-    if throw and known and solution.stats.get("voltage_jumped", False):
+    if throw and known and solution.stats.get("jumped", False):
         raise SimulationError(DERIVATIVE, solution.result)
     if throw and known and name_of(solution.result) != "successful":
         hint = " Its derivative needs room for more: ask for it by `max_steps`."
@@ -248,7 +249,7 @@ def collected(run: CompiledRun, save, throw: bool, progress=None) -> Solution:
         method=host.compiled.problem.stepper.name,
     )
     if host.jump is not None:
-        stats["voltage_jump"] = host.jump
+        stats["jump"] = host.jump
     said = jump_warning(host.jump), run_warning(rows, numerics, run.scene)
     stats["message"] = message or " ".join(filter(None, said))
     if save is not None:

@@ -23,11 +23,11 @@ class Stats(TypedDict, total=False):
 
     Every run has steps and rejected_steps, their numbers. A run on the host has compile_time and wall_time
     [s]; terms: the names of what was built; numerics_units: the unit of each statistic of the steps;
-    method; and message, which is empty unless something is to be said; voltage_jump: the largest jump of a
-    voltage of a user's law; stability: with `simulate(stability=True)`. Under a trace there are
-    voltage_jumped: whether a voltage has jumped; and step_errors: the estimates on which warnings rest. A
-    run from a file also has the attributes of that file, such as schema_version and the versions of
-    libraries."""
+    method; and message, which is empty unless something is to be said; jump: the largest jump of what a
+    law of a user commands, over its largest value; stability: with `simulate(stability=True)`. Under a
+    trace there are jumped: whether such a law has jumped; and step_errors: the estimates on which warnings
+    rest. A run from a file also has the attributes of that file, such as schema_version and the versions
+    of libraries."""
 
     steps: Any
     rejected_steps: Any
@@ -37,9 +37,9 @@ class Stats(TypedDict, total=False):
     numerics_units: dict[str, str]
     method: str
     message: str
-    voltage_jump: float
+    jump: float
     stability: Any
-    voltage_jumped: Any
+    jumped: Any
     step_errors: Any
 
 

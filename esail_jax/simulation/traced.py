@@ -20,11 +20,11 @@ from esail_jax.rod_chain import RodState
 from esail_jax.scenes.structure import Numbers, Structure
 from esail_jax.simulation.advance import Window, keep_tapes, move, point_of, room_for
 from esail_jax.simulation.divided_windows import DividedPlan, divided_plan, divided_windows
+from esail_jax.simulation.law_jumps import without_derivative
 from esail_jax.simulation.look import look, on_constraints, with_running_observables
 from esail_jax.simulation.problem import Carried, Problem, restart, start
 from esail_jax.simulation.rectification import AnyPoint, PointOnOrbit
 from esail_jax.simulation.schedule import Plan, Schedule
-from esail_jax.simulation.voltage_jumps import without_derivative
 from esail_jax.steppers.kinks import between_segments
 from esail_jax.steppers.results import RESULTS
 from esail_jax.steppers.stepper import INSTANTS_TOGETHER, AbstractStepper, Motion, Point
@@ -41,7 +41,7 @@ class Traced(NamedTuple):
 
     rows: observables by name, NaN from a failure on; point: the last point; result: a member of `RESULTS`;
     counts: numbers of steps taken and rejected; errors: the stepper's estimates of its errors; jumped:
-    whether a voltage has jumped, None if it is not looked for (`voltage_jumps.py`)."""
+    whether a law has jumped, None if it is not looked for (`law_jumps.py`)."""
 
     rows: dict[str, Array]
     point: AnyPoint

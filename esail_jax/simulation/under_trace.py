@@ -95,7 +95,7 @@ def simulate_traced(
         traced = failed_unless(start.time == start_time, traced, zero_of((numbers, start)))
     stats = Stats(steps=traced.counts[0], rejected_steps=traced.counts[1])
     if traced.jumped is not None:
-        stats["voltage_jumped"] = traced.jumped
+        stats["jumped"] = traced.jumped
     if traced.errors:
         stats["step_errors"] = jnp.stack([traced.errors[name] for name in STEP_ERRORS])
     rows = traced.rows if save is None else {name: traced.rows[name] for name in save}

@@ -108,8 +108,8 @@ class AbstractSteps(eqx.Module):
 class Motion(NamedTuple):
     """A stepper's state, with the record of the block that led to it: saved instants may lie in that block.
 
-    earlier: numbers of steps taken and rejected before the last call of `init`; jump: largest jump of a
-    voltage so far, None if none is looked for (`simulation/voltage_jumps.py`)."""
+    earlier: numbers of steps taken and rejected before the last call of `init`; jump: largest jump of
+    what a law commands so far, None if none is looked for (`simulation/law_jumps.py`)."""
 
     state: AbstractState
     last: AbstractSteps

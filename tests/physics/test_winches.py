@@ -25,30 +25,7 @@ from support.bits import check_same, esail_run
 from support.derivatives import check_both_modes
 from support.payout import lagrangian as payout_lagrangian
 from support.quick import build_jitted, jit
-
-UNEQUAL = {
-    "hub.density": 100.0,
-    "hub.height": 1.0,
-    "tethers.count": 2,
-    "tethers.length": 1000.0,
-    "tethers.elements": 2,
-    "tethers.bending_damping_time": None,
-    "remote_units.mass": [0.5, 0.6],
-    "initial.spin_rate": 0.06,
-    "initial.sailing_angle_deg": 0.0,
-    "deployment.start_length": [50.0, 60.0],
-    "deployment.law": "tension",
-    "deployment.drum_mass": [3.0, 4.0],
-    "integrator.t_end": 60.0,
-    "output.interval": 5.0,
-}
-TABLE = {
-    "deployment.time": [0.0, 25.0],
-    "deployment.tension": [[0.1, 0.12], [0.06, 0.09]],
-}
-CALM = UNEQUAL | TABLE | {"solar_wind": None, "voltage": None}
-LIGHT = CALM | {"tethers.axial_damping_time": None}
-WITHOUT_TABLE = {key: x for key, x in CALM.items() if key not in TABLE}
+from support.winch_sail import CALM, LIGHT, TABLE, UNEQUAL, WITHOUT_TABLE
 
 
 class HoldRate(WinchLaw):
@@ -360,6 +337,41 @@ def test_a_run_ends_with_its_tether(change, method, words):
     assert (lengths[known] < total).all() and (lengths[known] > np.array([2.5, 3.0])).all()
 
 
+class Limit(WinchLaw):
+    """A motor that pulls harder beyond a length [m]: at once, or over a distance [m]."""
+
+    beyond: Array
+    over: Array
+
+    def tension(self, measurements):
+        past = measurements.deployed_length - self.beyond
+        smooth = jax.nn.sigmoid(past / jnp.where(self.over > 0.0, self.over, 1.0))
+        return 0.1 + 0.02 * jnp.where(self.over > 0.0, smooth, past > 0.0)
+
+
+@pytest.mark.nightly
+def test_a_tension_that_jumps_is_said_and_has_no_derivative():
+    """A derivative would lack that of the instant. Rounded off it is right, to 1e-6; beyond the lengths of
+    the run nothing jumps."""
+    short = WITHOUT_TABLE | {"integrator.t_end": 30.0, "output.interval": 10.0}
+
+    def last(spin, beyond, over=0.0):
+        law = Limit(jnp.asarray(beyond), jnp.asarray(over))
+        given = short | {"initial.spin_rate": spin, "integrator.tolerance": 1e-11}
+        return esail.simulate("truss", given, terms=[law], max_steps=4000)
+
+    def length(*given):
+        return last(*given)["deployed_length"][-1].sum()
+
+    assert "A law of your own jumps within steps, by up to 17 %" in last(0.06, 61.0).stats["message"]
+    with pytest.raises(esail.SimulationError, match="A law of your own jumps"):
+        jax.grad(length)(0.06, 61.0)
+    for beyond, over in ((61.0, 0.5), (900.0, 0.0)):
+        assert last(0.06, beyond, over).stats["message"] == ""
+        quotient = (length(0.06 + 1e-6, beyond, over) - length(0.06 - 1e-6, beyond, over)) / 2e-6
+        assert jax.grad(length)(0.06, beyond, over) == pytest.approx(quotient, rel=1e-6)
+
+
 @pytest.mark.nightly
 def test_the_mirror_image_is_paid_out_alike():
     """With the other sense of the spin the lengths and the lag, which is counted in that sense, are the
@@ -474,13 +486,3 @@ def test_what_is_refused(change, terms, message):
 def test_a_winch_law_needs_winches(change):
     with pytest.raises(esail.SceneError, match=r"must be no WinchLaw without the law \"tension\""):
         esail.simulate("truss", {"tethers.count": 2} | change, terms=[Constant(jnp.ones(2))])
-
-
-def test_a_winch_law_is_not_sampled():
-    """A period would be ignored: it is refused."""
-
-    class Sampled(Constant):
-        period: float = 5.0
-
-    with pytest.raises(esail.SceneError, match=r"must have no `period` and no `update`"):
-        esail.simulate("truss", WITHOUT_TABLE, terms=[Sampled(jnp.ones(2))])

@@ -1,4 +1,4 @@
-"""A user's voltage law that jumps is said: the run warns, and a derivative is refused.
+"""A user's law that jumps is said: the run warns, and a derivative is refused.
 
 The laws of the runs are one law with other numbers, so that they share their programs.
 """
@@ -16,7 +16,7 @@ import esail_jax as esail
 from esail_jax.ensembles import simulate_members
 from esail_jax.errors import SimulationError
 from esail_jax.files.run_file import save
-from esail_jax.simulation.voltage_jumps import (
+from esail_jax.simulation.law_jumps import (
     DERIVATIVE,
     JUMPS,
     jump_warning,
@@ -97,6 +97,22 @@ def test_a_jump_is_a_change_that_is_left_in_the_smallest_part_of_a_step(name):
         np.testing.assert_allclose(found(sign, begin), expected, rtol=1e-3)
 
 
+def test_a_jump_at_a_knot_does_not_count():
+    """Steps end there: the jump is just behind the begin of a step. Another one in the same step counts,
+    and next to the knot it does not."""
+
+    @jax.jit
+    def found(knot, place):
+        def law(t):
+            return 1.0 + jnp.where(t < knot, 0.0, 1.0) + jnp.where(t < place, 0.0, 0.5)
+
+        return jump_within(lambda t: law(t)[None], jnp.asarray(5.0), jnp.ones(()), knot[None])
+
+    for knot in (5.0 + 6e-12, 5.4, 6.0):
+        assert found(knot, 9.0) == 0.0
+    np.testing.assert_allclose(found(5.0 + 6e-12, 5.7), 0.2, rtol=1e-12)
+
+
 def test_derivatives_after_a_jump_are_undefined_and_values_are_not():
     """In both modes, in a batch, and in second order."""
 
@@ -118,7 +134,7 @@ def test_derivatives_after_a_jump_are_undefined_and_values_are_not():
 
 
 @pytest.mark.nightly
-def test_a_run_says_that_a_voltage_jumps():
+def test_a_run_says_that_a_law_jumps():
     """The voltage falls from 30 to 20 kV as the cosine passes the edge: a third of the largest. A kink
     there, or a jump that the sail does not reach, is no jump. Members of an ensemble say it, too."""
     assert simulate(Beam(jump=0.5)).stats["message"].startswith(jump_warning(1.0 / 3.0))
