@@ -17,7 +17,7 @@ LAYERS = (
     ("numerics", "environment"),
     ("coordinates", "measurements", "physics", "point_fields", "terms"),
     ("control", "elements", "loads", "joints"),
-    ("assembly", "sensors", "system"),
+    ("assembly", "sensors", "commanded_assembly", "system"),
     ("iteration_matrix", "rod_chain"),
     ("steppers", "equilibria"),
     ("observables", "scenes"),

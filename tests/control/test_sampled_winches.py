@@ -10,9 +10,15 @@ import esail_jax as esail
 from esail_jax.array_types import Array
 from esail_jax.physics import WinchLaw
 from esail_jax.scenes.loading import load_scene
+from esail_jax.scenes.structure import split
 from esail_jax.scenes.toml_text import to_toml
+from esail_jax.simulation.law_jumps import watched
+from esail_jax.simulation.sampling import sample
+from esail_jax.simulation.schedule import sampling_instants, switch_times
+from esail_jax.steppers.stepper import Point
 from support.bits import check_same, esail_run
 from support.derivatives import check_both_modes
+from support.quick import build_jitted, jit
 from support.winch_sail import UNEQUAL, WITHOUT_TABLE
 
 NAMES = ["deployed_length", "payout_rate", "winch_tension", "lagging_angle"]
@@ -73,6 +79,33 @@ class Alternating(WinchLaw):
 def servo(**changed):
     numbers = {"rate": 0.3, "gain": 0.05, "learning": 0.01} | changed
     return Servo(*(jnp.asarray(x) for x in numbers.values()))
+
+
+def test_samples_are_held_and_remembered():
+    """The second sample follows from the memory of the first; between the two, motors hold the first, to
+    which the tension of a law that is not sampled is added."""
+    law, steady = Alternating(jnp.array([0.1, 0.12])), Held(jnp.array([0.01, 0.02]))
+    scene = load_scene("truss", WITHOUT_TABLE | {"terms": [steady, law]})
+    assert split(scene)[0].is_sampled and split(scene)[0].is_switched
+    assert switch_times(scene, 12.0) == (5.0, 10.0) and sampling_instants(scene, 12.0) == (5.0, 10.0)
+    assert watched_of(scene) == 1 and watched_of(scene.replace({"terms": [law]})) == 0
+    system, q, v, *_ = build_jitted(*split(scene))
+
+    @jit
+    def held(q, v):
+        start = Point(jnp.zeros(()), q, v, system.no_power, jnp.asarray(True))
+        one = sample(system, start, None)
+        two = sample(system, start, one)
+        return [x.held_by(system).motor_tension(start.time, q, v) for x in (one, two)]
+
+    one, two = held(q, v)
+    np.testing.assert_allclose(one, [0.13, 0.164], rtol=1e-15)
+    np.testing.assert_allclose(two, [0.09, 0.116], rtol=1e-15)
+
+
+def watched_of(scene):
+    """The number of laws whose jumps are looked for."""
+    return len(watched(build_jitted(*split(scene)).system))
 
 
 @pytest.mark.nightly
@@ -145,17 +178,19 @@ def test_derivatives_and_batches():
     numbers = {"rate": (0.3, 1e-4), "gain": (0.05, 1e-5), "learning": (0.01, 1e-5),
                "initial.spin_rate": (0.06, 1e-6)}  # fmt: skip
 
+    short = SHORT | {"integrator.t_end": 12.0, "output.interval": 6.0}
+
     def signals(given):
         of_scene = {key: x for key, x in given.items() if "." in key}
         law = servo(**{key: x for key, x in given.items() if key not in of_scene})
-        run = esail.simulate("truss", SHORT | of_scene, terms=[law], max_steps=4000)
+        run = esail.simulate("truss", short | of_scene, terms=[law], max_steps=1000)
         return {name: run[name] for name in ("deployed_length", "payout_rate")}
 
     for (key, name), error in check_both_modes(signals, numbers).items():
         assert error < 1e-6, (key, name)
 
     def last(gain):
-        run = esail.simulate("truss", SHORT, terms=[servo(gain=gain)], save=NAMES[:1], max_steps=4000)
+        run = esail.simulate("truss", short, terms=[servo(gain=gain)], save=NAMES[:1], max_steps=1000)
         return run["deployed_length"][-1].sum()
 
     slope = esail.jit(jax.grad(last))

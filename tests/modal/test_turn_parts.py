@@ -120,7 +120,7 @@ def test_multipliers_of_a_map_that_is_known(facing):
     """Facing the wind, a mode u exp(s t) of B is after a third of a turn exp(s T) u, turned with B and then
     renumbered. The map made of these images has the modes' eigenvalues for exponents, and with every image
     longer by exp(g T), the rate g more. 1e-8: rounding of the fastest motions, which are a thousand times
-    faster than the slowest."""
+    faster than the slowest. Motions that decay by more than 1e-8 in the map have no multipliers."""
     table, moving = facing
     system, z = moving.system, steady(moving)
     held = run(local, system, SPIN, jnp.asarray(z))
@@ -141,13 +141,16 @@ def test_multipliers_of_a_map_that_is_known(facing):
     wanted = tangents.T @ np.concatenate([after, after.conj(), neutral], axis=1)
     matrix = (wanted @ np.linalg.inv(given)).real
     orbit = Orbit(z, duration, 0.0, 0.0, 0.0, 0.0, tangents, matrix, neutral, 0.0, True)
-    found = multipliers(table, moving, Setting(system, SPIN, axis, 1, 1, 3), orbit)
+    setting = Setting(system, SPIN, axis, 1, 1, 3)
+    found = multipliers(table, moving, setting, orbit)
     slow = np.abs(table.eigenvalue) <= FASTEST * SPIN
     exponent = table.eigenvalue[slow] + growth
     assert np.abs(found.exponent[slow] - exponent).max() < 1e-8 * np.abs(exponent).max()
     assert np.abs(found.multiplier[slow] - np.exp(exponent * 3.0 * duration)).max() < 1e-6
     assert np.isnan(found.exponent[~slow]).all() and found.period == pytest.approx(2.0 * np.pi / SPIN)
     assert {signed_wave(table, int(k)) for k in np.flatnonzero(slow)} == {-1, 0, 1}
+    fading = multipliers(table, moving, setting, orbit._replace(map=1e-9 * matrix))
+    assert np.isnan(fading.multiplier).all() and np.isnan(fading.exponent).all()
 
 
 def test_orbit_of_a_rigid_map_has_its_precession_and_drifts(monkeypatch, facing):

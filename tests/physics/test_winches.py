@@ -101,17 +101,20 @@ def test_rows_of_lengths_are_those_of_lagrange(name):
 def test_accelerations_solve_the_equations(name):
     """Those of a state with wind solve all rows at once; lengths are coupled to the nodes of their tether
     in both directions. The row of a length to 1e-12 of its motor's tension, those of nodes to 1e-12 of the
-    largest."""
+    largest. Forces and powers that come with the accelerations are those of the rows."""
     system, q, v, *_ = build_jitted(*split(load_scene(name, UNEQUAL | TABLE)))
     v = v._replace(reel=v.reel + jnp.array([0.4, -0.3]))
 
     @jit
     def solved(q, v):
         motion = consistent_motion(system, jnp.asarray(3.0), q, v)
-        rows = system.residual(jnp.asarray(3.0), q, v, motion.vdot, motion.lam)[0].forces
-        return motion.vdot, rows
+        residual, power = system.residual(jnp.asarray(3.0), q, v, motion.vdot, motion.lam)
+        return motion.vdot, residual.forces, (motion.forces, motion.power), (residual.forces, power)
 
-    vdot, rows = solved(q, v)
+    vdot, rows, *with_motion = solved(q, v)
+    for found, expected in zip(*map(jax.tree.leaves, with_motion), strict=True):
+        assert np.abs(found - expected).max() < 1e-11 * np.abs(rows.tether).max()
+    assert np.abs(with_motion[0][1].winch) > 1e-3
     assert np.abs(vdot.reel).min() > 1e-4
     assert np.abs(rows.reel).max() < 1e-12
     assert np.abs(rows.tether[0, :, 1:]).max() < 1e-12 * np.abs(rows.tether[0, :, 0]).max()
