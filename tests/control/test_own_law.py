@@ -474,7 +474,7 @@ def test_a_command_says_how_it_takes_the_law_of_a_file(command, message, tmp_pat
 
 
 def test_a_growth_rate_with_samples_is_refused():
-    with pytest.raises(esail.SceneError, match="`stability` must be False with a sampled `voltage_law`"):
+    with pytest.raises(esail.SceneError, match="`stability` must be False with a sampled law"):
         simulate(Clock(), stability=True)
 
 

@@ -149,6 +149,7 @@ def test_a_field_does_work_on_all_of_the_motion(anchor):
     assert np.allclose(found, expected, rtol=1e-12)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("growth", [0.3, -0.3])
 def test_the_angle_of_an_exponential_deployment_in_orbit(growth):
     """A light tether that is paid out as exp(k W t) rests at sin(2 theta) = -4 k/3 from the vertical, on

@@ -19,6 +19,7 @@ PULSES = [x for k in (1, 2, 3) for x in (50.0 * k - 1.0, 50.0 * k - 0.5, 50.0 * 
 SWITCHED = SAIL | {"voltage.law": "on-off", "voltage.rise_time": 0.5, "integrator.t_end": 200.0}
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("kind", ["voltage", "wind"])
 def test_short_pulses_of_a_table_are_not_passed_over(kind):
     """Three pulses of 1.5 s in 200 s, where steps could be 30 s long. Their impulse moves the hub by up to

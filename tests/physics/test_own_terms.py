@@ -140,6 +140,7 @@ def test_wrench_has_the_power_of_force_and_torque():
     np.testing.assert_allclose((points * v.hub).sum(), expected, rtol=1e-12)
 
 
+@pytest.mark.nightly
 def test_a_wrench_changes_momentum_and_angular_momentum(validate):
     """In 20 s without wind, F t is the change of momentum, and T t plus the integral of the hub's position
     times F that of the angular momentum about the origin: to 1e-10 of F t and of the angular momentum. The
@@ -185,6 +186,7 @@ def test_lorentz_force_on_the_electron_current():
     np.testing.assert_allclose(total.sum(1), exact, rtol=1e-9)
 
 
+@pytest.mark.nightly
 def test_a_field_acts_on_a_chain_as_that_of_the_package():
     """The field of a circular orbit, and gravity, on a free chain of rods and on one that hangs: in
     relative coordinates (a user's fields take the way of nonlinear ones) to rounding."""
@@ -275,6 +277,7 @@ def test_the_iteration_matrix_knows_the_gradients_of_a_field():
     assert model.system.field_gradients(jnp.zeros(()), model.q, model.v) is None
 
 
+@pytest.mark.nightly
 def test_steps_end_at_the_knots_of_a_term():
     """A pulse of 5 s adds T/2 times 5 s of angular momentum along X_B to a hub that spins about it, where
     steps of the sail are three times as long: to 1e-9 of it."""

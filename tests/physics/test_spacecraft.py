@@ -132,6 +132,7 @@ def test_derivatives_by_every_number_of_a_spacecraft(method):
     assert max(errors.values()) < 1e-6, errors
 
 
+@pytest.mark.nightly
 def test_modes_of_a_spacecraft_like_the_cylinder():
     """Frequencies are those of the cylinder, to 1e-6: other base points, and the same body."""
     calm = SMALL | {"voltage.value": 0.0}

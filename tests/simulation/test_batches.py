@@ -52,6 +52,7 @@ def test_a_derivative_without_room_for_its_steps_says_so():
         jax.jvp(f, (SPIN,), (1.0,))
 
 
+@pytest.mark.nightly
 def test_debugging_of_nan_lets_healthy_runs_pass():
     """Places of buffers that no instant has reached are NaN on purpose."""
     with jax.debug_nans(True):

@@ -33,6 +33,7 @@ FIXED = {
 }  # fmt: skip
 
 
+@pytest.mark.nightly
 def test_steps_before_a_switch_count():
     """A method begins afresh at a switch time, but steps are counted over the whole run: as many as in runs
     without a switch of the lengths of its three parts."""
