@@ -1,0 +1,1 @@
+"""Dates: what connects the seconds of a run with the calendar."""
