@@ -1,13 +1,13 @@
 """Instants of the calendar in two time scales, and the SI seconds between them.
 
-UTC is the time of clocks: its days have 86,400 s, but for those that end with a leap second. TDB is the time of
-ephemerides of the solar system; it runs with terrestrial time TT = TAI + 32.184 s, apart from periodic terms
-below 2 ms, here those of U.S. Naval Observatory Circular 179 (2005), Eq. 2.6, right to 10 microseconds from 1600 to
-2200. The leap seconds are those of IERS Bulletin C 70; none is announced after 2017, and none is assumed.
+UTC is the time of clocks: its days have 86,400 s, but for those that end with a leap second. TDB is the
+time of ephemerides of the solar system; it runs with terrestrial time TT = TAI + 32.184 s, apart from
+periodic terms below 2 ms, here those of U.S. Naval Observatory Circular 179 (2005), Eq. 2.6, right to 10
+microseconds from 1600 to 2200. The leap seconds are those of IERS Bulletin C 70; none is announced after
+2017, and none is assumed.
 
-An instant is a day, as Modified Julian Date, and the seconds of that day: seconds of an epoch of today in one
-number would be rounded to a tenth of a microsecond.
-"""
+An instant is a day, as Modified Julian Date, and the seconds of that day: seconds of an epoch of today in
+one number would be rounded to a tenth of a microsecond."""
 
 import re
 from typing import Literal, NamedTuple
@@ -74,9 +74,9 @@ def normalised(day: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def read_instant(text: str, name: str) -> Instants:
-    """The instant of a date in the form of ISO 8601, with the month and the day or with the day of the year:
-    `2027-03-01T12:00:00`, `2027-060T12:00`, `2027-03-01`. It is in UTC, unless it ends with TDB. name: what the
-    date is called in an error.
+    """The instant of a date in the form of ISO 8601, with the month and the day or with the day of the
+    year: `2027-03-01T12:00:00`, `2027-060T12:00`, `2027-03-01`. It is in UTC, unless it ends with TDB.
+    name: what the date is called in an error.
 
     Raises SceneError for another form, and for a date that does not exist."""
     must = 'be a date such as "2027-03-01T12:00:00" or "2027-03-01T12:00:00 TDB"'
@@ -137,7 +137,7 @@ def in_scale(at: Instants, scale: Scale, name: str = "the instant") -> Instants:
 def utc_of_tai(day: np.ndarray, second: np.ndarray) -> Instants:
     """Instants of UTC from day and second of TAI. Within a leap second the second of the day is 86,400 or
     more."""
-    first, since = normalised(day, second - leap_seconds(day))
+    first, _ = normalised(day, second - leap_seconds(day))
     # The day before a leap second has the value of TAI - UTC before it.
     before, earlier = normalised(day, second - leap_seconds(first))
     inside = (before > first) & (leap_seconds(before) != leap_seconds(first))
@@ -147,8 +147,8 @@ def utc_of_tai(day: np.ndarray, second: np.ndarray) -> Instants:
 
 
 def seconds_between(start: Instants, end: Instants) -> Float[np.ndarray, "*time"]:
-    """The SI seconds from one instant to others, which are in the same scale. A second of TDB differs from it
-    by 3e-10 at most."""
+    """The SI seconds from one instant to others, which are in the same scale. A second of TDB differs from
+    it by 3e-10 at most."""
     seconds = DAY * (end.day - start.day) + (end.second - start.second)
     if start.scale != end.scale:
         raise ValueError(f"scales must be the same, but are {start.scale} and {end.scale}")
