@@ -1,5 +1,7 @@
 """`Instant`: the state of a sail at a saved instant, with quantities that several observables use."""
 
+from functools import cached_property
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -74,7 +76,7 @@ class Instant(eqx.Module):
     origin_velocity: Maybe[Vector] = None
     shift: Maybe[Shift] = None
 
-    @property
+    @cached_property
     def sense(self) -> Scalar:
         """The sense of the spin: -1 if the sail as a whole turns about X_B in the left-handed sense,
         otherwise 1. The hub may turn back for a while, when tethers swing."""
@@ -85,17 +87,17 @@ class Instant(eqx.Module):
             about_axis = momentum @ self.rotation[:, 0]
         return jnp.where(about_axis < 0.0, -1.0, 1.0)
 
-    @property
+    @cached_property
     def p(self) -> int:
         """Number of tethers."""
         return self.q.tether.shape[-1]
 
-    @property
+    @cached_property
     def rotation(self) -> Rotation:
         """Rotation C_B^I of the hub."""
         return self.system.rotation(self.time, self.q)
 
-    @property
+    @cached_property
     def centre(self) -> Vector:
         """Position of the hub centre O_B, or of the fixed centre of the rotating frame [m]."""
         return jnp.zeros(3) if self.system.hub is None else self.system.hub.centre(self.q.hub)
@@ -104,7 +106,7 @@ class Instant(eqx.Module):
         """Positions relative to the origin of the frame I, from those in the coordinates [m]."""
         return r if self.shift is None else r + self.shift.position.reshape(3, *(1,) * (r.ndim - 1))
 
-    @property
+    @cached_property
     def shift_energy(self) -> Scalar:
         """Kinetic energy [J] in the frame I minus that of the motion relative to the origin of the
         coordinates: w . p + m w^2/2, with the momentum p of the relative motion, the mass m of the sail,
@@ -112,50 +114,50 @@ class Instant(eqx.Module):
         w = self.shift.velocity
         return w @ (self.system.momentum(self.v, self.q) + 0.5 * self.mass * w)
 
-    @property
+    @cached_property
     def shift_power(self) -> Scalar:
         """Rate [W] of `shift_energy`."""
         w, rate = self.shift.velocity, self.shift.acceleration
         momentum, force = self.system.momentum(self.v), self.system.momentum(self.vdot)
         return rate @ (momentum + self.mass * w) + w @ force
 
-    @property
+    @cached_property
     def mass(self) -> Scalar:
         """Mass of a sail with a hub [kg]."""
         return self.system.momentum(self.system.uniform(jnp.array([1.0, 0.0, 0.0])))[0]
 
-    @property
+    @cached_property
     def measured(self) -> Measurements:
         """What control laws may measure."""
         return self.system.measurements(self.time, self.q, self.v)
 
-    @property
+    @cached_property
     def heliocentric(self) -> tuple[Vector, Vector]:
         """Heliocentric position [m] and velocity [m/s] of the hub centre, on an orbit."""
         velocity = self.system.hub.centre(self.v.hub)
         return self.origin + self.centre, self.origin_velocity + velocity
 
-    @property
+    @cached_property
     def orbital(self) -> Rotation:
         """Rotation C_O^I of the orbital frame at the hub's current position."""
         return orbital_frame(self.origin + self.centre)
 
-    @property
+    @cached_property
     def body_to_orbital(self) -> Rotation:
         """Rotation C_B^O from the body frame to the orbital frame."""
         return matmul(self.orbital.T, self.rotation)
 
-    @property
+    @cached_property
     def tips(self) -> Float[Array, "3 tether"]:
         """Positions of the tips [m]."""
         return self.q.tether[0, :, -1]
 
-    @property
+    @cached_property
     def roots(self) -> Float[Array, "3 tether"]:
         """Positions of the roots [m]."""
         return self.q.tether[0, :, 0]
 
-    @property
+    @cached_property
     def root_slopes(self) -> Float[Array, "3 tether"]:
         """Slopes r_x at the roots. A truss has those of its first elements."""
         nodal = self.q.tether
@@ -163,7 +165,7 @@ class Instant(eqx.Module):
             return nodal[1, :, 0]
         return (nodal[0, :, 1] - nodal[0, :, 0]) / self.system.tethers.element_length
 
-    @property
+    @cached_property
     def root_reactions(self) -> Float[Array, "3 tether"]:
         """Forces of the hub on the tethers [N], the root rows of M vdot - Q. While tethers are paid out,
         the force of the guide on the deployed part: without the reel and the flux of momentum into the
@@ -176,12 +178,12 @@ class Instant(eqx.Module):
         flux = reels.tethers.line_density * reels.now.rate**2 * self.root_slopes / share
         return rows - stored * self.vdot.tether[0, :, 0] - flux
 
-    @property
+    @cached_property
     def winch_forces(self) -> Float[Array, " tether"]:
         """Force F_w [N] of every winch."""
         return self.system.commanded_winch_forces(self.time, self.q, self.v, self.vdot)
 
-    @property
+    @cached_property
     def root_couples(self) -> Float[Array, "3 tether"]:
         """Couples of the hub on clamped roots [N m]: r_x x (generalized force of the clamp on r_x)."""
         if not self.system.clamped:
