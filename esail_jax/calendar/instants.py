@@ -19,6 +19,9 @@ from esail_jax.errors import SceneError
 
 Scale = Literal["UTC", "TDB"]
 
+EPOCH = "initial.epoch"
+"""Key of the date of t = 0."""
+
 DAY = 86400.0
 """Seconds of a day without a leap second."""
 
@@ -53,6 +56,9 @@ PATTERN = re.compile(
 )
 
 
+MUST = 'be a date such as "2027-03-01T12:00:00" or "2027-03-01T12:00:00 TDB"'
+
+
 class Instants(NamedTuple):
     """One instant or several. day: Modified Julian Date; second: of that day [s]; scale: of both."""
 
@@ -79,10 +85,9 @@ def read_instant(text: str, name: str) -> Instants:
     name: what the date is called in an error.
 
     Raises SceneError for another form, and for a date that does not exist."""
-    must = 'be a date such as "2027-03-01T12:00:00" or "2027-03-01T12:00:00 TDB"'
     found = PATTERN.fullmatch(text.strip())
     if found is None:
-        raise SceneError(name, must, f"is {text!r}")
+        raise SceneError(name, MUST, f"is {text!r}")
     scale: Scale = "TDB" if found["scale"] == "TDB" else "UTC"
     day = day_of(found)
     if day is None:
@@ -181,3 +186,17 @@ def written(at: Instants, digits: int = 3) -> list[str]:
         clock = f"{minutes // 60:02d}:{minutes % 60:02d}:{whole - 60 * minutes:02d}"
         texts.append(f"{date}T{clock}" + (f".{part:0{digits}d}" if digits else ""))
     return texts
+
+
+# ---- the dates of a run -------------------------------------------------------------------------
+
+
+def dated(epoch: str, seconds: Float[np.ndarray, "*time"], digits: int = 3) -> list[str]:
+    """The dates of instants of a run [s], in the time scale of its epoch, with decimals of the second."""
+    return written(after(read_instant(epoch, EPOCH), seconds), digits)
+
+
+def with_scale(epoch: str) -> str:
+    """An epoch as it was given, with its time scale at the end."""
+    scale = read_instant(epoch, EPOCH).scale
+    return f"{epoch.removesuffix('Z').removesuffix(scale).rstrip()} {scale}"

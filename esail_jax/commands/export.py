@@ -18,6 +18,10 @@ def add(commands: Any) -> None:
         "-o", "--output", required=True, type=Path, metavar="FILE",
         help="file to write: .csv (comma-separated values) or .nc (netCDF; needs xarray)",
     )  # fmt: skip
+    export.add_argument(
+        "--calendar", action="store_true",
+        help="write the date of every instant, too, for a run with an epoch (CSV)",
+    )  # fmt: skip
     export.add_argument("--overwrite", action="store_true", help="replace the file if it exists")
 
 
@@ -27,7 +31,14 @@ def check(options: argparse.Namespace) -> None:
     suffix = options.output.suffix.lower()
     if suffix not in TABLES:
         raise UsageError(f"`-o` must end in {' or '.join(TABLES)}, but ends in {suffix!r}")
+    if options.calendar and is_netcdf(options.output):
+        raise UsageError("`--calendar` must be left out with .nc, which has dates anyway, but is given")
     refuse_existing(options.output, options.overwrite)
+
+
+def is_netcdf(path: Path) -> bool:
+    """Tells by its ending whether a file is one of netCDF."""
+    return path.suffix.lower() == ".nc"
 
 
 def run(options: argparse.Namespace) -> ExitCode:
@@ -37,11 +48,13 @@ def run(options: argparse.Namespace) -> ExitCode:
     from esail_jax.atomic_file import atomic_file
     from esail_jax.files.export import check_netcdf, write_csv, write_netcdf
 
-    write = write_csv
-    if options.output.suffix.lower() == ".nc":
+    netcdf = is_netcdf(options.output)
+    if netcdf:
         check_netcdf()
-        write = write_netcdf
     with atomic_file(options.output) as part:
-        write(options.run, part)
+        if netcdf:
+            write_netcdf(options.run, part)
+        else:
+            write_csv(options.run, part, options.calendar)
     print(options.output)
     return ExitCode.DONE

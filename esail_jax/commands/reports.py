@@ -10,6 +10,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from esail_jax.calendar.instants import dated
 from esail_jax.files.opening import (
     DESIGN,
     RUNS_OF_DESIGN,
@@ -35,11 +36,13 @@ def describe(path: Path, said: Sequence[str] = ()) -> str:
     for sentence in said:
         attributes["message"] = " ".join(attributes["message"].replace(sentence, "").split())
     reached = times[-1] if len(times) else 0.0
+    dates = dated(scene.initial.epoch, np.array([0.0, reached]), 0) if scene.initial.epoch else []
     wall = max(attributes["wall_time"], 1e-9)
     steps = attributes["steps"]
     lines = [
         *heading(path, attributes, scene, terms),
         f"  time       {reached:g} of {scene.integrator.t_end:g} s, {len(times)} saved instants",
+        f"  dates      {dates[0]} to {dates[1]}, epoch {attributes['epoch']}" if dates else "",
         f"  speed      {steps} steps in {wall:.2f} s ({1e6 * wall / max(steps, 1):.0f} us a step, "
         f"{reached / wall:.0f} x real time), compiling {attributes['compile_time']:.2f} s",
         balance,

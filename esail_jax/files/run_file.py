@@ -16,6 +16,7 @@ import jax
 import numpy as np
 
 from esail_jax.atomic_file import atomic_file
+from esail_jax.calendar.instants import with_scale
 from esail_jax.files.hdf5 import (
     LEAST_ROOM,
     ROWS_PER_CHUNK,
@@ -122,6 +123,8 @@ def create(file: h5py.File, content: Content) -> None:
     }
     if content.scene.voltage_law is not None:
         attributes["voltage_law"] = identity_of(content.scene.voltage_law)
+    if content.scene.initial.epoch is not None:
+        attributes["epoch"] = with_scale(content.scene.initial.epoch)
     if content.scene.terms:
         attributes["own_terms"] = names_of_terms(content.scene)
     file.attrs.update(attributes)

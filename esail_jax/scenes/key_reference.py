@@ -76,6 +76,8 @@ def type_in_words(rule: Rule, member: str) -> str:
         return "one of " + ", ".join(f'"{name}"' for name in rule.choices)
     if rule.kind is Kind.SWITCH:
         return "true or false"
+    if rule.kind is Kind.DATE:
+        return "date"
     if rule.kind is Kind.INTEGER:
         return "list of integers" if rule.shape is Shape.LIST else "integer"
     return rule.shape.value.replace("member", member)

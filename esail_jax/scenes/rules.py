@@ -7,6 +7,7 @@ fields: what a key may be given. `Shape` and `Kind` are their counterparts for t
 
 import bisect
 import dataclasses
+import datetime
 import enum
 import sys
 import typing
@@ -109,6 +110,9 @@ class Kind(enum.Enum):
     SWITCH = "switch"
     """True or false."""
 
+    DATE = "date"
+    """An instant of the calendar, as a text."""
+
 
 def is_traced(value: Any) -> bool:
     """Tells whether a value is a tracer: a number under `jit`, `grad` or `vmap`."""
@@ -168,6 +172,9 @@ positive_integer = Rule("be a positive integer", structure=True, kind=Kind.INTEG
 
 
 true_or_false = Rule("be true or false", structure=True, kind=Kind.SWITCH)
+
+
+date = Rule("be a date", structure=True, kind=Kind.DATE)
 
 
 def between(interval: str) -> Rule:
@@ -237,6 +244,8 @@ def check_value(key: str, value: Any, rule: Rule, members: Members | None) -> An
         if not isinstance(value, str) or value not in rule.choices:
             raise SceneError(key, rule.must, describe(value))
         return value
+    if rule.kind is Kind.DATE:
+        return check_date(key, value)
     if rule.kind is Kind.INTEGER:
         if isinstance(value, bool) or not isinstance(value, int) or value < 1:
             raise SceneError(key, rule.must, describe(value))
@@ -244,6 +253,18 @@ def check_value(key: str, value: Any, rule: Rule, members: Members | None) -> An
             raise SceneError(key, f"be at most {MOST_COUNT:.0e}", describe(value))
         return value
     return check_number(key, value, rule, members)
+
+
+def check_date(key: str, value: Any) -> str:
+    """The text of a date. A date of TOML, which has no quotes, becomes its text. Raises SceneError."""
+    from esail_jax.calendar.instants import MUST, read_instant  # takes a tenth of a second to import
+
+    if isinstance(value, datetime.datetime | datetime.date):
+        value = value.isoformat().replace("+00:00", "Z")
+    if not isinstance(value, str):
+        raise SceneError(key, MUST, describe(value))
+    read_instant(value, key)
+    return value.strip()
 
 
 MOST_COUNT = 10**30

@@ -17,6 +17,7 @@ from esail_jax.scenes.rules import (
     any_number,
     between,
     choice,
+    date,
     nonzero_vector,
     positive,
 )
@@ -53,6 +54,12 @@ class Initial:
         doc="Angle of the tethers from the spin plane towards X_B.",
         default=0.0,
     )
+    epoch: str | None = declare(
+        date,
+        unit="-",
+        doc="Date of t = 0, such as 2027-03-01T12:00:00, in UTC unless it ends with TDB.",
+        default=None,
+    )
 
 
 ORIGIN_AU = (0.7071067811865476, 0.7071067811865476, 0.0)
@@ -87,6 +94,12 @@ class ChainInitial:
     )
     heliocentric_position_au: Vector | None = vector(
         unit="au", doc="Heliocentric position of the origin, required with solar wind.", default=None
+    )
+    epoch: str | None = declare(
+        date,
+        unit="-",
+        doc="Date of t = 0, such as 2027-03-01T12:00:00, in UTC unless it ends with TDB.",
+        default=None,
     )
 
 

@@ -20,8 +20,11 @@ from esail_jax.scenes.rules import Shape
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.voltage import OWN_LAW, PERIOD, period_of
 
-SCHEDULE = ("integrator.t_end", "integrator.step", "output.interval", "event.time", "event.release")
-"""Keys that decide which instants a run computes, but not which program is compiled."""
+SCHEDULE = (
+    "integrator.t_end", "integrator.step", "output.interval", "event.time", "event.release",
+    "initial.epoch",
+)  # fmt: skip
+"""Keys that decide which instants a run computes, or their dates, but not which program is compiled."""
 
 CLOCK = f"{OWN_TERMS}.period"
 """Key of the control period of winch laws, where the voltage law has none."""

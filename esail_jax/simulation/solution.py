@@ -8,6 +8,7 @@ import jax
 import numpy as np
 
 from esail_jax.array_types import Array, Float, Maybe
+from esail_jax.calendar.instants import EPOCH, dated, read_instant
 from esail_jax.html import html_table
 from esail_jax.observables import described, hint_at, known_names
 from esail_jax.observables.entry import Observable
@@ -136,6 +137,16 @@ class Solution(eqx.Module, Mapping):
             raise ValueError("`solution` must come from a run on concrete numbers, but was traced")
         return self.again(self, time)
 
+    def dates(self, digits: int = 3) -> list[str]:
+        """The dates of the saved instants in the form of ISO 8601, in the time scale of the epoch, UTC or
+        TDB, with decimals of the second. Raises ValueError for a run without an epoch, and under a
+        trace."""
+        if self.scene is None or isinstance(self.time, jax.core.Tracer):
+            raise ValueError("`solution` must come from a run on concrete numbers, but was traced")
+        if self.scene.initial.epoch is None:
+            raise ValueError("`initial.epoch` must be given for a run with dates, but is missing")
+        return dated(self.scene.initial.epoch, np.asarray(self.time), digits)
+
     def to_xarray(self) -> Any:
         """The run as an `xarray.Dataset` with units, symbols, equations and named axes.
 
@@ -148,7 +159,7 @@ class Solution(eqx.Module, Mapping):
             axes = ["time", *(f"{name}_{axis}" if axis in OWN_AXES else axis for axis in entry.axes)]
             attributes = {"units": entry.unit, "symbol": entry.symbol, "equation": entry.equation}
             data[name] = (axes, np.asarray(self[name]), attributes)
-        time = ("time", np.asarray(self.time), {"units": "s"})
+        time = ("time", np.asarray(self.time), time_attributes(self.scene))
         return xarray.Dataset(
             data, coords={"time": time}, attrs={"message": str(self.stats.get("message", ""))}
         )
@@ -178,6 +189,18 @@ class Solution(eqx.Module, Mapping):
             rows.append((name, entry.unit, ", ".join(("time", *entry.axes)), *ends, entry.meaning))
         heads = ("observable", "unit", "axes", "smallest", "largest", "meaning")
         return html_table(repr(self), heads, rows)
+
+
+def time_attributes(scene: Scene | None) -> dict[str, str]:
+    """The attributes of the axis `time` of a dataset. With an epoch they are those of the CF conventions,
+    by which programs show dates; their calendar has no leap seconds."""
+    epoch = None if scene is None else scene.initial.epoch
+    if epoch is None:
+        return {"units": "s"}
+    (date,) = dated(epoch, np.zeros(1), 6)
+    scale = read_instant(epoch, EPOCH).scale
+    units = f"seconds since {date.replace('T', ' ')}"
+    return {"standard_name": "time", "units": units, "calendar": "standard", "time_scale": scale}
 
 
 OWN_AXES = ("angle", "row", "col")

@@ -252,6 +252,8 @@ def test_annotations_agree_with_the_rules(name):
         assert typing.get_origin(wanted) is typing.Literal
     elif rule.kind is Kind.SWITCH:
         wanted = bool
+    elif rule.kind is Kind.DATE:
+        wanted = str
     elif rule.shape is Shape.LIST:
         wanted = typing.get_origin(field.type)[int if rule.kind is Kind.INTEGER else float]
     elif rule.structure:
