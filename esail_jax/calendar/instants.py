@@ -13,8 +13,8 @@ import re
 from typing import Literal, NamedTuple
 
 import numpy as np
+from jaxtyping import Float, Int
 
-from esail_jax.array_types import Float, Int
 from esail_jax.errors import SceneError
 
 Scale = Literal["UTC", "TDB"]
