@@ -5,7 +5,7 @@ import pytest
 
 import esail_jax as esail
 from esail_jax.scenes.loading import builtin_text
-from esail_jax.scenes.plasma import read_columns
+from esail_jax.wind_files.opening import read_rows
 
 HEAD = "time,speed,number_density"
 ROWS = ["0,4e5,7e6", "100,4.1e5,6e6", "200,3.9e5,5e6"]
