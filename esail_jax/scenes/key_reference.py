@@ -104,8 +104,8 @@ def wind_file_keys() -> tuple[KeyDescription, KeyDescription]:
         type="number",
         unit="s",
         rule="must be positive",
-        doc="Longest gap of `file`, between the rows before and behind, that a straight line bridges; every "
-        "gap is refused if left out.",
+        doc="Longest gap of `file`, between the rows before and behind, that a straight line bridges; "
+        "every gap is refused if left out.",
     )
     return file, gap
 

@@ -61,7 +61,7 @@ class Joined(NamedTuple):
 
 def date_of(epoch: Instants, time: float) -> str:
     """The date, in UTC and to the second, of an instant [s] after an epoch."""
-    (text,) = written(in_scale(after(epoch, np.array(time)), "UTC"), 0)
+    (text,) = written(in_scale(after(epoch, np.array([time])), "UTC"), 0)
     return text
 
 

@@ -71,12 +71,17 @@ def seconds_since(
     return seconds_between(epoch, in_scale(at, epoch.scale, name))
 
 
+def first_of(at: Instants) -> Instants:
+    """The first of several instants."""
+    return Instants(np.asarray(at.day[0]), np.asarray(at.second[0]), at.scale)
+
+
 def check_increasing(rows: Rows) -> Rows:
     """The rows themselves. Raises SceneError, which names the first row that is not later than the one
     before."""
     time = rows.time
     if isinstance(time, Instants):
-        time = seconds_since(Instants(time.day[0], time.second[0], time.scale), time)
+        time = seconds_since(first_of(time), time)
     wrong = np.flatnonzero(np.diff(time) <= 0.0)
     if len(wrong):
         row = int(wrong[0]) + 1

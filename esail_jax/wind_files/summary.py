@@ -10,6 +10,7 @@ from jaxtyping import Float
 from esail_jax.calendar.instants import Instants
 from esail_jax.wind_files.in_run import gaps_of, joined
 from esail_jax.wind_files.opening import read_rows
+from esail_jax.wind_files.rows import first_of
 
 NAMES = {"speed": "m/s", "number_density": "1/m^3"}
 """Columns that are described, and their units."""
@@ -20,7 +21,7 @@ def summary_of(paths: Sequence[Path]) -> str:
     the time between them. Raises SceneError."""
     parts = [read_rows(str(path), Path()) for path in paths]
     dates = [part.time for part in parts if isinstance(part.time, Instants)]
-    epoch = Instants(dates[0].day[0], dates[0].second[0], dates[0].scale) if dates else None
+    epoch = first_of(dates[0]) if dates else None
     wind = joined(parts, epoch)
     kept = np.flatnonzero(wind.good)
     gaps = gaps_of(wind, kept)

@@ -72,7 +72,7 @@ def numbers(name: str, values: Any) -> Float[np.ndarray, " row"]:
     """The numbers of a list, an array, a Series or a DataArray as an array of their own; masked ones are
     NaN. Raises SceneError for anything else."""
     try:
-        array: np.ndarray = np.ma.filled(np.ma.array(values, dtype=float), np.nan)
+        array: np.ndarray = np.array(np.ma.filled(np.ma.array(values, dtype=float), np.nan))
     except (TypeError, ValueError):
         raise SceneError(name, "be a list of numbers", "has other entries") from None
     if array.ndim != 1 or len(array) == 0:
