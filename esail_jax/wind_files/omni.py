@@ -14,10 +14,13 @@ average over the hour that the date names, and the date of a minute value is the
 values are placed at the middle of what they are averages of. A density counts protons only; the few per
 cent of helium are not added."""
 
+import math
+from array import array
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from esail_jax.calendar.instants import FIRST_DAYS, Instants
 from esail_jax.errors import SceneError
@@ -73,55 +76,61 @@ def is_omni(line: str) -> bool:
 def read_omni(text: str, source: str) -> Rows:
     """The rows of the text of an OMNI file. Lines without words are left out. source: what the file is
     called in a message. Raises SceneError, which names the line that is wrong."""
-    lines = [(number, line.split()) for number, line in enumerate(text.split("\n"), 1) if line.strip()]
-    form = form_of(lines[0][1], f"line {lines[0][0]} of {source}")
-    wanted = [*range(form.date), form.speed.number - 1, form.number_density.number - 1]
-    count = len(lines[0][1])
-    for number, words in lines:
-        if len(words) != count:
-            must = f"have {count} words in every line"
-            raise SceneError(WIND_FILE, must, f"line {number} of {source} has {len(words)}")
-    chosen = [[words[i] for i in wanted] for _, words in lines]
-    line = np.array([number for number, _ in lines])
-    try:
-        values = np.array(chosen, float)
-    except ValueError:
-        values = np.array([[float(x) if is_number(x) else np.nan for x in row] for row in chosen])
-    refuse(
-        ~np.isfinite(values).all(axis=1), "have numbers for date, speed and density", chosen, line, source
-    )
+    lines = text.split("\n")
+    first = next(i for i, line in enumerate(lines) if line.strip())
+    form = form_of(lines[first].split(), f"line {first + 1} of {source}")
+    wanted = itemgetter(*range(form.date), form.speed.number - 1, form.number_density.number - 1)
+    line, values = numbers_of(lines, len(lines[first].split()), wanted, source)
     date, (speed, density) = values[:, : form.date], values[:, form.date :].T
-    first, exists = days_of(date[:, 0], date[:, 1])
-    exists &= (date == np.floor(date)).all(axis=1) & (date[:, 2] >= 0.0) & (date[:, 2] <= 23.0)
     minute = date[:, 3] if form.date == 4 else np.zeros(len(date))
+    day, exists = days_of(date[:, 0], date[:, 1])
+    exists &= (date == np.floor(date)).all(axis=1) & (date[:, 2] >= 0.0) & (date[:, 2] <= 23.0)
     exists &= (minute >= 0.0) & (minute <= 59.0)
-    dates = [row[: form.date] for row in chosen]
-    refuse(~exists, "have dates that exist", dates, line, source)
-    refuse(speed <= 0.0, "have positive speeds", [row[-2:-1] for row in chosen], line, source)
-    refuse(
-        density < 0.0, "have densities that are not negative", [row[-1:] for row in chosen], line, source
-    )
+    for wrong, must, part in (
+        (~exists, "have dates that exist", slice(form.date)),
+        (speed <= 0.0, "have positive speeds", slice(-2, -1)),
+        (density < 0.0, "have densities that are not negative", slice(-1, None)),
+    ):
+        for number in line[wrong][:1].tolist():
+            words = " ".join(wanted(lines[number - 1].split())[part])
+            raise SceneError(WIND_FILE, must, f"line {number} of {source} has {words!r}")
     missing = dict[int, str]()
     for key, column, word in (
         ("speed", speed, form.speed),
         ("number_density", density, form.number_density),
     ):
-        for row in np.flatnonzero(column == word.fill).tolist():
-            missing[row] = f"{key} is the fill value {word.fill}"
-    return check_increasing(
-        Rows(
-            source=source,
-            form=form.name,
-            time=Instants(first, 3600.0 * date[:, 2] + 60.0 * minute + 0.5 * form.cadence, "UTC"),
-            speed=np.where(speed == form.speed.fill, np.nan, SI["speed"] * speed),
-            number_density=np.where(
-                density == form.number_density.fill, np.nan, SI["number_density"] * density
-            ),
-            line=line,
-            cadence=form.cadence,
-            missing=missing,
-        )
-    )
+        absent = column == word.fill
+        missing |= dict.fromkeys(np.flatnonzero(absent).tolist(), f"{key} is the fill value {word.fill}")
+        column[:] = np.where(absent, np.nan, SI[key] * column)
+    second = 3600.0 * date[:, 2] + 60.0 * minute + 0.5 * form.cadence
+    time = Instants(day, second, "UTC")
+    return check_increasing(Rows(source, form.name, time, speed, density, line, form.cadence, missing))
+
+
+def numbers_of(
+    lines: list[str], count: int, wanted: itemgetter, source: str
+) -> tuple[Int[np.ndarray, " row"], Float[np.ndarray, "row word"]]:
+    """The numbers of the lines that have words, counted from 1, and the values of the wanted words. count:
+    of words in every line. Raises SceneError, which names the first line with other words."""
+    numbers, at = array("d"), array("q")
+    for number, line in enumerate(lines, 1):
+        words = line.split()
+        if not words:
+            continue
+        where = f"line {number} of {source} has"
+        if len(words) != count:
+            raise SceneError(WIND_FILE, f"have {count} words in every line", f"{where} {len(words)}")
+        chosen = wanted(words)
+        try:
+            values = [float(word) for word in chosen]
+        except ValueError:
+            values = [math.nan]
+        if not all(map(math.isfinite, values)):
+            must = "have numbers for date, speed and density"
+            raise SceneError(WIND_FILE, must, f"{where} {' '.join(chosen)!r}")
+        numbers.extend(values)
+        at.append(number)
+    return np.array(at, np.int64), np.array(numbers).reshape(len(at), -1)
 
 
 def form_of(words: list[str], where: str) -> Form:
@@ -142,12 +151,3 @@ def days_of(
     years = (np.where(possible, year, 2000.0).astype(int) - 1970).astype("datetime64[Y]")
     days = years.astype("datetime64[D]") + (np.where(possible, day, 1.0).astype(int) - 1)
     return (days - FIRST_DAYS).astype(int), possible & (days.astype("datetime64[Y]") == years)
-
-
-def refuse(
-    wrong: Bool[np.ndarray, " row"], must: str, words: list[list[str]], line: np.ndarray, source: str
-) -> None:
-    """Raises SceneError for the first row that is wrong. words: what a message shows of each row."""
-    for row in np.flatnonzero(wrong)[:1].tolist():
-        got = f"line {line[row]} of {source} has {' '.join(words[row])!r}"
-        raise SceneError(WIND_FILE, must, got)
