@@ -19,7 +19,7 @@ from esail_jax.wind_files.rows import COLUMNS, WIND_FILE, Rows, check_increasing
 DATE = re.compile(r"\d{4}-\d")
 """How a date begins, and no number."""
 
-MUST = f"be a CSV file with the columns {', '.join(COLUMNS)}, or an OMNI file of an hour, a minute or five"
+MUST = f"be a CSV file with the columns {', '.join(COLUMNS)}, or an OMNI file (hourly, 1 or 5 minutes)"
 """What the value of the key must be, as a message words it."""
 
 

@@ -101,9 +101,10 @@ def gaps_of(wind: Joined, kept: Int[np.ndarray, " kept"]) -> list[Gap]:
     gaps = []
     for i in np.flatnonzero((np.diff(kept) > 1) | (length > LATE * step)).tolist():
         before, behind = int(kept[i]), int(kept[i + 1])
-        inner = wind.time[before + 1 : behind]
-        first = wind.time[before] + cadence[i] if len(inner) == 0 or np.isfinite(cadence[i]) else inner[0]
-        last = wind.time[behind] - cadence[i + 1] if np.isfinite(cadence[i + 1]) else inner[-1]
+        # Next to a file without a cadence the first or last row, or an end of the gap.
+        inside = wind.time[before + 1 : behind] if behind > before + 1 else wind.time[[before, behind]]
+        first = wind.time[before] + cadence[i] if np.isfinite(cadence[i]) else inside[0]
+        last = wind.time[behind] - cadence[i + 1] if np.isfinite(cadence[i + 1]) else inside[-1]
         gaps.append(Gap(float(first), float(last), float(length[i]), reason(wind, before, behind)))
     return gaps
 

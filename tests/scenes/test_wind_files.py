@@ -1,6 +1,7 @@
 """Measured wind in files of OMNI and CSV files, several of them, with gaps and dates, and from Python."""
 
 import datetime
+import re
 
 import numpy as np
 import pandas
@@ -9,9 +10,13 @@ import xarray
 
 import esail_jax as esail
 from esail_jax import cli
+from esail_jax.constants import PROTON_MASS
+from esail_jax.scenes.loading import builtin_text, parse
 from esail_jax.scenes.overrides import Request, with_wind_file
+from esail_jax.scenes.toml_text import to_toml
 from support.new_process import heavy_imports_of
 
+HEAD = "time,speed,number_density"
 HOUR = 3600.0
 
 
@@ -65,6 +70,20 @@ def refused(wind, *arguments, **options):
 
 
 # ---- files of OMNI ------------------------------------------------------------------------------
+
+
+def test_the_words_of_a_measured_hour_have_the_flow_pressure_of_another_word(wind):
+    """A line of `omni2_2025.dat`: word 29 is the flow pressure m_p n u^2 (1 + 4 r) [nPa] with the ratio of
+    alpha particles r, word 28."""
+    line = (
+        "2025   1  0 2610 51 52  61  26  13.6  12.8 -15.3 129.0  -7.7   9.6  -3.4  10.1  -1.0   0.7   4.6"
+        "   3.2   2.4   2.4  178561.  19.6  427.  -4.5   5.9 0.029  6.66   45580.   2.3    5.   1.0   1.5"
+        " 0.002   0.43   1.35   7.0 40 198   -26  287 999999.99 99999.99 99999.99 99999.99 99999.99"
+        " 99999.99  0  27 211.9 999.9  -187   100  4.7"
+    )
+    table = wind({"a": [line, line.replace("1  0", "1  1", 1)]}, HOUR, "2025-01-01T00:30")
+    pressure = PROTON_MASS * table["number_density"][0] * table["speed"][0] ** 2 * (1.0 + 4.0 * 0.029)
+    assert abs(pressure / 6.66e-9 - 1.0) < 5e-3  # the density has three digits
 
 
 @pytest.mark.parametrize("words", [55, 56, 57])
@@ -251,6 +270,23 @@ def test_a_gap_between_two_files_is_one(wind):
     assert "gap from 2020-03-01T00:30:00 to 2020-03-01T00:30:00 (nothing after line 24 of 'a')" in message
 
 
+@pytest.mark.parametrize(
+    ("date", "epoch", "hours", "gap"),
+    [
+        ("2020-02-28T20:30", "2020-02-28T20:30", 4.0, "2020-02-28T20:30:00 to 2020-02-28T23:30:00"),
+        ("2020-03-01T02:30", "2020-02-29T23:30", 3.0, "2020-03-01T00:30:00 to 2020-03-01T02:30:00"),
+    ],
+)
+def test_files_of_several_forms_are_one_wind(wind, date, epoch, hours, gap):
+    """Hours of OMNI are missing between its file and a CSV file that has one row, before or behind it."""
+    files = {"omni": DAY_60, "csv": [HEAD, f"{date},3e5,4e6"]}
+    assert f"at least {3600 * hours:g} (s) to bridge the gap from {gap}" in refused(
+        wind, files, epoch=epoch
+    )
+    table = wind(files, epoch=epoch, t_end=hours * HOUR, largest_gap=hours * HOUR)
+    assert table["time"] == [0.0, hours * HOUR]
+
+
 @pytest.mark.parametrize("hour", [22, 23])
 def test_files_that_overlap_are_refused_with_both_names(wind, hour):
     files = {"a": DAY_60, "b": [hourly(2020, 60, hour, 400, 5), hourly(2020, 61, 0, 400, 5)]}
@@ -274,9 +310,6 @@ def test_a_year_of_minutes_becomes_the_table_of_a_run(wind):
 
 
 # ---- CSV files ----------------------------------------------------------------------------------
-
-
-HEAD = "time,speed,number_density"
 
 
 def test_a_file_of_seconds_is_kept_whole(wind):
@@ -368,6 +401,20 @@ def test_a_scene_takes_several_files(tmp_path):
     scene = esail.load_scene("baseline", {"solar_wind.file": files})
     assert scene.solar_wind.time == (0.0, 50.0, 100.0, 9e4)
     assert scene.solar_wind.speed == (4e5, 4.2e5, 4.1e5, 4e5)
+
+
+def test_a_scene_file_names_files_beside_it(tmp_path):
+    """The scene holds the numbers alone: its text needs no file."""
+    (tmp_path / "a.csv").write_text(f"{HEAD}\n0,4e5,7e6\n50,,5e6\n100,4.1e5,6e6\n")
+    (tmp_path / "b.csv").write_text(f"{HEAD}\n9e4,4e5,7e6\n")
+    text = builtin_text("baseline").replace("speed = 4e5", 'file = ["b.csv", "a.csv"]\nlargest_gap = 100')
+    text = re.sub(r"(?m)^number_density.*\n", "", text)
+    (tmp_path / "measured.toml").write_text(text)
+    scene = esail.load_scene(tmp_path / "measured.toml")
+    assert scene.solar_wind.time == (0.0, 100.0, 9e4)
+    assert parse(to_toml(scene), "again") == scene
+    with pytest.raises(esail.SceneError, match=r"must be at least 100 \(s\) .*, but is 99"):
+        esail.load_scene(tmp_path / "measured.toml", {"solar_wind.largest_gap": 99.0})
 
 
 # ---- tables in Python ---------------------------------------------------------------------------
