@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from esail_jax.simulation.simulate import run, simulate
     from esail_jax.simulation.solution import Solution
     from esail_jax.steppers.results import RESULTS
+    from esail_jax.wind_files.tables import wind
 
 __version__ = "0.2.0"
 
@@ -89,6 +90,7 @@ __all__ = [
     "run",
     "save",
     "simulate",
+    "wind",
 ]
 
 
@@ -114,6 +116,7 @@ MODULES = {
     "simulation.simulate": ("run", "simulate"),
     "simulation.solution": ("Solution",),
     "steppers.results": ("RESULTS",),
+    "wind_files.tables": ("wind",),
 }
 """The modules that define the public names."""
 

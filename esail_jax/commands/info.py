@@ -1,4 +1,4 @@
-"""`esail info`: what a path holds, a run, an ensemble, a design or a scene."""
+"""`esail info`: what a path holds, a run, an ensemble, a design, a scene or a measured wind."""
 
 import argparse
 from pathlib import Path
@@ -16,14 +16,15 @@ def add(commands: Any) -> None:
         "runs", type=Path, nargs="+", metavar="RUN.h5",
         help="run file, or the folder of an ensemble or a design, also of one that is not finished; "
         "several runs make a table, also of the keys in which their scenes differ; several ensembles are "
-        "one sample; a scene, built-in or a file (.toml), is checked and described",
+        "one sample; a scene, built-in or a file (.toml), is checked and described; of wind "
+        "files (CSV, OMNI) span, gaps and distribution",
     )  # fmt: skip
 
 
 def run(options: argparse.Namespace) -> ExitCode:
-    """Prints what the paths hold: a run, an ensemble, which may be unfinished, a design, or a scene.
-    Several runs are a table, and several ensembles are one sample. Raises RunFileError, SceneError, and
-    InputError for ensembles that do not fit together."""
+    """Prints what the paths hold: a run, an ensemble, which may be unfinished, a design, a scene, or a
+    measured wind. Several runs are a table, and several ensembles or wind files are one. Raises
+    RunFileError, SceneError, and InputError for ensembles that do not fit together."""
     print(text_of(options.runs))
     return ExitCode.DONE
 
@@ -32,11 +33,16 @@ def text_of(paths: list[Path]) -> str:
     """The text that `run` prints."""
     from esail_jax.commands import reports
     from esail_jax.files.opening import files_of, holds_ensemble
+    from esail_jax.wind_files.opening import is_wind_file
 
     if len(paths) == 1 and paths[0].is_dir():
         return folder_text(paths[0])
     if len(paths) == 1 and is_scene(paths[0]):
         return scene_text(paths[0])
+    if all(is_wind_file(path) for path in paths):
+        from esail_jax.wind_files.summary import summary_of
+
+        return summary_of(paths)
     files = files_of(paths)
     if all(holds_ensemble(file) for file in files):
         from esail_jax.commands.ensemble_report import describe_ensemble, describe_joined

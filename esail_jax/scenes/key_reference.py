@@ -5,11 +5,12 @@ import dataclasses
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from esail_jax.scenes import plasma
 from esail_jax.scenes.declarations import rule_of
 from esail_jax.scenes.parts import CHAIN, PARTS, SAIL, given, table_names
 from esail_jax.scenes.rules import Kind, Rule, Shape, describe
 from esail_jax.scenes.scene import Scene
+from esail_jax.wind_files.csv_rows import MUST
+from esail_jax.wind_files.rows import LARGEST_GAP, WIND_FILE
 
 MEMBERS = {SAIL: "tether", CHAIN: "rod"}
 """What a member of each model is called."""
@@ -49,7 +50,7 @@ def describe_keys() -> tuple[KeyDescription, ...]:
         for part in (part for part in PARTS if part.name == table):
             keys += [describe_key(table, field, part.models) for field in dataclasses.fields(part.table)]
         if table == "solar_wind":
-            keys.append(wind_file_key())
+            keys += wind_file_keys()
     return tuple(keys)
 
 
@@ -83,21 +84,32 @@ def type_in_words(rule: Rule, member: str) -> str:
     return rule.shape.value.replace("member", member)
 
 
-def wind_file_key() -> KeyDescription:
-    """Describes `solar_wind.file`, which no table has: its file's numbers take its place."""
-    table, _, name = plasma.WIND_FILE.partition(".")
-    return KeyDescription(
-        table=table,
-        name=name,
+def wind_file_keys() -> tuple[KeyDescription, KeyDescription]:
+    """Describes `solar_wind.file` and `solar_wind.largest_gap`, which no table has: the numbers of the
+    files take their place."""
+    file = KeyDescription(
+        table="solar_wind",
+        name=WIND_FILE.partition(".")[2],
         models=("sail",),
-        type="name of a CSV file",
+        type="name of a file, or list of names",
         unit="-",
         default=None,
         required=False,
-        rule=f"must {plasma.MUST}",
+        rule=f"must {MUST}",
         traceable=False,
-        doc="File that gives `time`, `speed` and `number_density` in place of these keys.",
+        doc="Files that give `time`, `speed` and `number_density` in place of these keys; dates in them "
+        "need `initial.epoch`.",
     )
+    gap = dataclasses.replace(
+        file,
+        name=LARGEST_GAP.partition(".")[2],
+        type="number",
+        unit="s",
+        rule="must be positive",
+        doc="Longest gap of `file`, between the rows before and behind, that a straight line bridges; "
+        "every gap is refused if left out.",
+    )
+    return file, gap
 
 
 def refuse_keywords(function: str, unknown: Iterable[str]) -> None:

@@ -5,18 +5,29 @@ something else is written out. At the end the tables say everything; they are ch
 made of them."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from esail_jax.calendar.instants import read_instant
 from esail_jax.errors import nearest
 from esail_jax.scenes import rules
 from esail_jax.scenes.declarations import rule_of
 from esail_jax.scenes.integration import Integrator
 from esail_jax.scenes.own_terms import OWN_TERMS
 from esail_jax.scenes.parts import model_of, names_of, parts_of, tables_of
-from esail_jax.scenes.plasma import COLUMNS, WIND_FILE, read_columns
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.voltage import KEPT, OWN_LAW
+from esail_jax.wind_files.csv_rows import MUST
+from esail_jax.wind_files.in_run import table_of_run
+from esail_jax.wind_files.opening import read_rows
+from esail_jax.wind_files.rows import COLUMNS, EPOCH, LARGEST_GAP, WIND_FILE
+
+END = rule_of(Integrator.__dataclass_fields__["t_end"])
+"""The rule of `integrator.t_end`."""
+
+GAP = replace(rules.positive, structure=True)
+"""The rule of `solar_wind.largest_gap`: which rows there are cannot be traced."""
 
 
 class Request(NamedTuple):
@@ -81,24 +92,60 @@ def with_lists(request: Request) -> Request:
 
 
 def with_wind_file(request: Request) -> Request:
-    """The numbers of a wind file take the place of its name. The name in an override replaces that in the
-    tables, and starts from the working folder. Raises SceneError."""
-    tables, overrides = dict(request.tables), dict(request.overrides)
+    """The numbers of a wind file, or of several, take the place of its name and of the largest gap. Names
+    in an override replace those in the tables, and start from the working folder. Raises SceneError."""
+    file, largest_gap = given_value(request, WIND_FILE), given_value(request, LARGEST_GAP)
+    own = (WIND_FILE, LARGEST_GAP)
+    tables = dict(request.tables)
+    overrides = {key: value for key, value in request.overrides.items() if key not in own}
     wind = tables.get("solar_wind")
-    if isinstance(wind, Mapping) and "file" in wind:
-        others = {key: value for key, value in wind.items() if key != "file"}
-        given_twice = [key for key in COLUMNS if key in others]
-        if given_twice:
-            raise SceneError(f"solar_wind.{given_twice[0]}", f"be left out with `{WIND_FILE}`", "is given")
-        columns = {} if WIND_FILE in overrides else read_columns(wind["file"], request.folder)
-        tables["solar_wind"] = others | columns
-    if WIND_FILE in overrides:
-        for key in (f"solar_wind.{name}" for name in COLUMNS):
-            if overrides.get(key) is not None:
-                raise SceneError(key, f"be left out with `{WIND_FILE}`", "is given")
-        columns = read_columns(overrides.pop(WIND_FILE), Path())
+    if isinstance(wind, Mapping):
+        tables["solar_wind"] = {key: x for key, x in wind.items() if f"solar_wind.{key}" not in own}
+    result = request._replace(tables=tables, overrides=overrides)
+    if file is None:
+        if largest_gap is not None:
+            raise SceneError(LARGEST_GAP, f"be left out without `{WIND_FILE}`", "is given")
+        return result
+    overridden = WIND_FILE in request.overrides
+    given_twice = [key for key in COLUMNS if isinstance(wind, Mapping) and "file" in wind and key in wind]
+    if overridden:
+        given_twice += [key for key in COLUMNS if overrides.get(f"solar_wind.{key}") is not None]
+    if given_twice:
+        raise SceneError(f"solar_wind.{given_twice[0]}", f"be left out with `{WIND_FILE}`", "is given")
+    columns = wind_of(request, file, Path() if overridden else request.folder, largest_gap)
+    if overridden:
         overrides |= {f"solar_wind.{key}": value for key, value in columns.items()}
-    return request._replace(tables=tables, overrides=overrides)
+    else:
+        tables["solar_wind"] |= columns
+    return result
+
+
+def wind_of(request: Request, given: Any, folder: Path, largest_gap: Any) -> dict[str, list[float]]:
+    """The columns of the files that a scene names, as far as its run needs them. folder: where relative
+    names start. Raises SceneError."""
+    names = list(given) if isinstance(given, list | tuple) else [given]
+    if not names or not all(isinstance(name, str) for name in names):
+        raise SceneError(WIND_FILE, MUST, rules.describe(given))
+    if largest_gap is not None:
+        largest_gap = rules.check_value(LARGEST_GAP, largest_gap, GAP, None)
+    text, end = given_value(request, EPOCH), given_value(request, "integrator.t_end")
+    if text is not None and not isinstance(text, str):
+        raise SceneError(EPOCH, "be a date as a text", rules.describe(text))
+    if end is not None:
+        end = rules.check_value("integrator.t_end", end, END, None)
+    epoch = None if text is None else read_instant(text, EPOCH)
+    table = table_of_run([read_rows(name, folder) for name in names], epoch, end, largest_gap)
+    return {key: column.tolist() for key, column in table.items()}
+
+
+def given_value(request: Request, key: str) -> Any:
+    """The value that a request gives for a key: that of the overrides, otherwise that of the tables, None
+    if neither has it."""
+    if key in request.overrides:
+        return request.overrides[key]
+    table, _, name = key.partition(".")
+    content = request.tables.get(table)
+    return content.get(name) if isinstance(content, Mapping) else None
 
 
 def with_own_code(request: Request) -> Request:
@@ -141,8 +188,7 @@ def merged(request: Request) -> Request:
             del result[table]
     schedule = request.tables.get("integrator")
     if "output" not in result and isinstance(schedule, Mapping) and "t_end" in schedule:
-        rule = rule_of(Integrator.__dataclass_fields__["t_end"])
-        t_end = rules.check_value("integrator.t_end", schedule["t_end"], rule, None)
+        t_end = rules.check_value("integrator.t_end", schedule["t_end"], END, None)
         result["output"] = {"interval": t_end / 1000.0}
     return request._replace(tables=result, overrides={})
 

@@ -1,13 +1,9 @@
-"""The tables of the plasma about the tethers, solar wind and ionosphere: the laws of thrust, their checks,
-and solar wind from a file.
+"""The tables of the plasma about the tethers, solar wind and ionosphere: the laws of thrust and their
+checks.
 
-`solar_wind.file` in a scene's text stands for three keys of [solar_wind]. The file is a CSV file with the
-columns `time` [s], `speed` [m/s] and `number_density` [1/m^3], in any order, and a line for every instant.
-The scene then holds the numbers themselves, so that a run file is complete without it."""
+`solar_wind.file` in a scene's text stands for three keys of [solar_wind] (`wind_files/`). The scene then
+holds the numbers themselves, so that a run file is complete without it."""
 
-import csv
-import math
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -41,8 +37,8 @@ THRUST_LAWS: dict[ThrustLawName, tuple[str, ...]] = {
 @table
 class SolarWind:
     """Solar wind at the sail ([PGV] after Eq. 28). With `time`, speed and density are given at those
-    instants and change linearly between them. In a file, `file` may name a CSV file whose first line is
-    time,speed,number_density, and which has a line of numbers per instant."""
+    instants and change linearly between them. In a file, `file` may name files that give all three: CSV
+    files whose first line is time,speed,number_density, or OMNI files of measured wind."""
 
     speed: Series = declarations.speed_of_wind(Shape.SERIES)
     number_density: Series = declarations.density_of_wind(Shape.SERIES)
@@ -197,64 +193,3 @@ def check_thin(table: str, radius: Any, volts: Any, density: Any, lengths: float
     if radius >= sheath:
         must = f"be below the radius of the sheath ({sheath:.3g} m)"
         raise SceneError(f"{table}.tether_radius", must, rules.describe(radius))
-
-
-COLUMNS = ("time", "speed", "number_density")
-"""Columns of the file, and keys of [solar_wind] that they give."""
-
-
-WIND_FILE = "solar_wind.file"
-"""Key of the file's name."""
-
-
-MUST = f"be a CSV file with the columns {', '.join(COLUMNS)}"
-"""What the value of this key must be, as a message words it."""
-
-
-def read_columns(name: Any, folder: Path) -> dict[str, list[float]]:
-    """Reads the columns of a file. Empty lines are left out. Raises SceneError, which names the line of a
-    row that does not have a number for each column, or whose number breaks the rule of its key."""
-    if not isinstance(name, str):
-        raise SceneError(WIND_FILE, MUST, rules.describe(name))
-    try:
-        with open(folder / name, newline="", encoding="utf-8-sig") as file:
-            reader = csv.reader(file)
-            rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(row)]
-    except (OSError, ValueError, csv.Error) as error:
-        reason = getattr(error, "strerror", None) or "is not text"
-        raise SceneError(WIND_FILE, MUST, f"{name!r} cannot be read: {reason}") from None
-    head = rows[0][1] if rows else []
-    if sorted(head) != sorted(COLUMNS):
-        raise SceneError(WIND_FILE, MUST, f"{name!r} has {', '.join(head) or 'no lines'}")
-    if len(rows) == 1:
-        raise SceneError(WIND_FILE, MUST, f"{name!r} has no line of numbers")
-    columns: dict[str, list[float]] = {key: [] for key in COLUMNS}
-    for line, row in rows[1:]:
-        if len(row) != len(head):
-            must = f"have {len(head)} numbers in every line"
-            raise SceneError(WIND_FILE, must, f"line {line} of {name!r} has {len(row)}")
-        for key, cell in zip(head, row, strict=True):
-            columns[key].append(number_of(cell))
-            unmet = broken(key, columns[key])
-            if unmet:
-                raise SceneError(f"solar_wind.{key}", unmet, f"line {line} of {name!r} has {cell!r}")
-    return columns
-
-
-def number_of(cell: str) -> float:
-    """The number in a cell, NaN if there is none."""
-    try:
-        return float(cell)
-    except ValueError:
-        return math.nan
-
-
-def broken(key: str, numbers: list[float]) -> str | None:
-    """What the last number of a column must be and is not, None if it is right."""
-    last = numbers[-1]
-    if not math.isfinite(last):
-        return "be finite"
-    if key == "time":
-        return "increase" if len(numbers) > 1 and last <= numbers[-2] else None
-    rule = rules.positive if key == "speed" else rules.non_negative
-    return None if rule.accepts(np.asarray(last)) else rule.must

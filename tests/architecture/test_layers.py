@@ -14,7 +14,7 @@ PACKAGE = Path(__file__).parents[2] / "esail_jax"
 
 LAYERS = (
     ("constants", "array_types", "atomic_file", "compilation", "cores", "errors", "html"),
-    ("numerics", "environment", "calendar"),
+    ("numerics", "environment", "calendar", "wind_files"),
     ("coordinates", "measurements", "physics", "point_fields", "terms"),
     ("control", "elements", "loads", "joints"),
     ("assembly", "sensors", "commanded_assembly", "system"),

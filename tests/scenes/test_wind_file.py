@@ -5,7 +5,8 @@ import pytest
 
 import esail_jax as esail
 from esail_jax.scenes.loading import builtin_text
-from esail_jax.scenes.plasma import read_columns
+from esail_jax.wind_files.in_run import table_of_run
+from esail_jax.wind_files.opening import read_rows
 
 HEAD = "time,speed,number_density"
 ROWS = ["0,4e5,7e6", "100,4.1e5,6e6", "200,3.9e5,5e6"]
@@ -13,7 +14,8 @@ ROWS = ["0,4e5,7e6", "100,4.1e5,6e6", "200,3.9e5,5e6"]
 
 def written(folder, lines, encoding="utf-8"):
     (folder / "wind.csv").write_text("\n".join(lines), encoding=encoding)
-    return read_columns("wind.csv", folder)
+    table = table_of_run([read_rows("wind.csv", folder)])
+    return {name: column.tolist() for name, column in table.items()}
 
 
 def test_a_file_may_have_a_byte_order_mark_blanks_and_empty_lines(tmp_path):
@@ -38,9 +40,12 @@ def test_a_file_may_have_a_byte_order_mark_blanks_and_empty_lines(tmp_path):
         ),
         ("300,4e5", "`solar_wind.file` must have 3 numbers in every line, but line 5 of 'wind.csv' has 2"),
         ("300,fast,7e6", "`solar_wind.speed` must be finite, but line 5 of 'wind.csv' has 'fast'"),
-        ("300,,7e6", "`solar_wind.speed` must be finite, but line 5 of 'wind.csv' has ''"),
-        ("300,nan,7e6", "`solar_wind.speed` must be finite, but line 5 of 'wind.csv' has 'nan'"),
-        ("200,4e5,7e6", "`solar_wind.time` must increase, but line 5 of 'wind.csv' has '200'"),
+        ("300,inf,7e6", "`solar_wind.speed` must be finite, but line 5 of 'wind.csv' has 'inf'"),
+        (",4e5,7e6", "`solar_wind.time` must be finite, but line 5 of 'wind.csv' has ''"),
+        (
+            "200,4e5,7e6",
+            "`solar_wind.time` must increase, but line 5 of 'wind.csv' is not later than line 4",
+        ),
         ("300,-4e5,7e6", "`solar_wind.speed` must be positive, but line 5 of 'wind.csv' has '-4e5'"),
         (
             "300,4e5,-1",
@@ -57,7 +62,7 @@ def test_the_line_that_is_wrong_is_named(tmp_path, row, message):
 @pytest.mark.parametrize("head", ["time,speed,speed", f"{HEAD},time", "0,4e5,7e6"])
 def test_each_column_is_given_once(tmp_path, head):
     with pytest.raises(
-        esail.SceneError, match=r"must be a CSV file with the columns .*, but 'wind.csv' has"
+        esail.SceneError, match=r"must be a CSV file with the columns .*, but line 1 of 'wind.csv' has"
     ):
         written(tmp_path, [head, *ROWS])
 
