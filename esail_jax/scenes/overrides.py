@@ -21,7 +21,7 @@ from esail_jax.scenes.voltage import KEPT, OWN_LAW
 from esail_jax.wind_files.csv_rows import MUST
 from esail_jax.wind_files.in_run import table_of_run
 from esail_jax.wind_files.opening import read_rows
-from esail_jax.wind_files.rows import COLUMNS, EPOCH, LARGEST_GAP, WIND_FILE
+from esail_jax.wind_files.rows import COLUMNS, EPOCH, LARGEST_GAP, TIMES, WIND_FILE
 
 END = rule_of(Integrator.__dataclass_fields__["t_end"])
 """The rule of `integrator.t_end`."""
@@ -129,13 +129,23 @@ def wind_of(request: Request, given: Any, folder: Path, largest_gap: Any) -> dic
     if largest_gap is not None:
         largest_gap = rules.check_value(LARGEST_GAP, largest_gap, GAP, None)
     text, end = given_value(request, EPOCH), given_value(request, "integrator.t_end")
-    if text is not None and not isinstance(text, str):
-        raise SceneError(EPOCH, "be a date as a text", rules.describe(text))
     if end is not None:
         end = rules.check_value("integrator.t_end", end, END, None)
-    epoch = None if text is None else read_instant(text, EPOCH)
+    epoch = None if text is None else read_instant(rules.check_date(EPOCH, text), EPOCH)
     table = table_of_run([read_rows(name, folder) for name in names], epoch, end, largest_gap)
     return {key: column.tolist() for key, column in table.items()}
+
+
+def with_one_epoch(request: Request) -> Request:
+    """The request itself. Raises SceneError if another date takes the place of one from which the times of
+    a wind count, while the times stay."""
+    initial, wind = request.tables.get("initial"), request.tables.get("solar_wind")
+    before = initial.get("epoch") if isinstance(initial, Mapping) else None
+    series = isinstance(wind, Mapping) and wind.get("time") is not None
+    moved = before is not None and request.overrides.get(EPOCH, before) != before
+    if series and moved and WIND_FILE not in request.overrides and TIMES not in request.overrides:
+        raise SceneError(EPOCH, f"be changed together with `{TIMES}`, which counts from it", "is alone")
+    return request
 
 
 def given_value(request: Request, key: str) -> Any:
@@ -193,6 +203,8 @@ def merged(request: Request) -> Request:
     return request._replace(tables=result, overrides={})
 
 
-EXPANDERS: tuple[Callable[[Request], Request], ...] = (with_own_code, with_wind_file, with_lists, merged)
+EXPANDERS: tuple[Callable[[Request], Request], ...] = (
+    with_own_code, with_one_epoch, with_wind_file, with_lists, merged,
+)  # fmt: skip
 """What is written out, in order. Overrides are taken before any check, so that they may give what a file
 lacks."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from esail_jax.calendar.instants import Instants, read_instant
 from esail_jax.errors import SceneError
-from esail_jax.wind_files.rows import COLUMNS, WIND_FILE, Rows, check_increasing, is_fill
+from esail_jax.wind_files.rows import COLUMNS, TIMES, WIND_FILE, Rows, check_increasing, is_fill
 
 DATE = re.compile(r"\d{4}-\d")
 """How a date begins, and no number."""
@@ -120,12 +120,12 @@ def instants_of(cells: list[str], line: np.ndarray, source: str) -> Instants:
     found: list[Instants] = []
     for cell, number in zip(cells, line.tolist(), strict=True):
         try:
-            found.append(read_instant(cell, "solar_wind.time"))
+            found.append(read_instant(cell, TIMES))
         except SceneError as error:
             got = f"line {number} of {source} has {cell!r}"
             raise SceneError(error.key, error.must, got) from None
         if found[-1].scale != found[0].scale:
             got = f"line {number} of {source} has {cell!r} after dates in {found[0].scale}"
-            raise SceneError("solar_wind.time", "be in one time scale", got)
+            raise SceneError(TIMES, "be in one time scale", got)
     day, second = (np.array([getattr(at, name) for at in found]) for name in ("day", "second"))
     return Instants(day, second, found[0].scale)

@@ -14,6 +14,9 @@ COLUMNS = ("time", "speed", "number_density")
 WIND_FILE = "solar_wind.file"
 """Key of the name of a file, or of a list of names."""
 
+TIMES = "solar_wind.time"
+"""Key of the instants of a wind [s]."""
+
 LARGEST_GAP = "solar_wind.largest_gap"
 """Key of the longest gap that is bridged [s]."""
 
@@ -61,9 +64,7 @@ def is_fill(key: str, numbers: Float[np.ndarray, " row"]) -> Bool[np.ndarray, " 
     return found
 
 
-def seconds_since(
-    epoch: Instants, at: Instants, name: str = "solar_wind.time"
-) -> Float[np.ndarray, "*time"]:
+def seconds_since(epoch: Instants, at: Instants, name: str = TIMES) -> Float[np.ndarray, "*time"]:
     """The seconds [s] from an epoch to instants, in the scale of the epoch: SI seconds for an epoch in UTC,
     seconds of TDB for one in TDB. name: what the instants are called in an error.
 
@@ -86,5 +87,5 @@ def check_increasing(rows: Rows) -> Rows:
     if len(wrong):
         row = int(wrong[0]) + 1
         got = f"{rows.where(row)} is not later than {rows.unit} {rows.line[row - 1]}"
-        raise SceneError("solar_wind.time", "increase", got)
+        raise SceneError(TIMES, "increase", got)
     return rows
