@@ -1,12 +1,15 @@
 """`esail run`: a run with its file, progress bar, interruption and summary."""
 
+import dataclasses
 import os
 import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import h5py
+import numpy as np
 
 from esail_jax.commands.command_line import ExitCode
 from esail_jax.commands.progress import Interrupts, RunProgress
@@ -28,6 +31,7 @@ from esail_jax.loads.law_structure import identity_of
 from esail_jax.scenes.key_reference import ABSENT, differing_keys
 from esail_jax.scenes.loading import parse
 from esail_jax.scenes.method_choice import with_method
+from esail_jax.scenes.plasma import SolarWind
 from esail_jax.scenes.plausibility import doubts
 from esail_jax.scenes.scene import Scene
 from esail_jax.simulation.host import CompiledScene, HostRun, compile_scene
@@ -171,7 +175,7 @@ def check_output(scene: Scene, path: Path, resume: bool) -> str:
         before = parse(file["scene"][()].decode(), str(path))
         check_law(scene, file.attrs.get("voltage_law"), path)
         check_terms(scene, list(file.attrs.get("own_terms", ())), path)
-        if scene_of_run(before) != scene_of_run(scene):
+        if scene_of_run(with_longer_wind(before, scene)) != scene_of_run(scene):
             raise another_scene(before, scene, path)
         done = file["time"].shape[0] and float(file["time"][-1]) == scene.integrator.t_end
         if file.attrs["status"] == "complete" and done:
@@ -187,6 +191,25 @@ def check_output(scene: Scene, path: Path, resume: bool) -> str:
             return "new"
         check_checkpoint(before, scene, file["state"], path)
         return "resume"
+
+
+def with_longer_wind(before: Scene, scene: Scene) -> Scene:
+    """The scene of a file with the wind of the scene that goes on, if that wind has the rows of the file's
+    and others after them: of wind files with dates a scene has the rows that its run needs."""
+    old, new = before.solar_wind, scene.solar_wind
+    if not isinstance(old, SolarWind) or not isinstance(new, SolarWind) or None in (old.time, new.time):
+        return before
+    rows, more = rows_of(old), rows_of(new)
+    if more.shape[1] < rows.shape[1] or not np.array_equal(more[:, : rows.shape[1]], rows):
+        return before
+    longer = dataclasses.replace(old, time=new.time, speed=new.speed, number_density=new.number_density)
+    return dataclasses.replace(before, solar_wind=longer)
+
+
+def rows_of(wind: SolarWind) -> np.ndarray:
+    """The series of a wind as three rows: times [s], speeds [m/s] and densities [1/m^3]."""
+    columns: list[Any] = [wind.time, wind.speed, wind.number_density]
+    return np.stack(np.broadcast_arrays(*(np.asarray(x, float) for x in columns)))
 
 
 def another_scene(before: Scene, scene: Scene, path: Path) -> RunFileError:

@@ -6,6 +6,7 @@ import pytest
 import esail_jax as esail
 from esail_jax.scenes.loading import parse
 from esail_jax.scenes.toml_text import to_toml
+from support.bits import check_same, esail_run
 
 
 def hourly(path, days):
@@ -60,3 +61,26 @@ def test_dates_of_toml_and_of_other_scales(tmp_path):
     assert np.allclose(wind.time, [-1800.0, 1800.0, 5400.0, 9000.0])
     tdb = scene(path, **{"initial.epoch": "2027-03-01T06:00:00 TDB"}).solar_wind
     assert np.allclose(tdb.time, np.array(wind.time) + 69.184, rtol=0.0, atol=2e-3)
+
+
+@pytest.mark.nightly
+def test_a_run_goes_on_with_later_rows_of_its_file(tmp_path, capsys):
+    """The scene of a run that ended early has the rows that it needed; the longer one has more of the same
+    file, and gives the bits of an uninterrupted run. Other rows are another scene."""
+    path = hourly(tmp_path / "omni2_2027.dat", 2)
+    text, whole, parts = (tmp_path / name for name in ("s.toml", "whole.h5", "parts.h5"))
+    small = {"tethers.count": 2, "tethers.elements": 1, "output.interval": 300.0}
+    first, last = (to_toml(scene(path, **small, **{"integrator.t_end": end})) for end in (1700.0, 7200.0))
+    text.write_text(last)
+    assert esail_run(text, whole) == 0
+    text.write_text(first)
+    assert esail_run(text, parts) == 0
+    text.write_text(last)
+    assert esail_run(text, parts, "--resume") == 0
+    check_same(parts, whole)
+    text.write_text(first)
+    parts.unlink()
+    assert esail_run(text, parts) == 0
+    text.write_text(last.replace("406000.0", "406001.0"))
+    assert esail_run(text, parts, "--resume") == 2
+    assert "`solar_wind.speed` is 405000, 406000 in" in capsys.readouterr().err
