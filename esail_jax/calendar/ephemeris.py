@@ -28,7 +28,7 @@ BODIES = {
 }  # fmt: skip
 """SPICE's numbers of the bodies."""
 
-SUN = 10
+BARYCENTRE, SUN = 0, 10
 
 EPOCH = Instants(np.array(51544), np.array(43200.0), "TDB")
 """J2000, from which the seconds of a kernel are counted."""
@@ -99,9 +99,10 @@ def relative(segments: list[Segment], kernel: str | os.PathLike, body: str, at: 
 
 
 def way(segments: list[Segment], code: int) -> Iterator[list[Segment]]:
-    """Yields the segments of a body, those of their centre, and so on to the last centre. The centre of a
-    body is that of its last segment, which has precedence."""
-    while steps := [x for x in segments if x.target == code]:
+    """Yields the segments of a body, those of their centre, and so on to the barycentre of the solar system
+    or to a centre without segments. The centre of a body is that of its last segment, which has
+    precedence."""
+    while code != BARYCENTRE and (steps := [x for x in segments if x.target == code]):
         code = steps[-1].center
         yield [x for x in steps if x.center == code]
 
