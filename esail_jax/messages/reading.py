@@ -49,6 +49,9 @@ SHOWN = 40
 DEGREE = 7
 """Degree of the polynomials between rows of a message that names none."""
 
+SLACK = 1e-6
+"""Seconds by which an instant may be outside of the rows: more than the rounding from scale to scale."""
+
 KEYED = re.compile(r"([A-Z_]+)\s*=\s*(.*\S)")
 
 
@@ -84,7 +87,7 @@ class Oem(NamedTuple):
         found = np.full((2, len(day), 3), np.nan)
         for segment in reversed(self.segments):
             seconds = segment.rows.seconds(Instants(day, second, scale))
-            inside = (segment.first <= seconds) & (seconds <= segment.last)
+            inside = (segment.first - SLACK <= seconds) & (seconds <= segment.last + SLACK)
             if inside.any():
                 chosen = Instants(day[inside], second[inside], scale)
                 found[:, inside] = interpolated(segment.rows, chosen, segment.degree)
@@ -144,7 +147,7 @@ def read_oem(path: str | os.PathLike) -> Oem:
             value = names.setdefault(key, meta[key].text)
             if value.upper() != meta[key].text.upper():
                 meta[key].refuse(
-                    f"have one {key}, that of the first segment: {value!r}", shown(meta[key].text)
+                    f"have one {key}, that of the first segment: {shown(value)}", shown(meta[key].text)
                 )
         segment, line = read_segment(meta, lines)
         segments.append(segment)

@@ -42,15 +42,17 @@ def oem_text(head: Head, rows: Trajectory, degree: int) -> str:
 
     Positions are rounded to a millimetre, velocities to a micrometre per second. The scale of the instants
     is that of the dates. Raises SceneError for names that do not fit in a line, for rows whose instants do
-    not increase, and for a degree that the rows do not have."""
+    not increase or that are not finite, and for a degree that the rows do not have."""
     most = 2 * len(rows.position) - 1
     if degree % 2 == 0 or not 3 <= degree <= most:
         must = f"be odd, 3 or more, and {most} at most for {len(rows.position)} rows"
         raise SceneError("degree", must, f"is {degree}")
     frame = [("CENTER_NAME", "SUN"), ("REF_FRAME", "EME2000")]
     method = [("INTERPOLATION", "HERMITE"), ("INTERPOLATION_DEGREE", str(degree))]
-    position, velocity = (1e-3 * to_equatorial(x) for x in (rows.position, rows.velocity))
-    columns = [*decimals(position, POSITION_DIGITS), *decimals(velocity, VELOCITY_DIGITS)]
+    columns = [
+        *decimals("position", 1e-3 * to_equatorial(rows.position), POSITION_DIGITS),
+        *decimals("velocity", 1e-3 * to_equatorial(rows.velocity), VELOCITY_DIGITS),
+    ]
     dates = dates_of(rows.at)
     lines = [" ".join(x) for x in zip(dates, *columns, strict=True)]
     return message("OEM", "2.0", head, [*frame, *span(rows.at, dates), *method], lines)
@@ -61,10 +63,11 @@ def aem_text(head: Head, at: Instants, rotation: Float[np.ndarray, "time 3 3"]) 
 
     rotation: maps components in the body's axes to the ecliptic of J2000, as `rotation_IB`. Between two
     rows the body must turn by less than half a turn, or the direction of the turn is lost. Raises
-    SceneError for names that do not fit in a line, and for instants that do not increase."""
+    SceneError for names that do not fit in a line, for instants that do not increase, and for matrices that
+    are not finite."""
     frames = [("REF_FRAME_A", "EME2000"), ("REF_FRAME_B", "SC_BODY_1"), ("ATTITUDE_DIR", "A2B")]
     kind = [("ATTITUDE_TYPE", "QUATERNION"), ("QUATERNION_TYPE", "LAST")]
-    columns = decimals(quaternions(attitude_to_equatorial(rotation)), QUATERNION_DIGITS)
+    columns = decimals("rotation", quaternions(attitude_to_equatorial(rotation)), QUATERNION_DIGITS)
     dates = dates_of(at)
     lines = [" ".join(x) for x in zip(dates, *columns, strict=True)]
     data = ["DATA_START", *lines, "DATA_STOP"]
@@ -75,12 +78,8 @@ def message(kind: str, version: str, head: Head, meta: list[tuple[str, str]], da
     """The text of a message with one segment."""
     names = {"originator": head.originator, "object_name": head.object_name, "object_id": head.object_id}
     for key, value in names.items():
-        if (
-            not 0 < len(value) <= LONGEST
-            or not value.isascii()
-            or not value.isprintable()
-            or value.strip() != value
-        ):
+        fits = 0 < len(value) <= LONGEST and value.strip() == value
+        if not (fits and value.isascii() and value.isprintable()):
             must = f"be 1 to {LONGEST} printable characters of ASCII without a blank at the ends"
             raise SceneError(key, must, f"is {value!r}")
     created = written(in_scale(head.creation, "UTC", "creation"), 0)[0]
@@ -120,7 +119,15 @@ def dates_of(at: Instants) -> list[str]:
     return written(at, DATE_DIGITS)
 
 
-def decimals(table: Float[np.ndarray, "time column"], digits: int) -> list[list[str]]:
-    """The columns of a table of numbers as texts of the same width."""
-    texts = [[f"{x:.{digits}f}" for x in column] for column in table.T.tolist()]
-    return [[x.rjust(max(map(len, column))) for x in column] for column in texts]
+def decimals(name: str, table: Float[np.ndarray, "time column"], digits: int) -> list[list[str]]:
+    """The columns of a table of numbers as texts of the same width. Raises SceneError for numbers that are
+    not finite. name: what the table is called in an error."""
+    finite = np.isfinite(table).all(axis=1)
+    if not finite.all():
+        raise SceneError(name, "be finite", f"is not at index {int(np.argmin(finite))}")
+    columns = []
+    for column in table.T.tolist():
+        texts = [f"{x:z.{digits}f}" for x in column]
+        width = max(map(len, texts))
+        columns.append([x.rjust(width) for x in texts])
+    return columns

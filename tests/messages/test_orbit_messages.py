@@ -127,7 +127,7 @@ def test_between_the_rows_the_orbit_is_within_the_stated_error(path, rows):
 @pytest.mark.parametrize("scale", ["UTC", "TDB"])
 def test_states_about_a_leap_second_are_right_in_both_scales(path, rows, scale):
     """To three millimetres: rows are rounded to one."""
-    wanted = np.array([-500.0, 59.0, 60.5, 60.999, 61.5, 100.0, 3000.0])
+    wanted = np.array([TIMES[0], -500.0, 59.0, 60.5, 60.999, 61.5, 100.0, 3000.0, TIMES[-1]])
     at = in_scale(after(read_instant(f"2016-12-31T23:59:00 {rows.at.scale}", "x"), wanted), scale)
     position, velocity = read_oem(path).state(at)
     assert np.abs(position - ORBIT.position(wanted).T).max() < 3e-3
@@ -360,3 +360,8 @@ def test_what_does_not_fit_in_a_message_is_refused():
     with pytest.raises(SceneError) as error:
         oem_text(HEAD, rows._replace(at=equal), 7)
     assert str(error.value) == "`time` must increase from row to row, but does not at index 13"
+    velocity = rows.velocity.copy()
+    velocity[4, 1] = np.nan
+    with pytest.raises(SceneError) as error:
+        oem_text(HEAD, rows._replace(velocity=velocity), 7)
+    assert str(error.value) == "`velocity` must be finite, but is not at index 4"

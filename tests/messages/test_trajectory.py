@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import spiceypy
 
 from esail_jax.calendar.instants import Instants, after, read_instant
 from esail_jax.messages.trajectory import Trajectory, interpolated, interpolation_error, rows_of_degree
@@ -43,6 +44,30 @@ def test_a_polynomial_of_the_degree_is_exact(degree):
     higher = Polynomial(np.ones((3, degree + 2)))
     position, _ = interpolated(rows_of(higher, times), after(START, wanted), degree)
     assert np.abs(position - higher.position(wanted).T).max() > 1e-9 * np.abs(position).max()
+
+
+@pytest.mark.parametrize("degree", [3, 5, 7, 11])
+def test_polynomials_are_those_of_spice(tmp_path, degree):
+    """Of a kernel with rows and Hermite polynomials (type 13), with rows at unequal distances: the same
+    rows are chosen, also at the ends and if their number is odd."""
+    times = np.cumsum(RNG.uniform(2.0, 6.0, 20)) * DAY
+    rows = rows_of(ORBIT, times)
+    states = 1e-3 * np.hstack([rows.position, rows.velocity]).copy(order="C")
+    path = str(tmp_path / "rows.bsp")
+    handle = spiceypy.spkopn(path, "rows", 0)
+    spiceypy.spkw13(
+        handle, -999, 10, "ECLIPJ2000", times[0], times[-1], "rows", degree, len(times), states, times
+    )
+    spiceypy.spkcls(handle)
+    wanted = np.concatenate([times, RNG.uniform(times[0], times[-1], 300)])
+    spiceypy.furnsh(path)
+    try:
+        known = [spiceypy.spkgeo(-999, t, "ECLIPJ2000", 10)[0] for t in wanted]
+    finally:
+        spiceypy.unload(path)
+    position, velocity = interpolated(rows, after(START, wanted), degree)
+    assert np.abs(position - 1e3 * np.array(known)[:, :3]).max() < 1e-2
+    assert np.abs(velocity - 1e3 * np.array(known)[:, 3:]).max() < 1e-7
 
 
 def test_a_row_is_itself():
