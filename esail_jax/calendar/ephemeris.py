@@ -60,6 +60,7 @@ def heliocentric(kernel: str | os.PathLike, body: str, at: Instants, name: str =
     if body not in BODIES:
         raise SceneError(name, f"be one of {', '.join(BODIES)}", f"is {body!r}{nearest(body, BODIES)}")
     try:
+        from jplephem.daf import DAF
         from jplephem.spk import SPK
     except ImportError:
         got = "that is missing: `pip install 'esail_jax[flight]'` installs it"
@@ -68,8 +69,8 @@ def heliocentric(kernel: str | os.PathLike, body: str, at: Instants, name: str =
     if not Path(kernel).is_file():
         raise SceneError(str(kernel), "be an SPK kernel", "is no file")
     try:
-        with SPK.open(kernel) as opened:
-            return relative(opened.segments, kernel, body, at)
+        with open(kernel, "rb") as file:
+            return relative(SPK(DAF(file)).segments, kernel, body, at)
     except SceneError:
         raise
     except (ValueError, TypeError, struct.error) as error:
