@@ -122,7 +122,7 @@ def tdb_minus_tt(day: Float[np.ndarray, "*time"]) -> Float[np.ndarray, "*time"]:
     centuries = (day - J2000) / 36525.0
     size, rate, phase = GROWING
     terms = [a * np.sin(w * centuries + p) for a, w, p in TDB_TERMS]
-    return sum(terms, size * centuries * np.sin(rate * centuries + phase))
+    return np.asarray(sum(terms, size * centuries * np.sin(rate * centuries + phase)))
 
 
 def in_scale(at: Instants, scale: Scale, name: str = "the instant") -> Instants:
@@ -133,18 +133,19 @@ def in_scale(at: Instants, scale: Scale, name: str = "the instant") -> Instants:
     if np.any(at.day < LEAP_SECONDS[0][0]):
         raise SceneError(name, "be in 1972 or later to be converted", "is earlier")
     if scale == "TDB":
-        tt = at.second + leap_seconds(at.day) + TT_MINUS_TAI
-        return Instants(*normalised(at.day, tt + tdb_minus_tt(at.day + tt / DAY)), "TDB")
-    tt = at.second - tdb_minus_tt(at.day + at.second / DAY)
-    return utc_of_tai(*normalised(at.day, tt - TT_MINUS_TAI))
+        tt = np.asarray(at.second + leap_seconds(at.day) + TT_MINUS_TAI)
+        tdb = np.asarray(tt + tdb_minus_tt(np.asarray(at.day + tt / DAY)))
+        return Instants(*normalised(at.day, tdb), "TDB")
+    tai = at.second - tdb_minus_tt(np.asarray(at.day + at.second / DAY)) - TT_MINUS_TAI
+    return utc_of_tai(*normalised(at.day, np.asarray(tai)))
 
 
 def utc_of_tai(day: np.ndarray, second: np.ndarray) -> Instants:
     """Instants of UTC from day and second of TAI. Within a leap second the second of the day is 86,400 or
     more."""
-    first, _ = normalised(day, second - leap_seconds(day))
+    first, _ = normalised(day, np.asarray(second - leap_seconds(day)))
     # The day before a leap second has the value of TAI - UTC before it.
-    before, earlier = normalised(day, second - leap_seconds(first))
+    before, earlier = normalised(day, np.asarray(second - leap_seconds(first)))
     inside = (before > first) & (leap_seconds(before) != leap_seconds(first))
     return Instants(
         np.where(inside, first, before), np.where(inside, earlier + DAY * (before - first), earlier), "UTC"
@@ -165,9 +166,9 @@ def seconds_between(start: Instants, end: Instants) -> Float[np.ndarray, "*time"
 def after(start: Instants, seconds: Float[np.ndarray, "*time"]) -> Instants:
     """The instants that are seconds [s] after another one, in its scale."""
     if start.scale == "TDB":
-        return Instants(*normalised(start.day, start.second + seconds), "TDB")
+        return Instants(*normalised(start.day, np.asarray(start.second + seconds)), "TDB")
     second = start.second + leap_seconds(start.day) + seconds
-    return utc_of_tai(*normalised(start.day, second))
+    return utc_of_tai(*normalised(start.day, np.asarray(second)))
 
 
 def written(at: Instants, digits: int = 3) -> list[str]:

@@ -14,7 +14,7 @@ PACKAGE = Path(__file__).parents[2] / "esail_jax"
 
 LAYERS = (
     ("constants", "array_types", "atomic_file", "compilation", "cores", "errors", "html"),
-    ("numerics", "environment", "calendar", "wind_files"),
+    ("numerics", "environment", "calendar", "messages", "wind_files"),
     ("coordinates", "measurements", "physics", "point_fields", "terms"),
     ("control", "elements", "loads", "joints"),
     ("assembly", "sensors", "commanded_assembly", "system"),
@@ -33,6 +33,7 @@ ONLY_IN = {
     "PIL": {"viewing"},
     "imageio_ffmpeg": {"viewing"},
     "mpl_toolkits": {"plotting"},
+    "jplephem": {"calendar"},
     "h5py": {"files", "ensembles", "design", "commands"},
 }
 """The folders that may import a library that is slow to import or belongs to a file format."""

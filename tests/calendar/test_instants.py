@@ -101,6 +101,16 @@ def test_dates_before_the_seconds_of_today_are_not_converted():
         in_scale(first, "TDB")
 
 
+def test_one_instant_is_converted_as_one_of_several():
+    for scale, other in (("UTC", "TDB"), ("TDB", "UTC")):
+        one = in_scale(Instants(DAYS[7:8].reshape(()), SECONDS[7:8].reshape(()), scale), other)
+        all_of_them = in_scale(Instants(DAYS, SECONDS, scale), other)
+        assert one.day.shape == one.second.shape == ()
+        assert (one.day, one.second) == (all_of_them.day[7], all_of_them.second[7])
+        later = after(one, np.array(1e5))
+        assert later.day.shape == later.second.shape == ()
+
+
 def test_rounding_of_a_second_carries():
     """Up to the next day, and at a leap second to the second 60."""
     assert written(read_instant("2027-12-31T23:59:59.9996", "x")) == ["2028-01-01T00:00:00.000"]

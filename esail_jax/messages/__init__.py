@@ -1,0 +1,1 @@
+"""Messages of the CCSDS, in which flight dynamics exchanges orbits (OEM) and attitudes (AEM)."""
