@@ -1,4 +1,4 @@
-"""`esail export`: the observables of a run as a table for other programs."""
+"""`esail export`: a run for other programs, as a table or as a message of flight dynamics."""
 
 import argparse
 from pathlib import Path
@@ -6,55 +6,88 @@ from typing import Any
 
 from esail_jax.commands.command_line import ExitCode, UsageError, add_command, refuse_existing
 
-TABLES = (".csv", ".nc")
-"""Endings of the files that `esail export` writes."""
+TABLE, NETCDF, ORBIT, ATTITUDE = ".csv", ".nc", ".oem", ".aem"
+
+FORMATS = {
+    TABLE: ("calendar",),
+    NETCDF: (),
+    ORBIT: ("object", "mission", "time_system"),
+    ATTITUDE: ("object", "mission", "time_system"),
+}
+"""Endings of the files that `esail export` writes, and the options that each one has."""
 
 
 def add(commands: Any) -> None:
     """Adds `esail export`."""
-    export = add_command(commands, "export", "write the observables of a run as a table for other programs")
+    export = add_command(
+        commands, "export", "write a run as a table, or as an orbit or an attitude, for other programs"
+    )
     export.add_argument("run", type=Path, metavar="RUN.h5", help="run file")
     export.add_argument(
         "-o", "--output", required=True, type=Path, metavar="FILE",
-        help="file to write: .csv (comma-separated values) or .nc (netCDF; needs xarray)",
+        help="file to write: .csv (comma-separated values), .nc (netCDF; needs xarray), .oem or .aem "
+        "(messages of the CCSDS with the orbit or the attitude of the hub; of runs with an epoch)",
     )  # fmt: skip
     export.add_argument(
-        "--calendar", action="store_true",
-        help="write the date of every instant, too, for a run with an epoch (CSV)",
+        "--calendar", action="store_true", help="write the date of every instant, too (.csv)"
+    )
+    export.add_argument(
+        "--object",
+        metavar="NAME",
+        help="name of the spacecraft (.oem, .aem); that of the run file if left out",
+    )
+    export.add_argument(
+        "--mission", metavar="ID",
+        help="international designator of the spacecraft (.oem, .aem); its name if left out",
     )  # fmt: skip
+    export.add_argument(
+        "--time-system",
+        choices=("UTC", "TDB"),
+        help="time scale of the dates (.oem, .aem); UTC if left out",
+    )
     export.add_argument("--overwrite", action="store_true", help="replace the file if it exists")
 
 
 def check(options: argparse.Namespace) -> None:
-    """Raises UsageError for an output of another format than those of `esail export`, and for one that
-    exists already."""
+    """Raises UsageError for an output of another format than those of `esail export`, for an option that
+    the format has not, and for an output that exists already."""
     suffix = options.output.suffix.lower()
-    if suffix not in TABLES:
-        raise UsageError(f"`-o` must end in {' or '.join(TABLES)}, but ends in {suffix!r}")
-    if options.calendar and is_netcdf(options.output):
-        raise UsageError("`--calendar` must be left out with .nc, which has dates anyway, but is given")
+    if suffix not in FORMATS:
+        *most, last = FORMATS
+        raise UsageError(f"`-o` must end in {', '.join(most)} or {last}, but ends in {suffix!r}")
+    for name in dict.fromkeys(name for names in FORMATS.values() for name in names):
+        if getattr(options, name) and name not in FORMATS[suffix]:
+            raise UsageError(f"`--{name.replace('_', '-')}` must be left out with {suffix}, but is given")
     refuse_existing(options.output, options.overwrite)
 
 
-def is_netcdf(path: Path) -> bool:
-    """Tells by its ending whether a file is one of netCDF."""
-    return path.suffix.lower() == ".nc"
-
-
 def run(options: argparse.Namespace) -> ExitCode:
-    """Writes the observables of a run file to a file of another format and prints its path. Raises
-    InputError."""
+    """Writes a run file in another format, and prints the path and, of a message, a sentence on what it
+    holds between its rows. Raises InputError."""
     check(options)
     from esail_jax.atomic_file import atomic_file
-    from esail_jax.files.export import check_netcdf, write_csv, write_netcdf
+    from esail_jax.files.export import check_netcdf
 
-    netcdf = is_netcdf(options.output)
-    if netcdf:
+    if options.output.suffix.lower() == NETCDF:
         check_netcdf()
     with atomic_file(options.output) as part:
-        if netcdf:
-            write_netcdf(options.run, part)
-        else:
-            write_csv(options.run, part, options.calendar)
-    print(options.output)
+        said = write(options, part)
+    print("\n".join(filter(None, (str(options.output), said))))
     return ExitCode.DONE
+
+
+def write(options: argparse.Namespace, path: Path) -> str:
+    """Writes a run file to a path in the format of the output, and returns what is to be said of it. Raises
+    InputError."""
+    from esail_jax.files import export, messages
+
+    suffix = options.output.suffix.lower()
+    if suffix == TABLE:
+        export.write_csv(options.run, path, options.calendar)
+        return ""
+    if suffix == NETCDF:
+        export.write_netcdf(options.run, path)
+        return ""
+    named = messages.Named(options.object, options.mission, options.time_system or "UTC")
+    form = messages.write_oem if suffix == ORBIT else messages.write_aem
+    return form(options.run, path, named)

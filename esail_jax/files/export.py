@@ -18,7 +18,7 @@ import h5py
 import numpy as np
 
 from esail_jax.calendar.instants import dated
-from esail_jax.files.opening import ArgumentError, intact, open_single
+from esail_jax.files.opening import ArgumentError, RunFileError, intact, open_single
 
 
 def write_csv(run: str | os.PathLike, path: Path, calendar: bool = False) -> None:
@@ -26,20 +26,20 @@ def write_csv(run: str | os.PathLike, path: Path, calendar: bool = False) -> Non
 
     The first line names the columns: `time [s]`, `kinetic_energy [J]`, `coning_angle[1] [rad]` (tether 1).
     Places along an axis are counted from 1, as tethers are in messages. Numbers have all their digits.
-    calendar: whether a column `date [UTC]`, or `date [TDB]`, follows that of the times. Raises
-    RunFileError, and ArgumentError for dates of a run without an epoch."""
+    calendar: whether a column `date [UTC]`, or `date [TDB]`, follows that of the times, for runs with an
+    epoch. Raises RunFileError."""
     with open_single(run) as file, intact(run), open(path, "w", encoding="utf-8", newline="") as table:
-        headers, values = zip(*columns(file, calendar), strict=True)
+        headers, values = zip(*columns(file, run, calendar), strict=True)
         writer = csv.writer(table)
         writer.writerow(headers)
         writer.writerows(zip(*(column.tolist() for column in values), strict=True))
 
 
-def columns(file: h5py.File, calendar: bool) -> Iterator[tuple[str, np.ndarray]]:
+def columns(file: h5py.File, run: str | os.PathLike, calendar: bool) -> Iterator[tuple[str, np.ndarray]]:
     """Yields header and values of every column of an open run file."""
     yield "time [s]", file["time"][()]
     if calendar:
-        epoch = epoch_of(file)
+        epoch = epoch_of(file, run)
         yield f"date [{epoch[-3:]}]", np.array(dated(epoch, file["time"][()]))
     for name, data in file["observables"].items():
         values, unit = data[()], data.attrs["unit"]
@@ -48,10 +48,10 @@ def columns(file: h5py.File, calendar: bool) -> Iterator[tuple[str, np.ndarray]]
             yield f"{name}{where} [{unit}]", values[(..., *place)]
 
 
-def epoch_of(file: h5py.File) -> str:
-    """The epoch of an open run file, with its time scale. Raises ArgumentError for a run without one."""
+def epoch_of(file: h5py.File, run: str | os.PathLike) -> str:
+    """The epoch of an open run file, with its time scale. Raises RunFileError for a run without one."""
     if "epoch" not in file.attrs:
-        raise ArgumentError("calendar", "be left out for a run without `initial.epoch`", "is given")
+        raise RunFileError(f"`{run}` must have an epoch (`initial.epoch`) for dates, but has none")
     return str(file.attrs["epoch"])
 
 

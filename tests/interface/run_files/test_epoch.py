@@ -73,8 +73,8 @@ def test_a_table_has_the_dates_if_they_are_asked_for(file, whole, dated, tmp_pat
     assert path.read_text(encoding="utf-8").startswith("time [s],angular")
     capsys.readouterr()
     for run, name, message in (
-        (whole, "b.csv", "`calendar` must be left out for a run without `initial.epoch`, but is given"),
-        (file, "b.nc", "`--calendar` must be left out with .nc, which has dates anyway, but is given"),
+        (whole, "b.csv", f"`{whole}` must have an epoch (`initial.epoch`) for dates, but has none"),
+        (file, "b.nc", "`--calendar` must be left out with .nc, but is given"),
     ):
         assert main(["export", str(run), "-o", str(tmp_path / name), "--calendar"]) == 2
         assert capsys.readouterr().err == f"{message}\n" and not (tmp_path / name).exists()
