@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from esail_jax.scenes.declarations import rule_of
+from esail_jax.scenes.from_files import FRAME, FRAMES, KERNEL, OEM, POSITION_KM, START_AT, VELOCITY_KM_S
 from esail_jax.scenes.parts import CHAIN, PARTS, SAIL, given, table_names
 from esail_jax.scenes.rules import Kind, Rule, Shape, describe
 from esail_jax.scenes.scene import Scene
@@ -51,6 +52,8 @@ def describe_keys() -> tuple[KeyDescription, ...]:
             keys += [describe_key(table, field, part.models) for field in dataclasses.fields(part.table)]
         if table == "solar_wind":
             keys += wind_file_keys()
+        if table == "orbit":
+            keys += orbit_start_keys()
     return tuple(keys)
 
 
@@ -110,6 +113,36 @@ def wind_file_keys() -> tuple[KeyDescription, KeyDescription]:
         "every gap is refused if left out.",
     )
     return file, gap
+
+
+def orbit_start_keys() -> tuple[KeyDescription, ...]:
+    """Describes the keys of [orbit] that stand for `position_au` and `velocity` of a sail."""
+    planet = 'Planet at whose place the orbit starts, such as "earth"; needs `kernel` and `initial.epoch`.'
+    message = "Orbit Ephemeris Message of the CCSDS on which the orbit starts; needs `initial.epoch`."
+    axes = "Axes of the position and the velocity: ecliptic or equator of J2000."
+    rows = (
+        (START_AT, "name of a planet", "-", planet),
+        (KERNEL, "name of a file", "-", "Kernel of planets (SPK), such as de421.bsp; needs jplephem."),
+        (OEM, "name of a file", "-", message),
+        (POSITION_KM, "list of three numbers", "km", "Heliocentric position of the hub at t = 0."),
+        (VELOCITY_KM_S, "list of three numbers", "km/s", "Heliocentric velocity of the hub at t = 0."),
+        (FRAME, 'one of "ecliptic", "equatorial"', "-", axes),
+    )
+    return tuple(
+        KeyDescription(
+            table="orbit",
+            name=key.partition(".")[2],
+            models=("sail",),
+            type=kind,
+            unit=unit,
+            default=FRAMES[0] if key == FRAME else None,
+            required=False,
+            rule="must not be zero" if key in (POSITION_KM, VELOCITY_KM_S) else f"must be a {kind}",
+            traceable=key in (POSITION_KM, VELOCITY_KM_S),
+            doc=doc,
+        )
+        for key, kind, unit, doc in rows
+    )
 
 
 def refuse_keywords(function: str, unknown: Iterable[str]) -> None:

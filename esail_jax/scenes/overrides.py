@@ -5,42 +5,16 @@ something else is written out. At the end the tables say everything; they are ch
 made of them."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
-from esail_jax.calendar.instants import read_instant
 from esail_jax.errors import nearest
 from esail_jax.scenes import rules
-from esail_jax.scenes.declarations import rule_of
-from esail_jax.scenes.integration import Integrator
+from esail_jax.scenes.from_files import END, with_one_epoch, with_orbit_start, with_wind_file
 from esail_jax.scenes.own_terms import OWN_TERMS
 from esail_jax.scenes.parts import model_of, names_of, parts_of, tables_of
+from esail_jax.scenes.requests import Request
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.voltage import KEPT, OWN_LAW
-from esail_jax.wind_files.csv_rows import MUST
-from esail_jax.wind_files.in_run import table_of_run
-from esail_jax.wind_files.opening import read_rows
-from esail_jax.wind_files.rows import COLUMNS, EPOCH, LARGEST_GAP, TIMES, WIND_FILE
-
-END = rule_of(Integrator.__dataclass_fields__["t_end"])
-"""The rule of `integrator.t_end`."""
-
-GAP = replace(rules.positive, structure=True)
-"""The rule of `solar_wind.largest_gap`: which rows there are cannot be traced."""
-
-
-class Request(NamedTuple):
-    """A scene that is asked for.
-
-    tables: of the file, or of the scene that is changed; overrides: other values, by key; folder: where
-    relative names of files in the tables start; voltage_law, terms: those of the user."""
-
-    tables: Mapping[str, Any]
-    overrides: Mapping[str, Any]
-    folder: Path
-    voltage_law: Any = None
-    terms: Any = ()
 
 
 def unknown(key: str, model: str) -> SceneError:
@@ -91,73 +65,6 @@ def with_lists(request: Request) -> Request:
     return request._replace(tables=tables)
 
 
-def with_wind_file(request: Request) -> Request:
-    """The numbers of a wind file, or of several, take the place of its name and of the largest gap. Names
-    in an override replace those in the tables, and start from the working folder. Raises SceneError."""
-    file, largest_gap = given_value(request, WIND_FILE), given_value(request, LARGEST_GAP)
-    own = (WIND_FILE, LARGEST_GAP)
-    tables = dict(request.tables)
-    overrides = {key: value for key, value in request.overrides.items() if key not in own}
-    wind = tables.get("solar_wind")
-    if isinstance(wind, Mapping):
-        tables["solar_wind"] = {key: x for key, x in wind.items() if f"solar_wind.{key}" not in own}
-    result = request._replace(tables=tables, overrides=overrides)
-    if file is None:
-        if largest_gap is not None:
-            raise SceneError(LARGEST_GAP, f"be left out without `{WIND_FILE}`", "is given")
-        return result
-    overridden = WIND_FILE in request.overrides
-    given_twice = [key for key in COLUMNS if isinstance(wind, Mapping) and "file" in wind and key in wind]
-    if overridden:
-        given_twice += [key for key in COLUMNS if overrides.get(f"solar_wind.{key}") is not None]
-    if given_twice:
-        raise SceneError(f"solar_wind.{given_twice[0]}", f"be left out with `{WIND_FILE}`", "is given")
-    columns = wind_of(request, file, Path() if overridden else request.folder, largest_gap)
-    if overridden:
-        overrides |= {f"solar_wind.{key}": value for key, value in columns.items()}
-    else:
-        tables["solar_wind"] |= columns
-    return result
-
-
-def wind_of(request: Request, given: Any, folder: Path, largest_gap: Any) -> dict[str, list[float]]:
-    """The columns of the files that a scene names, as far as its run needs them. folder: where relative
-    names start. Raises SceneError."""
-    names = list(given) if isinstance(given, list | tuple) else [given]
-    if not names or not all(isinstance(name, str) for name in names):
-        raise SceneError(WIND_FILE, MUST, rules.describe(given))
-    if largest_gap is not None:
-        largest_gap = rules.check_value(LARGEST_GAP, largest_gap, GAP, None)
-    text, end = given_value(request, EPOCH), given_value(request, "integrator.t_end")
-    if end is not None:
-        end = rules.check_value("integrator.t_end", end, END, None)
-    epoch = None if text is None else read_instant(rules.check_date(EPOCH, text), EPOCH)
-    table = table_of_run([read_rows(name, folder) for name in names], epoch, end, largest_gap)
-    return {key: column.tolist() for key, column in table.items()}
-
-
-def with_one_epoch(request: Request) -> Request:
-    """The request itself. Raises SceneError if another date takes the place of one from which the times of
-    a wind count, while the times stay."""
-    initial, wind = request.tables.get("initial"), request.tables.get("solar_wind")
-    before = initial.get("epoch") if isinstance(initial, Mapping) else None
-    series = isinstance(wind, Mapping) and wind.get("time") is not None
-    moved = before is not None and request.overrides.get(EPOCH, before) != before
-    if series and moved and WIND_FILE not in request.overrides and TIMES not in request.overrides:
-        raise SceneError(EPOCH, f"be changed together with `{TIMES}`, which counts from it", "is alone")
-    return request
-
-
-def given_value(request: Request, key: str) -> Any:
-    """The value that a request gives for a key: that of the overrides, otherwise that of the tables, None
-    if neither has it."""
-    if key in request.overrides:
-        return request.overrides[key]
-    table, _, name = key.partition(".")
-    content = request.tables.get(table)
-    return content.get(name) if isinstance(content, Mapping) else None
-
-
 def with_own_code(request: Request) -> Request:
     """Terms and a voltage law of a user among the overrides take the place of those before. A law also
     takes that of the law in [voltage], of which the keys KEPT stay; None takes a user's law away."""
@@ -204,7 +111,7 @@ def merged(request: Request) -> Request:
 
 
 EXPANDERS: tuple[Callable[[Request], Request], ...] = (
-    with_own_code, with_one_epoch, with_wind_file, with_lists, merged,
+    with_own_code, with_one_epoch, with_wind_file, with_orbit_start, with_lists, merged,
 )  # fmt: skip
 """What is written out, in order. Overrides are taken before any check, so that they may give what a file
 lacks."""

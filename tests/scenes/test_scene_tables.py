@@ -15,6 +15,7 @@ import pytest
 import esail_jax as esail
 from esail_jax.scenes import integration, method_choice, rules
 from esail_jax.scenes.declarations import rule_of
+from esail_jax.scenes.from_files import STARTS
 from esail_jax.scenes.integration import METHODS, MethodName, takes
 from esail_jax.scenes.key_reference import describe_keys
 from esail_jax.scenes.loading import load_scene, parse
@@ -223,6 +224,7 @@ def test_every_key_has_one_description_per_model():
         for field in dataclasses.fields(kind)
     ]
     of_files = [("sail", "solar_wind.file"), ("sail", "solar_wind.largest_gap")]
+    of_files += [("sail", key) for key in STARTS]
     assert sorted(found) == sorted([*keys, *of_files])
 
 
