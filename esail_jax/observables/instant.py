@@ -1,6 +1,7 @@
 """`Instant`: the state of a sail at a saved instant, with quantities that several observables use."""
 
-from functools import cached_property
+from collections.abc import Callable
+from typing import Any, Generic, TypeVar, overload
 
 import equinox as eqx
 import jax
@@ -22,6 +23,33 @@ from esail_jax.point_fields import PointFields
 from esail_jax.sensors import angular_velocity
 from esail_jax.steppers.consistent import consistent_motion
 from esail_jax.system import Power, System
+
+Value = TypeVar("Value")
+
+
+class once(Generic[Value]):
+    """A property that is computed once for an object. A property is traced for every observable that uses
+    it, which the compiler then has to find out. `functools.cached_property` has one lock for all objects
+    with Python 3.11: threads that trace would wait for each other."""
+
+    def __init__(self, function: Callable[[Any], Value]):
+        self.function, self.__doc__ = function, function.__doc__
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    @overload
+    def __get__(self, instance: None, owner: type) -> "once[Value]": ...
+
+    @overload
+    def __get__(self, instance: object, owner: type) -> Value: ...
+
+    def __get__(self, instance: Any, owner: type) -> Any:
+        if instance is None:
+            return self
+        value = self.function(instance)
+        instance.__dict__[self.name] = value
+        return value
 
 
 class Shift(eqx.Module):
@@ -76,7 +104,7 @@ class Instant(eqx.Module):
     origin_velocity: Maybe[Vector] = None
     shift: Maybe[Shift] = None
 
-    @cached_property
+    @once
     def sense(self) -> Scalar:
         """The sense of the spin: -1 if the sail as a whole turns about X_B in the left-handed sense,
         otherwise 1. The hub may turn back for a while, when tethers swing."""
@@ -87,17 +115,17 @@ class Instant(eqx.Module):
             about_axis = momentum @ self.rotation[:, 0]
         return jnp.where(about_axis < 0.0, -1.0, 1.0)
 
-    @cached_property
+    @once
     def p(self) -> int:
         """Number of tethers."""
         return self.q.tether.shape[-1]
 
-    @cached_property
+    @once
     def rotation(self) -> Rotation:
         """Rotation C_B^I of the hub."""
         return self.system.rotation(self.time, self.q)
 
-    @cached_property
+    @once
     def centre(self) -> Vector:
         """Position of the hub centre O_B, or of the fixed centre of the rotating frame [m]."""
         return jnp.zeros(3) if self.system.hub is None else self.system.hub.centre(self.q.hub)
@@ -106,7 +134,7 @@ class Instant(eqx.Module):
         """Positions relative to the origin of the frame I, from those in the coordinates [m]."""
         return r if self.shift is None else r + self.shift.position.reshape(3, *(1,) * (r.ndim - 1))
 
-    @cached_property
+    @once
     def shift_energy(self) -> Scalar:
         """Kinetic energy [J] in the frame I minus that of the motion relative to the origin of the
         coordinates: w . p + m w^2/2, with the momentum p of the relative motion, the mass m of the sail,
@@ -114,50 +142,50 @@ class Instant(eqx.Module):
         w = self.shift.velocity
         return w @ (self.system.momentum(self.v, self.q) + 0.5 * self.mass * w)
 
-    @cached_property
+    @once
     def shift_power(self) -> Scalar:
         """Rate [W] of `shift_energy`."""
         w, rate = self.shift.velocity, self.shift.acceleration
         momentum, force = self.system.momentum(self.v), self.system.momentum(self.vdot)
         return rate @ (momentum + self.mass * w) + w @ force
 
-    @cached_property
+    @once
     def mass(self) -> Scalar:
         """Mass of a sail with a hub [kg]."""
         return self.system.momentum(self.system.uniform(jnp.array([1.0, 0.0, 0.0])))[0]
 
-    @cached_property
+    @once
     def measured(self) -> Measurements:
         """What control laws may measure."""
         return self.system.measurements(self.time, self.q, self.v)
 
-    @cached_property
+    @once
     def heliocentric(self) -> tuple[Vector, Vector]:
         """Heliocentric position [m] and velocity [m/s] of the hub centre, on an orbit."""
         velocity = self.system.hub.centre(self.v.hub)
         return self.origin + self.centre, self.origin_velocity + velocity
 
-    @cached_property
+    @once
     def orbital(self) -> Rotation:
         """Rotation C_O^I of the orbital frame at the hub's current position."""
         return orbital_frame(self.origin + self.centre)
 
-    @cached_property
+    @once
     def body_to_orbital(self) -> Rotation:
         """Rotation C_B^O from the body frame to the orbital frame."""
         return matmul(self.orbital.T, self.rotation)
 
-    @cached_property
+    @once
     def tips(self) -> Float[Array, "3 tether"]:
         """Positions of the tips [m]."""
         return self.q.tether[0, :, -1]
 
-    @cached_property
+    @once
     def roots(self) -> Float[Array, "3 tether"]:
         """Positions of the roots [m]."""
         return self.q.tether[0, :, 0]
 
-    @cached_property
+    @once
     def root_slopes(self) -> Float[Array, "3 tether"]:
         """Slopes r_x at the roots. A truss has those of its first elements."""
         nodal = self.q.tether
@@ -165,7 +193,7 @@ class Instant(eqx.Module):
             return nodal[1, :, 0]
         return (nodal[0, :, 1] - nodal[0, :, 0]) / self.system.tethers.element_length
 
-    @cached_property
+    @once
     def root_reactions(self) -> Float[Array, "3 tether"]:
         """Forces of the hub on the tethers [N], the root rows of M vdot - Q. While tethers are paid out,
         the force of the guide on the deployed part: without the reel and the flux of momentum into the
@@ -178,12 +206,12 @@ class Instant(eqx.Module):
         flux = reels.tethers.line_density * reels.now.rate**2 * self.root_slopes / share
         return rows - stored * self.vdot.tether[0, :, 0] - flux
 
-    @cached_property
+    @once
     def winch_forces(self) -> Float[Array, " tether"]:
         """Force F_w [N] of every winch."""
         return self.system.commanded_winch_forces(self.time, self.q, self.v, self.vdot)
 
-    @cached_property
+    @once
     def root_couples(self) -> Float[Array, "3 tether"]:
         """Couples of the hub on clamped roots [N m]: r_x x (generalized force of the clamp on r_x)."""
         if not self.system.clamped:
