@@ -1,4 +1,4 @@
-"""Where an orbit about the Sun starts: at a planet, on an orbit of a message, or by numbers in other units."""
+"""Where an orbit about the Sun starts: at a planet, on an orbit message, or by numbers in other units."""
 
 import jax
 import numpy as np
