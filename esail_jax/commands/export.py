@@ -1,6 +1,7 @@
 """`esail export`: a run for other programs, as a table or as a message of flight dynamics."""
 
 import argparse
+import math
 from pathlib import Path
 from typing import Any
 
@@ -8,12 +9,10 @@ from esail_jax.commands.command_line import ExitCode, UsageError, add_command, r
 
 TABLE, NETCDF, ORBIT, ATTITUDE = ".csv", ".nc", ".oem", ".aem"
 
-FORMATS = {
-    TABLE: ("calendar",),
-    NETCDF: (),
-    ORBIT: ("object", "mission", "time_system"),
-    ATTITUDE: ("object", "mission", "time_system"),
-}
+PART = ("observables", "first", "last", "every")
+HEAD = ("object", "mission", "time_system")
+
+FORMATS = {TABLE: ("calendar", *PART), NETCDF: PART, ORBIT: HEAD, ATTITUDE: HEAD}
 """Endings of the files that `esail export` writes, and the options that each one has."""
 
 
@@ -30,6 +29,17 @@ def add(commands: Any) -> None:
     )  # fmt: skip
     export.add_argument(
         "--calendar", action="store_true", help="write the date of every instant, too (.csv)"
+    )
+    export.add_argument(
+        "--observables", metavar="A,B[1]",
+        help="observables to write, or places of them, counted from 1 (.csv, .nc); all if left out",
+    )  # fmt: skip
+    export.add_argument(
+        "--from", dest="first", metavar="T", help="first instant [s], or a date (.csv, .nc)"
+    )
+    export.add_argument("--to", dest="last", metavar="T", help="last instant [s], or a date (.csv, .nc)")
+    export.add_argument(
+        "--every", type=float, metavar="DT", help="least time [s] between two rows (.csv, .nc)"
     )
     export.add_argument(
         "--object",
@@ -56,8 +66,11 @@ def check(options: argparse.Namespace) -> None:
         *most, last = FORMATS
         raise UsageError(f"`-o` must end in {', '.join(most)} or {last}, but ends in {suffix!r}")
     for name in dict.fromkeys(name for names in FORMATS.values() for name in names):
-        if getattr(options, name) and name not in FORMATS[suffix]:
-            raise UsageError(f"`--{name.replace('_', '-')}` must be left out with {suffix}, but is given")
+        if getattr(options, name) not in (None, False) and name not in FORMATS[suffix]:
+            option = {"first": "from", "last": "to"}.get(name, name.replace("_", "-"))
+            raise UsageError(f"`--{option}` must be left out with {suffix}, but is given")
+    if options.every is not None and not 0.0 < options.every < math.inf:
+        raise UsageError(f"`--every` must be positive, but is {options.every:g}")
     refuse_existing(options.output, options.overwrite)
 
 
@@ -80,13 +93,16 @@ def write(options: argparse.Namespace, path: Path) -> str:
     """Writes a run file to a path in the format of the output, and returns what is to be said of it. Raises
     InputError."""
     from esail_jax.files import export, messages
+    from esail_jax.files.selection import Selection, columns_of
 
+    observables = None if options.observables is None else columns_of(options.observables)
+    selection = Selection(observables, options.first, options.last, options.every)
     suffix = options.output.suffix.lower()
     if suffix == TABLE:
-        export.write_csv(options.run, path, options.calendar)
+        export.write_csv(options.run, path, options.calendar, selection)
         return ""
     if suffix == NETCDF:
-        export.write_netcdf(options.run, path)
+        export.write_netcdf(options.run, path, selection)
         return ""
     named = messages.Named(options.object, options.mission, options.time_system or "UTC")
     form = messages.write_oem if suffix == ORBIT else messages.write_aem
