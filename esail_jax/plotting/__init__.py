@@ -94,13 +94,19 @@ def overview(run: Any, modes: Any = None) -> Iterator[tuple[str, Figure]]:
 
 
 def plot(
-    solution: Any, name: str | None = None, *, ax: Axes | None = None, modes: Any = None
+    solution: Any,
+    name: str | None = None,
+    *,
+    ax: Axes | None = None,
+    modes: Any = None,
+    calendar: bool = False,
 ) -> Axes | dict[str, Figure]:
     """Draws a solution, a run loaded from a file, or an ensemble.
 
     `plot(solution, "coning_angle")` draws this observable against time into the matplotlib axes `ax`, or
     into a new pyplot figure if `ax` is None, and returns the axes. Name, symbol and unit are those of the
-    list of observables. Time is in spin periods (of a chain: in orbits), or in seconds if there are none.
+    list of observables. Time is in spin periods (of a chain: in orbits), or in seconds if there are none;
+    with `calendar` it is the date, for a run with an epoch.
 
     `plot(solution)` makes the overview figures, which the command `esail plot` writes, and returns them by
     name. Figures and panels for which the run has no data are left out. modes: modes of the sail, as
@@ -113,24 +119,29 @@ def plot(
     solution was computed under a trace, inside `jax.jit` for example, and therefore has no scene.
     """
     if isinstance(solution, Ensemble):
+        if calendar:
+            raise ValueError("`calendar` must be False for an ensemble, but is True")
         if name is not None:
             return draw_quantiles(solution, name, ax)
         makers = figures_of_ensemble(solution)
     elif solution.scene is None:
         raise ValueError("`solution` must have a scene, but was computed under a trace")
     elif name is not None:
-        return draw_observable(solution, name, ax)
+        return draw_observable(solution, name, ax, calendar)
     else:
         makers = overview(solution, modes)
-    if ax is not None:
-        raise ValueError("`name` must be given with `ax`, but is None")
+    if ax is not None or calendar:
+        raise ValueError(f"`name` must be given with `{'calendar' if calendar else 'ax'}`, but is None")
     return dict(makers)
 
 
-def plot_all(run: Any, directory: str | Path, modes: Any = None, tell: Told = None) -> list[Path]:
-    """Writes every figure that the run has data for as DIRECTORY/<name>.png; returns the paths. modes: as
-    for `plot`; tell: a function that is called with every path as soon as the file is written.
+def plot_all(
+    run: Any, directory: str | Path, modes: Any = None, tell: Told = None, kind: str = "png"
+) -> list[Path]:
+    """Writes every figure that the run has data for as DIRECTORY/<name>.<kind>; returns the paths. modes:
+    as for `plot`; tell: a function that is called with every path as soon as the file is written; kind:
+    png, pdf or svg.
 
     The directory is created if it does not exist. Raises OSError if that or the writing fails.
     """
-    return write_figures(overview(run, modes), directory, tell)
+    return write_figures(overview(run, modes), directory, tell, kind)

@@ -73,11 +73,11 @@ def compare(runs: Runs) -> dict[str, Figure]:
     return {name: figure for name, figure in figures.items() if figure.axes}
 
 
-def write_comparison(runs: Runs, directory: str | Path, tell: Told = None) -> list[Path]:
-    """Writes the figures of `compare` as DIRECTORY/<name>.png; returns the paths, and tells
-    each of them as soon as the file is written. Raises what `compare` raises, before anything is written,
-    and OSError."""
-    return write_figures(compare(runs).items(), directory, tell)
+def write_comparison(runs: Runs, directory: str | Path, tell: Told = None, kind: str = "png") -> list[Path]:
+    """Writes the figures of `compare` as DIRECTORY/<name>.<kind>; returns the paths, and tells each of them
+    as soon as the file is written. kind: png, pdf or svg. Raises what `compare` raises, before anything is
+    written, and OSError."""
+    return write_figures(compare(runs).items(), directory, tell, kind)
 
 
 def compare_tether(runs: Runs) -> Figure:

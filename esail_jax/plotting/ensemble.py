@@ -35,12 +35,14 @@ BANDS = ((0.0, 1.0, 0.12), (0.05, 0.95, 0.22), (0.25, 0.75, 0.35))
 """Lower and upper probability of a band, and its opacity."""
 
 
-def plot_ensemble(ensemble: Ensemble, directory: str | Path, tell: Told = None) -> list[Path]:
-    """Writes every figure that the ensemble has data for as DIRECTORY/<name>.png; returns the paths, and
-    tells each of them as soon as the file is written.
+def plot_ensemble(
+    ensemble: Ensemble, directory: str | Path, tell: Told = None, kind: str = "png"
+) -> list[Path]:
+    """Writes every figure that the ensemble has data for as DIRECTORY/<name>.<kind>; returns the paths, and
+    tells each of them as soon as the file is written. kind: png, pdf or svg.
 
     The directory is created if it does not exist. Raises OSError if that or the writing fails."""
-    return write_figures(figures_of_ensemble(ensemble), directory, tell)
+    return write_figures(figures_of_ensemble(ensemble), directory, tell, kind)
 
 
 def figures_of_ensemble(ensemble: Ensemble) -> Iterator[tuple[str, Figure]]:

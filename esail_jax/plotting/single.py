@@ -7,8 +7,11 @@ from typing import Any
 import numpy as np
 from matplotlib import colormaps, pyplot
 from matplotlib.axes import Axes
+from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, date2num
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from esail_jax.calendar.instants import DAY, dated, with_scale
 from esail_jax.observables import chain, hint_at, sail
 from esail_jax.observables.entry import Observable
 from esail_jax.plotting.data import release_marks
@@ -49,16 +52,30 @@ def mathtext(symbol: str) -> str:
     return f"${text}$"
 
 
-def draw_observable(run: Any, name: str, ax: Axes | None = None) -> Axes:
-    """Draws an observable (time, ...) against time into `ax`, or into a new pyplot figure if None.
+def draw_together(run: Any, names: Sequence[str], calendar: bool = False) -> Figure:
+    """A figure with one panel for every observable, one above the other, which share the time axis. Raises
+    ValueError for a name that the run does not have."""
+    figure = Figure(figsize=(8.0, 1.0 + 2.2 * len(names)), layout="constrained")
+    axes = figure.subplots(len(names), sharex=True, squeeze=False)[:, 0]
+    for ax, name in zip(axes, names, strict=True):
+        draw_observable(run, name, ax, calendar)
+        ax.label_outer()
+    figure.align_ylabels()
+    return figure
 
-    Colours stand for the first axis after time, line styles for the second."""
+
+def draw_observable(run: Any, name: str, ax: Axes | None = None, calendar: bool = False) -> Axes:
+    """Draws an observable (time, ...) against time into `ax`, or into a new pyplot figure if None.
+    calendar: whether the time is a date; the dates of an axis know no leap seconds.
+
+    Colours stand for the first axis after time, line styles for the second. Raises ValueError for a name
+    that the run does not have, and for dates of a run without an epoch."""
     entry = entry_of(run, name)
     if ax is None:
         _, ax = pyplot.subplots(layout="constrained")
     values = np.asarray(run[name])
-    unit, xlabel = time_unit(run)
-    times = np.asarray(run.time) / unit
+    start, unit, xlabel = date_axis(run) if calendar else (0.0, *time_unit(run))
+    times = start + np.asarray(run.time) / unit
     marker = "." if len(times) == 1 else ""
     first, second = (*values.shape[1:], 1, 1)[:2]
     curves = values.reshape(len(times), first, second)
@@ -67,8 +84,12 @@ def draw_observable(run: Any, name: str, ax: Axes | None = None) -> Axes:
         for j in range(second):
             ax.plot(times, curves[:, k, j], DASHES[j], color=colours[k], linewidth=1.0, marker=marker)
     marks = release_marks(run)
-    draw_marks(ax, marks, unit)
+    draw_marks(ax, [x._replace(time=x.time + start * unit) for x in marks], unit)
     ax.set_xlabel(xlabel)
+    if calendar:
+        locator = AutoDateLocator()
+        ax.xaxis.set_major_locator(locator)
+        ax.xaxis.set_major_formatter(ConciseDateFormatter(locator))
     ax.set_ylabel(label_of(entry))
     ax.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
     ax.grid(alpha=0.3)
@@ -77,6 +98,16 @@ def draw_observable(run: Any, name: str, ax: Axes | None = None) -> Axes:
     if handles:
         legend_above(ax, min(4, len(handles)), handles=handles)
     return ax
+
+
+def date_axis(run: Any) -> tuple[float, float, str]:
+    """The number of matplotlib [days] for t = 0, the unit of the time axis [s], and its label. Raises
+    ValueError for a run without an epoch."""
+    epoch = run.scene.initial.epoch
+    if epoch is None:
+        raise ValueError("`calendar` must be False for a run without `initial.epoch`, but is True")
+    (date,) = dated(epoch, np.zeros(1), 6)
+    return float(date2num(np.datetime64(date))), DAY, f"date [{with_scale(epoch)[-3:]}]"
 
 
 def label_of(entry: Observable) -> str:

@@ -1,0 +1,99 @@
+"""`esail plot` of one figure: some observables of a run, in a file of a kind, against time or dates."""
+
+import matplotlib.dates
+import numpy as np
+import pytest
+
+import esail_jax as esail
+from esail_jax.cli import main
+from esail_jax.plotting import plot
+from esail_jax.plotting.single import draw_together
+
+EPOCH = "2027-03-01T12:00:00"
+STARTS = {"png": b"\x89PNG", "pdf": b"%PDF", "svg": b"<?xml"}
+
+
+@pytest.fixture(scope="module")
+def dated(solution):
+    return esail.simulate(solution.scene, {"initial.epoch": EPOCH})
+
+
+@pytest.mark.parametrize("kind", STARTS)
+def test_a_figure_is_of_the_kind_of_its_ending(kind, whole, tmp_path, capsys):
+    """And has the same bytes every time: no date of its making."""
+    paths = [tmp_path / f"{name}.{kind}" for name in "ab"]
+    for path in paths:
+        assert main(["plot", str(whole), "-o", str(path), "--observables", "coning_angle"]) == 0
+    assert capsys.readouterr().out == "".join(f"{path}\n" for path in paths)
+    contents = [path.read_bytes() for path in paths]
+    assert contents[0].startswith(STARTS[kind])
+    if kind != "svg":  # its parts have random names
+        assert contents[0] == contents[1]
+
+
+def test_panels_are_in_the_order_of_the_names(solution):
+    """They share the time axis, which the lowest one labels."""
+    figure = draw_together(solution, ["voltage", "kinetic_energy"])
+    first, second = figure.axes
+    assert first.get_ylabel().startswith("voltage") and second.get_ylabel().startswith("kinetic energy")
+    assert not first.get_xlabel() and second.get_xlabel().startswith("time")
+
+
+def test_dates_are_those_of_the_run(dated, solution):
+    """In days of matplotlib; a run without an epoch has none."""
+    ax = plot(dated, "kinetic_energy", calendar=True)
+    assert ax.get_xlabel() == "date [UTC]"
+    days = ax.lines[0].get_xdata()
+    expected = matplotlib.dates.date2num(np.array(dated.dates(6), "datetime64[us]"))
+    assert np.abs(days - expected).max() < 1e-9
+    with pytest.raises(ValueError, match=r"`calendar` must be False for a run without `initial.epoch`"):
+        plot(solution, "kinetic_energy", calendar=True)
+    with pytest.raises(ValueError, match="`name` must be given with `calendar`"):
+        plot(dated, calendar=True)
+
+
+def test_a_folder_has_files_of_the_kind_that_is_asked_for(whole, tmp_path):
+    assert main(["plot", str(whole), "-o", str(tmp_path / "all"), "--format", "pdf"]) == 0
+    files = list((tmp_path / "all").iterdir())
+    assert len(files) > 3 and all(path.read_bytes().startswith(b"%PDF") for path in files)
+
+
+REFUSED = {
+    "no names": (["-o", "a.pdf"], "`--observables` must be given with the file"),
+    "two kinds": (
+        ["-o", "a.pdf", "--observables", "voltage", "--format", "svg"],
+        "`--format` must be left",
+    ),
+    "folder": (
+        ["-o", "folder", "--observables", "voltage"],
+        "`--observables` must be left out unless `-o`",
+    ),
+    "dates": (["-o", "folder", "--calendar"], "`--calendar` must be left out unless `-o` is a file"),
+    "unknown": (
+        ["-o", "a.svg", "--observables", "coning"],
+        "`--observables` must be an observable of the run",
+    ),
+    "no epoch": (
+        ["-o", "a.svg", "--observables", "voltage", "--calendar"],
+        "`calendar` must be False for a run",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_is_refused(name, whole, tmp_path, capsys, monkeypatch):
+    """In one line, and nothing is written."""
+    monkeypatch.chdir(tmp_path)
+    options, message = REFUSED[name]
+    assert main(["plot", str(whole), *options]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(message) and error.count("\n") == 1 and not list(tmp_path.iterdir())
+
+
+def test_a_figure_is_replaced_only_if_asked(whole, tmp_path, capsys):
+    path = tmp_path / "a.png"
+    path.write_text("mine")
+    options = ["plot", str(whole), "-o", str(path), "--observables", "voltage"]
+    assert main(options) == 2 and path.read_text() == "mine"
+    assert "must not exist (or ask for --overwrite)" in capsys.readouterr().err
+    assert main([*options, "--overwrite"]) == 0 and path.read_bytes().startswith(STARTS["png"])
