@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from esail_jax.calendar.instants import Instants, after, in_scale, written
+from esail_jax.calendar.instants import EPOCH, Instants, after, in_scale, written
 from esail_jax.errors import SceneError
-from esail_jax.wind_files.rows import EPOCH, LARGEST_GAP, WIND_FILE, Rows, seconds_since
+from esail_jax.wind_files.rows import LARGEST_GAP, WIND_FILE, Rows, seconds_since
 
 LATE = 1.5
 """Cadences after which a line is missing."""

@@ -20,9 +20,6 @@ TIMES = "solar_wind.time"
 LARGEST_GAP = "solar_wind.largest_gap"
 """Key of the longest gap that is bridged [s]."""
 
-EPOCH = "initial.epoch"
-"""Key of the date of t = 0."""
-
 SI = {"speed": 1e3, "number_density": 1e6}
 """A km/s in m/s, and a number per cubic centimetre in 1/m^3."""
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from esail_jax.calendar.instants import FIRST_DAYS, Instants, read_instant
+from esail_jax.calendar.instants import EPOCH, FIRST_DAYS, Instants, read_instant
 from esail_jax.errors import SceneError
 from esail_jax.wind_files.in_run import table_of_run
 from esail_jax.wind_files.rows import Rows, check_increasing, is_fill
@@ -18,7 +18,7 @@ def wind(
     *,
     epoch: str | None = None,
     largest_gap: float | None = None,
-) -> dict[str, Float[np.ndarray, " row"]]:
+) -> dict[str, Any]:
     """A measured wind as overrides of a scene: `esail.simulate(scene, esail.wind(time, speed, density))`.
 
     time, speed [m/s], number_density [1/m^3]: lists, arrays, Series of pandas or DataArrays of xarray of
@@ -28,9 +28,10 @@ def wind(
     left out, and the wind changes along a straight line, where the rows before and behind are at most so
     far apart [s]; None: they are refused.
 
-    The result has `solar_wind.time`, `solar_wind.speed` and `solar_wind.number_density`. Raises
-    SceneError for numbers that are none, of which there are not equally many, or that are not positive;
-    for times that do not increase; and for gaps that are longer."""
+    The result has `solar_wind.time`, `solar_wind.speed` and `solar_wind.number_density`, and with an epoch
+    `initial.epoch`, to which they belong. Raises SceneError for numbers that are none, of which there are
+    not equally many, or that are not positive; for times that do not increase; and for gaps that are
+    longer."""
     times = instants_of(time, epoch)
     count = len(times.day) if isinstance(times, Instants) else len(times)
     columns = {
@@ -65,7 +66,8 @@ def wind(
         raise SceneError("largest_gap", "be positive", f"is {largest_gap}")
     start = None if epoch is None else read_instant(epoch, "epoch")
     table = table_of_run([check_increasing(rows)], start, None, largest_gap, "largest_gap")
-    return {f"solar_wind.{name}": column for name, column in table.items()}
+    dated = {} if epoch is None else {EPOCH: epoch}
+    return dated | {f"solar_wind.{name}": column for name, column in table.items()}
 
 
 def numbers(name: str, values: Any) -> Float[np.ndarray, " row"]:

@@ -440,11 +440,13 @@ def test_the_numbers_handed_over_are_not_changed():
 
 
 def test_datetimes_are_placed_by_the_epoch():
+    """Which becomes that of the scene: its times belong to it."""
     times = np.array(["2027-03-01T12:00", "2027-03-01T12:00:00.5", "2027-03-02"], "datetime64[ms]")
     zoned = pandas.Series(times).dt.tz_localize("UTC").dt.tz_convert("Europe/Berlin")
     for time in (times, pandas.Series(times), zoned, zoned.array, pandas.DatetimeIndex(zoned)):
         table = esail.wind(time, SPEED, DENSITY, epoch="2027-03-01T12:00:00.25")
         assert table["solar_wind.time"].tolist() == [-0.25, 0.25, 43199.75]
+    assert esail.load_scene("baseline", table).initial.epoch == "2027-03-01T12:00:00.25"
     tdb = esail.wind(times, SPEED, DENSITY, epoch="2027-03-01T12:00 TDB")["solar_wind.time"]
     assert abs(tdb[0] - 69.184) < 2e-3
 
