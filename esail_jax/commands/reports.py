@@ -19,8 +19,8 @@ from esail_jax.files.opening import (
     open_single,
     to_python,
 )
+from esail_jax.files.reading import scene_in
 from esail_jax.scenes.key_reference import differing_keys
-from esail_jax.scenes.loading import parse
 from esail_jax.scenes.scene import Scene, releases
 
 
@@ -29,7 +29,7 @@ def describe(path: Path, said: Sequence[str] = ()) -> str:
     of its message that its user has read already."""
     with open_run(path) as file, intact(path):
         attributes = {name: to_python(value) for name, value in file.attrs.items()}
-        scene = parse(file["scene"][()].decode(), str(path))
+        scene = scene_in(file, path)
         times = file["time"][()]
         terms = ", ".join(file["numerics"].attrs["terms"])
         balance = balance_text(file)
@@ -142,7 +142,7 @@ def column_of(path: Path) -> tuple[dict[str, str], Scene]:
     """The cells of one run, by the name of their row, and its scene."""
     with open_single(path) as file, intact(path):
         attributes = {name: to_python(value) for name, value in file.attrs.items()}
-        scene = parse(file["scene"][()].decode(), str(path))
+        scene = scene_in(file, path)
         times = file["time"][()]
         name = next((name for name in ERRORS if name in file["observables"]), None)
         error = np.abs(file["observables"][name][()]) if name else np.array([])

@@ -18,6 +18,7 @@ from esail_jax.compilation.announcements import announced_to
 from esail_jax.errors import SimulationError
 from esail_jax.files.locks import FileLock
 from esail_jax.files.opening import RunFileError, intact, open_run, open_single
+from esail_jax.files.reading import scene_in
 from esail_jax.files.run_file import (
     Content,
     RunWriter,
@@ -29,7 +30,6 @@ from esail_jax.files.run_file import (
 from esail_jax.files.state import load_checkpoint
 from esail_jax.loads.law_structure import identity_of
 from esail_jax.scenes.key_reference import ABSENT, differing_keys
-from esail_jax.scenes.loading import parse
 from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.plasma import SolarWind
 from esail_jax.scenes.plausibility import doubts
@@ -172,7 +172,7 @@ def check_output(scene: Scene, path: Path, resume: bool) -> str:
     if not resume:
         raise RunFileError(f"`-o` must not exist yet (or use --resume), but {path} does")
     with open_single(path) as file, intact(path):
-        before = parse(file["scene"][()].decode(), str(path))
+        before = scene_in(file, path)
         check_law(scene, file.attrs.get("voltage_law"), path)
         check_terms(scene, list(file.attrs.get("own_terms", ())), path)
         if scene_of_run(with_longer_wind(before, scene)) != scene_of_run(scene):

@@ -19,7 +19,7 @@ NAMES = (*Measurements._fields, "sun", "root_phase", "tether_phase", "outward_fr
 """What a law can measure."""
 
 NEEDED = {
-    "voltage": "a law with a `period`",
+    "voltage": "a voltage law with a `period`",
     "position": "[orbit]",
     "momentum_axis": "[hub]",
     "current": "`tethers.wire_radius`",
@@ -31,7 +31,10 @@ NEEDED = {
 }
 """What a measurement needs that is None otherwise."""
 
-LIBRARIES = tuple(str(Path(file).parent) for file in (jax.__file__, eqx.__file__, np.__file__))
+LIBRARIES = (
+    *(str(Path(file).parent) for file in (jax.__file__, eqx.__file__, np.__file__)),
+    str(Path(__file__).parents[1]),
+)
 """Folders whose lines are not those of a user's law."""
 
 
@@ -116,7 +119,8 @@ def refused(method: str, must: str, error: Exception) -> SceneError:
 
 
 def place_of(error: Exception) -> str:
-    """File and line in which an error arose, the last one outside the libraries that a law calls."""
+    """File and line in which an error arose, the last one outside the libraries that a law calls; `the
+    call` if it did not get there."""
     frames = traceback.extract_tb(error.__traceback__)
     own = [x for x in frames if not x.filename.startswith(LIBRARIES)]
-    return f"{Path(own[-1].filename).name}:{own[-1].lineno}"
+    return f"{Path(own[-1].filename).name}:{own[-1].lineno}" if own else "the call"

@@ -162,7 +162,8 @@ def check_law(scene: Any) -> None:
         if name in own and not given:
             if name in optional and all(getattr(deployment, x) is None for x in optional):
                 continue
-            or_law = ", or a WinchLaw among the terms," if name == "tension" else ""
+            replaced = law == "tension" and name in ("time", "tension")
+            or_law = ", or a WinchLaw among the terms," if replaced else ""
             raise SceneError(f"deployment.{name}", f"be given{or_law} with the law {law}", "is missing")
         if name not in own and given:
             raise SceneError(f"deployment.{name}", f"be left out with the law {law}", "is given")

@@ -307,7 +307,7 @@ def period_of(law: Any, name: str = PERIOD) -> float | None:
         must = "be a plain number (declare the field with equinox.field(static=True))"
         raise SceneError(name, must, "is a traced value")
     try:
-        number = float(period)
+        number = math.nan if isinstance(period, str | bool) else float(period)
     except (TypeError, ValueError):
         number = math.nan
     if not 0.0 < number < math.inf:

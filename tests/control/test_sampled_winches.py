@@ -8,6 +8,7 @@ import pytest
 
 import esail_jax as esail
 from esail_jax.array_types import Array
+from esail_jax.cli import main
 from esail_jax.physics import WinchLaw
 from esail_jax.scenes.loading import load_scene
 from esail_jax.scenes.structure import split
@@ -203,6 +204,7 @@ def test_derivatives_and_batches():
 LAWS = """
 import equinox as eqx
 import jax.numpy as jnp
+from esail_jax.cli import main
 from esail_jax.physics import WinchLaw
 
 class Law(WinchLaw):
@@ -221,22 +223,20 @@ law = Law()
 
 
 @pytest.mark.nightly
-def test_a_run_is_resumed_bit_for_bit(tmp_path):
-    """The held tensions and the memory are those of the file, between two samples."""
+def test_a_run_is_resumed_bit_for_bit(tmp_path, capsys):
+    """The held tensions and the memory are those of the file, between two samples. The scene has no table
+    of tensions: without the terms its text alone is none."""
     scene, law, whole, parts = (tmp_path / name for name in ("a.toml", "law.py", "whole.h5", "parts.h5"))
-    scene.write_text(
-        to_toml(
-            load_scene(
-                "truss", SHORT | {"deployment.tension": 0.0 * np.ones(2), "deployment.time": [0.0, 1.0]}
-            )
-        )
-    )
+    table = {"deployment.tension": [0.0, 0.0], "deployment.time": [0.0, 1.0]}
+    text = to_toml(load_scene("truss", SHORT | table))
+    scene.write_text(text.replace("time = [0.0, 1.0]\n", "").replace("tension = [0.0, 0.0]\n", ""))
     law.write_text(LAWS)
     own = ("--terms", f"{law}:law")
     assert esail_run(scene, whole, *own) == 0
     assert esail_run(scene, parts, *own, "--t-end", "10") == 0
     assert esail_run(scene, parts, *own, "--resume") == 0
     check_same(parts, whole)
+    assert main(["info", str(whole)]) == 0 and "2 tethers" in capsys.readouterr().out
 
 
 class Nothing(WinchLaw):
@@ -298,6 +298,7 @@ ONE = jnp.ones(2)
         ([Both(ONE, ONE, ONE)], r"`terms\[0\]` must have the method .* but Both has tension and init and"),
         ([Unclocked()], r"`terms\[0\].period` must be given for a law with `update`, but is missing"),
         ([Alternating(ONE, 0.0)], r"`terms\[0\].period` must be positive, but is 0.0"),
+        ([Alternating(ONE, "5")], r"`terms\[0\].period` must be positive, but is '5'"),
         ([Alternating(ONE), Alternating(ONE, 3.0)], r"`terms\[1\].period` must be that of `terms\[0\]"),
         ([Alternating(ONE, 1e-9)], r"`terms\[0\].period` must leave at most"),
         ([Growing(ONE)], r"Growing\).update` must return a memory like the one before"),

@@ -466,7 +466,7 @@ def test_second_derivatives_and_batches():
     ("change", "terms", "message"),
     [
         ({"deployment.tension": None}, (), r"`deployment.tension` must be given, or a WinchLaw among"),
-        ({"deployment.time": None}, (), r"`deployment.time` must be given with the law tension"),
+        ({"deployment.time": None}, (), r"`deployment.time` must be given, or a WinchLaw among"),
         ({"deployment.time": None}, (Constant(jnp.ones(2)),), r"`deployment.time` must be given"),
         ({"deployment.drum_mass": None}, (), r"`deployment.drum_mass` must be given with the law tension"),
         ({"deployment.drum_mass": 0.0}, (), r"`deployment.drum_mass` must be positive"),

@@ -76,7 +76,7 @@ def test_every_key_can_be_given_and_written(key, chain):
         "chain.root": "clamped", "integrator.method": "dopri5", "integrator.tolerance": 0.125,
         "solar_wind.relative": True, "plasma_brake.voltage": -1e3, "deployment.start_length": 1.375,
         "deployment.law": "table", "deployment.time": (0.0, 2.0), "deployment.rate": (0.0, 0.125),
-        "deployment.growth": 0.0625,
+        "deployment.growth": 0.0625, "initial.epoch": "2027-03-01T12:00:00 TDB",
     }  # fmt: skip
     shape = (1.0, 2.0, 0.5) if FIELDS[key].shape in (Shape.VECTOR, Shape.VECTORS) else 0.125
     value = values.get(key, shape)

@@ -254,6 +254,7 @@ def test_every_key_can_be_overridden(key, sail):
         "deployment.start_length": 4e3, "deployment.law": "table", "deployment.time": (0.0, 2.0),
         "deployment.rate": (0.0, 0.25), "deployment.growth": 1e-4,
         "deployment.tension": (0.1, 0.2), "deployment.drum_mass": 3.0,
+        "initial.epoch": "2027-03-01T12:00:00",
     }  # fmt: skip
     value = values.get(key) or SPACECRAFT.get(key) or 0.125
     extra = {"tethers.second_moment": 2e-18} if key == "tethers.bending" else {}
@@ -348,8 +349,8 @@ def test_a_tracer_is_refused_for_structure_by_name(key, sail):
         jax.make_jaxpr(program)(1.0)
 
 
-PLAIN = ("deployment.law", "deployment.time")
-"""Keys of which no tracer is accepted; the second says where a run is divided."""
+PLAIN = ("deployment.law", "deployment.time", "initial.epoch")
+"""Keys of which no tracer is accepted: the second says where a run is divided, the third is a date."""
 
 
 @pytest.mark.parametrize("key", [key for key in SAIL_KEYS if key not in (*STRUCTURE, *PLAIN)])
