@@ -394,8 +394,8 @@ BAD = {
     "absent": (
         Sentence(lambda m: 2.0 * m.voltage),
         {},
-        "`voltage_law.commanded` must not use measurements that are None here, .*`voltage` \\(needs a voltage "
-        "law with a `period`\\), .*but test_own_law.py:[0-9]+ raises TypeError: unsupported",
+        "`voltage_law.commanded` must not use measurements that are None here, .*`voltage` \\(needs a "
+        "voltage law with a `period`\\), .*but test_own_law.py:[0-9]+ raises TypeError: unsupported",
     ),
     "if": (
         Sentence(with_if),
