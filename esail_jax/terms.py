@@ -426,9 +426,10 @@ class WinchLaw(BodyTerm):
     """What the motors of winches hold, beside their table (`elements/winch.py`)."""
 
     def tension(self, measurements: Measurements) -> PerTether:
-        """The tension F [N] that every motor holds; positive against payout. A sampled law of a user may
-        have `init` and `update` in its place."""
-        raise NotImplementedError
+        """The tension F [N] that every motor holds; positive against payout. A sampled law with a memory
+        has `init` and `update` instead: its tension is then that of the first sample."""
+        law: Any = self
+        return law.update(measurements, law.init(measurements))[0]
 
     def holding(self, volts: PerTether, elements: int) -> "WinchLaw":
         """The law when a sampled voltage law holds other voltages [V]."""

@@ -197,6 +197,13 @@ def dated(epoch: str, seconds: Float[np.ndarray, "*time"], digits: int = 3) -> l
     return written(after(read_instant(epoch, EPOCH), seconds), digits)
 
 
+def without_leap_seconds(epoch: str) -> Instants:
+    """The instant of an epoch in a calendar that has no leap seconds, such as those of netCDF and of
+    figures: within one it is in the first second of the next day."""
+    at = read_instant(epoch, EPOCH)
+    return Instants(*normalised(at.day, at.second), at.scale)
+
+
 def with_scale(epoch: str) -> str:
     """An epoch as it was given, with its time scale at the end."""
     scale = read_instant(epoch, EPOCH).scale

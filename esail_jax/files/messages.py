@@ -64,8 +64,8 @@ def write_aem(run: str | os.PathLike, path: Path, named: Named) -> str:
     Raises RunFileError for a file without an epoch or a hub, and for rows between which the hub turns by
     half a turn or more, and InputError for names that fit in no line."""
     with open_single(run) as file, intact(run):
-        at, (rotation,) = dated_rows(file, run, ("rotation_IB",), named.scale)
-        turned = turns(file["time"][: len(at.day)], file["observables"])
+        at, (rotation, rates) = dated_rows(file, run, ("rotation_IB", "angular_velocity_B"), named.scale)
+        turned = turns(file["time"][: len(at.day)], rates)
         if turned >= np.pi:
             got = f"turns by {np.rad2deg(turned):.0f} deg: save rows more often"
             raise RunFileError(f"`{run}` must turn by less than 180 deg between two rows, but {got}")
@@ -73,11 +73,11 @@ def write_aem(run: str | os.PathLike, path: Path, named: Named) -> str:
     return f"Between two rows the hub turns by {np.rad2deg(turned):.3g} deg at most."
 
 
-def turns(times: np.ndarray, observables: h5py.Group) -> float:
-    """The largest angle [rad] by which a hub turns from row to row, by its rate there."""
-    rates = np.linalg.norm(observables["angular_velocity_B"][: len(times)], axis=1)
-    steps = np.diff(times)
-    return float((steps * np.maximum(rates[1:], rates[:-1])).max()) if len(steps) else 0.0
+def turns(times: np.ndarray, rates: np.ndarray) -> float:
+    """The largest angle [rad] by which a hub turns from row to row. rates: its angular velocities in the
+    rows [rad/s]."""
+    steps, size = np.diff(times), np.linalg.norm(rates, axis=1)
+    return float((steps * np.maximum(size[1:], size[:-1])).max()) if len(steps) else 0.0
 
 
 def dated_rows(

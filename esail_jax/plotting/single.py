@@ -11,7 +11,7 @@ from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, date2num
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from esail_jax.calendar.instants import DAY, dated, with_scale
+from esail_jax.calendar.instants import DAY, without_leap_seconds, written
 from esail_jax.observables import chain, hint_at, sail
 from esail_jax.observables.entry import Observable
 from esail_jax.plotting.data import release_marks
@@ -106,8 +106,8 @@ def date_axis(run: Any) -> tuple[float, float, str]:
     epoch = run.scene.initial.epoch
     if epoch is None:
         raise ValueError("`calendar` must be False for a run without `initial.epoch`, but is True")
-    (date,) = dated(epoch, np.zeros(1), 6)
-    return float(date2num(np.datetime64(date))), DAY, f"date [{with_scale(epoch)[-3:]}]"
+    start = without_leap_seconds(epoch)
+    return float(date2num(np.datetime64(written(start, 6)[0]))), DAY, f"date [{start.scale}]"
 
 
 def label_of(entry: Observable) -> str:

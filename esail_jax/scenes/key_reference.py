@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from esail_jax.scenes.declarations import rule_of
-from esail_jax.scenes.from_files import FRAME, FRAMES, KERNEL, OEM, POSITION_KM, START_AT, VELOCITY_KM_S
+from esail_jax.scenes.overrides import FRAME, FRAMES, KERNEL, OEM, POSITION_KM, START_AT, VELOCITY_KM_S
 from esail_jax.scenes.parts import CHAIN, PARTS, SAIL, given, table_names
 from esail_jax.scenes.rules import Kind, Rule, Shape, describe
 from esail_jax.scenes.scene import Scene

@@ -9,9 +9,8 @@ from typing import Any
 
 from esail_jax.errors import nearest
 from esail_jax.scenes.integration import check_size
-from esail_jax.scenes.overrides import check_overrides
+from esail_jax.scenes.overrides import Request, check_overrides
 from esail_jax.scenes.own_terms import check_has_terms
-from esail_jax.scenes.requests import Request
 from esail_jax.scenes.rules import SceneError, describe
 from esail_jax.scenes.scene import Scene, scene_of
 from esail_jax.scenes.voltage import check_has_law

@@ -16,10 +16,9 @@ from esail_jax.scenes import rules
 from esail_jax.scenes.control_period import check_one_clock
 from esail_jax.scenes.declarations import rule_of
 from esail_jax.scenes.integration import Output, method_name
-from esail_jax.scenes.overrides import EXPANDERS, unknown
+from esail_jax.scenes.overrides import EXPANDERS, Request, unknown
 from esail_jax.scenes.own_terms import AbsentTerms, check_own_terms, checked_terms
 from esail_jax.scenes.parts import CHAIN, SAIL, field_of, given, model_of, names_of, parts_of, table_names
-from esail_jax.scenes.requests import Request
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.start_and_place import ORIGIN_AU
 from esail_jax.scenes.tethers import Tethers

@@ -8,7 +8,7 @@ import jax
 import numpy as np
 
 from esail_jax.array_types import Array, Float, Maybe
-from esail_jax.calendar.instants import EPOCH, dated, read_instant
+from esail_jax.calendar.instants import dated, without_leap_seconds, written
 from esail_jax.html import html_table
 from esail_jax.observables import described, hint_at, known_names
 from esail_jax.observables.entry import Observable
@@ -197,10 +197,9 @@ def time_attributes(scene: Scene | None) -> dict[str, str]:
     epoch = None if scene is None else scene.initial.epoch
     if epoch is None:
         return {"units": "s"}
-    (date,) = dated(epoch, np.zeros(1), 6)
-    scale = read_instant(epoch, EPOCH).scale
-    units = f"seconds since {date.replace('T', ' ')}"
-    return {"standard_name": "time", "units": units, "calendar": "standard", "time_scale": scale}
+    start = without_leap_seconds(epoch)
+    units = f"seconds since {written(start, 6)[0].replace('T', ' ')}"
+    return {"standard_name": "time", "units": units, "calendar": "standard", "time_scale": start.scale}
 
 
 OWN_AXES = ("angle", "row", "col")

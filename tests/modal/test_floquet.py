@@ -10,6 +10,7 @@ from esail_jax.cli import main
 from esail_jax.modal.multipliers import FASTEST, Floquet
 from esail_jax.modal.notes import GROWING
 from esail_jax.plotting.modes import mode_multipliers
+from support.payout import FROM_REST
 
 SPIN = 4e-3
 TURN = 2.0 * np.pi / SPIN
@@ -86,11 +87,7 @@ def test_unequal_tethers_use_the_map_of_a_whole_turn(validate):
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("law", [
-    {"deployment.time": [0.0, 10.0], "deployment.rate": [0.0, 1.0]},
-    {"deployment.law": "tension", "deployment.time": [0.0, 9.0], "deployment.tension": [0.1, 0.1],
-     "deployment.drum_mass": 3.0},
-], ids=["table", "tension"])  # fmt: skip
+@pytest.mark.parametrize("law", FROM_REST.values(), ids=FROM_REST)
 def test_tethers_that_begin_to_be_paid_out(law, short):
     """At the length of the start, with the winches at rest: the multipliers of a sail of that length whose
     hub has what is wound up as point masses at the roots. Motions that decay by more than 1e-8 in a map

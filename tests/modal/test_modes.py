@@ -13,6 +13,7 @@ from esail_jax.equilibria.motions import conditions
 from esail_jax.equilibria.spectrum import sparse_spectrum
 from esail_jax.equilibria.steady_state import steady_state
 from support.compiled_nothing import COMPILATION, forget_programs
+from support.payout import FROM_REST
 from support.sail_modes import RING, SMALL, SPIN, UNEQUAL, built, compared_with_dense, worst_of_matches
 
 SIX = {"tethers.count": 6, "auxiliary_tethers.length": 1.0002e4}
@@ -116,11 +117,7 @@ def test_lowest_modes_of_a_large_sail():
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("law", [
-    {"deployment.time": [0.0, 10.0], "deployment.rate": [0.0, 1.0]},
-    {"deployment.law": "tension", "deployment.time": [0.0, 9.0], "deployment.tension": [0.1, 0.1],
-     "deployment.drum_mass": 3.0},
-], ids=["table", "tension"])  # fmt: skip
+@pytest.mark.parametrize("law", FROM_REST.values(), ids=FROM_REST)
 def test_modes_of_a_sail_whose_tethers_begin_to_be_paid_out(law):
     """At the length of the start, with the winches at rest: those of a sail of that length whose hub has
     what is wound up as point masses at the roots, to 1e-10."""

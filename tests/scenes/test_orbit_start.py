@@ -11,6 +11,7 @@ from esail_jax.constants import ASTRONOMICAL_UNIT
 from esail_jax.errors import InputError
 from esail_jax.messages.trajectory import Trajectory
 from esail_jax.messages.writing import Head, oem_text
+from esail_jax.scenes.toml_text import to_toml
 from support.ellipses import Ellipse
 from support.kernels import chebyshev, write_kernel
 
@@ -141,5 +142,33 @@ def test_another_date_needs_another_start():
     first = esail.load_scene("heliocentric", {"initial.epoch": EPOCH})
     with pytest.raises(esail.SceneError, match=r"`initial.epoch` must be changed together with `orbit.pos"):
         first.replace({"initial.epoch": "2027-04-01"})
+    assert first.replace({"initial.epoch": "2027-03-01T12:00"}).orbit == first.orbit
+    assert first.replace({"initial.epoch": None}).initial.epoch is None
     both = {"initial.epoch": "2027-04-01", "orbit.position_au": [1.0, 0.0, 0.0]}
     assert first.replace(both).initial.epoch == "2027-04-01"
+
+
+def test_an_override_replaces_the_start_of_a_file(tmp_path):
+    """As a whole: numbers take the place of a message, which is not even opened; half a start, or one that
+    is taken away, is refused."""
+    text = to_toml(scene())
+    at, rest = text.index("[orbit]"), text.index("position_au")
+    lines = [x for x in text[rest:].splitlines() if not x.startswith(("position_au", "velocity ="))]
+    path = tmp_path / "start.toml"
+    path.write_text(text[:at] + '[orbit]\noem = "missing.oem"\n' + "\n".join(lines))
+    date = {"initial.epoch": EPOCH}
+    with pytest.raises(InputError, match=r"missing.oem` must be an OEM, but does not exist"):
+        esail.load_scene(path, date)
+    numbers = {"orbit.position_au": [1.0, 0.0, 0.5], "orbit.velocity": [0.0, 3e4, 0.0]}
+    assert esail.load_scene(path, date | numbers).orbit.position_au == (1.0, 0.0, 0.5)
+    with pytest.raises(esail.SceneError, match=r"`orbit.velocity` must be given with `orbit.position_au`"):
+        esail.load_scene(path, date | {"orbit.position_au": [1.0, 0.0, 0.5]})
+    velocity = {"orbit.oem": None, "orbit.velocity": [0.0, 3e4, 0.0]}
+    with pytest.raises(esail.SceneError, match=r"`orbit.position_au` must be given, but is missing"):
+        esail.load_scene(path, date | velocity)
+
+
+def test_a_chain_has_no_such_start():
+    """Its orbit is a circle: the key that is not known is the one that was given."""
+    with pytest.raises(esail.SceneError, match=r"`orbit.position_km` must be a known key"):
+        esail.load_scene("tethered-satellite", {"orbit.position_km": [1e8, 0.0, 0.0]})

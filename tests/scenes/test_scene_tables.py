@@ -15,11 +15,11 @@ import pytest
 import esail_jax as esail
 from esail_jax.scenes import integration, method_choice, rules
 from esail_jax.scenes.declarations import rule_of
-from esail_jax.scenes.from_files import STARTS
 from esail_jax.scenes.integration import METHODS, MethodName, takes
 from esail_jax.scenes.key_reference import describe_keys
 from esail_jax.scenes.loading import load_scene, parse
 from esail_jax.scenes.method_choice import with_method
+from esail_jax.scenes.overrides import STARTS
 from esail_jax.scenes.parts import tables_of
 from esail_jax.scenes.rules import Kind, Shape
 from esail_jax.scenes.voltage import LAWS, LawName

@@ -11,9 +11,8 @@ import xarray
 import esail_jax as esail
 from esail_jax import cli
 from esail_jax.constants import PROTON_MASS
-from esail_jax.scenes.from_files import with_wind_file
 from esail_jax.scenes.loading import builtin_text, parse
-from esail_jax.scenes.requests import Request
+from esail_jax.scenes.overrides import Request, with_wind_file
 from esail_jax.scenes.toml_text import to_toml
 from support.new_process import heavy_imports_of
 

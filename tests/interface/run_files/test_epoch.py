@@ -2,12 +2,14 @@
 
 import csv
 
+import matplotlib.dates
 import numpy as np
 import pytest
 import xarray
 
 import esail_jax as esail
 from esail_jax.cli import main
+from esail_jax.plotting.single import date_axis
 from esail_jax.scenes.structure import split
 from support.bits import same_bits
 
@@ -91,6 +93,16 @@ def test_netcdf_has_times_that_other_programs_read_as_dates(file, solution, tmp_
         )
         assert data["time"].attrs["time_scale"] == "UTC"
     assert solution.to_xarray()["time"].attrs == {"units": "s"}
+
+
+def test_an_epoch_within_a_leap_second_is_a_date_of_other_calendars(solution):
+    """Theirs is in the first second of the next day; the run's own is the second 60."""
+    run = esail.simulate(solution.scene, {"initial.epoch": "2016-12-31T23:59:60.25"}, times=[0.0, 1.0])
+    assert run.dates(2) == ["2016-12-31T23:59:60.25", "2017-01-01T00:00:00.25"]
+    assert run.to_xarray()["time"].attrs["units"] == "seconds since 2017-01-01 00:00:00.250000"
+    start, _, label = date_axis(run)
+    assert matplotlib.dates.num2date(start).isoformat().startswith("2017-01-01T00:00:00.25")
+    assert label == "date [UTC]"
 
 
 @pytest.mark.parametrize(

@@ -86,6 +86,8 @@ def test_what_has_no_orbit_or_date_is_refused(file, whole, flown, tmp_path, caps
         ),
         tmp_path / "fast.h5",
     )
+    still = {name: x for name, x in flown.items() if name != "angular_velocity_B"}
+    esail.save(dataclasses.replace(flown, observables=still), tmp_path / "still.h5")
     for run, name, options, message in (
         (whole, "a.oem", [], "must have an epoch (`initial.epoch`) for dates, but has none"),
         (
@@ -94,6 +96,7 @@ def test_what_has_no_orbit_or_date_is_refused(file, whole, flown, tmp_path, caps
             [],
             "must turn by less than 180 deg between two rows, but turns by 2292",
         ),
+        (tmp_path / "still.h5", "a.aem", [], "must have the observable `angular_velocity_B`, but has not"),
         (file, "a.oem", ["--calendar"], "`--calendar` must be left out with .oem, but is given"),
         (file, "a.csv", ["--mission", "x"], "`--mission` must be left out with .csv, but is given"),
         (
