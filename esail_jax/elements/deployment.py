@@ -452,7 +452,8 @@ class Reels(eqx.Module):
     def dissipation(self, rate: PerInstant, fields: PointFields, rates: PointFields) -> PerInstant:
         """R [W] of every tether at the rates l' [m/s]."""
         each = self.tethers.repeat_per_element
-        share, relative = each(self.now.length / self.payout.total), each(rate / self.now.length)
+        length = jnp.broadcast_to(self.now.length, rate.shape)
+        share, relative = each(length / self.payout.total), each(rate / length)
         terms = [DeployedDissipation(term, share, relative) for term in self.dissipations]
         return self.per_tether(total_of(term.density(fields, rates) for term in terms))
 
@@ -483,9 +484,10 @@ class Reels(eqx.Module):
         bracket = self.density / self.whole * (bracket + c * dot(velocity, along))
         root = v[0, ..., 0, :]
         force = -self.per_tether(bracket) - 0.5 * density_of(batch) * dot(root, root)
+        # Several states may share an instant: each has the derivatives of its own energy.
+        length, rate = (jnp.broadcast_to(x, force.shape) for x in (now.length, now.rate))
         if self.energies:
-            by_length = jax.grad(lambda length: self.elastic_energy_of(length, fields).sum())(now.length)
-            force = force - by_length
+            force = force - jax.grad(lambda x: self.elastic_energy_of(x, fields).sum())(length)
         if self.dissipations:
-            force = force - jax.grad(lambda rate: self.dissipation(rate, fields, rates).sum())(now.rate)
+            force = force - jax.grad(lambda x: self.dissipation(x, fields, rates).sum())(rate)
         return force + self.per_tether(dot(pushed, s.along(fields.r_x)) / s.share)

@@ -271,6 +271,24 @@ def test_the_force_of_a_winch_is_lagranges_equation_of_the_length(name):
 
 
 @pytest.mark.parametrize("name", ["baseline", "truss"])
+def test_states_at_one_instant_have_their_own_winch_forces(name):
+    """Several motions of tethers of the same lengths, as in the map of a turn: the forces are those of each
+    motion alone, with elasticity and damping, to 1e-12 of the largest."""
+    system, time, q, v, vdot = random_motion(name)
+    now, parts = system.at(time), np.array([1.0, 1.0 + 1e-4, 1.0 - 2e-4])
+
+    @jit
+    def both(q, v, vdot):
+        each = [now.winch_forces(time, x * q, x * v, x * vdot, None) for x in parts]
+        together = (jnp.stack([x * y for x in parts], axis=2) for y in (q, v, vdot))
+        return jnp.stack(each), now.winch_forces(time, *together, None)
+
+    each, together = both(q, v, vdot)
+    assert np.ptp(each, axis=0).min() > 1e-6 * np.abs(each).max()
+    assert np.abs(each - together).max() < 1e-12 * np.abs(each).max()
+
+
+@pytest.mark.parametrize("name", ["baseline", "truss"])
 def test_the_force_of_a_winch_at_rest(name):
     """Of a uniform static stretch e it is T (1 + e) - W, not T: the length that is reeled in carries
     energy."""

@@ -5,8 +5,8 @@ from esail_jax.numerics.vectors import dot, total_of
 
 FROM_REST = {
     "table": {"deployment.time": [0.0, 10.0], "deployment.rate": [0.0, 1.0]},
-    "tension": {"deployment.law": "tension", "deployment.time": [0.0, 9.0], "deployment.tension": [0.1, 0.1],
-                "deployment.drum_mass": 3.0},
+    "tension": {"deployment.law": "tension", "deployment.time": [0.0, 9.0],
+                "deployment.tension": [0.1, 0.1], "deployment.drum_mass": 3.0},
 }  # fmt: skip
 """Laws by which tethers that are at rest begin to be paid out."""
 
