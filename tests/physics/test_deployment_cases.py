@@ -52,7 +52,8 @@ def test_lag_behind_a_held_hub(light):
     """Paid out at a constant rate from a hub that a large inertia holds at w, a straight tether rests at
     sin(phi) = -2 l'/(r w), whatever its mass, with the tension m (l w^2 + r w^2 cos(phi)) + rho (l^2 w^2/2
     + r l w^2 cos(phi)): the angle to 1e-6 rad, the tension to 1e-6 of itself with the stretch, up to 3e-5,
-    in l."""
+    in l and the stretching in l': a tether that starts at the angle of an unstretched one swings so fast
+    that its tension is 1e-6 less."""
     w, rate, radius, elements, end = 0.05, 0.01, 1.0, 4, 40.0
     density = 1e-3 if light else 7653.0 * 20.0
     given = {
@@ -65,6 +66,7 @@ def test_lag_behind_a_held_hub(light):
         "deployment.time": [0.0, 99.0],
         "deployment.rate": [rate, rate],
         "integrator.t_end": end,
+        "integrator.tolerance": 1e-11,
         "output.interval": 10.0,
     }
     scene = load_scene("truss", PAIR | given)
@@ -74,8 +76,6 @@ def test_lag_behind_a_held_hub(light):
     outward = np.asarray(q.tether[0, :, -1] - q.tether[0, :, 0])
     outward = outward / np.linalg.norm(outward, axis=0)
     phi = np.arcsin(-2.0 * rate / (radius * w))
-    along = np.cos(phi) * outward + np.sin(phi) * np.cross(axis, outward, axis=0)
-
     part = np.linspace(0.0, 1.0, elements + 1)
 
     def pull(length, here, drawn):
@@ -94,8 +94,11 @@ def test_lag_behind_a_held_hub(light):
         return drawn, pull(length, 0.0, drawn)
 
     drawn = stretched(100.0)[0][:, None]
+    growing = rate * (stretched(100.5)[0] - stretched(99.5)[0])[:, None]
+    phi = np.arcsin(-2.0 * growing[-1, 0] / (radius * w))
+    along = np.cos(phi) * outward + np.sin(phi) * np.cross(axis, outward, axis=0)
     nodes = np.asarray(q.tether[0, :, :1]) + drawn * along[:, None]
-    rates = w * np.cross(axis, nodes, axis=0) + rate / 100.0 * drawn * along[:, None]
+    rates = w * np.cross(axis, nodes, axis=0) + growing * along[:, None]
     zero = jnp.zeros(())
     start = Point(
         zero,
@@ -107,7 +110,7 @@ def test_lag_behind_a_held_hub(light):
     run = esail.simulate(scene, start=start)
     assert np.abs(run["lagging_angle"] - phi).max() < 1e-6
     _, expected = stretched(run["deployed_length"][-1, 0])
-    assert np.allclose(run["winch_tension"][-1], expected, rtol=1e-6)
+    assert np.allclose(run["winch_tension"][-1], expected, rtol=2e-7)
 
 
 @pytest.mark.nightly
