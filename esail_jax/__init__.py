@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from esail_jax.compilation.jit import jit
     from esail_jax.compilation.kept import clear_caches
     from esail_jax.errors import SceneError, SimulationError
+    from esail_jax.files.export import export
     from esail_jax.files.opening import RunFileError
     from esail_jax.files.run_file import load, save
     from esail_jax.modal.sail_modes import modes
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
     from esail_jax.simulation.simulate import run, simulate
     from esail_jax.simulation.solution import Solution
     from esail_jax.steppers.results import RESULTS
+    from esail_jax.viewing.showing import animate, view
     from esail_jax.wind_files.tables import wind
 
 __version__ = "0.2.0"
@@ -81,7 +83,9 @@ __all__ = [
     "Thermal",
     "TipThrust",
     "Voltage",
+    "animate",
     "clear_caches",
+    "export",
     "jit",
     "load",
     "load_scene",
@@ -90,6 +94,7 @@ __all__ = [
     "run",
     "save",
     "simulate",
+    "view",
     "wind",
 ]
 
@@ -98,6 +103,7 @@ MODULES = {
     "compilation.jit": ("jit",),
     "compilation.kept": ("clear_caches",),
     "errors": ("SceneError", "SimulationError"),
+    "files.export": ("export",),
     "files.opening": ("RunFileError",),
     "files.run_file": ("load", "save"),
     "modal.sail_modes": ("modes",),
@@ -116,6 +122,7 @@ MODULES = {
     "simulation.simulate": ("run", "simulate"),
     "simulation.solution": ("Solution",),
     "steppers.results": ("RESULTS",),
+    "viewing.showing": ("animate", "view"),
     "wind_files.tables": ("wind",),
 }
 """The modules that define the public names."""
@@ -137,5 +144,9 @@ def __getattr__(name: str) -> Any:
     return found
 
 
+PACKAGES = ("control", "design", "ensembles", "loads", "modal", "plotting", "terms")
+"""Packages and modules that users import: `esail.design`, for example."""
+
+
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted({*__all__, *PACKAGES, "__version__"})

@@ -1,7 +1,8 @@
-"""Atomic replacement of a file: a reader finds the old content or the new one, never a part."""
+"""Atomic replacement of a file or folder: a reader finds the old content or the new one, never a part."""
 
 import contextlib
 import os
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -32,4 +33,22 @@ def atomic_file(path: str | os.PathLike, unique: bool = False) -> Iterator[Path]
             raise NoSpaceError(f"no space is left in {path.parent}") from error
         if isinstance(error, OSError) and error.filename == str(part):
             error.filename = str(path)  # the file that was asked for
+        raise
+
+
+@contextlib.contextmanager
+def atomic_folder(path: Path) -> Iterator[Path]:
+    """Context manager: gives the path of a temporary folder, which replaces the folder `path` when the
+    block ends. If the block raises, the temporary folder is removed and `path` stays as it is. Raises
+    NoSpaceError if the disk is full."""
+    part = path.with_name(f"{path.name}{PART}")
+    shutil.rmtree(part, ignore_errors=True)
+    try:
+        yield part
+        shutil.rmtree(path, ignore_errors=True)
+        os.replace(part, path)
+    except BaseException as error:
+        shutil.rmtree(part, ignore_errors=True)
+        if is_full(error):
+            raise NoSpaceError(f"no space is left in {path.parent}") from error
         raise

@@ -36,11 +36,26 @@ class UsageError(InputError):
 
 
 OPTIONS = {
-    "members": "--member",
+    "axes": "--axes",
+    "calendar": "--calendar",
+    "colour": "--colour",
+    "every": "--every",
+    "exaggeration": "--exaggeration",
+    "first": "--from",
+    "fps": "--fps",
+    "last": "--to",
+    "member": "--member",
+    "mission": "--mission",
+    "object_name": "--object",
     "observables": "--observables",
     "output": "-o",
     "path": "-o",
+    "run": "RUN.h5",
+    "runs": "RUN.h5",
+    "seconds": "--seconds",
+    "size": "--size",
     "task": "--resume",
+    "time_system": "--time-system",
     "vary": "--vary",
 }
 """The options that stand for arguments of Python functions, whose names errors give as their `key`."""

@@ -2,13 +2,16 @@
 
 import dataclasses
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 
 from esail_jax.array_types import Bool, Float
 from esail_jax.ensembles.sampling import Inputs
-from esail_jax.observables import hint_at
+from esail_jax.observables import described, hint_at
+from esail_jax.scenes.key_reference import unit_of
 from esail_jax.scenes.scene import Scene
+from esail_jax.simulation.solution import labelled, time_attributes
 
 Rows = dict[str, Float[np.ndarray, "member time ..."]]
 
@@ -65,6 +68,28 @@ class Ensemble:
     def warned(self) -> np.ndarray:
         """Numbers of the members that reached their end, but with a warning."""
         return self.members[self.complete & (np.array(self.messages, object) != "")]
+
+    def to_xarray(self) -> Any:
+        """The ensemble as an `xarray.Dataset` with units, symbols, equations and named axes, `member` and
+        `time` first. Inputs have the names of their keys; `complete`, `message` and `steps` stand beside
+        them.
+
+        Raises ImportError if xarray is not installed."""
+        import xarray
+
+        data: dict[str, Any] = {}
+        for key, values in self.inputs.items():
+            axes = ["member", *(f"{key}_{k + 1}" for k in range(values.ndim - 1))]
+            unit = unit_of(key)
+            data[key] = (axes, np.asarray(values), {"units": unit} if unit else {})
+        data["complete"] = ("member", np.asarray(self.complete))
+        data["message"] = ("member", np.array(self.messages, object))
+        data["steps"] = ("member", np.asarray(self.steps))
+        for name, values in self.observables.items():
+            entry = described(name, self.scene.chain is not None)
+            data[name] = labelled(entry, np.asarray(values), ("member", "time"))
+        time = ("time", np.asarray(self.time), time_attributes(self.scene))
+        return xarray.Dataset(data, coords={"member": np.asarray(self.members), "time": time})
 
 
 def concatenate(parts: Sequence[Ensemble]) -> Ensemble:

@@ -30,12 +30,13 @@ from esail_jax.files.opening import (
     open_run,
     to_python,
 )
+from esail_jax.files.reading import MISSING
 from esail_jax.scenes.loading import parse
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.toml_text import to_toml
 
-COMPLETE, FAILED, MISSING = "complete", "failed", "missing"
-"""Status of a member: it reached its end; it failed, and is NaN from there on; it is not computed yet."""
+COMPLETE, FAILED = "complete", "failed"
+"""Status of a member: it reached its end; it failed, and is NaN from there on. The third is `MISSING`."""
 
 TEXT = h5py.string_dtype()
 

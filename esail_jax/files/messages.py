@@ -5,16 +5,14 @@ observables `heliocentric_position` and `heliocentric_velocity`, or `rotation_IB
 needs no JAX."""
 
 import datetime
-import os
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-import h5py
 import numpy as np
 
 from esail_jax.calendar.instants import EPOCH, Instants, Scale, after, in_scale, read_instant
-from esail_jax.files.export import epoch_of
-from esail_jax.files.opening import RunFileError, intact, open_single
+from esail_jax.files.opening import RunFileError
+from esail_jax.files.reading import Results, open_results
 from esail_jax.messages.trajectory import Trajectory, interpolation_error
 from esail_jax.messages.writing import Head, aem_text, oem_text
 
@@ -35,20 +33,21 @@ class Named(NamedTuple):
     scale: Scale = "UTC"
 
 
-def write_oem(run: str | os.PathLike, path: Path, named: Named) -> str:
-    """Writes the orbit of a run file as an Orbit Ephemeris Message, and returns a sentence on the error of
+def write_oem(run: Any, path: Path, named: Named) -> str:
+    """Writes the orbit of a run as an Orbit Ephemeris Message, and returns a sentence on the error of
     what the message says between its rows.
 
-    Raises RunFileError for a file without epoch or orbit, and InputError for names that fit in no line."""
-    with open_single(run) as file, intact(run):
-        at, rows = dated_rows(file, run, ("heliocentric_position", "heliocentric_velocity"), named.scale)
-        motion = Trajectory(at, *rows)
-        if len(at.day) < 2:
-            raise RunFileError(f"`{run}` must have two rows or more for an orbit, but has {len(at.day)}")
-        degree = min(DEGREE, 2 * len(at.day) - 1)
-        path.write_text(oem_text(head_of(run, named), motion, degree), encoding="ascii")
+    run: a path, or a solution. Raises RunFileError for a run without epoch or orbit, and InputError for
+    names that fit in no line."""
+    with open_results(run) as results:
+        at, rows = dated_rows(results, ("heliocentric_position", "heliocentric_velocity"), named.scale)
+        motion, count, name = Trajectory(at, *rows), len(at.day), results.path
+        if count < 2:
+            raise RunFileError(f"`{name}` must have two rows or more for an orbit, but has {count}")
+        degree = min(DEGREE, 2 * count - 1)
+        path.write_text(oem_text(head_of(name, named), motion, degree), encoding="ascii")
     said = f"Between its rows the message holds polynomials of degree {degree} (Hermite)"
-    if len(at.day) < 3:
+    if count < 3:
         return f"{said}."
     position, velocity = interpolation_error(motion, degree)
     return (
@@ -57,19 +56,20 @@ def write_oem(run: str | os.PathLike, path: Path, named: Named) -> str:
     )
 
 
-def write_aem(run: str | os.PathLike, path: Path, named: Named) -> str:
-    """Writes the attitude of the hub of a run file as an Attitude Ephemeris Message, and returns a sentence
+def write_aem(run: Any, path: Path, named: Named) -> str:
+    """Writes the attitude of the hub of a run as an Attitude Ephemeris Message, and returns a sentence
     on the largest turn between two rows.
 
-    Raises RunFileError for a file without an epoch or a hub, and for rows between which the hub turns by
-    half a turn or more, and InputError for names that fit in no line."""
-    with open_single(run) as file, intact(run):
-        at, (rotation, rates) = dated_rows(file, run, ("rotation_IB", "angular_velocity_B"), named.scale)
-        turned = turns(file["time"][: len(at.day)], rates)
+    run: a path, or a solution. Raises RunFileError for a run without an epoch or a hub, and for rows
+    between which the hub turns by half a turn or more, and InputError for names that fit in no line."""
+    with open_results(run) as results:
+        at, (rotation, rates) = dated_rows(results, ("rotation_IB", "angular_velocity_B"), named.scale)
+        turned = turns(results.time[: len(at.day)], rates)
         if turned >= np.pi:
             got = f"turns by {np.rad2deg(turned):.0f} deg: save rows more often"
-            raise RunFileError(f"`{run}` must turn by less than 180 deg between two rows, but {got}")
-        path.write_text(aem_text(head_of(run, named), at, rotation), encoding="ascii")
+            must = "turn by less than 180 deg between two rows"
+            raise RunFileError(f"`{results.path}` must {must}, but {got}")
+        path.write_text(aem_text(head_of(results.path, named), at, rotation), encoding="ascii")
     return f"Between two rows the hub turns by {np.rad2deg(turned):.3g} deg at most."
 
 
@@ -80,28 +80,27 @@ def turns(times: np.ndarray, rates: np.ndarray) -> float:
     return float((steps * np.maximum(size[1:], size[:-1])).max()) if len(steps) else 0.0
 
 
-def dated_rows(
-    file: h5py.File, run: str | os.PathLike, names: tuple[str, ...], scale: Scale
-) -> tuple[Instants, list[np.ndarray]]:
-    """The instants of a run, and rows of observables, up to a failure. Raises RunFileError if the file
-    lacks one of them, or an epoch."""
-    epoch = read_instant(epoch_of(file, run), EPOCH)
+def dated_rows(results: Results, names: tuple[str, ...], scale: Scale) -> tuple[Instants, list[np.ndarray]]:
+    """The instants of a run, and rows of observables, up to a failure. Raises RunFileError if it is an
+    ensemble, or lacks one of them, or an epoch."""
+    epoch = read_instant(results.one_run().epoch, EPOCH)
     for name in names:
-        if name not in file["observables"]:
-            raise RunFileError(f"`{run}` must have the observable `{name}`, but has not")
-    rows = [file["observables"][name][()] for name in names]
+        if name not in results.observables:
+            raise RunFileError(f"`{results.path}` must have the observable `{name}`, but has not")
+    rows = [np.asarray(results.observables[name][()]) for name in names]
     good = np.isfinite(rows[0].reshape(len(rows[0]), -1)).all(axis=1)
     count = len(good) if good.all() else int(np.argmin(good))
     if count == 0:
-        raise RunFileError(f"`{run}` must have a saved instant, but has none")
-    at = in_scale(after(epoch, file["time"][:count]), scale, EPOCH)
+        raise RunFileError(f"`{results.path}` must have a saved instant, but has none")
+    at = in_scale(after(epoch, results.time[:count]), scale, EPOCH)
     return at, [x[:count] for x in rows]
 
 
-def head_of(run: str | os.PathLike, named: Named) -> Head:
-    """The head of a message that is written now."""
+def head_of(run: Path, named: Named) -> Head:
+    """The head of a message that is written now. run: the path, after which the object is named if it has
+    no name."""
     now = datetime.datetime.now(datetime.UTC).replace(tzinfo=None).isoformat(timespec="seconds")
-    name = Path(run).stem if named.object_name is None else named.object_name
+    name = run.stem if named.object_name is None else named.object_name
     return Head(
         read_instant(now, "creation"),
         ORIGINATOR,

@@ -1,33 +1,164 @@
-"""Reading saved rows of a run, or of one member of an ensemble, without JAX."""
+"""Saved rows of a run, or of the members of an ensemble, read alike from files and from memory. Files are
+read without JAX."""
 
+import contextlib
 import dataclasses
-from collections.abc import Mapping
+import os
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
 
-from esail_jax.files.opening import ArgumentError, RunFileError, intact, open_run
+from esail_jax.calendar.instants import with_scale
+from esail_jax.files.opening import ArgumentError, RunFileError, files_of, intact, open_run
 from esail_jax.scenes.loading import parse
 from esail_jax.scenes.own_terms import OWN_TERMS, AbsentTerms
 from esail_jax.scenes.scene import Scene
+
+MISSING = "missing"
+"""Status of a member of an ensemble that is not computed yet."""
+
+IN_MEMORY = Path("run")
+"""Name of a run or an ensemble in memory, in messages and titles."""
+
+
+class About(NamedTuple):
+    """Unit and symbol of an observable, and the names of its axes after that of time."""
+
+    unit: str
+    symbol: str
+    axes: tuple[str, ...]
+
+
+class Members(NamedTuple):
+    """The members of an ensemble. inputs: by scene key, member first; computed: whether a member has rows
+    (member)."""
+
+    inputs: Mapping[str, np.ndarray]
+    computed: np.ndarray
+
+    @property
+    def count(self) -> int:
+        """Number of members."""
+        return len(self.computed)
+
+
+class Results(NamedTuple):
+    """What a run or an ensemble has saved.
+
+    path: its file, or a name for one in memory; time: [s], (time); observables: by name, arrays or datasets
+    of an open file, (time, ...) of a run and (member, time, ...) of an ensemble, NaN after a failure;
+    members: None for a run."""
+
+    path: Path
+    scene: Scene
+    time: np.ndarray
+    observables: Mapping[str, Any]
+    about: Mapping[str, About]
+    members: Members | None
+
+    @property
+    def epoch(self) -> str:
+        """The date of t = 0 with its time scale. Raises RunFileError if there is none."""
+        if self.scene.initial.epoch is None:
+            got = "has none"
+            raise RunFileError(f"`{self.path}` must have an epoch (`initial.epoch`) for dates, but {got}")
+        return with_scale(self.scene.initial.epoch)
+
+    def one_run(self) -> "Results":
+        """The results themselves. Raises RunFileError for those of an ensemble."""
+        if self.members is not None:
+            raise RunFileError(f"`{self.path}` must be a file of one run, but is of an ensemble")
+        return self
+
+
+@contextlib.contextmanager
+def open_results(run: Any) -> Iterator[Results]:
+    """Context manager: the results of a file of a run or an ensemble, given by its path, or of a solution
+    or an ensemble in memory. Raises RunFileError for a file that cannot be read and ArgumentError for
+    anything else."""
+    if not isinstance(run, str | os.PathLike):
+        yield in_memory(run)
+        return
+    path = file_of(run)
+    with open_run(path) as file, intact(path):
+        yield in_file(file, path)
+
+
+def file_of(path: str | os.PathLike) -> Path:
+    """The file that a path stands for: that of an ensemble for its folder. Raises RunFileError for the
+    folder of a design, which holds two runs, and for other folders."""
+    files = files_of([Path(path)])
+    if len(files) > 1:
+        names = " and ".join(file.name for file in files)
+        raise RunFileError(f"`{path}` must be one run, but is a design with {names}: give one of them")
+    return files[0]
+
+
+def in_file(file: h5py.File, path: Path) -> Results:
+    """The results of an open file."""
+    members, first = None, 1
+    if "members" in file:
+        inputs = {key: data[()] for key, data in file.get("inputs", {}).items()}
+        members, first = Members(inputs, file["members/status"].asstr()[()] != MISSING), 2
+    about = {
+        name: About(data.attrs["unit"], data.attrs["symbol"], tuple(data.attrs["axes"])[first:])
+        for name, data in file["observables"].items()
+    }
+    return Results(
+        path, scene_in(file, path), file["time"][()], dict(file["observables"].items()), about, members
+    )
+
+
+def in_memory(run: Any) -> Results:
+    """The results of a solution or an ensemble. Raises ArgumentError for anything else, and for a solution
+    that was computed under a trace."""
+    from esail_jax.ensembles.ensemble import Ensemble
+    from esail_jax.observables import described
+    from esail_jax.simulation.solution import Solution
+
+    if not isinstance(run, Solution | Ensemble):
+        kinds = "be a solution, an ensemble or the path of a file"
+        raise ArgumentError("run", kinds, f"is of type {type(run).__name__}")
+    if run.scene is None:
+        raise ArgumentError("run", "come from a run on concrete numbers", "was traced")
+    of_chain = run.scene.chain is not None
+    entries = {name: described(name, of_chain) for name in run.keys()}
+    about = {name: About(entry.unit, entry.symbol, tuple(entry.axes)) for name, entry in entries.items()}
+    observables = {name: np.asarray(run[name]) for name in entries}
+    members = None
+    if isinstance(run, Ensemble):
+        inputs = {key: np.asarray(values) for key, values in run.inputs.items()}
+        members = Members(inputs, np.isfinite(run.steps))
+    return Results(IN_MEMORY, run.scene, np.asarray(run.time), observables, about, members)
+
+
+def scene_in(file: h5py.File, path: Path) -> Scene:
+    """The scene of a file. Terms that a user wrote are not in it: the scene knows their names, and
+    is no scene to run without them."""
+    names = tuple(file.attrs.get("own_terms", ()))
+    absent = {OWN_TERMS: AbsentTerms(names)} if names else None
+    return parse(file["scene"].asstr()[()], str(path), absent)
+
+
+# ---- the rows of one run ------------------------------------------------------------------------
 
 
 @dataclasses.dataclass(frozen=True)
 class SavedRun:
     """The saved rows of a run.
 
-    path, member: what is read, with None for the member of a file of one run; time: [s], (time); rows:
-    observables by name, time first; attributes: `unit`, `symbol` and `axes` after time, by observable. Rows
-    after a failure are left out."""
+    path, member: what is read, with None for the member of one run; time: [s], (time); rows: observables by
+    name, time first. Rows after a failure are left out."""
 
     path: Path
     member: int | None
     scene: Scene
     time: np.ndarray
     rows: Mapping[str, np.ndarray]
-    attributes: Mapping[str, Mapping[str, Any]]
+    about: Mapping[str, About]
 
     @property
     def name(self) -> str:
@@ -43,51 +174,34 @@ class SavedRun:
                 raise RunFileError(f"`{self.path}` must hold the observable {name}, but lacks it")
 
 
-def read_runs(path: Path, members: tuple[int, ...]) -> list[SavedRun]:
-    """The run in a file, or the members of an ensemble with these numbers.
+def read_runs(run: Any, members: Sequence[int]) -> list[SavedRun]:
+    """The run of a file or a solution, or the members of an ensemble with these numbers.
 
-    Raises RunFileError for a file that cannot be read or has no rows, and for members that it lacks."""
-    with open_run(path) as file, intact(path):
-        if "members" not in file:
-            if members:
-                raise ArgumentError("members", "be left out with a file of one run", f"is {members[0]}")
-            return [read_rows(file, path, None)]
-        count = int(file.attrs["members"])
-        if not members:
-            raise ArgumentError("members", f"be given with an ensemble (0 to {count - 1})", "is not")
+    Raises RunFileError for what cannot be read or has no rows, and for members that it lacks."""
+    with open_results(run) as results:
+        if results.members is None:
+            if len(members):
+                raise ArgumentError("member", "be left out with a file of one run", f"is {members[0]}")
+            return [read_rows(results, None)]
+        count = results.members.count
+        if not len(members):
+            raise ArgumentError("member", f"be given with an ensemble (0 to {count - 1})", "is not")
         for member in members:
             if not 0 <= member < count:
-                raise ArgumentError("members", f"be between 0 and {count - 1}", f"is {member}")
-        return [read_rows(file, path, member) for member in members]
+                raise ArgumentError("member", f"be between 0 and {count - 1}", f"is {member}")
+        return [read_rows(results, member) for member in members]
 
 
-def read_rows(file: h5py.File, path: Path, member: int | None) -> SavedRun:
+def read_rows(results: Results, member: int | None) -> SavedRun:
     """A run, or a member of an ensemble. Raises RunFileError if it has no rows."""
     place = () if member is None else member
-    rows = {key: data[place] for key, data in file["observables"].items()}
-    attributes = {
-        key: {
-            "unit": data.attrs["unit"],
-            "symbol": data.attrs["symbol"],
-            "axes": tuple(data.attrs["axes"])[1 if member is None else 2 :],
-        }
-        for key, data in file["observables"].items()
-    }
-    time = file["time"][()]
-    known = known_rows(rows, len(time))
+    rows = {name: values[place] for name, values in results.observables.items()}
+    known = known_rows(rows, len(results.time))
     if not known:
         of = "" if member is None else f" of member {member}"
-        raise RunFileError(f"`{path}` must hold saved instants{of}, but has none")
-    scene = scene_in(file, path)
-    return SavedRun(path, member, scene, time[:known], {k: x[:known] for k, x in rows.items()}, attributes)
-
-
-def scene_in(file: h5py.File, path: Path) -> Scene:
-    """The scene of a file. Terms that a user wrote are not in it: the scene knows their names, and
-    is no scene to run without them."""
-    names = tuple(file.attrs.get("own_terms", ()))
-    absent = {OWN_TERMS: AbsentTerms(names)} if names else None
-    return parse(file["scene"].asstr()[()], str(path), absent)
+        raise RunFileError(f"`{results.path}` must hold saved instants{of}, but has none")
+    leading = {name: values[:known] for name, values in rows.items()}
+    return SavedRun(results.path, member, results.scene, results.time[:known], leading, results.about)
 
 
 def known_rows(rows: Mapping[str, np.ndarray], count: int) -> int:

@@ -57,6 +57,12 @@ def describe_keys() -> tuple[KeyDescription, ...]:
     return tuple(keys)
 
 
+def unit_of(key: str) -> str | None:
+    """The unit of a key, "-" if it has none; None for what is no key of a scene, such as a number of a law
+    of a user."""
+    return next((described.unit for described in describe_keys() if described.key == key), None)
+
+
 def describe_key(table: str, field: dataclasses.Field, models: tuple[str, ...]) -> KeyDescription:
     """Describes one field of a table."""
     rule, required = rule_of(field), field.default is dataclasses.MISSING

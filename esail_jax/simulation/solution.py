@@ -153,12 +153,7 @@ class Solution(eqx.Module, Mapping):
         Raises ImportError if xarray is not installed."""
         import xarray
 
-        data = {}
-        for name in self:
-            entry = self.about(name)
-            axes = ["time", *(f"{name}_{axis}" if axis in OWN_AXES else axis for axis in entry.axes)]
-            attributes = {"units": entry.unit, "symbol": entry.symbol, "equation": entry.equation}
-            data[name] = (axes, np.asarray(self[name]), attributes)
+        data = {name: labelled(self.about(name), np.asarray(self[name]), ("time",)) for name in self}
         time = ("time", np.asarray(self.time), time_attributes(self.scene))
         return xarray.Dataset(
             data, coords={"time": time}, attrs={"message": str(self.stats.get("message", ""))}
@@ -200,6 +195,15 @@ def time_attributes(scene: Scene | None) -> dict[str, str]:
     start = without_leap_seconds(epoch)
     units = f"seconds since {written(start, 6)[0].replace('T', ' ')}"
     return {"standard_name": "time", "units": units, "calendar": "standard", "time_scale": start.scale}
+
+
+def labelled(
+    entry: Observable, values: np.ndarray, leading: tuple[str, ...]
+) -> tuple[list[str], np.ndarray, dict[str, str]]:
+    """Names of all axes, values and attributes of an observable, as `xarray.Dataset` takes them. leading:
+    the axes before those of the observable."""
+    axes = [*leading, *(f"{entry.name}_{axis}" if axis in OWN_AXES else axis for axis in entry.axes)]
+    return axes, values, {"units": entry.unit, "symbol": entry.symbol, "equation": entry.equation}
 
 
 OWN_AXES = ("angle", "row", "col")

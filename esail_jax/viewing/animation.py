@@ -17,7 +17,7 @@ PALETTE = 64
 """Number of colours of a GIF."""
 
 
-def animate(motion: Motion, style: Style, path: Path, fps: float, suffix: str) -> None:
+def write_animation(motion: Motion, style: Style, path: Path, fps: float, suffix: str) -> None:
     """Writes all instants of a run as an animation that repeats for ever (an MP4 plays once).
 
     fps: frames per second; suffix: ".webp", ".gif" or ".mp4", the kind of file. Raises ArgumentError for an

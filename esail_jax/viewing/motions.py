@@ -2,29 +2,37 @@
 
 import dataclasses
 from collections.abc import Sequence
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from esail_jax.files.reading import SavedRun, read_runs
+from esail_jax.files.reading import IN_MEMORY, SavedRun, read_runs
 from esail_jax.viewing.chain_motion import chain_motion
 from esail_jax.viewing.motion import Motion
 from esail_jax.viewing.sail_motion import sail_motion
 
 
-def read_motions(paths: Sequence[Path], members: tuple[int, ...], most: int) -> list[Motion]:
-    """The moving pictures of run files, or of members of ensembles.
+def read_motions(sources: Sequence[Any], members: tuple[int, ...], most: int) -> list[Motion]:
+    """The moving pictures of runs, or of members of ensembles, in files or in memory.
 
     members: their numbers, empty for runs; most: largest number of saved instants in one picture; they are
     equally spaced and end with the last one. Raises RunFileError."""
-    runs = [run for path in paths for run in read_runs(path, members)]
+    runs = [run for source in sources for run in read_runs(source, members)]
     motions = [motion_of(run, most) for run in runs]
     if len({motion.title for motion in motions}) == len(motions):
         return motions
     return [
-        dataclasses.replace(motion, title=f"{run.path.resolve().parent.name}/{motion.title}")
-        for motion, run in zip(motions, runs, strict=True)
+        dataclasses.replace(motion, title=own_title(motion, run, k + 1))
+        for k, (motion, run) in enumerate(zip(motions, runs, strict=True))
     ]
+
+
+def own_title(motion: Motion, run: SavedRun, number: int) -> str:
+    """The title of one of several runs of the same name: with the folder of a file, or with the number of
+    one in memory."""
+    if run.path == IN_MEMORY:
+        return f"{motion.title} {number}"
+    return f"{run.path.resolve().parent.name}/{motion.title}"
 
 
 def motion_of(run: SavedRun, most: int) -> Motion:

@@ -20,13 +20,13 @@ def signals_of(run: SavedRun, frames: np.ndarray) -> dict[str, Signal]:
     NaN throughout are left out."""
     signals = {}
     for name, values in run.rows.items():
-        axes = run.attributes[name]["axes"]
+        axes = run.about[name].axes
         if len(axes) > 1 or (axes and axes[0] not in (*NUMBERED, *NAMES)):
             continue
         columns = values[frames].reshape(len(frames), -1)
         if not np.isfinite(columns).any():
             continue
-        symbol, unit = run.attributes[name]["symbol"], run.attributes[name]["unit"]
+        symbol, unit = run.about[name].symbol, run.about[name].unit
         if unit == "rad":
             unit, columns = "deg", degrees(columns, axes)
         axis = axes[0] if axes else ""

@@ -424,11 +424,12 @@ def test_a_run_is_resumed_bit_for_bit(tmp_path):
 @pytest.mark.parametrize("method", ["collocation", "generalized-alpha"])
 def test_derivatives(method):
     """By start length, tension, drum mass and spin: reverse mode against forward mode, and forward mode
-    against differences, to 1e-6 of the range for lengths, and 1e-3 for the tension, which the differences
-    have in the digits that vibrations leave."""
+    against differences, to 1e-6 of the range. The tethers are a hundred times softer than others, so that
+    their tension, which is rounded at 1e-16 of E A, has more digits."""
     how = {"tolerance": 1e-12} if method == "collocation" else {"step": 0.25}
     short = {"integrator.t_end": 20.0, "output.interval": 4.0, "integrator.method": method}
     short |= {f"integrator.{key}": x for key, x in how.items()} | {"deployment.time": [0.0, 10.0]}
+    short |= {"tethers.youngs_modulus": 1e9}
     numbers = {
         "deployment.start_length": ([50.0, 60.0], [1e-3, -1e-3]),
         "deployment.tension": ([[0.1, 0.12], [0.08, 0.1]], [[1e-4, 2e-4], [-1e-4, 1e-4]]),
@@ -441,7 +442,7 @@ def test_derivatives(method):
         return {name: run[name] for name in ("deployed_length", "payout_rate", "winch_tension")}
 
     for (key, name), error in check_both_modes(signals, numbers).items():
-        assert error < (1e-3 if name == "winch_tension" else 1e-6), (key, name)
+        assert error < 1e-6, (key, name)
 
 
 @pytest.mark.nightly

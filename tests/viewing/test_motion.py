@@ -186,11 +186,11 @@ def test_what_is_missing_is_named(folder, ensemble, sail):
     path = write_run(folder / "lacking.h5", sail_scene(), TIME, rows)
     with pytest.raises(RunFileError, match="must hold the observable rotation_IB, but lacks it"):
         motion_of(path)
-    with pytest.raises(RunFileError, match="`members` must be between 0 and 2, but is 3"):
+    with pytest.raises(RunFileError, match="`member` must be between 0 and 2, but is 3"):
         read_runs(ensemble, (3,))
-    with pytest.raises(RunFileError, match="`members` must be given with an ensemble"):
+    with pytest.raises(RunFileError, match="`member` must be given with an ensemble"):
         read_runs(ensemble, ())
-    with pytest.raises(RunFileError, match="`members` must be left out with a file of one run"):
+    with pytest.raises(RunFileError, match="`member` must be left out with a file of one run"):
         read_runs(sail, (0,))
 
 

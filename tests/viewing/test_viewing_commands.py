@@ -36,7 +36,8 @@ REFUSED = [
     ("animate", "run.avi", [], "`-o` must end in .webp, .gif or .mp4, but ends in '.avi'"),
     ("animate", "run.gif", ["--fps", "0"], "`--fps` must be positive and finite, but is 0"),
     ("animate", "run.gif", ["--seconds", "inf"], "`--seconds` must be positive and finite, but is inf"),
-    ("animate", "run.gif", ["--size", "12"], "`--size` must be WIDTHxHEIGHT, each 64 to 4096, but is '12'"),
+    ("animate", "run.gif", ["--size", "12"],
+     "`--size` must be width and height in pixels, each 64 to 4096, but is '12'"),
     ("view", "page.html", ["--exaggeration", "-2"],
      "`--exaggeration` must be positive and finite, but is -2"),
     ("view", "page.html", ["--member", "0"],
@@ -57,7 +58,7 @@ def test_what_a_chain_has_not_is_refused(sail, chain, tmp_path, capsys):
     line = refused(["view", chain, "-o", page, "--colour", "voltage"], capsys)
     assert line == "`--colour` must be one of tension, strain, none here, but is 'voltage'"
     line = refused(["view", chain, sail, "-o", page], capsys)
-    assert line == "`RUN.h5` must be files of sails or of chains, but there are both"
+    assert line == "`RUN.h5` must be of sails or of chains, but there are both"
     assert not page.exists()
 
 

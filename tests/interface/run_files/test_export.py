@@ -48,7 +48,9 @@ def test_without_xarray_netcdf_is_refused_in_one_line(whole, tmp_path, capsys, m
 def test_other_formats_and_existing_files_are_refused(whole, tmp_path, capsys):
     """A file is replaced only when asked."""
     assert main(["export", str(whole), "-o", str(tmp_path / "a.xls")]) == 2
-    assert capsys.readouterr().err == "`-o` must end in .csv, .nc, .oem or .aem, but ends in '.xls'\n"
+    assert (
+        capsys.readouterr().err == "`-o` must end in .csv, .nc, .zarr, .oem or .aem, but ends in '.xls'\n"
+    )
     path = tmp_path / "a.csv"
     path.write_text("mine")
     assert main(["export", str(whole), "-o", str(path)]) == 2

@@ -103,7 +103,7 @@ def test_what_has_no_orbit_or_date_is_refused(file, whole, flown, tmp_path, caps
             file,
             "a.oem",
             ["--object", "Gerät"],
-            "`object_name` must be 1 to 200 printable characters of ASCII",
+            "`--object` must be 1 to 200 printable characters of ASCII",
         ),
     ):
         assert main(["export", str(run), "-o", str(tmp_path / name), *options]) == 2
