@@ -27,7 +27,7 @@ def add(commands: Any) -> None:
         "--observables", metavar="A,B", help="observables of one figure, one panel above the other"
     )
     plot.add_argument(
-        "--calendar", action="store_true", help="time axis of one figure as dates, for a run with an epoch"
+        "--calendar", action="store_true", help="dates on the axes of time, for runs with an epoch"
     )
     plot.add_argument("--format", choices=KINDS, help="kind of the files in a folder; png if left out")
     plot.add_argument(
@@ -53,7 +53,7 @@ def check(options: argparse.Namespace) -> None:
             raise UsageError(f"`RUN.h5` must be one run for one figure, but is {len(options.runs)}")
         refuse_existing(options.output, options.overwrite)
         return
-    for name in ("observables", "calendar", "overwrite"):
+    for name in ("observables", "overwrite"):
         if getattr(options, name):
             must = "be left out unless `-o` is a file (.png, .pdf or .svg)"
             raise UsageError(f"`--{name}` must {must}, but is given")
@@ -74,21 +74,23 @@ def run(options: argparse.Namespace) -> ExitCode:
     from esail_jax.plotting import plot_all, write_comparison
     from esail_jax.plotting.ensemble import plot_ensemble
 
-    files, folder, kind = files_of(options.runs), options.output, options.format or "png"
+    files, folder = files_of(options.runs), options.output
+    how = (tell, options.format or "png", options.calendar)
     if all(holds_ensemble(path) for path in files):
-        plot_ensemble(join([load_ensemble(path) for path in files]), folder, tell, kind)
+        plot_ensemble(join([load_ensemble(path) for path in files]), folder, *how)
     elif len(files) > 1:
         runs = [load(path) for path in files]
-        write_comparison(dict(zip(names_of(files), runs, strict=True)), folder, tell, kind)
+        write_comparison(dict(zip(names_of(files), runs, strict=True)), folder, *how)
     else:
         run = load(files[0])
-        plot_all(run, folder, modes_of(run), tell, kind)
+        plot_all(run, folder, modes_of(run), *how)
     return ExitCode.DONE
 
 
 def draw_one(options: argparse.Namespace) -> None:
     """Writes one figure of the observables of a run. Raises RunFileError and UsageError."""
     from esail_jax.atomic_file import atomic_file
+    from esail_jax.files.opening import ArgumentError
     from esail_jax.files.run_file import load
     from esail_jax.plotting.figure_files import write_once
     from esail_jax.plotting.single import draw_together
@@ -96,6 +98,8 @@ def draw_one(options: argparse.Namespace) -> None:
     run, names = load(options.runs[0]), [name.strip() for name in options.observables.split(",")]
     try:
         figure = draw_together(run, names, options.calendar)
+    except ArgumentError:
+        raise
     except ValueError as error:
         raise UsageError(str(error).replace("`name`", "`--observables`", 1)) from error
     with atomic_file(options.output) as part:

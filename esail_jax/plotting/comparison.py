@@ -15,6 +15,7 @@ from matplotlib.lines import Line2D
 from esail_jax.errors import InputError
 from esail_jax.observables.saved_rows import observable, per_tether
 from esail_jax.plotting.data import DEGREES, KILOMETRE, Mark, change, release_marks
+from esail_jax.plotting.dates import dated_figures, epoch_of
 from esail_jax.plotting.figure_files import Told, write_figures
 from esail_jax.plotting.panels import Curve, Panel, against_time, assemble, time_unit, unwrapped_degrees
 from esail_jax.plotting.sail import norm
@@ -29,9 +30,11 @@ Signal = Callable[[Any], np.ndarray | None]
 
 
 class Quantity(NamedTuple):
-    """What a panel shows: label with unit, signal of a run, and whether its axis is logarithmic."""
+    """What a panel shows. label: symbol with unit; words: what the symbol is, with the symbol, for the
+    title; signal: of a run; logarithmic: whether the axis is."""
 
     label: str
+    words: str
     signal: Signal
     logarithmic: bool = False
 
@@ -39,18 +42,25 @@ class Quantity(NamedTuple):
 DASHES = ("-", "--", "-.", ":")
 """Line styles of the runs, in turn, so that lines on top of each other are seen."""
 
+COLUMNS = 2
+"""Panels in a row."""
+
+MOST_WORDS = 3
+"""Most quantities that a line of the title explains."""
+
 MOST_KEYS = 2
 """Largest number of differing scene keys that the legend shows with their values."""
 
 
-def compare(runs: Runs) -> dict[str, Figure]:
+def compare(runs: Runs, calendar: bool = False) -> dict[str, Figure]:
     """Figures of several runs, by name.
 
     runs: solutions or loaded run files, by the name for the legend. The legend also shows the scene keys in
     which the runs differ, if there are at most two. Time is in spin periods or orbits if these are equal,
-    and else in seconds. Panels for which no run has data are left out.
+    and else in seconds, or with `calendar` a date. Panels for which no run has data are left out.
 
-    Raises InputError if there is no run, or if there are runs of a sail and of a rod chain.
+    Raises InputError if there is no run, or if there are runs of a sail and of a rod chain, and
+    ArgumentError for dates of runs without an epoch or with several.
 
         weak = esail.simulate("baseline", {"voltage.value": 10e3})
         figures = compare({"20 kV": esail.simulate("baseline"), "10 kV": weak})
@@ -69,15 +79,21 @@ def compare(runs: Runs) -> dict[str, Figure]:
     make = (compare_tether, compare_sail, compare_energies)
     if kinds[first] == "chain":
         make = (compare_tip, compare_chain_energies)
-    figures = {function.__name__: function(runs) for function in make}
-    return {name: figure for name, figure in figures.items() if figure.axes}
+    made = {function.__name__: function(runs) for function in make}
+    shown = {name: figure for name, figure in made.items() if figure.axes}
+    if not calendar:
+        return shown
+    epoch = epoch_of(run.scene for run in runs.values())
+    return dict(dated_figures(shown.items(), epoch, *common_time_unit(list(runs.values()))))
 
 
-def write_comparison(runs: Runs, directory: str | Path, tell: Told = None, kind: str = "png") -> list[Path]:
+def write_comparison(
+    runs: Runs, directory: str | Path, tell: Told = None, kind: str = "png", calendar: bool = False
+) -> list[Path]:
     """Writes the figures of `compare` as DIRECTORY/<name>.<kind>; returns the paths, and tells each of them
-    as soon as the file is written. kind: png, pdf or svg. Raises what `compare` raises, before anything is
-    written, and OSError."""
-    return write_figures(compare(runs).items(), directory, tell, kind)
+    as soon as the file is written. kind: png, pdf or svg; calendar: as for `compare`. Raises
+    what `compare` raises, before anything is written, and OSError."""
+    return write_figures(compare(runs, calendar).items(), directory, tell, kind)
 
 
 def compare_tether(runs: Runs) -> Figure:
@@ -93,68 +109,60 @@ def compare_tether(runs: Runs) -> Figure:
         undeformed = per_tether(run.scene.tethers.length, run.scene.tethers.count)[0]
         return of_tether(observable(run, "tether_length", 1.0 / undeformed), 0)
 
-    rows = [
-        [
-            Quantity(r"$\gamma_1$ [deg]", angle("coning_angle")),
-            Quantity(r"$\beta_1$ [deg]", angle("lagging_angle")),
-        ],
-        [
-            Quantity(r"$\gamma'_1$ [deg]", angle("root_coning_angle")),
-            Quantity(r"$\beta'_1$ [deg]", angle("root_lagging_angle")),
-        ],
-        [Quantity("$L/L_0$ [-]", length), Quantity(r"$\epsilon_1$ [-]", strain)],
+    quantities = [
+        Quantity(r"$\gamma_1$ [deg]", r"coning $\gamma$", angle("coning_angle")),
+        Quantity(r"$\beta_1$ [deg]", r"lagging $\beta$", angle("lagging_angle")),
+        Quantity(r"$\gamma'_1$ [deg]", r"coning at the root $\gamma'$", angle("root_coning_angle")),
+        Quantity(r"$\beta'_1$ [deg]", r"lagging at the root $\beta'$", angle("root_lagging_angle")),
+        Quantity("$L/L_0$ [-]", "length $L$", length),
+        Quantity(r"$\epsilon_1$ [-]", r"strain $\epsilon$", strain),
     ]
-    symbols = r"coning $\gamma$, lagging $\beta$ (primed: at the root), length $L$, strain $\epsilon$"
-    return figure_of(runs, "Tether 1", rows, symbols)
+    return figure_of(runs, "Tether 1", quantities)
 
 
 def compare_sail(runs: Runs) -> Figure:
     """The figure of the attitude, the spin and the forces of the whole sail."""
-    rows = [
-        [
-            Quantity(r"$\alpha$ [deg]", lambda run: observable(run, "sailing_angle", DEGREES)),
-            Quantity(r"$\delta$ [deg]", lambda run: unwrapped_degrees(observable(run, "precession_angle"))),
-        ],
-        [
-            Quantity(r"$\|\omega\|$ [rad/s]", lambda run: norm(observable(run, "angular_velocity_B"))),
-            Quantity(
-                "$d_{min}$ [km]", lambda run: observable(run, "smallest_tether_distance", 1.0 / KILOMETRE)
-            ),
-        ],
-        [
-            Quantity(r"$\|F_c\|$ [N]", lambda run: norm(observable(run, "thrust_O"))),
-            Quantity(r"$\|M_c\|$ [N m]", lambda run: norm(observable(run, "thrust_moment_O"))),
-        ],
+
+    def of(name: str, factor: float = 1.0) -> Signal:
+        return lambda run: observable(run, name, factor)
+
+    def size(name: str) -> Signal:
+        return lambda run: norm(observable(run, name))
+
+    def precession(run: Any) -> np.ndarray | None:
+        return unwrapped_degrees(observable(run, "precession_angle"))
+
+    distance = of("smallest_tether_distance", 1.0 / KILOMETRE)
+    quantities = [
+        Quantity(r"$\alpha$ [deg]", r"sailing angle $\alpha$", of("sailing_angle", DEGREES)),
+        Quantity(r"$\delta$ [deg]", r"precession $\delta$", precession),
+        Quantity(r"$\|\omega\|$ [rad/s]", r"hub's angular velocity $\omega$", size("angular_velocity_B")),
+        Quantity("$d_{min}$ [km]", "smallest distance of a tip to another tether $d_{min}$", distance),
+        Quantity(r"$\|F_c\|$ [N]", "thrust $F_c$", size("thrust_O")),
+        Quantity(r"$\|M_c\|$ [N m]", "moment of the thrust $M_c$", size("thrust_moment_O")),
     ]
-    symbols = (
-        r"sailing angle $\alpha$, precession $\delta$, hub's angular velocity $\omega$, "
-        "smallest distance of a tip\nto another tether $d_{min}$, thrust $F_c$ and its moment $M_c$"
-    )
-    return figure_of(runs, "The whole sail", rows, symbols)
+    return figure_of(runs, "The whole sail", quantities)
 
 
 def compare_energies(runs: Runs) -> Figure:
     """The figure of the energies of a sail and of the error of their balance."""
-    rows = [
-        [
-            Quantity("$E_k - E_k(0)$ [J]", lambda run: change(observable(run, "kinetic_energy"))),
-            Quantity("$E_e$ [J]", lambda run: observable(run, "elastic_energy")),
-        ],
-        [
-            Quantity("$W_{ext}$ [J]", lambda run: observable(run, "external_work")),
-            Quantity("$E_d$ [J]", lambda run: observable(run, "dissipated_energy")),
-        ],
-        [
-            Quantity(
-                r"$\max|\Delta E - W_{ext} + E_d|$ [J]",
-                lambda run: largest_so_far(observable(run, "energy_balance_error")),
-                logarithmic=True,
-            ),
-            None,
-        ],
+
+    def kinetic(run: Any) -> np.ndarray | None:
+        return change(observable(run, "kinetic_energy"))
+
+    def error(run: Any) -> np.ndarray | None:
+        return largest_so_far(observable(run, "energy_balance_error"))
+
+    quantities = [
+        Quantity("$E_k - E_k(0)$ [J]", "kinetic $E_k$", kinetic),
+        Quantity("$E_e$ [J]", "elastic $E_e$", lambda run: observable(run, "elastic_energy")),
+        Quantity(
+            "$W_{ext}$ [J]", "work of the loads $W_{ext}$", lambda run: observable(run, "external_work")
+        ),
+        Quantity("$E_d$ [J]", "dissipated $E_d$", lambda run: observable(run, "dissipated_energy")),
+        Quantity(r"$\max|\Delta E - W_{ext} + E_d|$ [J]", "error of the balance", error, logarithmic=True),
     ]
-    symbols = "kinetic $E_k$, elastic $E_e$, work of the loads $W_{ext}$, dissipated $E_d$"
-    return figure_of(runs, "Energies", rows, symbols)
+    return figure_of(runs, "Energies", quantities)
 
 
 def compare_tip(runs: Runs) -> Figure:
@@ -174,43 +182,39 @@ def compare_tip(runs: Runs) -> Figure:
 
         return force
 
-    rows = [
-        [Quantity("$x_{tip}$ [m]", tip(0)), Quantity("$y_{tip}$ [m]", tip(1))],
-        [Quantity("$z_{tip}$ [m]", tip(2)), None],
-        [Quantity("$N$, first rod [N]", tension(0)), Quantity("$N$, last rod [N]", tension(-1))],
+    where = "tip relative to the first joint"
+    quantities = [
+        Quantity("$x_{tip}$ [m]", where, tip(0)),
+        Quantity("$y_{tip}$ [m]", where, tip(1)),
+        Quantity("$z_{tip}$ [m]", where, tip(2)),
+        Quantity("$N$, first rod [N]", "tension $N$", tension(0)),
+        Quantity("$N$, last rod [N]", "tension $N$", tension(-1)),
     ]
-    return figure_of(runs, "Tip of the chain relative to its first joint, and tension $N$", rows)
+    return figure_of(runs, "The chain", quantities)
 
 
 def compare_chain_energies(runs: Runs) -> Figure:
     """The figure of the energies of a rod chain and of their errors."""
-    rows = [
-        [
-            Quantity("$T$ [J]", lambda run: observable(run, "kinetic_energy")),
-            Quantity("$U$ [J]", lambda run: observable(run, "elastic_energy")),
-        ],
-        [
-            Quantity("$V - V(0)$ [J]", lambda run: change(observable(run, "potential_energy"))),
-            Quantity(
-                r"$\max|e_E|$ [-]",
-                lambda run: largest_so_far(observable(run, "energy_error")),
-                logarithmic=True,
-            ),
-        ],
-        [
-            Quantity(
-                r"$\max|\Delta(T + U) - W + E_d|$ [J]",
-                lambda run: largest_so_far(observable(run, "energy_balance_error")),
-                logarithmic=True,
-            ),
-            None,
-        ],
+
+    def potential(run: Any) -> np.ndarray | None:
+        return change(observable(run, "potential_energy"))
+
+    def error(name: str) -> Signal:
+        return lambda run: largest_so_far(observable(run, name))
+
+    quantities = [
+        Quantity("$T$ [J]", "kinetic $T$", lambda run: observable(run, "kinetic_energy")),
+        Quantity("$U$ [J]", "elastic $U$", lambda run: observable(run, "elastic_energy")),
+        Quantity("$V - V(0)$ [J]", "potential $V$", potential),
+        Quantity(r"$\max|e_E|$ [-]", "relative change of their sum $e_E$", error("energy_error"), True),
+        Quantity(
+            r"$\max|\Delta(T + U) - W + E_d|$ [J]",
+            "work of loads and fields $W$, dissipated $E_d$",
+            error("energy_balance_error"),
+            True,
+        ),
     ]
-    symbols = (
-        "kinetic $T$, elastic $U$, potential $V$, relative change of their sum $e_E$,\n"
-        "work of loads and fields $W$, dissipated $E_d$"
-    )
-    return figure_of(runs, "Energies", rows, symbols)
+    return figure_of(runs, "Energies", quantities)
 
 
 def largest_so_far(values: np.ndarray | None) -> np.ndarray | None:
@@ -219,12 +223,9 @@ def largest_so_far(values: np.ndarray | None) -> np.ndarray | None:
     return None if values is None else np.maximum.accumulate(np.abs(values))
 
 
-def figure_of(
-    runs: Runs, title: str, rows: Sequence[Sequence[Quantity | None]], symbols: str = ""
-) -> Figure:
-    """A figure with one panel per quantity and one line per run; the legend lies below it.
-
-    rows: the quantity of every panel; None leaves its place empty."""
+def figure_of(runs: Runs, title: str, quantities: Sequence[Quantity]) -> Figure:
+    """A figure with one panel per quantity that a run has data for, two in a row, and one line per run; the
+    legend lies below it."""
     unit, xlabel = common_time_unit(list(runs.values()))
     colours = colours_of(len(runs))
     marks = common_marks(runs, colours)
@@ -239,7 +240,14 @@ def figure_of(
         ]
         return against_time(unit, xlabel, quantity.label, curves, quantity.logarithmic, bare)
 
-    figure = assemble(title, [[quantity and panel(quantity) for quantity in row] for row in rows], symbols)
+    made = [(quantity, panel(quantity)) for quantity in quantities]
+    shown = [(quantity, drawn) for quantity, drawn in made if drawn is not None]
+    panels: list[Panel | None] = [drawn for _, drawn in shown]
+    panels += [None] * (len(panels) % COLUMNS)
+    rows = [panels[i : i + COLUMNS] for i in range(0, len(panels), COLUMNS)]
+    words = list(dict.fromkeys(quantity.words for quantity, _ in shown))
+    lines_of_words = [", ".join(words[i : i + MOST_WORDS]) for i in range(0, len(words), MOST_WORDS)]
+    figure = assemble(title, rows, ",\n".join(lines_of_words))
     lines = [
         Line2D([], [], color=colours[i], linestyle=DASHES[i % len(DASHES)], label=text)
         for i, text in enumerate(legend_texts(runs))

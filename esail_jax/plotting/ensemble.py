@@ -12,10 +12,14 @@ from matplotlib.figure import Figure
 
 from esail_jax.ensembles import Ensemble, outcomes_of, sensitivities
 from esail_jax.ensembles.statistics import DEGREES
+from esail_jax.plotting.dates import Calendar, dated_figures, epoch_of, show_dates
 from esail_jax.plotting.figure_files import Told, write_figures
 from esail_jax.plotting.panels import legend_above
 from esail_jax.plotting.single import COMPONENT_COLOURS, entry_of, label_of, labels_of
 from esail_jax.plotting.style import BLUE, styled
+
+MINUTE = 60.0
+"""Unit of the axis of time [s]."""
 
 FANS = (
     ("coning angle [deg]", "coning_angle", DEGREES, None),
@@ -35,23 +39,32 @@ BANDS = ((0.0, 1.0, 0.12), (0.05, 0.95, 0.22), (0.25, 0.75, 0.35))
 """Lower and upper probability of a band, and its opacity."""
 
 
+TIME = "t [min]"
+"""Label of the axis of time."""
+
+
 def plot_ensemble(
-    ensemble: Ensemble, directory: str | Path, tell: Told = None, kind: str = "png"
+    ensemble: Ensemble,
+    directory: str | Path,
+    tell: Told = None,
+    kind: str = "png",
+    calendar: bool = False,
 ) -> list[Path]:
     """Writes every figure that the ensemble has data for as DIRECTORY/<name>.<kind>; returns the paths, and
-    tells each of them as soon as the file is written. kind: png, pdf or svg.
+    tells each of them as soon as the file is written. kind: png, pdf or svg; calendar: whether time is
+    shown as dates.
 
     The directory is created if it does not exist. Raises OSError if that or the writing fails."""
-    return write_figures(figures_of_ensemble(ensemble), directory, tell, kind)
+    return write_figures(figures_of_ensemble(ensemble, calendar), directory, tell, kind)
 
 
-def figures_of_ensemble(ensemble: Ensemble) -> Iterator[tuple[str, Figure]]:
-    """Makes the figures that the ensemble has data for, one after the other, each with its name."""
+def figures_of_ensemble(ensemble: Ensemble, calendar: bool = False) -> Iterator[tuple[str, Figure]]:
+    """Makes the figures that the ensemble has data for, one after the other, each with its name. calendar:
+    whether time is shown as dates. Raises ArgumentError for dates of a scene without an epoch."""
     makers = {"fans": fans, "distributions": distributions, "drivers": drivers_figure}
-    for name, make in makers.items():
-        figure = make(ensemble)
-        if figure.axes:
-            yield name, figure
+    made = ((name, make(ensemble)) for name, make in makers.items())
+    shown = ((name, figure) for name, figure in made if figure.axes)
+    return dated_figures(shown, epoch_of([ensemble.scene]), MINUTE, TIME) if calendar else shown
 
 
 def grid_of(count: int, width: float = 4.0, height: float = 2.6) -> tuple[Figure, list[Axes]]:
@@ -84,30 +97,33 @@ def fans(ensemble: Ensemble) -> Figure:
         draw_fan(ax, ensemble.time, rows, BLUE)
         ax.set_ylabel(label)
     if axes:
-        axes[0].legend(fontsize=7)
+        handles, labels = axes[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), fontsize="small")
         figure.suptitle(f"{int(ensemble.complete.sum())} of {len(ensemble)} members")
     return figure
 
 
 def draw_fan(ax: Axes, time: np.ndarray, rows: np.ndarray, colour: Any, name: str = "") -> None:
     """Draws the quantiles of rows (time, sample) against time [s]."""
-    minutes = time / 60.0
+    minutes = time / MINUTE
     for low, high, dark in BANDS:
         lower, upper = np.quantile(rows, (low, high), axis=1)
         part = "all" if high == 1.0 else f"{100 * (high - low):.0f} %"
         ax.fill_between(minutes, lower, upper, color=colour, alpha=dark, lw=0.0, label=f"{name}{part}")
     ax.plot(minutes, np.median(rows, axis=1), color=colour, lw=1.0, label=f"{name}median")
-    ax.set_xlabel("t [min]")
+    ax.set_xlabel(TIME)
     ax.grid(alpha=0.3)
 
 
-def draw_quantiles(ensemble: Ensemble, name: str, ax: Axes | None = None) -> Axes:
+def draw_quantiles(ensemble: Ensemble, name: str, ax: Axes | None = None, calendar: bool = False) -> Axes:
     """Draws the quantiles of an observable over the members that reached their end, against time, into
     `ax`, or into a new pyplot figure if None. Tethers, rods and joints of all members form one sample; x,
-    y, z and angles have a fan each.
+    y, z and angles have a fan each. calendar: whether the ticks are dates.
 
-    Raises ValueError for an unknown name, and if no member has reached its end."""
+    Raises ValueError for an unknown name, if no member has reached its end, and for dates of a scene
+    without an epoch."""
     entry = entry_of(ensemble, name)
+    epoch = epoch_of([ensemble.scene]) if calendar else None
     if not ensemble.complete.any():
         raise ValueError("`ensemble` must have a member that reached its end, but has none")
     if ax is None:
@@ -122,6 +138,8 @@ def draw_quantiles(ensemble: Ensemble, name: str, ax: Axes | None = None) -> Axe
     ax.set_ylabel(label_of(entry))
     ax.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
     legend_above(ax, 4 if len(parts) == 1 else len(parts))
+    if epoch is not None:
+        show_dates(ax, Calendar.of(epoch, MINUTE))
     return ax
 
 

@@ -11,6 +11,9 @@ DOTS_PER_INCH = 150
 """Resolution of the written figures."""
 
 
+KINDS = ("png", "pdf", "svg")
+"""Kinds of files."""
+
 UNDATED = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}
 """What matplotlib leaves out of a file, so that the same figure gives the same bytes."""
 

@@ -7,14 +7,13 @@ from typing import Any
 import numpy as np
 from matplotlib import colormaps, pyplot
 from matplotlib.axes import Axes
-from matplotlib.dates import AutoDateLocator, ConciseDateFormatter, date2num
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from esail_jax.calendar.instants import DAY, without_leap_seconds, written
 from esail_jax.observables import chain, hint_at, sail
 from esail_jax.observables.entry import Observable
 from esail_jax.plotting.data import release_marks
+from esail_jax.plotting.dates import Calendar, epoch_of, show_dates
 from esail_jax.plotting.panels import draw_marks, legend_above, tether_colours, time_unit
 from esail_jax.plotting.style import BLUE, ORANGE, RED
 
@@ -74,8 +73,13 @@ def draw_observable(run: Any, name: str, ax: Axes | None = None, calendar: bool 
     if ax is None:
         _, ax = pyplot.subplots(layout="constrained")
     values = np.asarray(run[name])
-    start, unit, xlabel = date_axis(run) if calendar else (0.0, *time_unit(run))
-    times = start + np.asarray(run.time) / unit
+    dates = Calendar.of(epoch_of([run.scene])) if calendar else None
+    unit, xlabel = time_unit(run)
+
+    def place(seconds: Any) -> Any:
+        return np.asarray(seconds) / unit if dates is None else dates.date(seconds)
+
+    times = place(run.time)
     marker = "." if len(times) == 1 else ""
     first, second = (*values.shape[1:], 1, 1)[:2]
     curves = values.reshape(len(times), first, second)
@@ -84,12 +88,10 @@ def draw_observable(run: Any, name: str, ax: Axes | None = None, calendar: bool 
         for j in range(second):
             ax.plot(times, curves[:, k, j], DASHES[j], color=colours[k], linewidth=1.0, marker=marker)
     marks = release_marks(run)
-    draw_marks(ax, [x._replace(time=x.time + start * unit) for x in marks], unit)
+    draw_marks(ax, [mark._replace(time=place(mark.time)) for mark in marks], 1.0)
     ax.set_xlabel(xlabel)
-    if calendar:
-        locator = AutoDateLocator()
-        ax.xaxis.set_major_locator(locator)
-        ax.xaxis.set_major_formatter(ConciseDateFormatter(locator))
+    if dates is not None:
+        show_dates(ax, dates.native)
     ax.set_ylabel(label_of(entry))
     ax.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
     ax.grid(alpha=0.3)
@@ -98,16 +100,6 @@ def draw_observable(run: Any, name: str, ax: Axes | None = None, calendar: bool 
     if handles:
         legend_above(ax, min(4, len(handles)), handles=handles)
     return ax
-
-
-def date_axis(run: Any) -> tuple[float, float, str]:
-    """The number of matplotlib [days] for t = 0, the unit of the time axis [s], and its label. Raises
-    ValueError for a run without an epoch."""
-    epoch = run.scene.initial.epoch
-    if epoch is None:
-        raise ValueError("`calendar` must be False for a run without `initial.epoch`, but is True")
-    start = without_leap_seconds(epoch)
-    return float(date2num(np.datetime64(written(start, 6)[0]))), DAY, f"date [{start.scale}]"
 
 
 def label_of(entry: Observable) -> str:

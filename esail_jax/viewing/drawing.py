@@ -95,9 +95,9 @@ class Drawing:
             cax=self.figure.add_axes((0.3, 0.125, 0.4, 0.02)),
             orientation="horizontal",
             ticks=np.linspace(low, high, 3) if high > low else [],
-            format="%.4g",
+            format=lambda x, _: plain(x),
         )
-        value = "" if high > low else f" = {low:.4g}"
+        value = "" if high > low else f" = {plain(low)}"
         bar.set_label(self.quantity.label + value + unit, fontsize=8, color=INK, labelpad=2)
         bar.ax.tick_params(labelsize=7, color=SOFT, labelcolor=SOFT, length=2, pad=1)
         bar.outline.set_visible(False)
@@ -166,8 +166,16 @@ def statement(motion: Motion, style: Style) -> str:
     return f"{shape}, {style.axes} axes, centred on the hub" if motion.turning else shape
 
 
+def plain(number: float) -> str:
+    """A number with four digits, without an exponent from 0.001 to a million, as the page writes it."""
+    size = abs(number)
+    if size != 0.0 and not 1e-3 <= size < 1e6:
+        return f"{number:.3e}"
+    return np.format_float_positional(float(f"{number:.4g}"), trim="-")
+
+
 def moment(motion: Motion, frame: int) -> str:
     """The time of an instant in words, with the number of spin periods."""
     time = motion.time[frame]
     turns = "" if motion.period is None else f"\n{time / motion.period:.2f} spin periods"
-    return f"t = {time:.4g} s" + turns
+    return f"t = {plain(time)} s" + turns

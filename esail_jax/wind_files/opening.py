@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from esail_jax.errors import SceneError
+from esail_jax.wind_files.cdf import is_cdf, read_cdf
 from esail_jax.wind_files.csv_rows import MUST, numbered_cells, read_csv, separator_of
 from esail_jax.wind_files.omni import is_omni, read_omni
 from esail_jax.wind_files.rows import COLUMNS, WIND_FILE, Rows
@@ -14,9 +15,16 @@ HEAD = 4096
 def read_rows(name: str, folder: Path) -> Rows:
     """The rows of a file. folder: where a relative name starts. Raises SceneError for a file that cannot be
     read, or is no file of a wind, in one line that names the line that is wrong."""
+    path = folder / name
     try:
-        with open(folder / name, newline="", encoding="utf-8-sig") as file:
+        with open(path, "rb") as file:
+            head = file.read(HEAD)
+        if is_cdf(head):
+            return read_cdf(path, repr(name))
+        with open(path, newline="", encoding="utf-8-sig") as file:
             text = file.read()
+    except SceneError:
+        raise
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "is not text"
         raise SceneError(WIND_FILE, MUST, f"{name!r} cannot be read: {reason}") from None
@@ -29,14 +37,15 @@ def first_line(text: str) -> str:
 
 
 def is_wind_file(path: Path) -> bool:
-    """Tells whether a path is that of a file of a wind: one whose first line is that of an OMNI file or has
-    the names of the columns."""
+    """Tells whether a path is that of a file of a wind: a CDF file, or one whose first line is that of an
+    OMNI file or has the names of the columns."""
     try:
         with open(path, "rb") as file:
-            line = first_line(file.read(HEAD).decode("utf-8-sig", errors="replace"))
+            head = file.read(HEAD)
     except OSError:
         return False
-    if is_omni(line):
+    line = first_line(head.decode("utf-8-sig", errors="replace"))
+    if is_cdf(head) or is_omni(line):
         return True
     try:
         cells = numbered_cells(line, repr(str(path)), separator_of(line))

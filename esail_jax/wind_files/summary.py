@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from esail_jax.calendar.instants import Instants
-from esail_jax.wind_files.in_run import gaps_of, joined
+from esail_jax.wind_files.in_run import Joined, gaps_of, joined
 from esail_jax.wind_files.opening import read_rows
 from esail_jax.wind_files.rows import first_of
 
@@ -16,19 +16,23 @@ NAMES = {"speed": "m/s", "number_density": "1/m^3"}
 """Columns that are described, and their units."""
 
 
-def summary_of(paths: Sequence[Path]) -> str:
-    """The description of one file, or of several as one wind. Statistics are those of the rows, whatever
-    the time between them. Raises SceneError."""
+def read_wind(paths: Sequence[Path]) -> Joined:
+    """The rows of one file, or of several as one wind, with the first date as that of t = 0. Raises
+    SceneError."""
     parts = [read_rows(str(path), Path()) for path in paths]
     dates = [part.time for part in parts if isinstance(part.time, Instants)]
-    epoch = first_of(dates[0]) if dates else None
-    wind = joined(parts, epoch)
+    return joined(parts, first_of(dates[0]) if dates else None)
+
+
+def summary_of(wind: Joined, names: str) -> str:
+    """The description of a wind. names: of its files. Statistics are those of the rows, whatever the time
+    between them."""
     kept = np.flatnonzero(wind.good)
     gaps = gaps_of(wind, kept)
     first, last = float(wind.time[0]), float(wind.time[-1])
-    unit = "" if epoch is None else " UTC"
+    unit = "" if wind.epoch is None else " UTC"
     lines = [
-        f"{', '.join(map(str, paths))}: wind, {', '.join(dict.fromkeys(part.form for part in parts))}",
+        f"{names}: wind, {', '.join(dict.fromkeys(part.form for part in wind.parts))}",
         f"span      {wind.at(first)} to {wind.at(last)}{unit} ({last - first:.12g} s)",
         f"rows      {len(wind.time)}, {len(kept)} of them with speed and density",
     ]

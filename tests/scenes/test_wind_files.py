@@ -11,9 +11,11 @@ import xarray
 import esail_jax as esail
 from esail_jax import cli
 from esail_jax.constants import PROTON_MASS
+from esail_jax.plotting.wind import draw_wind
 from esail_jax.scenes.loading import builtin_text, parse
 from esail_jax.scenes.overrides import Request, with_wind_file
 from esail_jax.scenes.toml_text import to_toml
+from esail_jax.wind_files.summary import read_wind
 from support.new_process import heavy_imports_of
 
 HEAD = "time,speed,number_density"
@@ -517,6 +519,36 @@ def test_info_describes_a_wind_file(tmp_path, capsys):
         f"median {1e6 * (np.median(kept) - 395):.4g}, "
         f"5 % {1e6 * (low - 395):.4g}, 95 % {1e6 * (high - 395):.4g} 1/m^3\n"
     )
+
+
+@pytest.mark.parametrize("dated", [True, False])
+def test_info_draws_a_wind_with_its_gaps(tmp_path, capsys, dated):
+    """The curves break in the gap, where a dashed line is; the file is replaced only if asked."""
+    path, figure = tmp_path / "wind", tmp_path / "wind.png"
+    csv = [HEAD, *(f"{3600 * h},{4e5 + h},{'' if h in (4, 5) else 5e6}" for h in range(24))]
+    path.write_text("\n".join(FILLED if dated else csv) + "\n")
+    given = ["info", str(path), "-o", str(figure)]
+    assert cli.main(given) == 0
+    assert capsys.readouterr().out.endswith(f"{figure}\n") and figure.read_bytes().startswith(b"\x89PNG")
+    assert cli.main(given) == 2 and "must not exist" in capsys.readouterr().err
+    assert cli.main([*given, "--overwrite"]) == 0
+    wind = read_wind([path])
+    drawn = draw_wind(wind, "")
+    dashed, whole = drawn.axes[0].lines
+    assert np.isnan(whole.get_ydata()).sum() == 1 and np.isfinite(dashed.get_ydata()).all()
+    assert np.array_equal(dashed.get_ydata(), 1e-3 * wind.column("speed")[wind.good])
+    assert drawn.axes[1].get_xlabel() == ("date [UTC]" if dated else "time $t$ [s]")
+
+
+def test_a_figure_belongs_to_a_wind(tmp_path, capsys):
+    (tmp_path / "wind").write_text("\n".join(FILLED) + "\n")
+    for given, line in (
+        (["baseline"], "`-o` must be left out unless all files are those of a wind, but is given"),
+        ([str(tmp_path / "wind")], "`-o` must end in .png, .pdf or .svg, but ends in '.txt'"),
+    ):
+        assert cli.main(["info", *given, "-o", str(tmp_path / "a.txt")]) == 2
+        assert capsys.readouterr().err == f"{line}\n"
+    assert not (tmp_path / "a.txt").exists()
 
 
 def test_info_describes_csv_files_as_one_wind_without_jax(tmp_path, capsys):

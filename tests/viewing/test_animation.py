@@ -10,7 +10,7 @@ from PIL import Image
 
 from esail_jax import cli
 from esail_jax.viewing.colour_scale import colours_of
-from esail_jax.viewing.drawing import Drawing, Style, statement
+from esail_jax.viewing.drawing import Drawing, Style, plain, statement
 from esail_jax.viewing.motions import read_motions
 from support.motion_files import TIME
 from support.new_process import output_of
@@ -86,6 +86,22 @@ def test_spinning_axes_hold_the_roots_still(sail):
         lines[axes] = np.abs(body[1] - body[0]).max(), np.abs(wind[1] - wind[0]).max()
     assert lines["spinning"][0] < 1e-12 < 1.0 < lines["spinning"][1]
     assert lines["inertial"][1] < 1e-12 < 1.0 < lines["inertial"][0]
+
+
+@pytest.mark.parametrize(
+    ("number", "text"),
+    [
+        (14990.4, "14990"),
+        (0.0, "0"),
+        (0.0012345, "0.001234"),
+        (-20000.0, "-20000"),
+        (2.5e6, "2.500e+06"),
+        (3e-7, "3.000e-07"),
+    ],
+)
+def test_numbers_are_plain(number, text):
+    """A voltage of 14,990 V is no 1.499e+04 V."""
+    assert plain(number) == text
 
 
 def test_the_exaggeration_is_stated(sail, chain):

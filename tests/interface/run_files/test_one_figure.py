@@ -1,5 +1,7 @@
 """`esail plot` of one figure: some observables of a run, in a file of a kind, against time or dates."""
 
+import re
+
 import matplotlib.dates
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ import pytest
 import esail_jax as esail
 from esail_jax.cli import main
 from esail_jax.plotting import plot
+from esail_jax.plotting.panels import time_unit
 from esail_jax.plotting.single import draw_together
 
 EPOCH = "2027-03-01T12:00:00"
@@ -46,10 +49,35 @@ def test_dates_are_those_of_the_run(dated, solution):
     days = ax.lines[0].get_xdata()
     expected = matplotlib.dates.date2num(np.array(dated.dates(6), "datetime64[us]"))
     assert np.abs(days - expected).max() < 1e-9
-    with pytest.raises(ValueError, match=r"`calendar` must be False for a run without `initial.epoch`"):
-        plot(solution, "kinetic_energy", calendar=True)
-    with pytest.raises(ValueError, match="`name` must be given with `calendar`"):
-        plot(dated, calendar=True)
+    for name in ("kinetic_energy", None):
+        with pytest.raises(ValueError, match=r"`calendar` must be left out for a run without"):
+            plot(solution, name, calendar=True)
+
+
+def test_all_figures_may_have_dates(dated):
+    """The curves stay where they are; the ticks of the axes of time stand at round dates, those of a
+    spectrum do not."""
+    plain, shown = plot(dated), plot(dated, calendar=True)
+    zero = matplotlib.dates.date2num(np.datetime64(dated.dates(6)[0]))
+    unit, label = time_unit(dated)
+    assert list(plain) == list(shown)
+    seen = 0
+    for name, figure in shown.items():
+        for ax, other in zip(figure.axes, plain[name].axes, strict=True):
+            for line, same in zip(ax.lines, other.lines, strict=True):
+                assert np.array_equal(line.get_xdata(), same.get_xdata())
+            assert (ax.get_xlabel() == "date [UTC]") == (other.get_xlabel() == label)
+            if ax.get_xlabel() != "date [UTC]":
+                continue
+            seen += 1
+            ticks = zero + np.asarray(ax.xaxis.get_majorticklocs()) * unit / 86400.0
+            assert np.abs(ticks * 86400.0 - np.round(ticks * 86400.0)).max() < 1e-4  # whole seconds
+            texts = [text for text in ax.xaxis.get_major_formatter().format_ticks(ax.get_xticks()) if text]
+            assert all(
+                re.fullmatch(r"\d\d:\d\d(:\d\d)?|\d\d(\.\d)?|[A-Z][a-z]{2}-\d\d", text) for text in texts
+            )
+            assert len(texts) >= 2
+    assert seen > 3
 
 
 def test_a_folder_has_files_of_the_kind_that_is_asked_for(whole, tmp_path):
@@ -68,14 +96,14 @@ REFUSED = {
         ["-o", "folder", "--observables", "voltage"],
         "`--observables` must be left out unless `-o`",
     ),
-    "dates": (["-o", "folder", "--calendar"], "`--calendar` must be left out unless `-o` is a file"),
+    "dates": (["-o", "folder", "--calendar"], "`--calendar` must be left out for a run without"),
     "unknown": (
         ["-o", "a.svg", "--observables", "coning"],
         "`--observables` must be an observable of the run",
     ),
     "no epoch": (
         ["-o", "a.svg", "--observables", "voltage", "--calendar"],
-        "`calendar` must be False for a run",
+        "`--calendar` must be left out for a run without `initial.epoch`, but is given",
     ),
 }
 
