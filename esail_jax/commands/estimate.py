@@ -9,7 +9,7 @@ from typing import NamedTuple
 from esail_jax.commands.cache import in_words
 from esail_jax.commands.progress import RunProgress, clock
 from esail_jax.commands.reports import size_of
-from esail_jax.commands.running import names_with_nodes
+from esail_jax.commands.running import Requested, names_with
 from esail_jax.compilation.announcements import announced_to
 from esail_jax.files.run_file import Content, RunWriter, progress_of
 from esail_jax.scenes.scene import Scene
@@ -33,24 +33,25 @@ class Trial(NamedTuple):
     size: int
 
 
-def print_estimate(scene: Scene, nodes: bool, quiet: bool) -> None:
+def print_estimate(scene: Scene, requested: Requested, quiet: bool) -> None:
     """Prints how many steps a run will take, how long it will last, and how large its file and its memory
-    will be. The rest of the run is taken to go like its first seconds. nodes: as for `esail run`.
+    will be. The rest of the run is taken to go like its first seconds. requested:
+    observables that are saved, too.
 
     Raises SceneError, and SimulationError if the run fails within these seconds."""
     progress = RunProgress(scene, quiet)
     try:
         with announced_to(progress.stage):
-            trial = tried(scene, nodes)
+            trial = tried(scene, requested)
     finally:
         progress.close()
     print(estimate_text(scene, trial, peak_memory()))
 
 
-def tried(scene: Scene, nodes: bool) -> Trial:
+def tried(scene: Scene, requested: Requested) -> Trial:
     """Runs a scene for SECONDS, into a file in a folder of its own, which is removed."""
     began = time.perf_counter()
-    compiled = compile_scene(scene, names=names_with_nodes(scene) if nodes else None)
+    compiled = compile_scene(scene, names=names_with(scene, requested) if requested else None)
     compiling = time.perf_counter() - began
     run, reached, rows = HostRun(compiled), compiled.start_time, 0
     with tempfile.TemporaryDirectory() as folder:

@@ -25,6 +25,10 @@ def add(commands: Any) -> None:
         "--nodes", action="store_true", help="also save the positions of all nodes (node_position_I)"
     )
     run.add_argument(
+        "--save", metavar="A,B",
+        help="also save these observables, which are saved on request only (see the list of observables)",
+    )  # fmt: skip
+    run.add_argument(
         "--stability",
         action="store_true",
         help="also measure how a small perturbation of the start grows, and warn of chaotic motion",
@@ -65,13 +69,40 @@ def run(options: argparse.Namespace) -> ExitCode:
     is written."""
     check(options)
     scene = scene_of(options)
-    if options.nodes and scene.chain is not None:
-        raise UsageError("`--nodes` must be left out with a chain, but is given")
+    requested = requested_by(options, scene)
     if options.estimate:
         from esail_jax.commands.estimate import print_estimate
 
-        print_estimate(scene, options.nodes, options.quiet)
+        print_estimate(scene, requested, options.quiet)
         return ExitCode.DONE
     from esail_jax.commands.running import run_scene
 
-    return run_scene(scene, options.output, options.resume, options.quiet, options.nodes, options.stability)
+    return run_scene(scene, options.output, options.resume, options.quiet, requested, options.stability)
+
+
+def requested_by(options: argparse.Namespace, scene: Any) -> tuple[str, ...]:
+    """The observables that are saved on request. Raises UsageError for names that are none, and that the
+    scene has not."""
+    asked = [] if options.save is None else [name.strip() for name in options.save.split(",")]
+    for option, given in (("--nodes", options.nodes), ("--save", asked)):
+        if given and scene.chain is not None:
+            raise UsageError(f"`{option}` must be left out with a chain, but is given")
+    nodes = ("node_position_I",) if options.nodes else ()
+    if not asked:
+        return nodes
+    from esail_jax.errors import nearest
+    from esail_jax.observables.entry import in_words
+    from esail_jax.observables.sail import ON_REQUEST
+
+    needs = {entry.name: entry.needs for entry in ON_REQUEST}
+    for name in asked:
+        if name not in needs:
+            hint = nearest(name, needs) or f" ({', '.join(needs)})"
+            raise UsageError(
+                f"`--save` must be observables that are saved on request, but has {name!r}{hint}"
+            )
+        if needs[name] and getattr(scene, needs[name]) is None:
+            raise UsageError(
+                f"`--save {name}` must be left out without {in_words(needs[name])}, but is given"
+            )
+    return tuple(dict.fromkeys((*nodes, *asked)))

@@ -29,6 +29,7 @@ from esail_jax.files.run_file import (
 )
 from esail_jax.files.state import load_checkpoint
 from esail_jax.loads.law_structure import identity_of
+from esail_jax.observables.sail import ON_REQUEST
 from esail_jax.scenes.key_reference import ABSENT, differing_keys
 from esail_jax.scenes.method_choice import with_method
 from esail_jax.scenes.plasma import SolarWind
@@ -41,27 +42,36 @@ from esail_jax.steppers.results import RESULTS
 NODES = "node_position_I"
 """Observable that `--nodes` adds."""
 
+Requested = tuple[str, ...]
+"""Names of observables that are saved on request."""
+
 
 def run_scene(
-    scene: Scene, path: Path, resume: bool, quiet: bool, nodes: bool = False, stability: bool = False
+    scene: Scene,
+    path: Path,
+    resume: bool,
+    quiet: bool,
+    requested: Requested = (),
+    stability: bool = False,
 ) -> ExitCode:
-    """Runs `scene` into the run file `path`. nodes: also save the positions of all nodes; stability: also
+    """Runs `scene` into the run file `path`. requested: observables that are saved, too; stability: also
     measure how a small perturbation grows. Returns the exit code.
 
     Raises SceneError or RunFileError before anything is written.
     """
     check_place(path)
     with FileLock(path):
-        return run_alone(scene, path, resume, quiet, nodes, stability)
+        return run_alone(scene, path, resume, quiet, requested, stability)
 
 
 def run_alone(
-    scene: Scene, path: Path, resume: bool, quiet: bool, nodes: bool, stability: bool
+    scene: Scene, path: Path, resume: bool, quiet: bool, requested: Requested, stability: bool
 ) -> ExitCode:
     """`run_scene`, as the only process that writes the file."""
     began = time.perf_counter()
     going_on = check_output(scene, path, resume)
-    names = names_with_nodes(scene) if saves_nodes(path, going_on, nodes) else None
+    asked = saved_on_request(path, going_on, requested)
+    names = names_with(scene, asked) if asked else None
     if going_on == "complete":
         if stability:
             raise RunFileError(f"`--stability` must be given before a run is complete, but {path} is")
@@ -90,23 +100,25 @@ def run_alone(
     return code
 
 
-def saves_nodes(path: Path, going_on: str, nodes: bool) -> bool:
-    """Tells whether a run saves the positions of all nodes: one that goes on saves what it saved before.
-    Raises RunFileError if that is to change."""
+def saved_on_request(path: Path, going_on: str, requested: Requested) -> Requested:
+    """The observables that a run saves on request: one that goes on saves what it saved before. Raises
+    RunFileError if that is to change."""
     if going_on == "new":
-        return nodes
+        return requested
     with open_single(path) as file, intact(path):
-        held = NODES in file["observables"]
-    if nodes and not held:
-        raise RunFileError(f"`--nodes` must be left out to go on with {path}, but is given")
+        held = tuple(entry.name for entry in ON_REQUEST if entry.name in file["observables"])
+    for name in requested:
+        if name not in held:
+            option = "`--nodes`" if name == NODES else f"`--save {name}`"
+            raise RunFileError(f"{option} must be left out to go on with {path}, but is given")
     return held
 
 
-def names_with_nodes(scene: Scene) -> tuple[str, ...]:
-    """The names of all observables of a sail and of the positions of its nodes."""
+def names_with(scene: Scene, requested: Requested) -> tuple[str, ...]:
+    """The names of all observables of a sail, and those that are saved on request."""
     from esail_jax.ensembles.member_program import observable_shapes
 
-    return (*observable_shapes(scene), NODES)
+    return (*observable_shapes(scene), *requested)
 
 
 def resumed(compiled: CompiledScene, path: Path) -> HostRun:

@@ -25,11 +25,9 @@ from esail_jax.ensembles.distributions import (
     form_of,
     parse_distribution,
 )
-from esail_jax.scenes.declarations import rule_of
+from esail_jax.scenes.key_reference import rule_of_number
 from esail_jax.scenes.loading import load_scene
-from esail_jax.scenes.overrides import unknown
-from esail_jax.scenes.parts import names_of, tables_of
-from esail_jax.scenes.rules import Kind, Rule, SceneError, Shape, describe, numbers_of
+from esail_jax.scenes.rules import Rule, SceneError, Shape, describe, numbers_of
 from esail_jax.scenes.scene import Scene
 
 Inputs = dict[str, Float[np.ndarray, "member ..."]]
@@ -160,14 +158,7 @@ def columns_of(scene: Scene, variation: Variation) -> int:
 
 def varied_rule(scene: Scene, key: str) -> Rule:
     """The rule of a key that can be varied. Raises SceneError for any other key."""
-    kinds = tables_of(scene.model)
-    table, _, name = key.partition(".")
-    if table not in kinds or name not in names_of(kinds[table]):
-        raise unknown(key, scene.model)
-    (field,) = (field for field in dataclasses.fields(kinds[table]) if field.name == name)
-    rule = rule_of(field)
-    if rule.structure or rule.kind is not Kind.NUMBER:
-        raise SceneError(key, "be a physical number to be varied", "is structure")
+    rule = rule_of_number(scene, key, "varied")
     if rule.shape in (Shape.VECTOR, Shape.VECTORS, Shape.MATRIX):
         must = "be a key of single numbers to be drawn"
         raise SceneError(key, must, "is one of vectors (`simulate_members` takes an array of them)")

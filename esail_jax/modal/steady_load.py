@@ -42,6 +42,9 @@ def check_has_modes(scene: Scene) -> None:
             raise SceneError(f"{OWN_TERMS}[{i}]", must, f"{type(term).__name__} is a {kind_of(term)}")
     if scene.tip_thrust is not None:
         check_steady_push(scene.tip_thrust)
+    if scene.hub is not None and scene.hub.torque is not None:
+        must = "be left out for modes, as a torque on the hub changes the spin for ever"
+        raise SceneError("hub.torque", must, "is given")
     if scene.solar_wind is not None and scene.solar_wind.relative:
         must = "be false for modes, as such a wind slows the spin down and leaves no steady state"
         raise SceneError("solar_wind.relative", must, "is true")

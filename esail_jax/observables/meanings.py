@@ -78,6 +78,11 @@ FIRST_SENTENCES = {
     "total_momentum_I": "Momentum of tethers, remote units, ring and hub in the frame I.",
     "angular_momentum_I": "Angular momentum about the centre of mass.",
     "total_angular_momentum_I": "Angular momentum about the origin of the frame I.",
+    "hub_acceleration_B": (
+        "What an accelerometer at the hub's centre shows: the acceleration of the centre less that of free "
+        "fall, in B."
+    ),
+    "tip_direction_B": "Where a camera at the hub's centre sees a remote unit: a unit vector in B.",
     "spin_rate": (
         "Spin rates of two bodies: of the hub about X_B, and of the sail as a whole, its angular momentum "
         "over its moment of inertia about the axis of that momentum; positive in the right-handed sense."

@@ -209,6 +209,21 @@ def total_angular_momentum(i: Instant) -> Vector:
     return own + jnp.cross(shift.position, momentum) + carried
 
 
+def hub_acceleration(i: Instant) -> Vector:
+    """The acceleration of the hub's centre [m/s^2] less that of free fall, in B."""
+    place, velocity = (x.reshape(3, 1) for x in (i.centre, i.system.hub.centre(i.v.hub)))
+    acceleration = i.system.hub.centre(i.vdot.hub)
+    for field in i.system.fields:
+        acceleration = acceleration - field.acceleration(i.time, place, velocity)[:, 0]
+    return i.rotation.T @ acceleration
+
+
+def tip_directions(i: Instant) -> Float[Array, "tether 3"]:
+    """The unit vectors from the hub's centre to the remote units, in B."""
+    lines = matmul(i.rotation.T, i.tips - i.centre[:, None])
+    return (lines / jnp.sqrt((lines**2).sum(0))).T
+
+
 def spin_rates(i: Instant) -> Float[Array, "2"]:
     """The spin rates [rad/s] of the hub about X_B and of the sail as a whole."""
     return jnp.stack([angular_velocity(i.system, i.q, i.v)[0], sail_spin(i)])
@@ -313,6 +328,10 @@ OBSERVABLES = (
 )  # fmt: skip
 
 ON_REQUEST = (
+    Observable("hub_acceleration_B", "m/s^2", "f^B", XYZ, "second derivative of r_OB, less free fall",
+               hub_acceleration, needs="hub"),
+    Observable("tip_direction_B", "-", "e_i", ("tether", "xyz"), "from the hub's centre to a remote unit",
+               tip_directions),
     Observable("node_position_I", "m", "r_j", ("tether", "node", "xyz"), "[PGV] 4, nodes from root to tip",
                lambda i: i.from_origin(i.q.tether[0]).transpose(2, 1, 0)),
     Observable("flat_sail_thrust_O", "N", "F_flat", XYZ, "Huo et al. 2018, flat sail",
@@ -325,7 +344,8 @@ ON_REQUEST = (
                "Bassetto et al. 2018, mean shape, about the roots", reduced.shaped_sail_moment,
                needs="solar_wind"),
 )  # fmt: skip
-"""Observables that are saved only where they are named: they are large, or are those of reduced models."""
+"""Observables that are saved only where they are named: they are large, or are those of instruments or of
+reduced models."""
 
 
 def listed(system: System) -> list[Observable]:

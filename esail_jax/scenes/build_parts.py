@@ -19,6 +19,7 @@ from esail_jax.loads.constant_thrust import ConstantThrust
 from esail_jax.loads.coulomb import CoulombThrust
 from esail_jax.loads.electron_current import Collector, power_limited
 from esail_jax.loads.fields import OrbitalField, SolarTide, UniformGravity
+from esail_jax.loads.hub_torque import HubTorque
 from esail_jax.loads.law_structure import NUMBER
 from esail_jax.loads.own_law import ContinuousLaw, SampledLaw
 from esail_jax.loads.phase_window import PhaseWindow
@@ -28,6 +29,13 @@ from esail_jax.loads.voltage_limits import Limits, within_slew_rate
 from esail_jax.scenes.structure import Numbers, Structure
 from esail_jax.scenes.voltage import OWN_LAW, PERIOD
 from esail_jax.terms import Terms
+
+
+def hub_torque(structure: Structure, numbers: Numbers) -> Terms:
+    """The torque of [hub]."""
+    if not structure.has("hub.torque"):
+        return Terms()
+    return Terms(hub_loads=(HubTorque(numbers["hub.torque"]),))
 
 
 def solar_wind(structure: Structure, numbers: Numbers) -> Terms:

@@ -48,6 +48,9 @@ class Hub:
         doc="Positions of the roots on a spacecraft from the hub centre, in B, in place of `radius`.",
         default=None,
     )
+    torque: Vector | None = vector(
+        unit="N m", doc="Constant torque on the hub, in B: a disturbance.", default=None
+    )
 
 
 CYLINDER = ("height", "radius", "density")

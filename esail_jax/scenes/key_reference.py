@@ -6,9 +6,18 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from esail_jax.scenes.declarations import rule_of
-from esail_jax.scenes.overrides import FRAME, FRAMES, KERNEL, OEM, POSITION_KM, START_AT, VELOCITY_KM_S
-from esail_jax.scenes.parts import CHAIN, PARTS, SAIL, given, table_names
-from esail_jax.scenes.rules import Kind, Rule, Shape, describe
+from esail_jax.scenes.overrides import (
+    FRAME,
+    FRAMES,
+    KERNEL,
+    OEM,
+    POSITION_KM,
+    START_AT,
+    VELOCITY_KM_S,
+    unknown,
+)
+from esail_jax.scenes.parts import CHAIN, PARTS, SAIL, given, names_of, table_names, tables_of
+from esail_jax.scenes.rules import Kind, Rule, SceneError, Shape, describe
 from esail_jax.scenes.scene import Scene
 from esail_jax.wind_files.csv_rows import MUST
 from esail_jax.wind_files.rows import LARGEST_GAP, WIND_FILE
@@ -61,6 +70,20 @@ def unit_of(key: str) -> str | None:
     """The unit of a key, "-" if it has none; None for what is no key of a scene, such as a number of a law
     of a user."""
     return next((described.unit for described in describe_keys() if described.key == key), None)
+
+
+def rule_of_number(scene: Scene, key: str, use: str) -> Rule:
+    """The rule of a key with physical numbers. use: what they shall be, in words, such as "varied". Raises
+    SceneError for any other key."""
+    kinds = tables_of(scene.model)
+    table, _, name = key.partition(".")
+    if table not in kinds or name not in names_of(kinds[table]):
+        raise unknown(key, scene.model)
+    (field,) = (field for field in dataclasses.fields(kinds[table]) if field.name == name)
+    rule = rule_of(field)
+    if rule.structure or rule.kind is not Kind.NUMBER:
+        raise SceneError(key, f"be a physical number to be {use}", "is structure")
+    return rule
 
 
 def describe_key(table: str, field: dataclasses.Field, models: tuple[str, ...]) -> KeyDescription:

@@ -67,7 +67,7 @@ def no_part(content: Any) -> str:
 
 
 PARTS = (
-    Part("hub", hub.Hub, (SAIL,), check=hub.check_hub),
+    Part("hub", hub.Hub, (SAIL,), check=hub.check_hub, terms=f"{BUILD}:hub_torque"),
     Part("tethers", tethers.Tethers, (SAIL,), check=tethers.check_tethers, in_words=tethers_in_words),
     Part("auxiliary_tethers", tethers.AuxiliaryTethers, (SAIL,), check=tethers.check_auxiliary_tethers),
     Part("remote_units", tethers.RemoteUnits, (SAIL,)),

@@ -9,6 +9,7 @@ import bisect
 import dataclasses
 import datetime
 import enum
+import math
 import sys
 import typing
 from collections.abc import Callable, Sequence
@@ -140,7 +141,8 @@ class Rule:
 
     must: the condition, as a message words it; accepts: tells whether an array of finite numbers satisfies
     it; structure: the value decides which program is compiled, or which instants it saves, and cannot be
-    traced; choices: the names to choose from."""
+    traced; choices: the names to choose from; low, high: the least and the largest number, of which the
+    condition may exclude the ends."""
 
     must: str
     accepts: Callable[[Any], bool] = lambda value: True
@@ -148,15 +150,17 @@ class Rule:
     structure: bool = False
     kind: Kind = Kind.NUMBER
     choices: tuple[str, ...] = ()
+    low: float = -math.inf
+    high: float = math.inf
 
 
-positive = Rule("be positive", lambda x: bool((x > 0).all()))
+positive = Rule("be positive", lambda x: bool((x > 0).all()), low=0.0)
 
 
-non_negative = Rule("not be negative", lambda x: bool((x >= 0).all()))
+non_negative = Rule("not be negative", lambda x: bool((x >= 0).all()), low=0.0)
 
 
-non_positive = Rule("not be positive", lambda x: bool((x <= 0).all()))
+non_positive = Rule("not be positive", lambda x: bool((x <= 0).all()), high=0.0)
 
 
 nonzero_vector = Rule("not be zero", lambda x: bool((np.linalg.norm(x, axis=-1) > 0).all()))
@@ -183,7 +187,8 @@ def between(interval: str) -> Rule:
     low, high = (float(end) for end in interval[1:-1].split(","))
     above = np.greater_equal if interval.startswith("[") else np.greater
     below = np.less_equal if interval.endswith("]") else np.less
-    return Rule(f"lie in {interval}", lambda x: bool((above(x, low) & below(x, high)).all()))
+    inside = lambda x: bool((above(x, low) & below(x, high)).all())  # noqa: E731
+    return Rule(f"lie in {interval}", inside, low=low, high=high)
 
 
 def choice(names: Any) -> Rule:

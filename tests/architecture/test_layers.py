@@ -22,7 +22,7 @@ LAYERS = (
     ("steppers", "equilibria"),
     ("observables", "scenes"),
     ("simulation", "modal"),
-    ("files", "ensembles", "design", "plotting", "viewing"),
+    ("files", "ensembles", "design", "identification", "plotting", "viewing"),
     ("__init__", "commands"),
     ("cli", "__main__"),
 )

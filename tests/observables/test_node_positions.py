@@ -5,7 +5,7 @@ import pytest
 
 import esail_jax as esail
 from esail_jax import cli
-from esail_jax.commands.running import names_with_nodes
+from esail_jax.commands.running import NODES, names_with
 from esail_jax.viewing.motions import read_motions
 
 pytestmark = pytest.mark.nightly
@@ -14,7 +14,7 @@ pytestmark = pytest.mark.nightly
 @pytest.fixture(scope="module")
 def run(small):
     """A run that saves what `--nodes` saves: the command then needs no program of its own."""
-    return esail.simulate("baseline", small, save=names_with_nodes(esail.load_scene("baseline", small)))
+    return esail.simulate("baseline", small, save=names_with(esail.load_scene("baseline", small), (NODES,)))
 
 
 def test_nodes_lead_from_the_hub_to_the_tips(run):

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import esail_jax as esail
+from esail_jax.commands.running import names_with
 from esail_jax.design.objectives import NAMES, values
 from esail_jax.measurements import Measurements
 from support.laws_and_loads import CASES, SAIL, P
@@ -30,7 +31,7 @@ SIGNS = {
     "precession_angle": -1.0, "rotation_IB": np.outer(POLAR, POLAR), "thrust_O": POLAR, "reaction_O": POLAR,
     "thrust_B": POLAR, "reaction_B": POLAR, "thrust_moment_O": AXIAL, "reaction_moment_O": AXIAL,
     "thrust_moment_B": AXIAL, "spin_rate": -1.0, "angular_momentum_I": -1.0,
-    "total_angular_momentum_I": -1.0,
+    "total_angular_momentum_I": -1.0, "hub_acceleration_B": POLAR, "tip_direction_B": POLAR,
 }  # fmt: skip
 """What becomes of an observable; the others stay the same, positions in I aside."""
 
@@ -46,6 +47,8 @@ def image_of(scene: dict[str, Any]) -> dict[str, Any]:
             found[key] = np.asarray(x)[..., IMAGE].tolist()
     if scene.get("tip_thrust.direction") == "tangential":  # along X_B x d, which is no vector
         found["tip_thrust.force"] = (-np.asarray(found["tip_thrust.force"])).tolist()
+    if "hub.torque" in scene:
+        found["hub.torque"] = AXIAL * scene["hub.torque"]
     if "hub.roots" in scene:
         found["hub.inertia"] = np.outer(POLAR, POLAR) * scene["hub.inertia"]
         found["hub.centre"] = POLAR * scene["hub.centre"]
@@ -72,8 +75,10 @@ SPACECRAFT = {
     "hub.inertia": np.array([[300.0, 10.0, 20.0], [10.0, 200.0, -15.0], [20.0, -15.0, 250.0]]),
     "hub.centre": np.array([0.05, -0.1, 0.02]), "integrator.tolerance": 1e-9,
     "hub.roots": np.stack([0.1 * np.cos(3.0 * AROUND), np.cos(AROUND), np.sin(AROUND)], axis=1),
+    "hub.torque": np.array([2e-3, -3e-3, 4e-3]),
 }  # fmt: skip
-"""A hub without symmetry. Its base points, by which errors are estimated, are not those of its image."""
+"""A hub without symmetry, with a torque. Its base points, by which errors are estimated, are not those of
+its image."""
 
 CASES = CASES | {"spacecraft": SPACECRAFT}
 
@@ -86,7 +91,10 @@ def test_the_image_moves_as_the_image_of_the_motion(case):
     damping, which follows from small differences of velocities, differs by 6e-7; a wrong sign changes some
     observable by 1e-3 or more."""
     scene = SAIL | CASES[case]
-    run, image = esail.simulate("baseline", scene), esail.simulate("baseline", image_of(scene))
+    # The instruments on the hub are observables on request.
+    requested = ("hub_acceleration_B", "tip_direction_B") if case == "spacecraft" else ()
+    names = names_with(esail.load_scene("baseline", scene), requested)
+    run, image = (esail.simulate("baseline", x, save=names) for x in (scene, image_of(scene)))
     if case != "spacecraft":
         assert (
             abs(image.steps - run.steps) <= P

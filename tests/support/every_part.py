@@ -41,8 +41,9 @@ PUSHED = {
     "tip_thrust.off": 3.0,
     "tip_thrust.rise_time": 0.8,
     "voltage.power_limit": 0.3,
+    "hub.torque": [1e-3, -2e-3, 3e-3],
 }
-"""Thrust at the tips, and less power than the voltages of the scene need."""
+"""Thrust at the tips, a torque on the hub, and less power than the voltages of the scene need."""
 
 SCENE = esail.load_scene(ring_scene(TRUSSES | PARTS), PUSHED)
 """Five unequal tethers and a ring of unequal segments that may become slack, near the Sun."""
@@ -65,6 +66,7 @@ NUMBERS = {key: (value + 0.0 * EACH, size * EACH) for key, (value, size) in RING
     "solar_wind.tether_radius": (1e-5, 2e-8),
     "tethers.wire_radius": (12.5e-6, 2e-8),
     "voltage.power_limit": (0.3, 1e-3),
+    "hub.torque": (np.array([1e-3, -2e-3, 3e-3]), np.array([1e-5, -2e-5, 1e-5])),
     "tip_thrust.force": (2e-3, 2e-5),
     "tip_thrust.on": (1.0, 2e-3),
     "tip_thrust.off": (3.0, 2e-3),

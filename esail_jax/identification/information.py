@@ -1,0 +1,76 @@
+"""The Fisher information of a run, before anything is measured."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from esail_jax.array_types import Float
+from esail_jax.files.selection import Column
+from esail_jax.identification.model import Cells, measurable, predictor
+from esail_jax.identification.parameters import check_starts, parameters_of
+from esail_jax.identification.telemetry import HEADER, NOISE, Telemetry, deviations_of, placed
+from esail_jax.scenes.loading import load_scene
+from esail_jax.scenes.rules import SceneError
+from esail_jax.scenes.scene import Scene
+from esail_jax.simulation.schedule import save_times
+
+
+def information(
+    scene: Scene | str,
+    free: Sequence[str],
+    noise: Mapping[str, float],
+    times: Sequence[float] | None = None,
+) -> tuple[tuple[str, ...], Float[np.ndarray, "parameter parameter"]]:
+    """The Fisher information that measurements of a run would have on parameters: their names, and
+
+        F = sum over all cells of (dh/dp)^T (dh/dp) / s^2,
+
+    in units of one over the product of those of two parameters. Its inverse is the least covariance of an
+    unbiased estimate (Cramer and Rao).
+
+    scene: a scene, a name or a path; free: names of parameters, as for `fit`; noise: standard deviations by
+    observable, for all of its places, or by place (`"coning_angle[1]"`): what has none is not measured;
+    times: instants of the measurements [s], None for the saved instants of the run.
+
+        names, matrix = information("baseline", ["solar_wind.number_density"], {"spin_rate[2]": 1e-7})
+
+    Raises SceneError."""
+    scene = load_scene(scene)
+    cells, parameters = planned(scene, free, noise, times)
+    values = np.array([parameter.start for parameter in parameters])
+    jacobian = predictor(scene, parameters, cells)(values).jacobian / cells.deviations[:, None]
+    return tuple(parameter.name for parameter in parameters), jacobian.T @ jacobian
+
+
+def planned(
+    scene: Scene, free: Sequence[str], noise: Mapping[str, float], times: Sequence[float] | None
+) -> tuple[Cells, list[Any]]:
+    """The cells that would be measured, and the parameters. Raises SceneError."""
+    shapes = measurable(scene)
+    columns: list[Column] = []
+    for text in noise:
+        parts = HEADER.fullmatch(text.strip())
+        if parts is None or parts["name"] not in shapes:
+            raise SceneError(NOISE, "be given by observable of the run, such as spin_rate", f"has {text!r}")
+        shape, place = shapes[parts["name"]], placed(parts["place"])
+        places = [tuple(i + 1 for i in at) for at in np.ndindex(shape)]
+        if place is not None and place not in places:
+            sizes = " x ".join(map(str, shape)) or "no"
+            raise SceneError(NOISE, f"name one of the {sizes} places of {parts['name']}", f"has {text!r}")
+        columns += [Column(parts["name"], at) for at in places if place in (None, at)]
+    columns = list(dict.fromkeys(columns))
+    if not columns:
+        raise SceneError(NOISE, "have an observable that is measured", "is empty")
+    if times is None:
+        at = save_times(float(scene.integrator.t_end), scene.output.interval)
+    else:
+        at = np.asarray(times, float)
+    end = float(scene.integrator.t_end)
+    if at.ndim != 1 or not len(at) or not ((at >= 0.0) & (at <= end)).all():
+        raise SceneError("times", f"be instants within the run, 0 to {end:g} s", f"is {times!r}")
+    measured = {column.name: shapes[column.name] for column in columns}
+    parameters = parameters_of(scene, free, measured)
+    check_starts(parameters)
+    table = Telemetry(NOISE, at, tuple(columns), np.zeros((len(at), len(columns))))
+    return Cells.of(table, deviations_of(noise, [table])[0]), parameters
