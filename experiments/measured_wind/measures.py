@@ -214,16 +214,24 @@ def prediction_rows(
 ) -> list[dict[str, Any]]:
     """By how much the mean wind is off, factor by factor. wind: a scene with the series; changing, steady:
     rows of results.csv with the series and with its means."""
-    _, u, n = wind_of(wind)
-    root = np.sqrt(n)
+    time, u, n = wind_of(wind)
+    root, left = np.sqrt(n), time[::-1]
+    least, volts, most = wind.solar_wind.cutoff_voltage, wind.voltage.value, wind.voltage.maximum
+    steady_volts = np.minimum(least + (volts - least) * (root * u).mean() / (root * u), most)
     found = {
         "mean sqrt(n) / sqrt(mean n): the root is concave": root.mean() / np.sqrt(n.mean()),
         "mean sqrt(n) u / (mean sqrt(n) mean u): density against speed": (root * u).mean()
         / (root.mean() * u.mean()),
         "their product": (root * u).mean() / (np.sqrt(n.mean()) * u.mean()),
+        "the same, weighted with the time that is left": (root * u * left).sum()
+        / (np.sqrt(n.mean()) * u.mean() * left.sum()),
         "correlation of ln n and ln u": np.corrcoef(np.log(n), np.log(u))[0, 1],
         "the same product with medians in place of means": (root * u).mean()
         / (np.sqrt(np.median(n)) * np.median(u)),
+        "constant thrust instead of constant voltage: mean power": (n * steady_volts**1.5).mean()
+        / (n * volts**1.5).mean(),
+        "constant thrust instead of constant voltage: largest power": (n * steady_volts**1.5).max()
+        / (n * volts**1.5).max(),
     }
     for key in (
         "thrust, mean [mN]", "delta_v [m/s]", "away from the Sun [m/s]", "along the flight [m/s]",

@@ -24,8 +24,9 @@ TURNS = 13
 
 
 def smooth(values: np.ndarray) -> np.ndarray:
-    """The mean over five turns about every row."""
-    return np.convolve(np.pad(values, TURNS // 2, mode="edge"), np.ones(TURNS) / TURNS, "valid")
+    """The mean over five turns about every row, nan where the run has not so many rows."""
+    half = np.full(TURNS // 2, np.nan)
+    return np.concatenate([half, np.convolve(values, np.ones(TURNS) / TURNS, "valid"), half])
 
 
 def gaps_of(scene: esail.Scene) -> list[tuple[float, float]]:
@@ -41,10 +42,10 @@ def finish(figure: Figure, handles: dict[str, Any], path: Path) -> None:
         handles.values(),
         handles.keys(),
         loc="outside lower center",
-        ncols=min(len(handles), 3),
+        ncols=min(len(handles), 4),
         frameon=False,
     )
-    figure.savefig(path, dpi=110)
+    figure.savefig(path, dpi=90)
     print(f"wrote {path}")
 
 
@@ -123,12 +124,14 @@ def draw_cost_of_gaps(
     panels = figure.subplots(1, 2)
     handles: dict[str, Any] = {}
     for panel, key, label in zip(
-        panels, ("thrust_mN", "coning_deg"), ("thrust [mN]", "mean coning [deg]"), strict=True
+        panels, ("thrust_mN", "coning_deg"), ("thrust [mN]", "coning, mean over 5 turns [deg]"), strict=True
     ):
         for name in ("held, no gaps", "held"):
             run = flights[name]
             now = (run.time >= span[0]) & (run.time <= span[1])
-            line = panel.plot(run.time[now] / HOUR, signals(run)[key][now], lw=1.2, **LOOKS[name])
+            values = signals(run)[key]
+            values = smooth(values) if key == "coning_deg" else values
+            line = panel.plot(run.time[now] / HOUR, values[now], lw=1.2, **LOOKS[name])
             handles[name] = line[0]
         for first, last in gaps_of(scene):
             if span[0] <= first <= span[1]:
