@@ -123,7 +123,9 @@ def flown(name: str, scene: esail.Scene, runs: Path) -> esail.Solution:
     command = [sys.executable, "-m", "esail_jax", "run", str(stem.with_suffix(".toml")), "-o", str(file)]
     print(f"{name}: esail {' '.join(command[3:])} --resume", flush=True)
     if subprocess.run([*command, "--resume", "--quiet"], check=False).returncode:
-        raise SystemExit(f"the run {name!r} is not complete; the same command goes on with it")
+        raise SystemExit(
+            f"the run {name!r} is not complete; if it was interrupted, the same command goes on"
+        )
     return esail.load(file)
 
 
