@@ -24,6 +24,22 @@ from esail_jax.scenes.scene import Scene
 from esail_jax.simulation.simulate import simulate
 
 
+ROOM = 3
+"""Steps that a run with other parameters may need, as a multiple of those of the scene."""
+
+LEAST_STEPS = 100
+"""Steps of a short run, of which a multiple is allowed."""
+
+LOOKS = 500
+"""Instants of the run of the scene between which its steps are counted."""
+
+STEPS_PER_WINDOW = 12
+"""Most steps in a window of the derivative: each may be a block, of which a window has 16."""
+
+STEPS_OF_WINDOW = 64
+"""Steps in `max_steps` for which the derivative has a window (`simulation/under_trace.py`)."""
+
+
 def measurable(scene: Scene) -> dict[str, tuple[int, ...]]:
     """The shapes of all observables that a run of the scene can have, those on request included, by
     name."""
@@ -56,6 +72,11 @@ class Cells(NamedTuple):
     values: Float[np.ndarray, " cell"]
     deviations: Float[np.ndarray, " cell"]
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The observables that are measured."""
+        return tuple(dict.fromkeys(self.name))
+
     @classmethod
     def of(cls, data: Telemetry, deviations: Float[np.ndarray, " column"]) -> "Cells":
         """Those of telemetry. deviations: of its columns."""
@@ -70,7 +91,7 @@ class Cells(NamedTuple):
         """The cells of observables (time, ...) at the instants of the run."""
         parts = []
         order = []
-        for name in dict.fromkeys(self.name):
+        for name in self.names:
             mine = np.flatnonzero([x == name for x in self.name])
             index = (self.row[mine], *np.array([self.place[k] for k in mine]).T.astype(int))
             parts.append(shown[name][index])
@@ -78,15 +99,30 @@ class Cells(NamedTuple):
         return jnp.concatenate(parts)[np.argsort(np.concatenate(order))]
 
 
+def steps_with_room(scene: Scene, cells: Cells) -> int:
+    """A bound of the steps of runs whose parameters differ from those of the scene, from its own run, which
+    is made: a multiple of its steps, and so many that the derivative has windows in which few steps are,
+    also where they crowd at the edges of a voltage. Raises SimulationError if the run fails."""
+    grid = np.linspace(0.0, cells.times[-1], LOOKS)[1:]
+    times = np.union1d(grid, cells.times)
+    run = simulate(scene, save=cells.names[:1], times=times.tolist())
+    steps = np.asarray(run.numerics["steps"])
+    count = np.array([steps[times <= end].sum() for end in grid])
+    densest = np.diff(count, prepend=0.0).max()
+    windows = np.ceil(densest * len(grid) / STEPS_PER_WINDOW)
+    return int(max(ROOM * max(run.steps, LEAST_STEPS), windows * STEPS_OF_WINDOW))
+
+
 def predicted(
-    scene: Scene, parameters: Sequence[Parameter], cells: Cells
+    scene: Scene, parameters: Sequence[Parameter], cells: Cells, max_steps: int
 ) -> Callable[[Float[Array, " parameter"]], Float[Array, " cell"]]:
-    """The function from the values of the parameters to what the instruments show; it may be traced."""
+    """The function from the values of the parameters to what the instruments show; it may be traced.
+    max_steps: of a run, which its derivative needs to know; one that needs more is NaN."""
     overrides = overrides_of(scene, parameters)
-    names = tuple(dict.fromkeys(cells.name))
+    names = cells.names
 
     def shown(values: Float[Array, " parameter"]) -> Float[Array, " cell"]:
-        run = simulate(scene, overrides(values), save=names, times=list(cells.times))
+        run = simulate(scene, overrides(values), save=names, times=list(cells.times), max_steps=max_steps)
         signals = {name: shown_by(parameters, values, name, jnp.asarray(run[name])) for name in names}
         return cells.picked_from(signals)
 
@@ -97,8 +133,8 @@ def predictor(
     scene: Scene, parameters: Sequence[Parameter], cells: Cells
 ) -> Callable[[Float[np.ndarray, " parameter"]], Prediction]:
     """The compiled function from the values of the parameters to a prediction. Entries are NaN if the run
-    fails."""
-    shown = predicted(scene, parameters, cells)
+    fails. The run of the scene itself is made at once: raises SimulationError if that fails."""
+    shown = predicted(scene, parameters, cells, steps_with_room(scene, cells))
 
     @jit
     def both(values: Any) -> Any:
