@@ -1,6 +1,7 @@
 """The documentation site: it is built without a warning, its tables come from the package, and its examples
 run."""
 
+import importlib.util
 import inspect
 import re
 import subprocess
@@ -42,6 +43,23 @@ def test_the_site_is_built_without_a_warning(tmp_path):
     assert all(f">{entry.name}<" in rows for entry in entries)
     python = (tmp_path / "site" / "reference" / "python.html").read_text(encoding="utf-8")
     assert "Integrates the equations of motion of a scene" in python
+    pages = [path.read_text(encoding="utf-8") for path in (tmp_path / "site").rglob("*.html")]
+    assert sum("<math" in page for page in pages) > 5
+    elsewhere = r"<(?:script|link|img|iframe|video|source)[^>]* (?:src|href)=[\"'](?:https?:)?//[^>]*>"
+    assert [x for page in pages for x in re.findall(elsewhere, page)] == []
+
+
+def test_a_formula_of_the_site_is_mathml_or_an_error():
+    """The name of a function stands apart from its argument unless a bracket follows, as TeX has it. A
+    command that is not known is an error, not a formula with a hole."""
+    about = importlib.util.spec_from_file_location("mathml", ROOT / "docs" / "mathml.py")
+    module = importlib.util.module_from_spec(about)
+    about.loader.exec_module(module)
+    apart = module.mathml(r"\frac{V_0}{2} \cos k\varphi", "block")
+    assert "<mfrac>" in apart and 'rspace="0.167em">cos</mo><mi>k</mi>' in apart
+    assert 'rspace="0">cos</mo>' in module.mathml(r"\cos(k\varphi)", "inline")
+    with pytest.raises(ValueError, match="nosuchcommand"):
+        module.mathml(r"\nosuchcommand x", "inline")
 
 
 def test_the_guide_explains_every_objective():
