@@ -7,13 +7,17 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
 import esail_jax as esail
-from esail_jax import observables
+from esail_jax import control, observables
 from esail_jax.cli import main
 from esail_jax.design import objectives
+from esail_jax.environment import gusts
+from esail_jax.loads import tip_thrust
+from esail_jax.scenes import deployment, plasma, tethers, voltage
 from esail_jax.scenes.key_reference import describe_keys
 from support.compiled_nothing import forget_programs
 from support.small_ensemble import arguments
@@ -77,6 +81,46 @@ def test_the_guide_explains_every_objective():
     page = (ROOT / "docs" / "guide" / "design.md").read_text(encoding="utf-8")
     table = page.partition("| objective |")[2].partition("\n\n")[0].splitlines()[2:]
     assert table == rows
+
+
+def test_the_page_of_laws_has_every_law_with_its_keys():
+    """A section of `docs/guide/laws.md` is that of one law: the sections of a chapter are the entries of
+    its registry, no more and no fewer, and each names the keys that its law takes. Limits have sections of
+    their own."""
+    page = (ROOT / "docs" / "guide" / "laws.md").read_text(encoding="utf-8")
+    chapters = {}
+    for text in re.split(r"^## ", page, flags=re.MULTILINE)[1:]:
+        about, *sections = re.split(r"^### ", text, flags=re.MULTILINE)
+        title, _, lines = about.partition("\n")
+        chapters[title] = {"": lines} | {x.partition("\n")[0].strip("`"): x for x in sections}
+    limits = set(voltage.Voltage.__dataclass_fields__) & {"slew_rate", "power_limit", *voltage.LIMITS}
+    names = {chapter: set(sections) - {"", "Phase"} for chapter, sections in chapters.items()}
+    assert names["Thrust of the wind"] == set(plasma.THRUST_LAWS)
+    assert names["Wind in time and place"] == {x for x in vars(gusts) if x.endswith("_wind")} - {
+        "write_wind"
+    }
+    assert names["Voltage laws"] == set(voltage.LAWS)
+    assert names["Limits of voltages"] == limits
+    assert names["Deployment"] == set(deployment.LAWS)
+    assert names["Sensors"] == {*control.__all__, "root_tension"}
+    rows = set(re.findall(r"^\| `(\w+)` \|", chapters["Thrust at the tips"][""], re.MULTILINE))
+    assert rows == set(get_args(tip_thrust.DirectionName))
+    keys = {
+        "Thrust of the wind": plasma.THRUST_LAWS,
+        "Voltage laws": {law: set(names) - {*voltage.LIMITS} for law, names in voltage.LAWS.items()},
+        "Deployment": deployment.LAWS,
+        "Plasma brake": {"": list(plasma.PlasmaBrake.__dataclass_fields__)},
+        "Thrust at the tips": {"": list(tethers.TipThrust.__dataclass_fields__)},
+        "Temperature": {"": list(tethers.Thermal.__dataclass_fields__)},
+    }
+    missing = [
+        (chapter, law, key)
+        for chapter, laws in keys.items()
+        for law, own in laws.items()
+        for key in own
+        if f"`{key}`" not in chapters[chapter][law]
+    ]
+    assert missing == []
 
 
 @pytest.mark.nightly
