@@ -19,6 +19,7 @@ from esail_jax.environment import gusts
 from esail_jax.loads import tip_thrust
 from esail_jax.scenes import deployment, plasma, tethers, voltage
 from esail_jax.scenes.key_reference import describe_keys
+from esail_jax.scenes.plausibility import doubts
 from support.compiled_nothing import forget_programs
 from support.small_ensemble import arguments
 
@@ -121,6 +122,19 @@ def test_the_page_of_laws_has_every_law_with_its_keys():
         if f"`{key}`" not in chapters[chapter][law]
     ]
     assert missing == []
+
+
+def test_scene_files_of_the_pages_are_scenes(tmp_path):
+    """A block of TOML with an end time is a whole scene file: it passes all checks, without a doubt of its
+    numbers."""
+    found = 0
+    for path in (ROOT / "docs").rglob("*.md"):
+        for text in re.findall(r"^```toml\n(.*?)^```", path.read_text(encoding="utf-8"), re.M | re.S):
+            if "generated" not in path.parts and "[integrator]" in text:
+                (tmp_path / "scene.toml").write_text(text, encoding="utf-8")
+                assert doubts(esail.load_scene(tmp_path / "scene.toml")) == ()
+                found += 1
+    assert found == 2
 
 
 @pytest.mark.nightly
