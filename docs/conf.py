@@ -15,7 +15,7 @@ import esail_jax
 project = "esail_jax"
 author = "The esail_jax developers"
 release = esail_jax.__version__
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx_copybutton", "sphinx_design"]
+extensions = ["mathml", "myst_nb", "sphinx.ext.autodoc", "sphinx_copybutton", "sphinx_design"]
 exclude_patterns = ["Thumbs.db", ".DS_Store", "generated/downloads"]
 
 html_theme = "furo"
@@ -24,6 +24,7 @@ html_show_sourcelink = False
 html_show_copyright = False
 html_static_path = ["static"]
 html_css_files = ["site.css"]
+html_math_renderer = "mathml"  # `mathml.py`: formulas without a network
 
 myst_enable_extensions = ["attrs_inline", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3

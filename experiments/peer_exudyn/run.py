@@ -1,6 +1,6 @@
 """Compares the baseline sail in esail_jax and in Exudyn, signal by signal.
 
-    pip install 'esail_jax[peers]'
+    pip install '.[peers]'
     python experiments/peer_exudyn/run.py [--check] [--t-end 200] [--timing]
 
 Writes differences.csv and figures/*.png beside this file and prints the tables of the README. With --check

@@ -1,6 +1,6 @@
 """Measures error and run time of the package's methods, of an explicit method and of Exudyn.
 
-pip install 'esail_jax[peers]'
+pip install '.[peers]'
 taskset -c 1 python experiments/work_precision/run.py [scene ...]    # <scene>.jsonl, a line per run
 python experiments/work_precision/tables.py                          # table.csv, figure, tables
 """

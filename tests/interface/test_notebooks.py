@@ -1,6 +1,7 @@
 """Every notebook runs from its first to its last cell and shows a picture. The default tests check only the
 form of notebooks."""
 
+import re
 from pathlib import Path
 
 import nbclient
@@ -11,10 +12,35 @@ ROOT = Path(__file__).parents[2]
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 COURSE = (ROOT / "docs" / "course.md").read_text(encoding="utf-8")
 
+SOLUTIONS = (ROOT / "docs" / "course_solutions.md").read_text(encoding="utf-8")
+
 SECONDS_PER_CELL = 300
 
 LONG = ["06_an_ensemble"]
 """Notebooks in which running takes longer than compiling. They are compiled with the package's options."""
+
+WITH_SOLUTIONS = ["01_first_sail", "04_reading_a_run"]
+"""Notebooks whose solutions run with them, in a second: they compile nothing. Those of the others would
+take ten minutes."""
+
+
+def solutions_of(path):
+    """The solutions of a notebook's exercises: number, code and answer of each."""
+    section = re.split(r"^## ", SOLUTIONS.partition(f"## {path.stem[:2]} ")[2], flags=re.M)[0]
+    block = r"^:::\{dropdown\} (\d)\. [^\n]*\n```\{code-block\} python\n(.*?)^```\n(.*?)^:::$"
+    return re.findall(block, section, flags=re.M | re.S)
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_every_exercise_has_a_solution(path):
+    """A solution has the number of its exercise, code that is Python, and an answer in words."""
+    last = nbformat.read(path, as_version=4).cells[-1].source
+    exercises = re.findall(r"^(\d)\. ", last.partition("## Exercises")[2], flags=re.M)
+    solutions = solutions_of(path)
+    assert exercises and [number for number, _, _ in solutions] == exercises
+    for number, code, answer in solutions:
+        compile(code, f"{path.stem}, {number}", "exec")
+        assert len(answer.split()) > 5
 
 
 @pytest.mark.nightly
@@ -23,6 +49,8 @@ def test_notebook_runs(path, tmp_path, monkeypatch):
     if path.stem in LONG:
         monkeypatch.delenv("XLA_FLAGS", raising=False)
     notebook = nbformat.read(path, as_version=4)
+    if path.stem in WITH_SOLUTIONS:
+        notebook.cells += [nbformat.v4.new_code_cell(code) for _, code, _ in solutions_of(path)]
     client = nbclient.NotebookClient(
         notebook,
         kernel_name="python3",
