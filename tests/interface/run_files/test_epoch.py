@@ -9,7 +9,7 @@ import xarray
 
 import esail_jax as esail
 from esail_jax.cli import main
-from esail_jax.plotting.single import date_axis
+from esail_jax.plotting.dates import Calendar
 from esail_jax.scenes.structure import split
 from support.bits import same_bits
 
@@ -100,9 +100,9 @@ def test_an_epoch_within_a_leap_second_is_a_date_of_other_calendars(solution):
     run = esail.simulate(solution.scene, {"initial.epoch": "2016-12-31T23:59:60.25"}, times=[0.0, 1.0])
     assert run.dates(2) == ["2016-12-31T23:59:60.25", "2017-01-01T00:00:00.25"]
     assert run.to_xarray()["time"].attrs["units"] == "seconds since 2017-01-01 00:00:00.250000"
-    start, _, label = date_axis(run)
-    assert matplotlib.dates.num2date(start).isoformat().startswith("2017-01-01T00:00:00.25")
-    assert label == "date [UTC]"
+    calendar = Calendar.of(run.scene.initial.epoch)
+    assert matplotlib.dates.num2date(calendar.start).isoformat().startswith("2017-01-01T00:00:00.25")
+    assert calendar.scale == "UTC"
 
 
 @pytest.mark.parametrize(
