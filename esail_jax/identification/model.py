@@ -23,7 +23,6 @@ from esail_jax.observables.entry import shape_of
 from esail_jax.scenes.scene import Scene
 from esail_jax.simulation.simulate import simulate
 
-
 ROOM = 3
 """Steps that a run with other parameters may need, as a multiple of those of the scene."""
 
