@@ -258,3 +258,25 @@ def refuse_existing(path: Path, overwrite: bool | None = None) -> None:
     if path.exists() and not overwrite:
         hint = " (or ask for --overwrite)" if overwrite is not None else ""
         raise UsageError(f"`{path}` must not exist{hint}, but does")
+
+
+def pairs(option: str, texts: list[str]) -> dict[str, str]:
+    """The parts before and behind the equals sign of every text. Raises UsageError."""
+    found: dict[str, str] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not equals or not name.strip() or not value.strip():
+            form = "OBSERVABLE=SD" if option == "--noise" else "KEY=normal:MEAN:SD"
+            raise UsageError(f"`{option}` must look like {form}, but is {text!r}")
+        if name.strip() in found:
+            raise UsageError(f"`{option}` must be given once for {name.strip()}, but is twice")
+        found[name.strip()] = value.strip()
+    return found
+
+
+def number_of(option: str, name: str, text: str) -> float:
+    """A number of an option. Raises UsageError."""
+    try:
+        return float(text)
+    except ValueError:
+        raise UsageError(f"`{option} {name}` must be a number, but is {text!r}") from None

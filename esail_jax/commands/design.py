@@ -9,15 +9,21 @@ from esail_jax.commands.command_line import (
     UsageError,
     add_command,
     add_scene,
+    number_of,
+    pairs,
     scene_of,
     toml_or_text,
 )
+
+INFORMATION = "information"
+"""Name of the objective of what a run tells of parameters, before a colon and one of them."""
 
 OBJECTIVES_HELP = (
     "mean-torque, attitude, final-attitude, hub-swing, lagging, coning, spin, hub-torque, power and "
     "closeness are made small; of thrust at least 96 %% is retained; spin-plane:A or spin-plane:A,P or "
     "spin-plane:A,P,T turns the spin plane to a sailing angle A and a precession angle P [deg], at the end "
-    "or in the mean over the last T seconds"
+    "or in the mean over the last T seconds; information makes the geometric mean of the variances of the "
+    "parameters --free small, information:KEY that of one"
 )
 """Objectives of `esail design`, as in `design/objectives.py`."""
 
@@ -36,6 +42,19 @@ def add(commands: Any) -> None:
         "--objective", action="append", default=[], metavar="NAME=WEIGHT", dest="weights",
         help="an objective and its weight; may be given several times (default: mean-torque=1, thrust=1). "
         f"Every objective is divided by its value at constant voltage: {OBJECTIVES_HELP}",
+    )  # fmt: skip
+    design.add_argument(
+        "--free", action="append", default=[], metavar="KEY",
+        help="objectives information and information:KEY: a parameter that the run shall tell, as for "
+        "`esail fit`; may be given several times",
+    )  # fmt: skip
+    design.add_argument(
+        "--noise", action="append", default=[], metavar="OBSERVABLE=SD",
+        help="the same objectives: what is measured, and its standard deviation; may be repeated",
+    )  # fmt: skip
+    design.add_argument(
+        "--prior", action="append", default=[], metavar="KEY=normal:MEAN:SD",
+        help="the same objectives: what is known of a parameter before",
     )  # fmt: skip
     design.add_argument(
         "--iterations", type=int, default=30, metavar="N",
@@ -74,15 +93,37 @@ def objective_weights(options: argparse.Namespace) -> dict[str, float]:
     return weights
 
 
+def knowledge(
+    options: argparse.Namespace,
+) -> tuple[tuple[str, ...], dict[str, float], dict[str, str]]:
+    """Parameters, noise and priors of the objective information. Raises UsageError if they are given
+    without it."""
+    asked = any(text.partition("=")[0].partition(":")[0].strip() == INFORMATION for text in options.weights)
+    for name in ("free", "noise"):
+        if bool(getattr(options, name)) != asked:
+            must, got = ("be given", "is missing") if asked else ("be left out without", "is given")
+            raise UsageError(
+                f"`--{name}` must {must}{' with' * asked} the objective {INFORMATION}, but {got}"
+            )
+    if options.prior and not asked:
+        raise UsageError(f"`--prior` must be left out without the objective {INFORMATION}, but is given")
+    noise = {
+        name: number_of("--noise", name, text) for name, text in pairs("--noise", options.noise).items()
+    }
+    return tuple(options.free), noise, pairs("--prior", options.prior)
+
+
 def run(options: argparse.Namespace) -> ExitCode:
     """Designs the voltages of a scene, and writes the history, the runs and a figure. Raises SceneError and
     RunFileError before anything is written."""
     check(options)
-    weights, scene = objective_weights(options), scene_of(options)
-    from esail_jax.commands.designing import Optimisation, run_design
+    weights, known = objective_weights(options), knowledge(options)
+    scene = scene_of(options)
+    from esail_jax.commands.designing import Optimisation, run_design, with_information
     from esail_jax.plotting.design import design_figure
 
     how = Optimisation(options.iterations, options.method, options.starts, options.seed)
-    runs_and_history = run_design(scene, options.output, weights, how, options.resume, options.quiet)
+    goals = with_information(scene, weights, *known)
+    runs_and_history = run_design(scene, options.output, goals, how, options.resume, options.quiet)
     design_figure(*runs_and_history).savefig(options.output / "design.png", dpi=110)
     return ExitCode.DONE

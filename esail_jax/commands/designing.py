@@ -8,24 +8,28 @@ design); the command line adds design.png.
 import dataclasses
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from esail_jax.commands.progress import Progress
 from esail_jax.design.design_file import append_state, read_history, read_state
 from esail_jax.design.law_variables import law_variables, with_free_law
+from esail_jax.design.objectives import Goal, name_of
 from esail_jax.design.optimiser import State
 from esail_jax.design.problem import Design
 from esail_jax.files.opening import DESIGN, RUNS_OF_DESIGN, RunFileError
 from esail_jax.files.run_file import save
+from esail_jax.identification.goal import NAME, Information
+from esail_jax.identification.model import steps_with_room
 from esail_jax.scenes.scene import Scene
 from esail_jax.scenes.toml_text import to_toml
 from esail_jax.simulation.simulate import simulate
 from esail_jax.simulation.solution import Solution
 
-WEIGHTS = {"mean-torque": 1.0, "thrust": 1.0}
+WEIGHTS: dict[Goal, float] = {"mean-torque": 1.0, "thrust": 1.0}
 """Weights if none are given: no mean torque that turns the spin axis, and 96 % of the thrust retained."""
 
 
@@ -43,7 +47,7 @@ class Optimisation:
 def run_design(
     scene: Scene,
     folder: Path,
-    weights: Mapping[str, float],
+    weights: Mapping[Goal, float],
     how: Optimisation,
     resume: bool,
     quiet: bool,
@@ -58,7 +62,8 @@ def run_design(
     scene = with_free_law(scene)
     weights = weights or WEIGHTS
     design = Design(scene, weights, law_variables(scene), method=how.method)
-    identity = {"scene": to_toml(scene), "weights": repr(sorted(weights.items())), "method": how.method}
+    goals = sorted(weights.items(), key=lambda item: name_of(item[0]))
+    identity = {"scene": to_toml(scene), "weights": repr(goals), "method": how.method}
     last = read_state(path, design.optimiser, identity) if path.exists() else None
     check_folder(folder)
     before, _ = design.reference_run, design.objective.references
@@ -83,8 +88,30 @@ def run_design(
         print(f"objective after {last.iteration} iterations: {value:.6g}. Its parts, in their own units:")
         print(f"{'':16s} {'constant':>12s}    {'designed':>12s}")
         for name, value in design.objective.reference_values.items():
-            print(f"{name:16s} {value:12.5g} -> {measured[name]:12.5g}")
+            print(f"{name_of(name):16s} {value:12.5g} -> {measured[name]:12.5g}")
     return before, after, read_history(path)
+
+
+def with_information(
+    scene: Scene,
+    weights: Mapping[str, float],
+    free: Sequence[str],
+    noise: Mapping[str, float],
+    priors: Mapping[str, Any],
+) -> dict[Goal, float]:
+    """The weights with the objective of information in place of its name. Raises SceneError for parameters,
+    noise and priors that do not suit the scene, before anything is run."""
+    goals: dict[Goal, float] = {}
+    for name, weight in weights.items():
+        kind, _, key = name.partition(":")
+        if kind != NAME:
+            goals[name] = weight
+            continue
+        goal = Information(tuple(free), tuple(noise.items()), key or None, tuple(priors.items()))
+        goal.check(scene)
+        steps = steps_with_room(scene, goal.measured(scene).cells)
+        goals[dataclasses.replace(goal, max_steps=steps)] = weight
+    return goals
 
 
 def value_text(state: State) -> str:

@@ -9,6 +9,8 @@ from esail_jax.commands.command_line import (
     UsageError,
     add_command,
     add_scene,
+    number_of,
+    pairs,
     scene_of,
 )
 
@@ -72,28 +74,6 @@ def run(options: argparse.Namespace) -> ExitCode:
     from esail_jax.commands.fitting import run_fit
 
     return run_fit(scene_of(options), options, noise, priors)
-
-
-def pairs(option: str, texts: list[str]) -> dict[str, str]:
-    """The parts before and behind the equals sign of every text. Raises UsageError."""
-    found: dict[str, str] = {}
-    for text in texts:
-        name, equals, value = text.partition("=")
-        if not equals or not name.strip() or not value.strip():
-            form = "OBSERVABLE=SD" if option == "--noise" else "KEY=normal:MEAN:SD"
-            raise UsageError(f"`{option}` must look like {form}, but is {text!r}")
-        if name.strip() in found:
-            raise UsageError(f"`{option}` must be given once for {name.strip()}, but is twice")
-        found[name.strip()] = value.strip()
-    return found
-
-
-def number_of(option: str, name: str, text: str) -> float:
-    """A number of an option. Raises UsageError."""
-    try:
-        return float(text)
-    except ValueError:
-        raise UsageError(f"`{option} {name}` must be a number, but is {text!r}") from None
 
 
 def unknown_profiles(names: list[str], parameters: tuple[str, ...]) -> None:

@@ -55,7 +55,8 @@ class Objective:
         terms: Any = None,
     ):
         for name, weight in weights.items():
-            objectives.function_of(name)
+            if not isinstance(name, objectives.SceneGoal):
+                objectives.function_of(name)
             number = numbers_of("weights", weight)
             if not is_traced(weight) and (number is None or number.shape or not np.isfinite(number)):
                 raise SceneError("weights", "be finite numbers", f"has {weight!r}")
@@ -67,6 +68,9 @@ class Objective:
         self.weights: dict[objectives.Goal, float] = {name: x for name, x in weights.items()}
         self.circumstances = dict(circumstances or {})
         check_measurable(self.constant_voltage, weights)
+        for goal in weights:
+            if isinstance(goal, objectives.SceneGoal):
+                goal.check(self.constant_voltage)
 
     def __call__(self, parameters: Mapping[str, Any]) -> Scalar:
         """J(p), the mean over the circumstances if there are any."""
@@ -79,8 +83,8 @@ class Objective:
         return lax.map(one, (self.circumstances, references)).mean()
 
     def _of_one(self, parameters, circumstance, references) -> Scalar:
-        run = simulate(self.scene, dict(parameters) | circumstance)
-        return objectives.weighted_sum(run, self.weights, references)
+        scene = self.scene.replace(dict(parameters) | circumstance)
+        return objectives.weighted_sum(simulate(scene), self.weights, references, scene)
 
     def measure(self, run: Solution) -> dict[objectives.Goal, float]:
         """Values of the objectives of a run, by name."""

@@ -10,7 +10,7 @@ An objective with parameters carries them in its name, after a colon: "spin-plan
 
 import dataclasses
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
@@ -19,6 +19,7 @@ import numpy as np
 from esail_jax.array_types import Array, Float, Scalar
 from esail_jax.numerics.angles import rotation_of
 from esail_jax.scenes.rules import SceneError
+from esail_jax.scenes.scene import Scene
 from esail_jax.simulation.solution import Solution
 
 
@@ -157,13 +158,29 @@ NAMES = (*OBJECTIVES, *RETAINED)
 """Names of the objectives without parameters."""
 
 
-Goal = str | Callable[[Solution], Scalar]
-"""The name of an objective to be made small or to be retained, or a function of a run to be made small."""
+@runtime_checkable
+class SceneGoal(Protocol):
+    """An objective to be made small that follows from the scene of a run and not from the run alone, such
+    as what its measurements would tell (`identification/goal.py`)."""
+
+    def check(self, scene: Scene) -> None:
+        """Raises SceneError for a scene that does not suit, before anything is run."""
+
+    def of_scene(self, scene: Scene) -> Scalar:
+        """The objective of the run of a scene, whose numbers may be traced."""
+        ...
+
+
+Goal = str | Callable[[Solution], Scalar] | SceneGoal
+"""The name of an objective to be made small or to be retained, or a function of a run or an objective of a
+scene to be made small."""
 
 
 def function_of(name: Goal) -> Callable[[Solution], Scalar]:
     """The function of a run that a name stands for; a function stands for itself. Raises SceneError for an
     unknown name."""
+    if isinstance(name, SceneGoal):
+        raise TypeError(f"{name_of(name)} is an objective of a scene, not of a run")
     if not isinstance(name, str):
         return name
     if name in RETAINED:
@@ -185,12 +202,19 @@ def function_of(name: Goal) -> Callable[[Solution], Scalar]:
     return lambda run: function(run, *aim)
 
 
-def values(run: Solution, names: tuple[Goal, ...]) -> dict[Goal, Scalar | float]:
-    """Values of the named objectives of a run. Raises SceneError for a function that gives no number, and
-    for an observable that the run lacks."""
+def values(
+    run: Solution, names: tuple[Goal, ...], scene: Scene | None = None
+) -> dict[Goal, Scalar | float]:
+    """Values of the named objectives of a run. scene: that of the run, if the run has none because it was
+    traced. Raises SceneError for a function that gives no number, and for an observable that the run
+    lacks."""
+    scene = run.scene if scene is None else scene
     rows = {name: jnp.asarray(x) for name, x in run.observables.items()}
     run = dataclasses.replace(run, time=jnp.asarray(run.time), observables=rows)
-    return {name: one_number(name, measured(name, run)) for name in names}
+    return {
+        name: one_number(name, name.of_scene(scene) if isinstance(name, SceneGoal) else measured(name, run))
+        for name in names
+    }
 
 
 def measured(name: Goal, run: Solution) -> Any:
@@ -235,15 +259,18 @@ def check_reference(goal: Goal, value: float) -> None:
 
 
 def weighted_sum(
-    run: Solution, weights: Mapping[Goal, float], references: Mapping[Goal, Scalar | float]
+    run: Solution,
+    weights: Mapping[Goal, float],
+    references: Mapping[Goal, Scalar | float],
+    scene: Scene | None = None,
 ) -> Scalar:
     """sum_k w_k c_k(J_k / R_k), where R_k are the references and c_k(x) = x for an objective to be made
-    small.
+    small. scene: that of the run, as for `values`.
 
     For one to be retained c_k(x) = (100 max(part - x, 0))^2: the square of the percentage that is missing
     to `part` (0.96 for thrust)."""
     total = jnp.zeros(())
-    for name, value in values(run, tuple(weights)).items():
+    for name, value in values(run, tuple(weights), scene).items():
         ratio = value / references[name]
         if name in RETAINED:
             ratio = (100.0 * jnp.maximum(RETAINED[name][1] - ratio, 0.0)) ** 2

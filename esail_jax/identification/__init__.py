@@ -5,8 +5,10 @@ result = fit("sail.toml", "telemetry.csv", ["solar_wind.thrust_factor"], {"spin_
 names, matrix = information("sail.toml", ["solar_wind.thrust_factor"], {"spin_rate[2]": 1e-7})
 """
 
-from esail_jax.identification.fit import Fit, Prior, fit
+from esail_jax.identification.fit import Fit, fit
+from esail_jax.identification.goal import Information
 from esail_jax.identification.information import information
+from esail_jax.identification.priors import Prior
 from esail_jax.identification.uncertainty import Weakest
 
-__all__ = ["Fit", "Prior", "Weakest", "fit", "information"]
+__all__ = ["Fit", "Information", "Prior", "Weakest", "fit", "information"]

@@ -9,7 +9,6 @@ derivative of the whole run.
 import dataclasses
 import functools
 import os
-import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
@@ -21,6 +20,7 @@ from esail_jax.array_types import Float
 from esail_jax.errors import SimulationError
 from esail_jax.identification.model import Cells, Prediction, measurable, predictor
 from esail_jax.identification.parameters import Parameter, check_starts, overrides_of, parameters_of
+from esail_jax.identification.priors import Prior, priors_of
 from esail_jax.identification.telemetry import Telemetry, deviations_of, telemetry_of
 from esail_jax.identification.uncertainty import Uncertainty, Weakest, uncertainty_of
 from esail_jax.scenes.loading import load_scene
@@ -29,11 +29,6 @@ from esail_jax.scenes.scene import Scene
 from esail_jax.steppers.results import RESULTS
 
 Loss = Literal["linear", "soft_l1", "huber", "cauchy"]
-
-PRIORS = "priors"
-"""The argument with priors, in messages."""
-
-NORMAL = re.compile(r"normal:(?P<mean>[^:]+):(?P<sd>[^:]+)")
 
 TOLERANCE = 1e-10
 """Relative change of the cost and of the parameters at which the fit ends: derivatives of a run are right
@@ -46,13 +41,6 @@ distribution."""
 
 UNLIKELY = 1e-3
 """Probability of a chi squared so large below which the fit says that model, noise or both are wrong."""
-
-
-class Prior(NamedTuple):
-    """What is known of a parameter before: a normal distribution."""
-
-    mean: float
-    sd: float
 
 
 @dataclasses.dataclass(frozen=True)
@@ -195,12 +183,7 @@ class Problem:
         check_starts(parameters)
         if loss not in ("linear", "soft_l1", "huber", "cauchy"):
             raise SceneError("loss", "be linear, soft_l1, huber or cauchy", f"is {loss!r}")
-        named = {parameter.name: k for k, parameter in enumerate(parameters)}
-        known = {}
-        for name, prior in (priors or {}).items():
-            if name not in named:
-                raise SceneError(PRIORS, f"be of free parameters ({', '.join(named)})", f"has {name!r}")
-            known[named[name]] = as_prior(name, prior)
+        known = priors_of(priors, [parameter.name for parameter in parameters])
         return cls(scene, tables, cells, parameters, known, loss)
 
     @property
@@ -439,21 +422,3 @@ def bent(values: np.ndarray, about: Uncertainty, model: Residuals) -> list[str]:
                 "place of 1. `profile` gives intervals."
             )
     return said
-
-
-def as_prior(name: str, prior: Any) -> Prior:
-    """A prior from `Prior(mean, sd)`, a pair, or a text "normal:MEAN:SD". Raises SceneError."""
-    pair = prior
-    if isinstance(prior, str):
-        parts = NORMAL.fullmatch(prior.strip())
-        pair = None if parts is None else (parts["mean"], parts["sd"])
-    try:
-        mean, sd = (float(x) for x in pair)
-    except (TypeError, ValueError):
-        must = "be normal:MEAN:SD, or a pair of numbers"
-        raise SceneError(f"{PRIORS}[{name}]", must, f"is {prior!r}") from None
-    if not (np.isfinite(mean) and 0.0 < sd < np.inf):
-        raise SceneError(
-            f"{PRIORS}[{name}]", "have a finite mean and a positive deviation", f"is {prior!r}"
-        )
-    return Prior(mean, sd)

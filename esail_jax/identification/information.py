@@ -1,19 +1,50 @@
 """The Fisher information of a run, before anything is measured."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 
-from esail_jax.array_types import Float
+from esail_jax.array_types import Array, Float
 from esail_jax.files.selection import Column
-from esail_jax.identification.model import Cells, measurable, predictor
-from esail_jax.identification.parameters import check_starts, parameters_of
+from esail_jax.identification.model import Cells, jacobian_of, measurable, predictor
+from esail_jax.identification.parameters import Parameter, check_starts, parameters_of
+from esail_jax.identification.priors import Prior, priors_of
 from esail_jax.identification.telemetry import HEADER, NOISE, Telemetry, deviations_of, placed
 from esail_jax.scenes.loading import load_scene
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
 from esail_jax.simulation.schedule import save_times
+from esail_jax.simulation.under_trace import under_trace
+
+
+class Measured(NamedTuple):
+    """What would be measured of a run: the cells, without values; the parameters that are asked for; and
+    what is known of them before, by their index."""
+
+    cells: Cells
+    parameters: tuple[Parameter, ...]
+    priors: Mapping[int, Prior]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return tuple(parameter.name for parameter in self.parameters)
+
+    @classmethod
+    def of(
+        cls,
+        scene: Scene,
+        free: Sequence[str],
+        noise: Mapping[str, float],
+        times: Sequence[float] | None,
+        priors: Mapping[str, Any] | None = None,
+    ) -> "Measured":
+        """Checks everything. Raises SceneError."""
+        cells, parameters = planned(scene, free, noise, times)
+        names = [parameter.name for parameter in parameters]
+        return cls(cells, tuple(parameters), priors_of(priors, names))
 
 
 def information(
@@ -21,7 +52,9 @@ def information(
     free: Sequence[str],
     noise: Mapping[str, float],
     times: Sequence[float] | None = None,
-) -> tuple[tuple[str, ...], Float[np.ndarray, "parameter parameter"]]:
+    *,
+    priors: Mapping[str, Any] | None = None,
+) -> tuple[tuple[str, ...], Float[Array | np.ndarray, "parameter parameter"]]:
     """The Fisher information that measurements of a run would have on parameters: their names, and
 
         F = sum over all cells of (dh/dp)^T (dh/dp) / s^2,
@@ -31,21 +64,46 @@ def information(
 
     scene: a scene, a name or a path; free: names of parameters, as for `fit`; noise: standard deviations by
     observable, for all of its places, or by place (`"coning_angle[1]"`): what has none is not measured;
-    times: instants of the measurements [s], None for the saved instants of the run.
+    times: instants of the measurements [s], None for the saved instants of the run; priors: as for `fit`,
+    each of which adds 1/sd^2 on the diagonal.
 
         names, matrix = information("baseline", ["solar_wind.number_density"], {"spin_rate[2]": 1e-7})
 
-    Raises SceneError."""
+    Numbers of the scene other than those that are free may be traced: the matrix then has derivatives by
+    them. Raises SceneError."""
     scene = load_scene(scene)
-    cells, parameters = planned(scene, free, noise, times)
+    measured = Measured.of(scene, free, noise, times, priors)
+    return measured.names, fisher(scene, measured)
+
+
+def fisher(
+    scene: Scene, measured: Measured, max_steps: int | None = None
+) -> Float[Array | np.ndarray, "parameter parameter"]:
+    """The information of a run of a scene whose numbers may be traced, but for those that are free.
+    max_steps: of a run that is traced, for which the run of the scene cannot tell it."""
+    cells, parameters = measured.cells, measured.parameters
     values = np.array([parameter.start for parameter in parameters])
-    jacobian = predictor(scene, parameters, cells)(values).jacobian / cells.deviations[:, None]
-    return tuple(parameter.name for parameter in parameters), jacobian.T @ jacobian
+    if not under_trace(scene, None, None):
+        jacobian = predictor(scene, parameters, cells)(values).jacobian
+        return np.asarray(matrix_of(jnp.asarray(jacobian), measured))
+    _, traced = jacobian_of(scene, parameters, cells, max_steps)(jnp.asarray(values))
+    return matrix_of(traced, measured)
+
+
+def matrix_of(
+    jacobian: Float[Array, "cell parameter"], measured: Measured
+) -> Float[Array, "parameter parameter"]:
+    """The information of measurements with these derivatives, and of the priors."""
+    rows = jacobian / measured.cells.deviations[:, None]
+    known = np.zeros(len(measured.parameters))
+    for k, prior in measured.priors.items():
+        known[k] = prior.sd**-2
+    return rows.T @ rows + jnp.diag(known)
 
 
 def planned(
     scene: Scene, free: Sequence[str], noise: Mapping[str, float], times: Sequence[float] | None
-) -> tuple[Cells, list[Any]]:
+) -> tuple[Cells, list[Parameter]]:
     """The cells that would be measured, and the parameters. Raises SceneError."""
     shapes = measurable(scene)
     columns: list[Column] = []

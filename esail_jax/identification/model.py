@@ -113,7 +113,7 @@ def steps_with_room(scene: Scene, cells: Cells) -> int:
 
 
 def predicted(
-    scene: Scene, parameters: Sequence[Parameter], cells: Cells, max_steps: int
+    scene: Scene, parameters: Sequence[Parameter], cells: Cells, max_steps: int | None
 ) -> Callable[[Float[Array, " parameter"]], Float[Array, " cell"]]:
     """The function from the values of the parameters to what the instruments show; it may be traced.
     max_steps: of a run, which its derivative needs to know; one that needs more is NaN."""
@@ -128,18 +128,26 @@ def predicted(
     return shown
 
 
+def jacobian_of(
+    scene: Scene, parameters: Sequence[Parameter], cells: Cells, max_steps: int | None
+) -> Callable[[Float[Array, " parameter"]], tuple[Float[Array, " cell"], Float[Array, "cell parameter"]]]:
+    """The function from the values of the parameters to a prediction and its derivatives, all parameters as
+    one batch of forward mode; it may be traced."""
+    shown = predicted(scene, parameters, cells, max_steps)
+
+    def both(values: Float[Array, " parameter"]) -> Any:
+        push = lambda direction: jax.jvp(shown, (values,), (direction,))  # noqa: E731
+        return jax.vmap(push, out_axes=(None, -1))(jnp.eye(len(parameters)))
+
+    return both
+
+
 def predictor(
     scene: Scene, parameters: Sequence[Parameter], cells: Cells
 ) -> Callable[[Float[np.ndarray, " parameter"]], Prediction]:
     """The compiled function from the values of the parameters to a prediction. Entries are NaN if the run
     fails. The run of the scene itself is made at once: raises SimulationError if that fails."""
-    shown = predicted(scene, parameters, cells, steps_with_room(scene, cells))
-
-    @jit
-    def both(values: Any) -> Any:
-        directions = jnp.eye(len(parameters))
-        push = lambda direction: jax.jvp(shown, (values,), (direction,))  # noqa: E731
-        return jax.vmap(push, out_axes=(None, -1))(directions)
+    both = jit(jacobian_of(scene, parameters, cells, steps_with_room(scene, cells)))
 
     def at(values: Float[np.ndarray, " parameter"]) -> Prediction:
         return Prediction(*map(np.asarray, both(jnp.asarray(values, float))))
