@@ -144,7 +144,7 @@ def __getattr__(name: str) -> Any:
     return found
 
 
-PACKAGES = ("control", "design", "ensembles", "loads", "modal", "plotting", "terms")
+PACKAGES = ("control", "design", "ensembles", "identification", "loads", "modal", "plotting", "terms")
 """Packages and modules that users import: `esail.design`, for example."""
 
 
