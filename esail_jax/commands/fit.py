@@ -94,12 +94,3 @@ def number_of(option: str, name: str, text: str) -> float:
         return float(text)
     except ValueError:
         raise UsageError(f"`{option} {name}` must be a number, but is {text!r}") from None
-
-
-def unknown_profiles(names: list[str], parameters: tuple[str, ...]) -> None:
-    """Raises UsageError for a profile of what is no parameter."""
-    for name in names:
-        if name not in parameters:
-            raise UsageError(
-                f"`--profile` must be a free parameter ({', '.join(parameters)}), but is {name!r}"
-            )
