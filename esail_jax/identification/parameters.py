@@ -68,6 +68,9 @@ def parameters_of(
             if parameter.name in found:
                 raise SceneError(FREE, "name every number once", f"has {parameter.name} twice")
             found[parameter.name] = parameter
+    for one in found.values():
+        if one.place and one.key in found:
+            raise SceneError(FREE, "name every number once", f"has {one.key} and {one.name}")
     return list(found.values())
 
 
