@@ -35,7 +35,7 @@ def test_a_name_stands_for_one_number_or_for_all_of_a_key():
     assert [p.name for p in inertia] == [f"hub.inertia[{i + 1},{j + 1}]" for i, j in upper]
     assert [p.start for p in inertia] == [SAIL["hub.inertia"][at] for at in upper]
     (roots,) = found("hub.roots[2,1]")
-    assert roots[2:4] == ((1, 0), -0.1)
+    assert roots[2:4] == ((1, 0), -0.01)
     bounds = {p.key: (p.low, p.high) for p in found("initial.spin_rate", "hub.mass", "hub.centre[1]")}
     assert bounds == {
         "initial.spin_rate": (-np.inf, np.inf), "hub.mass": (0.0, np.inf), "hub.centre": (-np.inf, np.inf),
@@ -43,16 +43,18 @@ def test_a_name_stands_for_one_number_or_for_all_of_a_key():
 
 
 def test_an_entry_of_a_tensor_below_the_diagonal_is_the_one_above():
+    """Three roots, with three components each, are no tensor."""
     assert found("hub.inertia[3,1]") == found("hub.inertia[1,3]")
     assert found("hub.inertia[3,1]")[0].name == "hub.inertia[1,3]"
+    assert len(found("hub.roots[*]")) == 9
 
 
 def test_one_number_of_all_tethers_becomes_one_of_each():
     assert [(p.name, p.start) for p in found("tethers.length[*]")] == [
-        ("tethers.length[1]", 300.0), ("tethers.length[2]", 300.0),
+        ("tethers.length[1]", 300.0), ("tethers.length[2]", 300.0), ("tethers.length[3]", 300.0),
     ]  # fmt: skip
-    unequal = sail().replace({"tethers.length": [300.0, 310.0]})
-    assert [p.start for p in found("tethers.length[*]", scene=unequal)] == [300.0, 310.0]
+    unequal = sail().replace({"tethers.length": [300.0, 310.0, 305.0]})
+    assert [p.start for p in found("tethers.length[*]", scene=unequal)] == [300.0, 310.0, 305.0]
     assert found("tethers.length")[0].place == ()
 
 
@@ -81,9 +83,9 @@ REFUSALS = {
     ("thrust_factor",): "`free` must be keys such as tethers.length, KEY[2] or KEY[*], but has "
     "'thrust_factor'",
     ("tethers.lenght[*]",): "`tethers.lenght` must be a known key (perhaps `tethers.length`), but is not",
-    ("tethers.length[3]",): "`free` must name one of the 2 places of tethers.length, but has "
-    "tethers.length[3]",
-    ("tethers.length[0]",): "`free` must name one of the 2 places of tethers.length, but has "
+    ("tethers.length[4]",): "`free` must name one of the 3 places of tethers.length, but has "
+    "tethers.length[4]",
+    ("tethers.length[0]",): "`free` must name one of the 3 places of tethers.length, but has "
     "tethers.length[0]",
     ("solar_wind.speed[1]",): "`free` must be solar_wind.speed without brackets, as it is one number, "
     "but has solar_wind.speed[1]",
@@ -146,7 +148,7 @@ def test_numbers_go_where_their_names_say():
     inertia[0, 1] = inertia[1, 0] = 0.7
     roots[0, 2] = 0.15
     by_hand = {
-        "hub.inertia": inertia, "tethers.length": [300.0, 305.0], "hub.torque": [0.0, 0.0, 0.02],
+        "hub.inertia": inertia, "tethers.length": [300.0, 305.0, 300.0], "hub.torque": [0.0, 0.0, 0.02],
         "hub.mass": 41.0, "solar_wind.thrust_factor": 0.2, "hub.roots": roots, "tethers.area": 4e-9,
     }  # fmt: skip
     assert overrides.keys() == by_hand.keys()
