@@ -74,12 +74,3 @@ def run(options: argparse.Namespace) -> ExitCode:
     from esail_jax.commands.fitting import run_fit
 
     return run_fit(scene_of(options), options, noise, priors)
-
-
-def unknown_profiles(names: list[str], parameters: tuple[str, ...]) -> None:
-    """Raises UsageError for a profile of what is no parameter."""
-    for name in names:
-        if name not in parameters:
-            raise UsageError(
-                f"`--profile` must be a free parameter ({', '.join(parameters)}), but is {name!r}"
-            )

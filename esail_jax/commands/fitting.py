@@ -10,9 +10,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from esail_jax.atomic_file import atomic_file
-from esail_jax.commands.command_line import ExitCode
+from esail_jax.commands.command_line import ExitCode, UsageError
 from esail_jax.commands.designing import check_folder
-from esail_jax.commands.fit import unknown_profiles
 from esail_jax.commands.progress import Progress
 from esail_jax.commands.running import names_with
 from esail_jax.files.locks import FileLock
@@ -85,6 +84,15 @@ def run_fit(
             print(f"  {name} lies between {low:.6g} and {high:.6g} (68 %, by its likelihood)")
         print(folder / RESULT)
     return ExitCode.DONE
+
+
+def unknown_profiles(names: list[str], parameters: tuple[str, ...]) -> None:
+    """Raises UsageError for a profile of what is no parameter."""
+    for name in names:
+        if name not in parameters:
+            raise UsageError(
+                f"`--profile` must be a free parameter ({', '.join(parameters)}), but is {name!r}"
+            )
 
 
 def save_fit(fit: Fit, profiles: Mapping[str, tuple[float, float]], folder: Path) -> None:

@@ -66,7 +66,7 @@ class Fit:
     weakest: Weakest
     warnings: tuple[str, ...]
     scene: Scene
-    residuals: tuple[Float[np.ndarray, "row column"], ...]
+    residuals: tuple[Float[np.ndarray, "_ _"], ...]
     data: tuple[Telemetry, ...]
     evaluations: int
     problem: "Problem" = dataclasses.field(repr=False)
@@ -79,12 +79,14 @@ class Fit:
         """The interval of a parameter in which chi squared, least over all others, is larger than its least
         value by 1 at most: that of 68 % by the likelihood, also where errors are not those of a normal
         distribution. An end is infinite if chi squared does not grow so far within ten standard deviations,
-        and a bound if it is reached first. Raises SceneError for another name, and for a parameter that is
-        not seen."""
+        and a bound if it is reached first. Raises SceneError for another name, for a parameter that is not
+        seen, and for a loss other than the linear one, under which chi squared is not what is least."""
         if name not in self.parameters:
             raise SceneError(
                 "name", f"be a parameter of the fit ({', '.join(self.parameters)})", f"is {name!r}"
             )
+        if self.problem.loss != "linear":
+            raise SceneError("loss", "be linear for a profile", f"is {self.problem.loss}")
         k = self.parameters.index(name)
         if not np.isfinite(self.sd[k]):
             raise SceneError("name", "be a parameter that the data see", f"is {name}, which they do not")
@@ -214,7 +216,10 @@ class Problem:
     def solved(
         self, start: Sequence[float] | None = None, evaluations: int = 50, told: Told | None = None
     ) -> Fit:
-        """The fit. Raises SimulationError if the run at the start fails."""
+        """The fit. Raises SceneError for a start or a number of evaluations that is wrong, and
+        SimulationError if the run at the start fails."""
+        if evaluations < 1:
+            raise SceneError("evaluations", "be positive", f"is {evaluations}")
         first = np.array([p.start for p in self.parameters] if start is None else start, float)
         low, high = (np.array([getattr(p, end) for p in self.parameters]) for end in ("low", "high"))
         if first.shape != low.shape or not ((low <= first) & (first <= high)).all():

@@ -68,6 +68,9 @@ def parameters_of(
             if parameter.name in found:
                 raise SceneError(FREE, "name every number once", f"has {parameter.name} twice")
             found[parameter.name] = parameter
+    for one in found.values():
+        if one.place and one.key in found:
+            raise SceneError(FREE, "name every number once", f"has {one.key} and {one.name}")
     return list(found.values())
 
 
@@ -84,7 +87,7 @@ def named(scene: Scene, name: str, shapes: Mapping[str, tuple[int, ...]]) -> lis
     else:
         rule, value = of_scene(scene, key, place)
         unit = unit_of(key) or "-"
-    places = places_of(key, place, value)
+    places = places_of(key, place, value, is_symmetric(rule))
     return [
         Parameter(
             name=key + (f"[{','.join(str(i + 1) for i in at)}]" if at else ""),
@@ -125,11 +128,13 @@ def of_scene(scene: Scene, key: str, place: str | None) -> tuple[Rule, Float[np.
     return rule, numbers
 
 
-def places_of(key: str, place: str | None, value: Float[np.ndarray, "*entry"]) -> list[tuple[int, ...]]:
+def places_of(
+    key: str, place: str | None, value: Float[np.ndarray, "*entry"], symmetric: bool
+) -> list[tuple[int, ...]]:
     """The places of a value that `KEY`, `KEY[*]` or `KEY[i,j]` means. Those of a symmetric matrix are those
     on its diagonal and above."""
     every = [tuple(at) for at in np.ndindex(value.shape)]
-    if is_symmetric(value):
+    if symmetric:
         every = [at for at in every if at[0] <= at[1]]
     if place is None:
         if value.ndim:
@@ -141,16 +146,17 @@ def places_of(key: str, place: str | None, value: Float[np.ndarray, "*entry"]) -
     if place == "*":
         return every
     at = tuple(int(i) - 1 for i in place.split(","))
-    at = tuple(sorted(at)) if is_symmetric(value) else at
+    at = tuple(sorted(at)) if symmetric else at
     if at not in every:
         sizes = " x ".join(map(str, value.shape))
         raise SceneError(FREE, f"name one of the {sizes} places of {key}", f"has {key}[{place}]")
     return [at]
 
 
-def is_symmetric(value: Float[np.ndarray, "*entry"]) -> bool:
-    """Whether a value is a tensor, the entries of which are equal in pairs."""
-    return value.shape == (3, 3)
+def is_symmetric(rule: Rule) -> bool:
+    """Whether the values of a rule are tensors, the entries of which are equal in pairs. The roots of three
+    tethers are none."""
+    return rule.shape is Shape.MATRIX
 
 
 def check_starts(parameters: Sequence[Parameter]) -> None:
@@ -169,10 +175,11 @@ def overrides_of(
 ) -> Callable[[Float[Array, " parameter"]], dict[str, Any]]:
     """The function from the values of the parameters to overrides of the scene."""
     keys = dict.fromkeys(p.key for p in parameters if not p.of_instrument)
-    bases = {}
+    bases, symmetric = {}, {}
     for key in keys:
         place = "*" if any(p.place for p in parameters if p.key == key) else None
-        bases[key] = of_scene(scene, key, place)[1]
+        rule, bases[key] = of_scene(scene, key, place)
+        symmetric[key] = is_symmetric(rule)
 
     def overrides(values: Float[Array, " parameter"]) -> dict[str, Any]:
         found: dict[str, Any] = {key: jnp.asarray(base) for key, base in bases.items()}
@@ -180,7 +187,7 @@ def overrides_of(
             if parameter.of_instrument:
                 continue
             key, at = parameter.key, parameter.place
-            for entry in {at, at[::-1]} if is_symmetric(bases[key]) else {at}:
+            for entry in {at, at[::-1]} if symmetric[key] else {at}:
                 found[key] = found[key].at[entry].set(values[i])
         return found
 

@@ -62,13 +62,16 @@ def telemetry_of(
     else:
         must = "be a path, a DataFrame or a mapping of arrays"
         raise SceneError(DATA, must, f"is of type {type(data).__name__}")
-    time, found = None, dict[Column, Any]()
+    time, dates, found = None, None, dict[Column, Any]()
     for header, cells in columns.items():
         parts = HEADER.fullmatch(header.strip())
         if parts is None:
             raise SceneError(DATA, "have columns such as coning_angle[1] [rad]", f"{name} has {header!r}")
-        if parts["name"] in (TIME, DATE):
-            time = seconds_of(cells, header, scene, name) if parts["name"] == TIME or time is None else time
+        if parts["name"] == TIME:
+            time = seconds_of(cells, header, parts["unit"], name)
+            continue
+        if parts["name"] == DATE:
+            dates = cells, parts["unit"] or "UTC"
             continue
         column = Column(parts["name"], placed(parts["place"]))
         check_column(column, parts["unit"], header, shapes, name)
@@ -76,6 +79,8 @@ def telemetry_of(
             if one in found:
                 raise SceneError(DATA, "have every column once", f"{name} has {header!r} twice")
             found[one] = numbers
+    if time is None and dates is not None:
+        time = seconds_of_dates(*dates, scene)
     if time is None or not found:
         lacks = "no column time [s]" if time is None else "no column with an observable"
         raise SceneError(DATA, "have times and measurements", f"{name} has {lacks}")
@@ -130,27 +135,24 @@ def number(cell: str, header: str, line: int, path: Path) -> float:
         raise SceneError(DATA, "have numbers or empty cells", got) from None
 
 
-def seconds_of(cells: Any, header: str, scene: Scene, name: str) -> Float[np.ndarray, " row"]:
-    """The seconds of the run [s] of a column of times or of dates. Raises SceneError."""
-    if not header.strip().startswith(DATE):
-        if unit_of_header(header) not in (None, "s"):
-            raise SceneError(DATA, "have times in seconds", f"{name} has the column {header!r}")
-        numbers = numbers_of(header, cells)
-        if numbers is None or numbers.ndim != 1 or not np.isfinite(numbers).all():
-            raise SceneError(DATA, "have a finite time in every row", f"{name} has others")
-        return numbers
+def seconds_of(cells: Any, header: str, unit: str | None, name: str) -> Float[np.ndarray, " row"]:
+    """The seconds of the run [s] of a column of times. Raises SceneError."""
+    if unit not in (None, "s"):
+        raise SceneError(DATA, "have times in seconds", f"{name} has the column {header!r}")
+    numbers = numbers_of(header, cells)
+    if numbers is None or numbers.ndim != 1 or not np.isfinite(numbers).all():
+        raise SceneError(DATA, "have a finite time in every row", f"{name} has others")
+    return numbers
+
+
+def seconds_of_dates(dates: Any, scale: str, scene: Scene) -> Float[np.ndarray, " row"]:
+    """The seconds of the run [s] of a column of dates in a time scale. Raises SceneError."""
     epoch = scene.initial.epoch
     if epoch is None:
         raise SceneError(EPOCH, "be given with dates in the data", "is missing")
-    zero, scale = read_instant(epoch, EPOCH), unit_of_header(header) or "UTC"
-    dates = [read_instant(f"{str(cell).removesuffix('Z')} {scale}", DATA) for cell in cells]
-    return np.array([float(seconds_between(zero, in_scale(at, zero.scale, DATA))) for at in dates])
-
-
-def unit_of_header(header: str) -> str | None:
-    """What stands in brackets behind a header."""
-    parts = HEADER.fullmatch(header.strip())
-    return None if parts is None else parts["unit"]
+    zero = read_instant(epoch, EPOCH)
+    instants = [read_instant(f"{str(cell).removesuffix('Z')} {scale}", DATA) for cell in dates]
+    return np.array([float(seconds_between(zero, in_scale(at, zero.scale, DATA))) for at in instants])
 
 
 def placed(text: str | None) -> tuple[int, ...] | None:

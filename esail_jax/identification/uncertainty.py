@@ -17,6 +17,10 @@ BLIND = 1e-13
 """Eigenvalue of the normalised information below which a combination is not seen: derivatives of a run are
 right to about 1e-8 of their size, and an eigenvalue is a square."""
 
+INVOLVED = 1e-4
+"""Least weight with which a parameter counts as part of a combination that is not seen. Where others are
+seen well, such a combination is found to about 1e-8, as right as the derivatives are."""
+
 SHOWN = 0.1
 """Least weight with which a parameter is named in a combination."""
 
@@ -54,30 +58,36 @@ def uncertainty_of(
     eigenvalues, vectors = np.linalg.eigh(information)
     seen = eigenvalues > BLIND
     inverse = (vectors[:, seen] / eigenvalues[seen]) @ vectors[:, seen].T
-    blind = (np.abs(vectors[:, ~seen]) > SHOWN).any(axis=1)
+    blind = (np.abs(vectors[:, ~seen]) > INVOLVED).any(axis=1)
     covariance = inverse / np.outer(scale, scale)
+    least = None if seen.all() else vectors[:, 0] / scale
+    weakest = weakest_of(names, values, length, covariance, least)
     covariance[blind, blind] = np.inf
     sd = np.sqrt(np.diag(covariance))
     known = np.isfinite(sd)
     correlation = np.eye(len(sd))
     both = np.ix_(known, known)
     correlation[both] = covariance[both] / np.outer(sd[known], sd[known])
-    return Uncertainty(covariance, sd, correlation, weakest_of(names, values, jacobian, length))
+    return Uncertainty(covariance, sd, correlation, weakest)
 
 
 def weakest_of(
     names: Sequence[str],
     values: Float[np.ndarray, " parameter"],
-    jacobian: Float[np.ndarray, "cell parameter"],
     length: Float[np.ndarray, " parameter"],
+    covariance: Float[np.ndarray, "parameter parameter"],
+    unseen: Float[np.ndarray, " parameter"] | None,
 ) -> Weakest:
-    """The combination that is known least."""
+    """The combination that is known least. length: of the columns of the Jacobian; unseen: changes of the
+    parameters that the measurements do not see, None if they see all."""
     relative = np.abs(values) * length > 1.0
     unit = np.where(relative, np.abs(values), 1.0 / np.where(length > 0.0, length, 1.0))
-    _, singular, rows = np.linalg.svd(jacobian * unit, full_matrices=False)
-    weights = rows[-1] * np.sign(rows[-1][np.argmax(np.abs(rows[-1]))])
-    blind = singular[-1] <= np.sqrt(BLIND) * singular[0] or singular[-1] == 0.0
-    sd = np.inf if blind else float(1.0 / singular[-1])
+    if unseen is None:
+        squares, vectors = np.linalg.eigh(covariance / np.outer(unit, unit))
+        weights, sd = vectors[:, -1], float(np.sqrt(squares[-1]))
+    else:
+        weights, sd = unseen / unit / np.linalg.norm(unseen / unit), np.inf
+    weights = weights * np.sign(weights[np.argmax(np.abs(weights))])
     signed = weights * np.where(relative, np.sign(values), 1.0)
     return Weakest(tuple(names), tuple(weights.tolist()), sd, in_words(names, relative, signed, sd))
 

@@ -105,7 +105,7 @@ def test_library_stays_in_its_room(library):
 
 def test_only_the_command_line_and_the_function_plot_draw():
     users = {m for m, path in FILES.items() if "plotting" in map(room_of, modules_used(path))}
-    commands = {"commands.plot", "commands.modes", "commands.design", "commands.info"}
+    commands = {"commands.plot", "commands.modes", "commands.design", "commands.fitting", "commands.info"}
     assert {m for m in users if room_of(m) != "plotting"} == {*commands, "__init__"}
 
 
