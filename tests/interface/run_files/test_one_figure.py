@@ -9,6 +9,7 @@ import pytest
 import esail_jax as esail
 from esail_jax.cli import main
 from esail_jax.plotting import plot
+from esail_jax.plotting.dates import Calendar, Ticks
 from esail_jax.plotting.panels import time_unit
 from esail_jax.plotting.single import draw_together
 
@@ -78,6 +79,13 @@ def test_all_figures_may_have_dates(dated):
             )
             assert len(texts) >= 2
     assert seen > 3
+
+
+@pytest.mark.parametrize("length", [220.0, 1.5e4, 4.0 * 86400.0, 1.4e8])
+def test_axes_of_any_length_have_few_dates(length):
+    """Nothing is warned of (warnings are errors here), and 3 to 8 ticks lie on the axis."""
+    ticks = Ticks(Calendar.of(EPOCH, 1.0)).tick_values(0.0, length)
+    assert 3 <= ((ticks >= 0.0) & (ticks <= length)).sum() <= 8
 
 
 def test_a_folder_has_files_of_the_kind_that_is_asked_for(whole, tmp_path):
