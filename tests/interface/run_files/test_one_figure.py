@@ -43,6 +43,16 @@ def test_panels_are_in_the_order_of_the_names(solution):
     assert not first.get_xlabel() and second.get_xlabel().startswith("time")
 
 
+def test_what_was_saved_on_request_is_drawn_too(solution):
+    """Positions of all nodes have three axes after time: too many for lines."""
+    run = esail.simulate(solution.scene, save=["hub_acceleration_B", "node_position_I"])
+    ax = draw_together(run, ["hub_acceleration_B"]).axes[0]
+    drawn = np.array([line.get_ydata() for line in ax.lines]).T
+    assert np.array_equal(drawn, run["hub_acceleration_B"]) and "hub acceleration" in ax.get_ylabel()
+    with pytest.raises(ValueError, match=r"two axes after time, but node_position_I has 3 \(tether, node"):
+        draw_together(run, ["node_position_I"])
+
+
 def test_dates_are_those_of_the_run(dated, solution):
     """In days of matplotlib; a run without an epoch has none."""
     ax = plot(dated, "kinetic_energy", calendar=True)
