@@ -28,11 +28,9 @@ def atomic_file(path: str | os.PathLike, unique: bool = False) -> Iterator[Path]
             os.fsync(file.fileno())
         os.replace(part, path)
     except BaseException as error:
-        part.unlink(missing_ok=True)
-        if is_full(error):
-            raise NoSpaceError(f"no space is left in {path.parent}") from error
-        if isinstance(error, OSError) and error.filename == str(part):
-            error.filename = str(path)  # the file that was asked for
+        with contextlib.suppress(OSError):  # it may be in no folder
+            part.unlink(missing_ok=True)
+        name_asked(error, part, path)
         raise
 
 
@@ -45,10 +43,19 @@ def atomic_folder(path: Path) -> Iterator[Path]:
     shutil.rmtree(part, ignore_errors=True)
     try:
         yield part
-        shutil.rmtree(path, ignore_errors=True)
-        os.replace(part, path)
+        target = path.resolve()  # of a link the folder behind it
+        shutil.rmtree(target, ignore_errors=True)
+        os.replace(part, target)
     except BaseException as error:
         shutil.rmtree(part, ignore_errors=True)
-        if is_full(error):
-            raise NoSpaceError(f"no space is left in {path.parent}") from error
+        name_asked(error, part, path)
         raise
+
+
+def name_asked(error: BaseException, part: Path, path: Path) -> None:
+    """Lets an error of the system name the path that was asked for in place of the temporary one. Raises
+    NoSpaceError if the disk is full."""
+    if is_full(error):
+        raise NoSpaceError(f"no space is left in {path.parent}") from error
+    if isinstance(error, OSError) and error.filename in (str(part), str(part.absolute())):
+        error.filename = str(path)

@@ -28,7 +28,10 @@ def add(commands: Any) -> None:
         "--fps", type=float, default=15.0, help="pictures per second, at most (default: %(default)g)"
     )
     animate.add_argument(
-        "--size", default="560x480", metavar="WIDTHxHEIGHT", help="in pixels (default: %(default)s)"
+        "--size",
+        default="560x480",
+        metavar="WIDTHxHEIGHT",
+        help="in pixels, even ones for .mp4 (default: %(default)s)",
     )
 
 

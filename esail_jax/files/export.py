@@ -47,8 +47,8 @@ def export(
     path: str | os.PathLike,
     *,
     observables: str | Sequence[str] | None = None,
-    first: float | str | None = None,
-    last: float | str | None = None,
+    first: float | str | np.datetime64 | None = None,
+    last: float | str | np.datetime64 | None = None,
     every: float | None = None,
     calendar: bool = False,
     object_name: str | None = None,
@@ -69,11 +69,11 @@ def export(
       EME2000, of a run with an epoch.
 
     observables: names of what is written, such as "coning_angle" or "voltage[1],coning_angle" (places count
-    from 1), None for all; first, last: the ends of the time that is written, in seconds or as dates of a
-    run with an epoch; every: least time between two rows [s]; calendar: whether a table has a column with
-    the date of every instant; object_name, mission: name and international designator of the spacecraft in
-    a message; time_system: time scale of the dates of a message, "UTC" (None) or "TDB"; overwrite: whether
-    a file that exists is replaced.
+    from 1), None for all; first, last: the ends of the time that is written, in seconds or, of a run with
+    an epoch, as dates (texts or datetime64); every: least time between two rows [s]; calendar: whether a
+    table has a column with the date of every instant; object_name, mission: name and international
+    designator of the spacecraft in a message; time_system: time scale of the dates of a message, "UTC"
+    (None) or "TDB"; overwrite: whether a file that exists is replaced.
 
         esail.export(run, "run.csv", observables="coning_angle[1],voltage", every=60.0)
 

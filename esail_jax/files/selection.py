@@ -1,5 +1,6 @@
 """What is exported of a run or an ensemble: some of its observables, and some of its instants."""
 
+import math
 import re
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -29,8 +30,8 @@ class Selection(NamedTuple):
     epoch, None for the ends of the run; every: least time [s] between two rows, None for all rows."""
 
     observables: tuple[Column, ...] | None = None
-    first: float | str | None = None
-    last: float | str | None = None
+    first: float | str | np.datetime64 | None = None
+    last: float | str | np.datetime64 | None = None
     every: float | None = None
 
 
@@ -83,6 +84,9 @@ def chosen_rows(results: Results, selection: Selection) -> np.ndarray:
         raise ArgumentError("every", "be positive", f"is {every:g}")
     first = -np.inf if selection.first is None else seconds_of(results, "first", selection.first)
     last = np.inf if selection.last is None else seconds_of(results, "last", selection.last)
+    if first > last:
+        got = f"they are {first:g} and {last:g} s"
+        raise ArgumentError("first", "not be later than the last instant that is asked for", got)
     margin = SNAP * (1.0 + np.abs(time))
     rows = np.flatnonzero((time >= first - margin) & (time <= last + margin))
     if len(rows) == 0:
@@ -98,13 +102,17 @@ def chosen_rows(results: Results, selection: Selection) -> np.ndarray:
     return np.array(kept)
 
 
-def seconds_of(results: Results, key: str, instant: float | str) -> float:
+def seconds_of(results: Results, key: str, instant: float | str | np.datetime64) -> float:
     """The seconds of the run [s] of a number, or of a date of a run with an epoch. key: the argument that
     errors name. Raises ArgumentError."""
     try:
-        return float(instant)
+        number = float(str(instant))  # a `datetime64` may be a number, too: of nanoseconds
     except ValueError:
         pass
+    else:
+        if math.isnan(number):
+            raise ArgumentError(key, "be a number of seconds, or a date", "is nan")
+        return number
     if results.scene.initial.epoch is None:
         must = "be a number of seconds, or a date of a run with an epoch"
         raise ArgumentError(key, must, f"is {instant!r}")

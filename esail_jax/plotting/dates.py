@@ -18,6 +18,10 @@ from esail_jax.files.opening import ArgumentError
 MOST_TICKS = 8
 """Most ticks of an axis, whose labels shall not touch each other."""
 
+LEAST_TICKS = 3
+"""Ticks that a unit must have to be the one of the ticks. With more, matplotlib finds no step for axes of
+3.5 to 5 minutes, hours, days or years, and warns: 3.5 minutes are 7 steps of 30 s, the longest it knows."""
+
 
 class Calendar(NamedTuple):
     """The dates of an axis, in numbers of matplotlib [days]. start: the date of its zero; days: the unit of
@@ -63,7 +67,8 @@ class Ticks(Locator):
 
     def tick_values(self, vmin: float, vmax: float) -> Any:
         ends = [num2date(float(self.calendar.date(x))) for x in sorted((vmin, vmax))]
-        return self.calendar.place(AutoDateLocator(maxticks=MOST_TICKS).tick_values(*ends))
+        locator = AutoDateLocator(minticks=LEAST_TICKS, maxticks=MOST_TICKS)
+        return self.calendar.place(locator.tick_values(*ends))
 
 
 class Labels(Formatter):

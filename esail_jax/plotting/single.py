@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from esail_jax.observables import chain, hint_at, sail
+from esail_jax.observables import described, hint_at, known_names
 from esail_jax.observables.entry import Observable
 from esail_jax.plotting.data import release_marks
 from esail_jax.plotting.dates import Calendar, epoch_of, show_dates
@@ -33,10 +33,10 @@ def entry_of(run: Any, name: str) -> Observable:
     """The entry of an observable in the list for this kind of run.
 
     Raises ValueError for a name that the run does not have."""
-    entries = sail.OBSERVABLES if run.scene.chain is None else (*chain.OBSERVABLES, chain.ENERGY_ERROR)
-    known = {entry.name: entry for entry in entries if entry.name in run.observables}
+    of_chain = run.scene.chain is not None
+    known = {name: described(name, of_chain) for name in known_names(of_chain) if name in run.observables}
     if name not in known:
-        hint = hint_at(name, known, run.scene.chain is not None)
+        hint = hint_at(name, known, of_chain)
         names = "" if hint else f" ({', '.join(known)})"
         raise ValueError(f"`name` must be an observable of the run{names}, but is {name!r}{hint}")
     return known[name]
@@ -68,8 +68,11 @@ def draw_observable(run: Any, name: str, ax: Axes | None = None, calendar: bool 
     calendar: whether the time is a date; the dates of an axis know no leap seconds.
 
     Colours stand for the first axis after time, line styles for the second. Raises ValueError for a name
-    that the run does not have, and for dates of a run without an epoch."""
+    that the run does not have or that has more axes, and for dates of a run without an epoch."""
     entry = entry_of(run, name)
+    if len(entry.axes) > 2:
+        got = f"{name} has {len(entry.axes)} ({', '.join(entry.axes)})"
+        raise ValueError(f"`name` must be an observable with at most two axes after time, but {got}")
     if ax is None:
         _, ax = pyplot.subplots(layout="constrained")
     values = np.asarray(run[name])

@@ -16,6 +16,9 @@ QUALITY = 70
 PALETTE = 64
 """Number of colours of a GIF."""
 
+UNITS = {".webp": 1, ".gif": 10}
+"""Units of the durations of pictures [ms]."""
+
 
 def write_animation(motion: Motion, style: Style, path: Path, fps: float, suffix: str) -> None:
     """Writes all instants of a run as an animation that repeats for ever (an MP4 plays once).
@@ -30,7 +33,9 @@ def write_animation(motion: Motion, style: Style, path: Path, fps: float, suffix
         write_mp4(images, path, fps, (style.width, style.height))
         return
     frames = [Image.fromarray(image) for image in images]
-    how = {"duration": round(1000.0 / fps), "loop": 0, "save_all": True}
+    ends = np.round(np.arange(len(frames) + 1) * 1000.0 / (fps * UNITS[suffix])) * UNITS[suffix]
+    # One duration each: rounded alike, 15 a second in a GIF would last 60 ms, and the whole a tenth less.
+    how = {"duration": np.diff(ends).astype(int).tolist(), "loop": 0, "save_all": True}
     if suffix == ".gif":
         first = frames[0].quantize(PALETTE, dither=Image.Dither.NONE)
         frames = [frame.quantize(palette=first, dither=Image.Dither.NONE) for frame in frames]

@@ -27,6 +27,9 @@ MOVIES = (".webp", ".gif", ".mp4")
 SIDES = range(64, 4097)
 """Widths and heights [pixel] that `animate` draws."""
 
+LONGEST = 600.0
+"""Longest duration of a picture [s]: a GIF has 16 bits for hundredths of a second."""
+
 FRAME_HEIGHT = 720
 """Height of a page in a notebook [pixel]."""
 
@@ -100,7 +103,8 @@ def animate(
 
     run: a solution, an ensemble (with one member), or the path of a file; path: a file .webp, .gif or .mp4
     (needs imageio-ffmpeg); seconds: duration of the whole run; fps: pictures per second, at most; size:
-    width and height [pixel], each 64 to 4096, or a text such as "560x480"; the others are those of `view`.
+    width and height [pixel], each 64 to 4096 (even ones for .mp4), or a text such as "560x480"; the others
+    are those of `view`.
 
         esail.animate(run, "sail.webp", seconds=10.0, exaggeration=20.0)
 
@@ -115,13 +119,19 @@ def animate(
 
     suffix = path.suffix.lower()
     if suffix == MOVIES[-1]:
+        if width % 2 or height % 2:
+            raise ArgumentError("size", "be even in a .mp4 file", f"is {width}x{height}")
         check_movie()
-    most = max(1, round(fps * seconds))
+    most = max(1, round(min(fps * seconds, 1e9)))
     motions = motions_of(run, member, most, exaggeration, axes, colour)
     if len(motions) > 1:
         key = "run" if isinstance(run, list | tuple) else "member"
         raise ArgumentError(key, "be given once", f"is {len(motions)} times")
     motion = motions[0]
+    longest = LONGEST * len(motion.time)
+    if seconds > longest:
+        must = f"be {longest:g} at most for {len(motion.time)} pictures"
+        raise ArgumentError("seconds", must, f"is {seconds:g}")
     factor = motion.exaggeration if exaggeration is None else exaggeration
     shade = colour or next(iter(motion.colours), "none")
     style = Style(factor, axes or AXES[0], shade, width, height)

@@ -16,7 +16,7 @@ def wind(
     speed: Any,
     number_density: Any,
     *,
-    epoch: str | None = None,
+    epoch: str | np.datetime64 | None = None,
     largest_gap: float | None = None,
 ) -> dict[str, Any]:
     """A measured wind as overrides of a scene: `esail.simulate(scene, esail.wind(time, speed, density))`.
@@ -24,14 +24,15 @@ def wind(
     time, speed [m/s], number_density [1/m^3]: lists, arrays, Series of pandas or DataArrays of xarray of
     equal lengths; multiply km/s by 1e3 and 1/cm^3 by 1e6. time: increasing seconds of the run [s], or
     datetime64 values in UTC. epoch: the date of t = 0 for these, in the form of `initial.epoch`, such as
-    "2027-03-01T12:00:00". largest_gap: rows without a number (NaN, masked, or a fill value of OMNI) are
-    left out, and the wind changes along a straight line, where the rows before and behind are at most so
-    far apart [s]; None: they are refused.
+    "2027-03-01T12:00:00", or a datetime64 value in UTC. largest_gap: rows without a number (NaN, masked, or
+    a fill value of OMNI) are left out, and the wind changes along a straight line, where the rows before
+    and behind are at most so far apart [s]; None: they are refused.
 
     The result has `solar_wind.time`, `solar_wind.speed` and `solar_wind.number_density`, and with an epoch
     `initial.epoch`, to which they belong. Raises SceneError for numbers that are none, of which there are
     not equally many, or that are not positive; for times that do not increase; and for gaps that are
     longer."""
+    epoch = None if epoch is None else str(epoch)
     times = instants_of(time, epoch)
     count = len(times.day) if isinstance(times, Instants) else len(times)
     columns = {
@@ -75,18 +76,30 @@ def numbers(name: str, values: Any) -> Float[np.ndarray, " row"]:
     NaN. Raises SceneError for anything else."""
     try:
         array: np.ndarray = np.array(np.ma.filled(np.ma.array(values, dtype=float), np.nan))
-    except (TypeError, ValueError):
-        raise SceneError(name, "be a list of numbers", "has other entries") from None
+    except (TypeError, ValueError) as error:
+        raise SceneError(name, "be a list of numbers", wrong_entries(error)) from None
     if array.ndim != 1 or len(array) == 0:
         raise SceneError(name, "be a list of numbers", f"has the shape {array.shape}")
     return array
+
+
+def wrong_entries(error: Exception) -> str:
+    """What a list has in place of numbers, after the error of numpy. Values under a trace of JAX have no
+    numbers yet; they may be overrides of a scene, such as `solar_wind.speed`."""
+    return "is traced by JAX" if "traced" in str(error) else "has other entries"
 
 
 def instants_of(time: Any, epoch: str | None) -> Float[np.ndarray, " row"] | Instants:
     """Times in seconds, or instants of the calendar of datetime64 values, which need an epoch. Raises
     SceneError."""
     zoned = getattr(getattr(time, "dtype", None), "tz", None) is not None  # pandas converts these to UTC
-    array = np.asarray(time, "datetime64[ns]") if zoned else np.asarray(time)
+    try:
+        array = np.asarray(time, "datetime64[ns]") if zoned else np.asarray(time)
+    except TypeError as error:
+        must = "be seconds or datetime64 values"
+        raise SceneError("time", must, wrong_entries(error)) from None
+    if array.dtype.kind == "M" and np.ma.is_masked(time):
+        array = np.ma.filled(time, np.datetime64("NaT"))
     if array.dtype.kind != "M":
         if array.dtype.kind not in "iuf":
             raise SceneError(

@@ -3,6 +3,8 @@
 import datetime
 import re
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pandas
 import pytest
@@ -311,6 +313,25 @@ def test_a_year_of_minutes_becomes_the_table_of_a_run(wind):
     assert len(wind({"a": lines}, 600.0, "2010-01-02T00:00:30")["time"]) == 11
 
 
+@pytest.mark.parametrize("name", ["time", "speed", "number_density"])
+def test_values_under_a_trace_are_refused_as_such(name):
+    """They have no numbers that could be checked."""
+    table = {"time": TIME, "speed": SPEED, "number_density": DENSITY}
+
+    def total(factor):
+        return sum(esail.wind(**table | {name: factor * jnp.asarray(table[name])}).values())
+
+    with pytest.raises(esail.SceneError, match=f"`{name}` must be .*, but is traced by JAX"):
+        jax.grad(total)(1.0)
+
+
+def test_a_masked_date_is_none():
+    times = np.ma.array(np.datetime64("2027-03-01", "s") + np.arange(len(SPEED)), mask=False)
+    times[1] = np.ma.masked
+    with pytest.raises(esail.SceneError, match="`time` must be finite, but is NaT at index 1"):
+        esail.wind(times, SPEED, DENSITY, epoch="2027-03-01")
+
+
 # ---- CSV files ----------------------------------------------------------------------------------
 
 
@@ -448,6 +469,10 @@ def test_datetimes_are_placed_by_the_epoch():
         table = esail.wind(time, SPEED, DENSITY, epoch="2027-03-01T12:00:00.25")
         assert table["solar_wind.time"].tolist() == [-0.25, 0.25, 43199.75]
     assert esail.load_scene("baseline", table).initial.epoch == "2027-03-01T12:00:00.25"
+    zero = np.datetime64("2027-03-01T12:00:00.250", "ns")
+    assert np.array_equal(
+        esail.wind(times, SPEED, DENSITY, epoch=zero)["solar_wind.time"], table["solar_wind.time"]
+    )
     tdb = esail.wind(times, SPEED, DENSITY, epoch="2027-03-01T12:00 TDB")["solar_wind.time"]
     assert abs(tdb[0] - 69.184) < 2e-3
 

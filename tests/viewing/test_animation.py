@@ -61,6 +61,27 @@ def test_a_run_of_few_instants_lasts_as_long(sail, tmp_path):
     assert len(pictures) == len(TIME) and set(durations) == {100}
 
 
+@pytest.mark.parametrize("suffix", ["webp", "gif"])
+def test_an_animation_lasts_as_long_as_it_shall(suffix, sail, tmp_path):
+    """Fifteen pictures a second are no whole number of milliseconds, nor of the hundredths of a GIF."""
+    path = animate(sail, tmp_path / f"run.{suffix}", "--fps", "15", "--seconds", "1", "--size", "64x64")
+    durations = frames_of(path)[1]
+    assert len(durations) == 15 and sum(durations) == 1000
+
+
+@pytest.mark.parametrize(
+    ("suffix", "how", "line"),
+    [
+        ("gif", ["--seconds", "1e300"], "`--seconds` must be 24600 at most for 41 pictures, but is 1e+300"),
+        ("webp", ["--seconds", "1e300", "--fps", "1e300"], "`--seconds` must be 24600 at most"),
+        ("mp4", ["--size", "65x64"], "`--size` must be even in a .mp4 file, but is 65x64"),
+    ],
+)
+def test_what_a_format_cannot_hold_is_refused(suffix, how, line, sail, tmp_path, capsys):
+    assert cli.main(["animate", str(sail), "-o", str(tmp_path / f"run.{suffix}"), *how]) == 2
+    assert capsys.readouterr().err.startswith(line) and not list(tmp_path.iterdir())
+
+
 def test_tethers_have_the_colour_of_their_tension(sail):
     """In the middle of every drawn tether the picture has the colour of the scale."""
     (motion,) = read_motions([sail], (), 1000)

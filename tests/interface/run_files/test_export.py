@@ -3,6 +3,7 @@
 import csv
 
 import numpy as np
+import pytest
 import xarray
 
 import esail_jax as esail
@@ -57,6 +58,25 @@ def test_other_formats_and_existing_files_are_refused(whole, tmp_path, capsys):
     assert path.read_text() == "mine" and "must not exist" in capsys.readouterr().err
     assert main(["export", str(whole), "-o", str(path), "--overwrite"]) == 0
     assert path.read_text().startswith("time [s],")
+
+
+@pytest.mark.parametrize("name", ["none/run.csv", "none/run.nc", "file/run.csv", "file/run.zarr"])
+def test_a_folder_that_is_none_is_named_with_the_file_that_was_asked_for(name, whole, tmp_path, capsys):
+    """Not with the temporary file, of which the user knows nothing."""
+    (tmp_path / "file").write_text("")
+    assert main(["export", str(whole), "-o", str(tmp_path / name)]) == 2
+    line = capsys.readouterr().err
+    assert line.startswith(f"`{tmp_path / name}` must be accessible") and line.count("\n") == 1
+
+
+def test_a_link_to_a_zarr_store_is_followed(whole, tmp_path):
+    """The store behind it is replaced, and the link stays."""
+    store, link = tmp_path / "store.zarr", tmp_path / "link.zarr"
+    esail.export(whole, store, observables="kinetic_energy")
+    link.symlink_to(store)
+    esail.export(whole, link, observables="coning_angle", overwrite=True)
+    assert link.is_symlink() and (store / "coning_angle").exists()
+    assert not (store / "kinetic_energy").exists() and not list(tmp_path.glob("*.part"))
 
 
 def test_a_notebook_shows_run_and_scene_as_tables(whole):

@@ -79,6 +79,7 @@ REFUSED = [
         "`observables` must be observables of the run",
     ),
     (esail.export, "a.csv", {"every": 0.0}, "`every` must be positive, but is 0"),
+    (esail.export, "a.csv", {"first": float("nan")}, "`first` must be a number of seconds, or a date"),
     (esail.export, "a.csv", {"first": "soon"}, "`first` must be a number of seconds"),
     (esail.export, "a.csv", {"mission": "X"}, "`mission` must be left out with .csv"),
     (esail.export, "a.oem", {"time_system": "GPS"}, "`time_system` must be UTC or TDB"),

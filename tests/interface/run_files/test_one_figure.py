@@ -9,6 +9,7 @@ import pytest
 import esail_jax as esail
 from esail_jax.cli import main
 from esail_jax.plotting import plot
+from esail_jax.plotting.dates import Calendar, Ticks
 from esail_jax.plotting.panels import time_unit
 from esail_jax.plotting.single import draw_together
 
@@ -40,6 +41,16 @@ def test_panels_are_in_the_order_of_the_names(solution):
     first, second = figure.axes
     assert first.get_ylabel().startswith("voltage") and second.get_ylabel().startswith("kinetic energy")
     assert not first.get_xlabel() and second.get_xlabel().startswith("time")
+
+
+def test_what_was_saved_on_request_is_drawn_too(solution):
+    """Positions of all nodes have three axes after time: too many for lines."""
+    run = esail.simulate(solution.scene, save=["hub_acceleration_B", "node_position_I"])
+    ax = draw_together(run, ["hub_acceleration_B"]).axes[0]
+    drawn = np.array([line.get_ydata() for line in ax.lines]).T
+    assert np.array_equal(drawn, run["hub_acceleration_B"]) and "hub acceleration" in ax.get_ylabel()
+    with pytest.raises(ValueError, match=r"two axes after time, but node_position_I has 3 \(tether, node"):
+        draw_together(run, ["node_position_I"])
 
 
 def test_dates_are_those_of_the_run(dated, solution):
@@ -78,6 +89,13 @@ def test_all_figures_may_have_dates(dated):
             )
             assert len(texts) >= 2
     assert seen > 3
+
+
+@pytest.mark.parametrize("length", [220.0, 1.5e4, 4.0 * 86400.0, 1.4e8])
+def test_axes_of_any_length_have_few_dates(length):
+    """Nothing is warned of (warnings are errors here), and 3 to 8 ticks lie on the axis."""
+    ticks = Ticks(Calendar.of(EPOCH, 1.0)).tick_values(0.0, length)
+    assert 3 <= ((ticks >= 0.0) & (ticks <= length)).sum() <= 8
 
 
 def test_a_folder_has_files_of_the_kind_that_is_asked_for(whole, tmp_path):

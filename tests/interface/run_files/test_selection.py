@@ -64,6 +64,9 @@ def test_instants_may_be_dates(solution, tmp_path):
     assert 10.0 <= time.min() < time.max() <= 30.0 and rows[0][1].startswith("2027-03-01T12:00:1")
     _, tdb = exported(path, table, "--from", "2027-03-01T12:01:19.2 TDB", *options)
     assert [row[1] for row in tdb] == [row[1] for row in rows if float(row[0]) >= 10.0146]
+    first, last = (np.datetime64(f"2027-03-01T12:00:{second}", "ns") for second in (10, 30))
+    esail.export(path, table, observables="kinetic_energy", first=first, last=last, overwrite=True)
+    assert np.array_equal(np.loadtxt(table, delimiter=",", skiprows=1)[:, 0], time)
 
 
 def test_netcdf_has_the_same_parts(whole, tmp_path):
@@ -87,6 +90,7 @@ REFUSED = {
     "axes": (["--observables", "voltage[1,2]"], "must name one of the 2 places of voltage, but has [1, 2]"),
     "scalar": (["--observables", "kinetic_energy[1]"], "must name no place of a number, but has [1]"),
     "late": (["--from", "1e4"], "`--from` must leave instants of the run, but there are from 0 to 80 s"),
+    "order": (["--from", "9", "--to", "3"], "`--from` must not be later than the last instant that is"),
     "date": (
         ["--to", "2027-03-01"],
         "`--to` must be a number of seconds, or a date of a run with an epoch",
