@@ -69,7 +69,7 @@ def run(options: argparse.Namespace) -> ExitCode:
         draw_one(options)
         return ExitCode.DONE
     from esail_jax.ensembles import join, load_ensemble
-    from esail_jax.files.opening import files_of, holds_ensemble
+    from esail_jax.files.opening import RunFileError, files_of, holds_ensemble
     from esail_jax.files.run_file import load
     from esail_jax.plotting import plot_all, write_comparison
     from esail_jax.plotting.ensemble import plot_ensemble
@@ -77,7 +77,10 @@ def run(options: argparse.Namespace) -> ExitCode:
     files, folder = files_of(options.runs), options.output
     how = (tell, options.format or "png", options.calendar)
     if all(holds_ensemble(path) for path in files):
-        plot_ensemble(join([load_ensemble(path) for path in files]), folder, *how)
+        ensemble = join([load_ensemble(path) for path in files])
+        if not ensemble.complete.any():
+            raise RunFileError(f"`{options.runs[0]}` must have a member that reached its end, but has none")
+        plot_ensemble(ensemble, folder, *how)
     elif len(files) > 1:
         runs = [load(path) for path in files]
         write_comparison(dict(zip(names_of(files), runs, strict=True)), folder, *how)

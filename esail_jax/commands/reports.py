@@ -19,7 +19,7 @@ from esail_jax.files.opening import (
     open_single,
     to_python,
 )
-from esail_jax.files.reading import scene_in
+from esail_jax.files.reading import known_rows, scene_in
 from esail_jax.scenes.key_reference import differing_keys
 from esail_jax.scenes.scene import Scene, releases
 
@@ -31,6 +31,10 @@ def describe(path: Path, said: Sequence[str] = ()) -> str:
         attributes = {name: to_python(value) for name, value in file.attrs.items()}
         scene = scene_in(file, path)
         times = file["time"][()]
+        if attributes["status"] == "failed":  # the file of a solution has rows of NaN behind the failure
+            times = times[
+                : known_rows({x: data[()] for x, data in file["observables"].items()}, len(times))
+            ]
         terms = ", ".join(file["numerics"].attrs["terms"])
         balance = balance_text(file)
     for sentence in said:

@@ -82,6 +82,8 @@ def open_run(path: str | os.PathLike) -> h5py.File:
         reason = "cannot be read as HDF5"
         if not os.path.exists(path):
             reason = "does not exist"
+        elif os.path.isdir(path):
+            reason = "is a folder"
         elif str(path).endswith(".toml"):
             reason = "is a scene"
         elif h5py.is_hdf5(path):

@@ -37,15 +37,15 @@ def first_line(text: str) -> str:
 
 
 def is_wind_file(path: Path) -> bool:
-    """Tells whether a path is that of a file of a wind: a CDF file, or one whose first line is that of an
-    OMNI file or has the names of the columns."""
+    """Tells whether a path is that of a file of a wind: a CDF file, one whose first line is that of an OMNI
+    file or has the names of the columns, or one that ends in .csv, for which reading says what it lacks."""
     try:
         with open(path, "rb") as file:
             head = file.read(HEAD)
     except OSError:
         return False
     line = first_line(head.decode("utf-8-sig", errors="replace"))
-    if is_cdf(head) or is_omni(line):
+    if is_cdf(head) or is_omni(line) or path.suffix.lower() == ".csv":
         return True
     try:
         cells = numbered_cells(line, repr(str(path)), separator_of(line))

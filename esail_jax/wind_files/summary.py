@@ -43,7 +43,7 @@ def summary_of(wind: Joined, names: str) -> str:
             f"gaps      {len(gaps)}, bridged with `largest_gap = {longest.length:.12g}`; longest {where}"
         )
     else:
-        lines.append("gaps      none")
+        lines.append("gaps      none" if len(kept) else "gaps      all of it")
     lines += [f"{name:<14}  {distribution(wind.column(name)[kept])} {unit}" for name, unit in NAMES.items()]
     return "\n  ".join(lines)
 

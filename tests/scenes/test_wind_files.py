@@ -526,6 +526,30 @@ def test_a_table_that_is_no_wind_is_refused(arguments, message):
 # ---- esail info ---------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize(
+    ("lines", "rc", "said"),
+    [
+        (
+            ["Time,Speed,Number_density", "0,4e5,7e6"],
+            2,
+            "line 1 of '{path}' has Time, Speed, Number_density",
+        ),
+        ([], 2, "'{path}' has no lines"),
+        (
+            [HEAD, "0,nan,7e6", "9,,7e6"],
+            0,
+            "rows      2, 0 of them with speed and density\n  gaps      all of it",
+        ),
+    ],
+)
+def test_info_says_what_a_csv_file_lacks(lines, rc, said, tmp_path, capsys):
+    """And does not take it for a broken run file."""
+    path = tmp_path / "wind.csv"
+    path.write_text("\n".join(lines))
+    assert cli.main(["info", str(path)]) == rc
+    assert said.format(path=path) in "".join(capsys.readouterr())
+
+
 def test_info_describes_a_wind_file(tmp_path, capsys):
     """21 of 24 hours have both numbers: speeds 400 to 423 km/s without 404, 405 and 406."""
     (tmp_path / "omni").write_text("\n".join(FILLED))

@@ -35,8 +35,9 @@ def test_file(finished, scene, inputs, ensemble):
 
 
 @pytest.mark.nightly
-def test_info_and_figures(finished, tmp_path, capsys):
-    """`esail info` describes an ensemble, and `plot` draws it; commands for one run refuse it.
+def test_info_and_figures(finished, tmp_path, capsys, monkeypatch):
+    """`esail info` describes an ensemble, and `plot` draws it, unless all members have failed; commands
+    for one run refuse it.
 
     The figure of the shares of variance requires enough members.
     """
@@ -56,6 +57,11 @@ def test_info_and_figures(finished, tmp_path, capsys):
     assert {path.name for path in plot_ensemble(spin, tmp_path)} == names | {"drivers.png"}
     with pytest.raises(esail.RunFileError, match="of an ensemble"):
         esail.load(finished)
+    none = dataclasses.replace(whole, complete=np.zeros(len(whole), bool))
+    monkeypatch.setattr("esail_jax.ensembles.load_ensemble", lambda _: none)
+    assert main(["plot", str(finished), "-o", str(tmp_path / "none")]) == 2
+    assert "must have a member that reached its end, but has none\n" in capsys.readouterr().err
+    assert not (tmp_path / "none").exists()
     assert main(["run", "baseline", "-o", str(finished), "--resume"]) == 2
 
 

@@ -6,6 +6,7 @@ import pytest
 
 import esail_jax as esail
 import esail_jax.simulation.restoring
+from esail_jax.cli import main
 from support.bits import check_same, esail_run, status_of
 
 
@@ -74,6 +75,8 @@ def test_load_refuses_a_file_that_is_no_run(tmp_path):
         esail.load(tmp_path / "a.h5")
     with pytest.raises(esail.RunFileError, match="does not exist"):
         esail.load(tmp_path / "b.h5")
+    with pytest.raises(esail.RunFileError, match="must be a run file, but is a folder"):
+        esail.load(tmp_path)
 
 
 # The last test of the file, because it drops the programs that the others share.
@@ -81,10 +84,15 @@ def test_load_compiles_nothing(whole, nothing_compiles):
     assert esail.load(whole)["kinetic_energy"].shape == (230,)
 
 
-def test_a_failed_solution_is_saved_as_failed(scene, tmp_path):
-    """Its file says why, and has the rows before the failure."""
+def test_a_failed_solution_is_saved_as_failed(scene, tmp_path, capsys):
+    """Its file says why, and has the rows before the failure. Those behind it are NaN, which `esail info`
+    does not count."""
     found = esail.simulate(str(scene), max_steps=1, throw=False)
     assert found.result != esail.RESULTS.successful
     esail.save(found, tmp_path / "a.h5")
     assert status_of(tmp_path / "a.h5") == "failed"
+    known = int(np.isfinite(found["kinetic_energy"]).sum())
+    assert main(["info", str(tmp_path / "a.h5")]) == 0 and known < len(found.time)
+    reached = f"  time       {found.time[known - 1]:g} of {found.time[-1]:g} s, {known} saved instants\n"
+    assert reached in capsys.readouterr().out
     assert esail.load(tmp_path / "a.h5").stats["message"] == found.stats["message"] != ""
