@@ -20,7 +20,7 @@ def information(
     scene: Scene | str,
     free: Sequence[str],
     noise: Mapping[str, float],
-    times: Sequence[float] | None = None,
+    times: Sequence[float] | np.ndarray | None = None,
 ) -> tuple[tuple[str, ...], Float[np.ndarray, "parameter parameter"]]:
     """The Fisher information that measurements of a run would have on parameters: their names, and
 
@@ -44,7 +44,7 @@ def information(
 
 
 def planned(
-    scene: Scene, free: Sequence[str], noise: Mapping[str, float], times: Sequence[float] | None
+    scene: Scene, free: Sequence[str], noise: Mapping[str, float], times: Sequence[float] | np.ndarray | None
 ) -> tuple[Cells, list[Any]]:
     """The cells that would be measured, and the parameters. Raises SceneError."""
     shapes = measurable(scene)
