@@ -6,7 +6,7 @@ result), fitted.toml (the scene with the estimates), run.h5 (its run) and figure
 
 import argparse
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from esail_jax.atomic_file import atomic_file
@@ -48,7 +48,7 @@ def run_fit(
     if (folder / PROGRESS).exists() and not options.resume:
         raise RunFileError(f"`{folder / PROGRESS}` must not exist (or ask for --resume), but does")
     problem = Problem.of(scene, list(options.data), options.free, noise, priors, options.loss)
-    unknown_profiles(options.profile, problem.names)
+    check_profiles(options.profile, problem.names, options.loss)
     identity = {
         "parameters": list(problem.names), "scene": to_toml(scene), "noise": dict(noise),
         "priors": dict(priors), "loss": options.loss, "data": [str(path) for path in options.data],
@@ -86,13 +86,15 @@ def run_fit(
     return ExitCode.DONE
 
 
-def unknown_profiles(names: list[str], parameters: tuple[str, ...]) -> None:
-    """Raises UsageError for a profile of what is no parameter."""
+def check_profiles(names: Sequence[str], parameters: Sequence[str], loss: str) -> None:
+    """Raises UsageError for a profile of what is no parameter, and under a loss by which chi squared is not
+    least."""
     for name in names:
         if name not in parameters:
-            raise UsageError(
-                f"`--profile` must be a free parameter ({', '.join(parameters)}), but is {name!r}"
-            )
+            must = f"be a free parameter ({', '.join(parameters)})"
+            raise UsageError(f"`--profile` must {must}, but is {name!r}")
+    if names and loss != "linear":
+        raise UsageError(f"`--loss` must be linear for a profile, but is {loss}")
 
 
 def save_fit(fit: Fit, profiles: Mapping[str, tuple[float, float]], folder: Path) -> None:

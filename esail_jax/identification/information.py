@@ -38,7 +38,7 @@ class Measured(NamedTuple):
         scene: Scene,
         free: Sequence[str],
         noise: Mapping[str, float],
-        times: Sequence[float] | None,
+        times: Sequence[float] | np.ndarray | None,
         priors: Mapping[str, Any] | None = None,
     ) -> "Measured":
         """Checks everything. Raises SceneError."""
@@ -51,7 +51,7 @@ def information(
     scene: Scene | str,
     free: Sequence[str],
     noise: Mapping[str, float],
-    times: Sequence[float] | None = None,
+    times: Sequence[float] | np.ndarray | None = None,
     *,
     priors: Mapping[str, Any] | None = None,
 ) -> tuple[tuple[str, ...], Float[Array | np.ndarray, "parameter parameter"]]:
@@ -102,7 +102,10 @@ def matrix_of(
 
 
 def planned(
-    scene: Scene, free: Sequence[str], noise: Mapping[str, float], times: Sequence[float] | None
+    scene: Scene,
+    free: Sequence[str],
+    noise: Mapping[str, float],
+    times: Sequence[float] | np.ndarray | None,
 ) -> tuple[Cells, list[Parameter]]:
     """The cells that would be measured, and the parameters. Raises SceneError."""
     shapes = measurable(scene)

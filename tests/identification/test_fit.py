@@ -277,7 +277,7 @@ def test_better_points_are_handed_on(noisy):
     assert costs[-1] == pytest.approx(0.5 * found.chi_squared, rel=1e-12)
     assert [p.evaluations for p in points] == sorted(p.evaluations for p in points)
     # From a point in the middle it ends at the same estimates.
-    again = problem(clean, bent_line).solved(points[2].values.tolist())
+    again = problem(clean, bent_line).solved(points[2].values)
     np.testing.assert_allclose(again.values, found.values, rtol=1e-6)
 
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import jax.numpy as jnp
 import numpy as np
 import pandas
 import pytest
@@ -133,6 +134,15 @@ def test_cells_are_the_measured_ones_at_increasing_instants():
     assert sorted(triples) == [
         (0, (0,), 2.0, 0.1), (0, (1,), 3.0, 0.2), (1, (0,), 1.0, 0.1), (1, (1,), 4.0, 0.2),
     ]  # fmt: skip
+
+
+def test_cells_are_picked_in_the_order_of_the_table():
+    """From arrays of observables at the instants of the run, with observables in turn in every row."""
+    time, random = np.array([5.0, 3.0]), np.random.default_rng(2)
+    data = {"time": time, "spin_rate": random.random((2, 2)), "kinetic_energy": random.random(2)}
+    cells = Cells.of(read(data), np.ones(3))
+    shown = {name: jnp.asarray(x[::-1]) for name, x in data.items()}  # at 3 s and 5 s
+    np.testing.assert_array_equal(cells.picked_from(shown), cells.values)
 
 
 GOOD = {"time": [0.0, 1.0], "spin_rate[1]": [1.0, 2.0]}

@@ -1,8 +1,8 @@
 """A small sail whose telemetry is fitted: one program of its run, with the derivatives by all parameters,
 for many fits.
 
-Three tethers of one truss element on a hub without symmetry, for 60 s. `served` puts the program in the place
-of those that a problem with some of the parameters and some of the cells would compile.
+Three tethers of one truss element on a hub without symmetry, for 60 s. `served` puts the program in the
+place of those that a problem with some of the parameters and some of the cells would compile.
 """
 
 import functools
@@ -29,8 +29,9 @@ SAIL = {
 """The hub swings by three degrees. With two tethers it would tumble within this time."""
 
 FREE = (
-    "solar_wind.thrust_factor", "solar_wind.number_density", "tethers.length[*]", "hub.inertia[1,2]", "hub.centre[1]", "hub.torque[*]",
-    "bias.spin_rate[*]", "misalignment.angular_velocity_B[*]", "initial.spin_rate",
+    "solar_wind.thrust_factor", "solar_wind.number_density", "tethers.length[*]", "hub.inertia[1,2]",
+    "hub.centre[1]", "hub.torque[*]", "bias.spin_rate[*]", "misalignment.angular_velocity_B[*]",
+    "initial.spin_rate",
 )  # fmt: skip
 """All parameters of the program."""
 
