@@ -231,7 +231,10 @@ class Problem:
         return other
 
     def solved(
-        self, start: Sequence[float] | np.ndarray | None = None, evaluations: int = 50, told: Told | None = None
+        self,
+        start: Sequence[float] | np.ndarray | None = None,
+        evaluations: int = 50,
+        told: Told | None = None,
     ) -> Fit:
         """The fit. Raises SceneError for a start or a number of evaluations that is wrong, and
         SimulationError if the run at the start fails."""

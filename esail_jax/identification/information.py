@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from esail_jax.array_types import Float
+from esail_jax.errors import SimulationError
 from esail_jax.files.selection import Column
 from esail_jax.identification.model import Cells, measurable, predictor
 from esail_jax.identification.parameters import check_starts, parameters_of
@@ -14,6 +15,7 @@ from esail_jax.scenes.loading import load_scene
 from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
 from esail_jax.simulation.schedule import save_times
+from esail_jax.steppers.results import RESULTS
 
 
 def information(
@@ -35,16 +37,21 @@ def information(
 
         names, matrix = information("baseline", ["solar_wind.number_density"], {"spin_rate[2]": 1e-7})
 
-    Raises SceneError."""
+    Raises SceneError, and SimulationError if the run or its derivative fails."""
     scene = load_scene(scene)
     cells, parameters = planned(scene, free, noise, times)
     values = np.array([parameter.start for parameter in parameters])
     jacobian = predictor(scene, parameters, cells)(values).jacobian / cells.deviations[:, None]
+    if not np.isfinite(jacobian).all():
+        raise SimulationError("The run with its derivatives fails: see `esail run`", RESULTS.nonfinite)
     return tuple(parameter.name for parameter in parameters), jacobian.T @ jacobian
 
 
 def planned(
-    scene: Scene, free: Sequence[str], noise: Mapping[str, float], times: Sequence[float] | np.ndarray | None
+    scene: Scene,
+    free: Sequence[str],
+    noise: Mapping[str, float],
+    times: Sequence[float] | np.ndarray | None,
 ) -> tuple[Cells, list[Any]]:
     """The cells that would be measured, and the parameters. Raises SceneError."""
     shapes = measurable(scene)

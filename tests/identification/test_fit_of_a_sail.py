@@ -1,5 +1,5 @@
-"""Fits of a sail to telemetry that it has made, with noise: truth within the error bars, what is noticed, and
-what does not matter."""
+"""Fits of a sail to telemetry that it has made, with noise: truth within the error bars, what is noticed,
+and what does not matter."""
 
 import importlib
 
@@ -119,8 +119,8 @@ def of_truth(data):
 
 
 def test_the_mirror_image_has_the_same_estimates(data, of_truth):
-    """Telemetry of the mirror image, fitted with the mirror image of the sail: the factor is the same, torque
-    and spin rate have the other sign, to a thousandth of their deviations."""
+    """Telemetry of the mirror image, fitted with the mirror image of the sail: the factor is the same,
+    torque and spin rate have the other sign, to a thousandth of their deviations."""
     shown = dict(data) | {
         "spin_rate": -data["spin_rate"], "angular_velocity_B": data["angular_velocity_B"] * AXIAL,
     }  # fmt: skip
