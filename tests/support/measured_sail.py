@@ -63,6 +63,12 @@ def whole() -> Problem:
     return problem
 
 
+@functools.lru_cache(maxsize=4)
+def shown_at(point: tuple[float, ...]) -> Prediction:
+    """What the program gives at values of all parameters; several runs at one point are one call."""
+    return whole().models[0](np.array(point))
+
+
 def cell_names(cells: Cells) -> list[tuple[float, str, tuple[int, ...]]]:
     """The instant, observable and place of every cell."""
     return list(zip(np.array(cells.times)[cells.row].tolist(), cells.name, cells.place, strict=True))
@@ -81,7 +87,7 @@ def served(
     def at(values: np.ndarray) -> Prediction:
         point = base.copy()
         point[column] = values
-        found = whole().models[0](point)
+        found = shown_at(tuple(point.tolist()))
         return Prediction(found.values[row], found.jacobian[np.ix_(row, column)])
 
     return at
