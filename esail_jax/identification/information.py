@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from esail_jax.array_types import Array, Float
+from esail_jax.errors import SimulationError
 from esail_jax.files.selection import Column
 from esail_jax.identification.model import Cells, jacobian_of, measurable, predictor
 from esail_jax.identification.parameters import Parameter, check_starts, parameters_of
@@ -17,6 +18,7 @@ from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
 from esail_jax.simulation.schedule import save_times
 from esail_jax.simulation.under_trace import under_trace
+from esail_jax.steppers.results import RESULTS
 
 
 class Measured(NamedTuple):
@@ -70,7 +72,7 @@ def information(
         names, matrix = information("baseline", ["solar_wind.number_density"], {"spin_rate[2]": 1e-7})
 
     Numbers of the scene other than those that are free may be traced: the matrix then has derivatives by
-    them. Raises SceneError."""
+    them. Raises SceneError, and SimulationError if the run or its derivative fails."""
     scene = load_scene(scene)
     measured = Measured.of(scene, free, noise, times, priors)
     return measured.names, fisher(scene, measured)
@@ -85,6 +87,8 @@ def fisher(
     values = np.array([parameter.start for parameter in parameters])
     if not under_trace(scene, None, None):
         jacobian = predictor(scene, parameters, cells)(values).jacobian
+        if not np.isfinite(jacobian).all():
+            raise SimulationError("The run with its derivatives fails: see `esail run`", RESULTS.nonfinite)
         return np.asarray(matrix_of(jnp.asarray(jacobian), measured))
     _, traced = jacobian_of(scene, parameters, cells, max_steps)(jnp.asarray(values))
     return matrix_of(traced, measured)

@@ -136,7 +136,7 @@ def test_an_interrupted_fit_goes_on_from_its_best_point(folder, capsys, monkeypa
     resumed = json.loads((out / "fit.json").read_text())
     assert not (out / "progress.json").exists()
     whole = esail.identification.fit(sail(), folder / "data.csv", FREE, NOISE)
-    np.testing.assert_allclose(resumed["values"], whole.values, rtol=0, atol=1e-4 * whole.sd)
+    assert (np.abs(np.array(resumed["values"]) - whole.values) < 1e-3 * whole.sd).all()
     capsys.readouterr()
 
 

@@ -17,7 +17,8 @@ from support.measured_sail import NOISE, SAIL, TIMES, cell_names, sail, served, 
 pytestmark = pytest.mark.nightly
 
 STEPS = {
-    "solar_wind.thrust_factor": 0.05, "solar_wind.number_density": 1.5e5, "tethers.length": 0.1, "hub.inertia": 0.05, "hub.centre": 0.01,
+    "solar_wind.thrust_factor": 0.05, "solar_wind.number_density": 1.5e5,
+    "tethers.length": 0.1, "hub.inertia": 0.05, "hub.centre": 0.01,
     "hub.torque": 1e-3, "bias.spin_rate": 1e-3, "misalignment.angular_velocity_B": 0.01,
     "initial.spin_rate": 1e-4,
 }  # fmt: skip

@@ -14,7 +14,7 @@ import numpy as np
 
 import esail_jax as esail
 from esail_jax.identification.fit import Problem
-from esail_jax.identification.model import Cells, Prediction, measurable
+from esail_jax.identification.model import Cells, Prediction, measurable, predictor
 from esail_jax.identification.parameters import Parameter, parameters_of
 
 SAIL = {
@@ -58,7 +58,15 @@ def shapes() -> dict[str, tuple[int, ...]]:
 def whole() -> Problem:
     """The problem with all parameters and cells. The measurements are zero."""
     data = {name: np.zeros((len(TIMES), *shapes()[name])) for name in NOISE}
-    return Problem.of(sail(), {"time": TIMES, **data}, FREE, NOISE)
+    problem = Problem.of(sail(), {"time": TIMES, **data}, FREE, NOISE)
+    problem.__dict__["models"] = [predictor(sail(), problem.parameters, problem.cells[0])]
+    return problem
+
+
+@functools.lru_cache(maxsize=4)
+def shown_at(point: tuple[float, ...]) -> Prediction:
+    """What the program gives at values of all parameters; several runs at one point are one call."""
+    return whole().models[0](np.array(point))
 
 
 def cell_names(cells: Cells) -> list[tuple[float, str, tuple[int, ...]]]:
@@ -79,7 +87,7 @@ def served(
     def at(values: np.ndarray) -> Prediction:
         point = base.copy()
         point[column] = values
-        found = whole().models[0](point)
+        found = shown_at(tuple(point.tolist()))
         return Prediction(found.values[row], found.jacobian[np.ix_(row, column)])
 
     return at
