@@ -73,11 +73,15 @@ def weakest_of(
 ) -> Weakest:
     """The combination that is known least."""
     relative = np.abs(values) * length > 1.0
-    unit = np.where(relative, np.abs(values), 1.0 / np.where(length > 0.0, length, 1.0))
-    _, singular, rows = np.linalg.svd(jacobian * unit, full_matrices=False)
-    weights = rows[-1] * np.sign(rows[-1][np.argmax(np.abs(rows[-1]))])
-    blind = singular[-1] <= np.sqrt(BLIND) * singular[0] or singular[-1] == 0.0
-    sd = np.inf if blind else float(1.0 / singular[-1])
+    scale = np.where(length > 0.0, length, 1.0)
+    unit = np.where(relative, np.abs(values), 1.0 / scale)
+    eigenvalues, vectors = np.linalg.eigh((jacobian / scale).T @ (jacobian / scale))
+    if eigenvalues[0] <= BLIND:  # of normalised columns: units of parameters must not decide on this
+        least, sd = vectors[:, 0] / scale / unit, np.inf
+    else:
+        _, singular, rows = np.linalg.svd(jacobian * unit, full_matrices=False)
+        least, sd = rows[-1], float(1.0 / singular[-1])
+    weights = least * np.sign(least[np.argmax(np.abs(least))]) / np.linalg.norm(least)
     signed = weights * np.where(relative, np.sign(values), 1.0)
     return Weakest(tuple(names), tuple(weights.tolist()), sd, in_words(names, relative, signed, sd))
 
