@@ -17,9 +17,9 @@ from esail_jax.identification.model import predicted, steps_with_room
 
 FREE = ["solar_wind.thrust_factor", "solar_wind.number_density"]
 PRIOR = (7.3e6, 2.5e6)
-NOISE = {"tip_direction_B": 5e-3}
+NOISE = {"tip_direction_B": 1.2e-4}
 CHANGES = {"tethers.elements": 1, "integrator.t_end": 20.0, "output.interval": 2.0}
-SAMPLES, WARM = 1500, 200
+SAMPLES, WARM = 800, 100
 
 
 def data_of(scene):
