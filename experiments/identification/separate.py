@@ -15,7 +15,7 @@ K, N, U, V1, L = (
     "solar_wind.thrust_factor", "solar_wind.number_density", "solar_wind.speed",
     "solar_wind.cutoff_voltage", "tethers.length",
 )  # fmt: skip
-TE, SPIN0, J = "solar_wind.electron_temperature_ev", "initial.spin_rate", "hub.inertia[1,1]"
+TE = "solar_wind.electron_temperature_ev"
 
 
 def row(measured, scaled, what, names, observables, until=np.inf):
@@ -43,7 +43,7 @@ def linear():
     """Rows of the linear law of thrust."""
     m = Measured(small(LEVELS), [K, N, U, V1, L], NOISE)
     x = m.scaled(m.start)
-    both, one = (GYRO, CAMERA), "one voltage"
+    both = (GYRO, CAMERA)
     return [
         row(m, x, "linear law, one voltage", [K, N], both, 145.0),
         row(m, x, "linear law, two voltages", [K, N], both),
@@ -51,9 +51,9 @@ def linear():
         row(m, x, "linear law, one voltage", [K, V1], both, 145.0),
         row(m, x, "linear law, two voltages", [K, V1], both),
         row(m, x, "linear law, two voltages, current of the tethers", [K, N], (*both, CURRENT)),
-        row(m, x, f"linear law, {one}", [K, L], (SPIN,), 145.0),
-        row(m, x, f"linear law, {one}", [K, L], (CAMERA,), 145.0),
-        row(m, x, f"linear law, {one}", [K, L], both, 145.0),
+        row(m, x, "linear law, one voltage", [K, L], (SPIN,), 145.0),
+        row(m, x, "linear law, one voltage", [K, L], (CAMERA,), 145.0),
+        row(m, x, "linear law, one voltage", [K, L], both, 145.0),
     ]
 
 
@@ -75,22 +75,5 @@ def sheath():
     ]
 
 
-def payout():
-    """Rows of tethers that are paid out from 1 to 3 m, without wind."""
-    calm = {"solar_wind": None, "voltage": None, "tethers.wire_radius": None, "hub.torque": None}
-    reels = {
-        "tethers.length": 100.0, "deployment.start_length": 1.0, "initial.spin_rate": 1.0,
-        "deployment.time": [0.0, 20.0, 25.0, 120.0, 125.0, 145.0],
-        "deployment.rate": [0.0, 0.0, 0.02, 0.02, 0.0, 0.0], "integrator.t_end": 145.0,
-        "output.interval": 1.0, "initial.sailing_angle_deg": 0.0,
-    }  # fmt: skip
-    m = Measured(small(calm | reels), [J, SPIN0], {SPIN: 1e-5})
-    x = m.scaled(m.start)
-    return [
-        row(m, x, "before the payout", [J, SPIN0], (SPIN,), 19.5),
-        row(m, x, "with the payout", [J, SPIN0], (SPIN,)),
-    ]
-
-
 def main():
-    table(HERE / "separate.csv", [*linear(), *sheath(), *payout()])
+    table(HERE / "separate.csv", [*linear(), *sheath()])
