@@ -107,9 +107,19 @@ def steps_with_room(scene: Scene, cells: Cells) -> int:
     run = simulate(scene, save=cells.names[:1], times=times.tolist())
     steps = np.asarray(run.numerics["steps"])
     count = np.array([steps[times <= end].sum() for end in grid])
-    densest = np.diff(count, prepend=0.0).max()
-    windows = np.ceil(densest * len(grid) / STEPS_PER_WINDOW)
+    windows = windows_for(np.diff(count, prepend=0.0))
     return int(max(ROOM * max(run.steps, LEAST_STEPS), windows * STEPS_OF_WINDOW))
+
+
+def windows_for(count: Float[np.ndarray, " part"]) -> int:
+    """The number of equal windows of a run of which none has more than STEPS_PER_WINDOW steps. count: of the
+    steps in equal parts of the run. A window that begins anywhere meets one part more than it is long."""
+    parts = len(count)
+    before = np.concatenate([np.zeros(1), np.cumsum(count)])
+    for long in range(parts - 1, 0, -1):
+        if (before[long + 1 :] - before[: -long - 1]).max() <= STEPS_PER_WINDOW:
+            return int(np.ceil(parts / long))
+    return int(np.ceil(count.max() * parts / STEPS_PER_WINDOW))
 
 
 def predicted(

@@ -12,8 +12,9 @@ from scipy import stats
 
 import esail_jax as esail
 from esail_jax.identification import Prior, fit
-from esail_jax.identification.fit import Problem, as_prior
+from esail_jax.identification.fit import Problem
 from esail_jax.identification.fit_file import result_of, write_json
+from esail_jax.identification.priors import as_prior
 from support.measured_sail import sail, with_model
 
 T = np.linspace(0.0, 6.0, 25)

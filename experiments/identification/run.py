@@ -1,0 +1,31 @@
+"""Are fits right, and are their error bars?
+
+python experiments/identification/run.py              # all parts
+python experiments/identification/run.py coverage     # one part, by the name of its module
+"""
+
+import sys
+
+import baseline
+import bent
+import coverage
+import other_data
+import separate
+
+PARTS = {
+    "coverage": coverage.main,
+    "bent": bent.main,
+    "separate": separate.main,
+    "baseline": baseline.main,
+    "other_data": other_data.main,
+}
+
+
+def main():
+    for name in sys.argv[1:] or PARTS:
+        print(f"-- {name}", flush=True)
+        PARTS[name]()
+
+
+if __name__ == "__main__":
+    main()
