@@ -112,8 +112,9 @@ def steps_with_room(scene: Scene, cells: Cells) -> int:
 
 
 def windows_for(count: Float[np.ndarray, " part"]) -> int:
-    """The number of equal windows of a run of which none has more than STEPS_PER_WINDOW steps. count: of the
-    steps in equal parts of the run. A window that begins anywhere meets one part more than it is long."""
+    """The number of equal windows of a run of which none has more than STEPS_PER_WINDOW steps. count: of
+    the steps in equal parts of the run. A window that begins anywhere meets one part more than it is long.
+    """
     parts = len(count)
     before = np.concatenate([np.zeros(1), np.cumsum(count)])
     for long in range(parts - 1, 0, -1):
