@@ -7,17 +7,13 @@ python experiments/identification/run.py coverage     # one part, by the name of
 import sys
 
 import baseline
-import bent
 import coverage
-import other_data
 import separate
 
 PARTS = {
     "coverage": coverage.main,
-    "bent": bent.main,
     "separate": separate.main,
     "baseline": baseline.main,
-    "other_data": other_data.main,
 }
 
 
