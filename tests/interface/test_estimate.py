@@ -55,7 +55,7 @@ def test_a_trial_ends_after_its_time(monkeypatch):
     """Without patience it ends with the first chunk of a long run."""
     monkeypatch.setattr(estimate, "SECONDS", 0.0)
     small = {"tethers.count": 3, "tethers.elements": 2, "integrator.method": "generalized-alpha"}
-    found = estimate.tried(load_scene("baseline", {**small, "integrator.t_end": 1e8}), nodes=False)
+    found = estimate.tried(load_scene("baseline", {**small, "integrator.t_end": 1e8}), ())
     assert 0.0 < found.reached < 1e6 and found.rows > 0 and found.size > found.empty
 
 

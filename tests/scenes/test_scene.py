@@ -74,6 +74,7 @@ ORBIT |= {"initial.heliocentric_position_au": None}
 SPACECRAFT = {
     "hub.height": None, "hub.radius": None, "hub.density": None, "hub.mass": 5.0,
     "hub.centre": (0.1, 0.0, 0.0),
+    "hub.torque": (1e-3, 0.0, 0.0),
     "hub.inertia": ((3.0, 0.0, 0.0), (0.0, 4.0, 0.0), (0.0, 0.0, 5.0)),
     "hub.roots": ((0.0, 1.0, 0.0), (0.0, -1.0, 0.0)),
 }  # fmt: skip
@@ -361,6 +362,7 @@ def test_a_tracer_is_accepted_for_every_number(key, sail):
         "deployment.rate": 2,
         "deployment.tension": 2,
         "hub.centre": 3,
+        "hub.torque": 3,
         "hub.inertia": (3, 3),
         "hub.roots": (2, 3),
     }
