@@ -34,8 +34,8 @@ FIELDS = {
 }
 
 UNITS = {
-    "-", "m", "m^2", "m^4", "kg", "kg m^2", "N m", "kg/m^3", "Pa", "s", "V", "V/s", "m/s", "m/s^2", "1/m^3", "deg",
-    "rad", "rad/s", "au", "km", "km/s", "N", "W", "eV", "u", "K", "1/K",
+    "-", "m", "m^2", "m^4", "kg", "kg m^2", "N m", "kg/m^3", "Pa", "s", "V", "V/s", "m/s", "m/s^2", "1/m^3",
+    "deg", "rad", "rad/s", "au", "km", "km/s", "N", "W", "eV", "u", "K", "1/K",
     "1/s",
 }  # fmt: skip
 
