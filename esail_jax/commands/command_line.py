@@ -274,6 +274,13 @@ def pairs(option: str, texts: list[str]) -> dict[str, str]:
     return found
 
 
+def noise_of(options: argparse.Namespace) -> dict[str, float]:
+    """The standard deviations of `--noise`, by observable. Raises UsageError."""
+    return {
+        name: number_of("--noise", name, text) for name, text in pairs("--noise", options.noise).items()
+    }
+
+
 def number_of(option: str, name: str, text: str) -> float:
     """A number of an option. Raises UsageError."""
     try:

@@ -9,7 +9,7 @@ from esail_jax.commands.command_line import (
     UsageError,
     add_command,
     add_scene,
-    number_of,
+    noise_of,
     pairs,
     scene_of,
     toml_or_text,
@@ -107,10 +107,7 @@ def knowledge(
             )
     if options.prior and not asked:
         raise UsageError(f"`--prior` must be left out without the objective {INFORMATION}, but is given")
-    noise = {
-        name: number_of("--noise", name, text) for name, text in pairs("--noise", options.noise).items()
-    }
-    return tuple(options.free), noise, pairs("--prior", options.prior)
+    return tuple(options.free), noise_of(options), pairs("--prior", options.prior)
 
 
 def run(options: argparse.Namespace) -> ExitCode:

@@ -9,7 +9,7 @@ from esail_jax.commands.command_line import (
     UsageError,
     add_command,
     add_scene,
-    number_of,
+    noise_of,
     pairs,
     scene_of,
 )
@@ -67,10 +67,7 @@ def run(options: argparse.Namespace) -> ExitCode:
     written, and SimulationError if the run at the start fails."""
     if options.evaluations < 1:
         raise UsageError(f"`--evaluations` must be positive, but is {options.evaluations}")
-    noise = {
-        name: number_of("--noise", name, text) for name, text in pairs("--noise", options.noise).items()
-    }
-    priors = pairs("--prior", options.prior)
+    noise, priors = noise_of(options), pairs("--prior", options.prior)
     from esail_jax.commands.fitting import run_fit
 
     return run_fit(scene_of(options), options, noise, priors)

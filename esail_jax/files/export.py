@@ -21,7 +21,7 @@ from esail_jax.calendar.instants import dated
 from esail_jax.files import messages
 from esail_jax.files.opening import ArgumentError, RunFileError, holds_ensemble
 from esail_jax.files.reading import Members, Results, file_of, open_results
-from esail_jax.files.selection import Selection, chosen_columns, chosen_rows, columns_of
+from esail_jax.files.selection import Column, Selection, chosen_columns, chosen_rows, columns_of
 from esail_jax.scenes.key_reference import unit_of
 
 TABLE, NETCDF, ZARR, ORBIT, ATTITUDE = ".csv", ".nc", ".zarr", ".oem", ".aem"
@@ -144,9 +144,9 @@ def write_csv(run: Any, path: Path, calendar: bool, selection: Selection) -> str
         if calendar:
             epoch = results.epoch
             leading[f"date [{epoch[-3:]}]"] = np.array(dated(epoch, results.time[rows]))
-        writer = csv.writer(table)
+        writer, chosen = csv.writer(table), chosen_columns(results, selection)
         if results.members is None:
-            write_block(writer, leading | dict(columns(results, None, rows, selection)), True)
+            write_block(writer, leading | dict(columns(results, None, rows, chosen)), True)
             return ""
         computed = np.flatnonzero(results.members.computed).tolist()
         if len(computed) == 0:
@@ -154,7 +154,7 @@ def write_csv(run: Any, path: Path, calendar: bool, selection: Selection) -> str
         for member in computed:
             before = {"member": np.full(len(rows), member)} | leading
             inputs = {name: np.full(len(rows), x) for name, x in inputs_of(results.members, member)}
-            block = before | inputs | dict(columns(results, member, rows, selection))
+            block = before | inputs | dict(columns(results, member, rows, chosen))
             write_block(writer, block, member == computed[0])
         missing = results.members.count - len(computed)
         return f"{missing} of {results.members.count} members are not computed yet." if missing else ""
@@ -168,10 +168,10 @@ def write_block(writer: Any, block: dict[str, np.ndarray], with_header: bool) ->
 
 
 def columns(
-    results: Results, member: int | None, rows: np.ndarray, selection: Selection
+    results: Results, member: int | None, rows: np.ndarray, chosen: Sequence[Column]
 ) -> Iterator[tuple[str, np.ndarray]]:
     """Yields header and values of the columns of a run, or of a member of an ensemble."""
-    for name, places in itertools.groupby(chosen_columns(results, selection), lambda column: column.name):
+    for name, places in itertools.groupby(chosen, lambda column: column.name):
         values = results.observables[name][() if member is None else member][rows]
         for place in (column.place for column in places):
             header = f"{name}{bracketed(place or ())} [{results.about[name].unit}]"

@@ -183,7 +183,7 @@ class Problem:
         measured = {name: shapes[name] for table in tables for name in table.names}
         parameters = tuple(parameters_of(scene, free, measured))
         check_starts(parameters)
-        if loss not in ("linear", "soft_l1", "huber", "cauchy"):
+        if loss not in LOSSES:
             raise SceneError("loss", "be linear, soft_l1, huber or cauchy", f"is {loss!r}")
         known = priors_of(priors, [parameter.name for parameter in parameters])
         return cls(scene, tables, cells, parameters, known, loss)
@@ -244,7 +244,10 @@ class Problem:
     def result(self, values: np.ndarray, model: "Residuals", warnings: list[str]) -> Fit:
         """The fit at its end."""
         residuals, jacobian = model.at(values), model.jacobian(values)
-        about = uncertainty_of(self.names, values, jacobian)
+        weights = np.sqrt(SLOPES[self.loss](residuals**2))
+        about = uncertainty_of(self.names, values, weights[:, None] * jacobian)
+        if self.loss != "linear":
+            warnings.append(f"Error bars count measurements by their weights under the loss {self.loss}.")
         count = len(residuals) - len(values)
         chi_squared = float(residuals @ residuals)
         probability = float(stats.chi2.sf(chi_squared, count)) if count > 0 else float("nan")
@@ -351,10 +354,12 @@ class Profile:
         self.near = of.values.copy()
 
     def grown(self, value: float) -> float:
-        """By how much chi squared has grown where the parameter has this value. The others start where they
-        were at the value before."""
+        """By how much chi squared has grown where the parameter has this value; infinite if the run fails
+        there. The others start where they were at the value before."""
         point = self.near.copy()
         point[self.index] = value
+        if not np.isfinite(self.model.at(point)).all():
+            return float("inf")
         if len(self.others):
             low, high = (
                 np.array([getattr(self.of.problem.parameters[k], end) for k in self.others])
@@ -403,6 +408,14 @@ LOSSES: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
 }
 """The losses of `scipy.optimize.least_squares`, as functions of squared residuals."""
 
+SLOPES: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
+    "linear": np.ones_like,
+    "soft_l1": lambda z: 1.0 / np.sqrt(1.0 + z),
+    "huber": lambda z: np.where(z <= 1.0, 1.0, 1.0 / np.sqrt(np.maximum(z, 1.0))),
+    "cauchy": lambda z: 1.0 / (1.0 + z),
+}
+"""Their derivatives: the weights of residuals."""
+
 
 def bent(values: np.ndarray, about: Uncertainty, model: Residuals) -> list[str]:
     """Sentences on axes of the error ellipsoid along which chi squared does not grow as that of a normal
@@ -412,8 +425,8 @@ def bent(values: np.ndarray, about: Uncertainty, model: Residuals) -> list[str]:
     squares, axes = np.linalg.eigh(about.correlation)
     low, high = (np.array([getattr(p, end) for p in model.problem.parameters]) for end in ("low", "high"))
     said = []
-    for square, axis in zip(squares, axes.T, strict=True):
-        step = np.sqrt(max(square, 0.0)) * axis * scale
+    for part, axis in zip(squares, axes.T, strict=True):
+        step = np.sqrt(max(part, 0.0)) * axis * scale
         grown = []
         for sign in (1.0, -1.0):
             point = values + sign * step
@@ -421,7 +434,8 @@ def bent(values: np.ndarray, about: Uncertainty, model: Residuals) -> list[str]:
                 grown.append(np.inf)
                 continue
             found = model.at(point)
-            grown.append(float(found @ found) - least)
+            square = float(found @ found) - least
+            grown.append(square if np.isfinite(square) else np.inf)  # a run that fails is no small error
         if max(abs(x - 1.0) for x in grown) > BENT:
             names = [model.problem.names[k] for k in np.argsort(-np.abs(axis)) if abs(axis[k]) > 0.3]
             said.append(

@@ -116,6 +116,8 @@ def of_scene(scene: Scene, key: str, place: str | None) -> tuple[Rule, Float[np.
     each."""
     rule = rule_of_number(scene, key, "free")
     table, _, name = key.partition(".")
+    if table in ("integrator", "output"):
+        raise SceneError(key, "be a number of the model to be free", "says how it is run")
     content = getattr(scene, table)
     value = None if content is None else getattr(content, name)
     value = ABSENT.get(key) if value is None and content is not None else value

@@ -243,7 +243,7 @@ def deviations_of(
     for key in table:
         if key not in used:
             raise SceneError(
-                NOISE, "be that of columns of the data", f"has {label_of(key)}, which no file has"
+                NOISE, "be that of columns of the data", f"has {label_of(key)}, which no column needs"
             )
     return found
 

@@ -2,6 +2,7 @@
 keyword that a function does not have; and the keys in which several scenes differ."""
 
 import dataclasses
+import functools
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -66,6 +67,7 @@ def describe_keys() -> tuple[KeyDescription, ...]:
     return tuple(keys)
 
 
+@functools.cache
 def unit_of(key: str) -> str | None:
     """The unit of a key, "-" if it has none; None for what is no key of a scene, such as a number of a law
     of a user."""

@@ -12,7 +12,7 @@ from scipy import stats
 
 import esail_jax as esail
 from esail_jax.identification import Prior, fit
-from esail_jax.identification.fit import Problem
+from esail_jax.identification.fit import LOSSES, Problem
 from esail_jax.identification.fit_file import result_of, write_json
 from esail_jax.identification.priors import as_prior
 from support.measured_sail import sail, with_model
@@ -152,6 +152,39 @@ def test_a_robust_loss_does_without_an_outlier(noisy):
     }
     assert moved.pop("linear") > 4.0
     assert max(moved.values()) < 1.0
+
+
+@pytest.mark.parametrize("loss", ["soft_l1", "huber", "cauchy"])
+def test_error_bars_under_a_robust_loss_count_weights(noisy, loss):
+    """Half of the values are wrong by a hundred deviations, up and down in turn: the covariance is
+    (J^T W J)^-1 with the derivatives of the loss, W = d rho/d r^2, by differences; wider than without the
+    weights."""
+    bad = noisy.copy()
+    bad[::2] += 50.0 * (-1.0) ** np.arange(len(bad[::2]))
+    found = problem(bad, loss=loss).solved()
+    rows = np.stack([np.ones_like(T), T], axis=1) / NOISE["kinetic_energy"]
+    square, step = found.residuals[0][:, 0] ** 2, 1e-6
+    slope = (LOSSES[loss](square * (1.0 + step)) - LOSSES[loss](square * (1.0 - step))) / (
+        2.0 * step * square
+    )
+    expected = np.linalg.inv((rows * slope[:, None]).T @ rows)
+    np.testing.assert_allclose(found.covariance, expected, rtol=1e-5)
+    assert (found.sd > 1.2 * np.sqrt(np.diag(np.linalg.inv(rows.T @ rows)))).all()
+    assert any("under the loss" in words for words in found.warnings)
+
+
+def test_a_run_that_fails_near_the_estimate_is_said(noisy):
+    """Within one deviation of the estimate the model has no numbers: the errors are not those of a normal
+    distribution, and the interval ends before."""
+
+    def model(p):
+        return jnp.where(p[0] < 1.99, jnp.nan, line(p))
+
+    found = problem(2.0 - 0.7 * T, model).solved([2.0, -0.7])
+    assert found.sd[0] > 0.02
+    assert any("not those of a normal distribution" in words for words in found.warnings)
+    low, high = found.profile(LINE[0])
+    assert 1.98 < low < 2.0 and abs(high - 2.0 - found.sd[0]) < 0.01 * found.sd[0]
 
 
 def test_a_wrong_model_is_noticed_by_chi_squared(noisy):

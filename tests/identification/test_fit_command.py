@@ -149,7 +149,7 @@ WRONG = {
     "noise in words": (["--noise", "voltage=x"], "`--noise voltage` must be a number, but is 'x'"),
     "noise of another": (
         ["--noise", "voltage=1"],
-        "must be that of columns of the data, but has voltage, which no file has",
+        "must be that of columns of the data, but has voltage, which no column needs",
     ),
     "prior": (
         ["--prior", "hub.torque[1]"],

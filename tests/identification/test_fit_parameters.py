@@ -105,6 +105,9 @@ REFUSALS = {
     ("gravity.acceleration[1]",): "`gravity.acceleration` must have a value in the scene to be free, but "
     "has none",
     ("tethers.elements",): "`tethers.elements` must be a physical number to be free, but is structure",
+    (
+        "integrator.tolerance",
+    ): "`integrator.tolerance` must be a number of the model to be free, but says how it is run",
     ("integrator.t_end",): "`integrator.t_end` must be a physical number to be free, but is structure",
     ("bias.spin_rat[1]",): "`free` must name observables of the data (spin_rate, angular_velocity_B, "
     "coning_angle, kinetic_energy), but has bias.spin_rat",

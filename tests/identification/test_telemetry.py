@@ -286,9 +286,9 @@ NOISES = {
     "missing": ({"kinetic_energy": 1.0}, "`noise` must have a standard deviation for every column of the "
                 "data, but has none for spin_rate[1] of data"),
     "not used": ({"spin_rate": 1.0, "coning_angle": 1.0}, "`noise` must be that of columns of the data, "
-                 "but has coning_angle, which no file has"),
+                 "but has coning_angle, which no column needs"),
     "place not used": ({"spin_rate": 1.0, "spin_rate[2]": 1.0}, "`noise` must be that of columns of the "
-                       "data, but has spin_rate[2], which no file has"),
+                       "data, but has spin_rate[2], which no column needs"),
     "zero": ({"spin_rate": 0.0}, "`noise[spin_rate]` must be positive and finite, but is 0.0"),
     "negative": ({"spin_rate": -1.0}, "`noise[spin_rate]` must be positive and finite, but is -1.0"),
     "nan": ({"spin_rate": np.nan}, "`noise[spin_rate]` must be positive and finite, but is nan"),
