@@ -33,9 +33,7 @@ def processor(*names: str) -> str:
     return next(values, platform.processor() or platform.machine())
 
 
-def share_cores(processes: int | None) -> None:
-    """Limits the threads of this process, and of those that it starts, to their share of the cores.
-
-    processes: number of processes that share the machine; None: one per core. Call it before JAX is used. A
-    number that the environment already sets is not changed."""
-    os.environ.setdefault(THREADS, str(max(1, cores() // (processes or cores()))))
+def one_thread() -> None:
+    """Limits JAX to one thread in this process, and in those that it starts, unless the environment already
+    sets a number. Call it before JAX is used."""
+    os.environ.setdefault(THREADS, "1")

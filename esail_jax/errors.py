@@ -20,6 +20,9 @@ class SceneError(InputError):
         super().__init__(one_line(f"`{key}` must {must}, but {got}"))
         self.key, self.must, self.got = key, must, got
 
+    def __reduce__(self) -> tuple[type, tuple[str, str, str]]:
+        return type(self), (self.key, self.must, self.got)
+
 
 def one_line(text: str) -> str:
     """The text with characters that cannot be printed, such as line breaks, as escape sequences."""
@@ -59,6 +62,9 @@ class SimulationError(RuntimeError):
     def __init__(self, message: str, result: Any):
         super().__init__(message)
         self.result = result
+
+    def __reduce__(self) -> tuple[type, tuple[str, Any]]:
+        return type(self), (str(self), self.result)
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

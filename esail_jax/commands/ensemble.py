@@ -40,20 +40,20 @@ def add(commands: Any) -> None:
         help="bound of the steps of a member; one that needs many more has failed (default: no bound)",
     )  # fmt: skip
     ensemble.add_argument(
+        "--reduce", metavar="NAME,...",
+        help="keep of every observable only these numbers in place of its history: mean, max, min, final, "
+        "or module:function",
+    )  # fmt: skip
+    ensemble.add_argument(
+        "--engine", default="local", metavar="NAME",
+        help="what computes the members: local (processes of this machine), dask:ADDRESS (the workers of a "
+        "Dask scheduler), or mpi (the ranks of `mpiexec -n P python -m mpi4py.futures -m esail_jax ...`; "
+        "default: %(default)s)",
+    )  # fmt: skip
+    ensemble.add_argument(
         "--processes", type=int, metavar="P",
-        help="number of processes on this machine (default: one per core); with --coordinator, in all",
+        help="number of processes on this machine (default: one per core)",
     )  # fmt: skip
-    ensemble.add_argument(
-        "--distributed", action="store_true",
-        help="be one of many processes that a cluster has started with the same command",
-    )  # fmt: skip
-    ensemble.add_argument(
-        "--coordinator", metavar="HOST:PORT",
-        help="address of process 0, with --distributed; needed only if JAX does not know the cluster",
-    )  # fmt: skip
-    ensemble.add_argument(
-        "--process", type=int, metavar="I", help="number of this process, from 0, with --coordinator"
-    )
     ensemble.add_argument(
         "--resume", action="store_true",
         help="compute only the members that DIR lacks; a larger --members adds members",
@@ -63,53 +63,35 @@ def add(commands: Any) -> None:
 
 def check(options: argparse.Namespace) -> None:
     """Raises UsageError for options of `esail ensemble` that are out of range or do not fit together."""
-    for name, least in (
-        ("members", 1), ("seed", 0), ("max-steps", 1), ("processes", 1), ("process", 0),
-    ):  # fmt: skip
+    for name, least in (("members", 1), ("seed", 0), ("max-steps", 1), ("processes", 1)):
         value = getattr(options, name.replace("-", "_"))
         if value is not None and value < least:
             must = "be positive" if least else "not be negative"
             raise UsageError(f"`--{name}` must {must}, but is {value}")
-    given = [getattr(options, name) is not None for name in ("coordinator", "process")]
-    if any(given) and not options.distributed:
-        raise UsageError("`--coordinator` and `--process` must come with --distributed, but do not")
-    if any(given) and not (all(given) and options.processes is not None):
-        raise UsageError("`--coordinator` must come with --process and --processes, but does not")
-    if options.distributed and not any(given) and options.processes is not None:
-        raise UsageError(
-            "`--processes` must be left to the cluster, or come with --coordinator, but is given"
-        )
 
 
-def observable_names(options: argparse.Namespace) -> list[str] | None:
-    """Names from `--observables`; None for all."""
-    if options.observables is None:
-        return None
-    return [name.strip() for name in options.observables.split(",")]
+def names_in(text: str | None) -> list[str] | None:
+    """The names in a list of an option; None for an option that is not given."""
+    return None if text is None else [name.strip() for name in text.split(",")]
 
 
 def run(options: argparse.Namespace) -> ExitCode:
-    """Computes an ensemble. Cores are shared and a cluster is joined before JAX starts any computation.
-    Raises SceneError, VariationError and RunFileError before anything is written."""
+    """Computes an ensemble. The number of threads is set before JAX starts any computation. Raises
+    SceneError, VariationError and RunFileError before anything is written."""
     check(options)
-    scene, names = scene_of(options), observable_names(options)
-    if options.distributed:
-        from esail_jax.commands.cluster import join_cluster
+    scene = scene_of(options)
+    from esail_jax.cores import one_thread
 
-        join_cluster(options.coordinator, options.processes, options.process)
-    else:
-        from esail_jax.cores import share_cores
+    one_thread()
+    from esail_jax.commands.ensemble_progress import compute
+    from esail_jax.ensembles.engines import engine_of
+    from esail_jax.ensembles.task import task_of
 
-        share_cores(options.processes)
-    from esail_jax.commands.ensemble_here import run_here, task_of
-
+    engine = engine_of(options.engine, options.processes)
     task = task_of(
-        scene, options.members, options.variations, options.seed, options.sampling, names, options.max_steps
-    )
+        scene, options.members, options.variations, options.seed, options.sampling,
+        names_in(options.observables), options.max_steps, names_in(options.reduce) or (),
+    )  # fmt: skip
     if options.members > 1 and not options.variations and not options.quiet:
         print("Without --vary all members are equal.", file=sys.stderr)
-    if options.distributed:
-        from esail_jax.commands.cluster import run_distributed
-
-        return run_distributed(task, options.output, options.resume, options.quiet)
-    return run_here(task, options.output, options.processes, options.resume, options.quiet)
+    return compute(task, options.output, engine, options.resume, options.quiet)

@@ -1,24 +1,20 @@
 """`esail info` of an ensemble."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from esail_jax.commands.reports import heading, size_of
 from esail_jax.ensembles.ensemble import Ensemble
-from esail_jax.ensembles.ensemble_file import (
-    TASK,
-    computed_members,
-    load_ensemble,
-    outcome_counts,
-    parts_of,
-    read_task,
-)
+from esail_jax.ensembles.ensemble_file import load_ensemble, unfinished
 from esail_jax.ensembles.joining import join
+from esail_jax.ensembles.merging import outcome_counts
 from esail_jax.ensembles.statistics import MEMBERS_PER_COLUMN, OUTCOMES, outcomes_of, sensitivities
 from esail_jax.files.locks import in_use
 from esail_jax.files.opening import WHOLE, files_of, intact, open_run, to_python
+from esail_jax.scenes.loading import parse
 from esail_jax.scenes.rules import count_of
 
 LEAST_SHARE = 0.05
@@ -65,27 +61,28 @@ def describe_folder(folder: Path) -> str:
     """The description of the ensemble in a folder, or its progress if it is not finished. Raises
     RunFileError."""
     try:
-        if not (parts_of(folder) / TASK).exists():
-            raise FileNotFoundError
-        return progress_of(folder)
-    except FileNotFoundError:  # no pieces, or they have just been put together
-        (path,) = files_of([folder])
-        return describe_ensemble(path)
+        about = unfinished(folder)
+        if about is not None:
+            return progress_of(folder, about)
+    except FileNotFoundError:  # the pieces have just been put together
+        pass
+    (path,) = files_of([folder])
+    return describe_ensemble(path)
 
 
-def progress_of(folder: Path) -> str:
-    """A few lines on an ensemble of which some members are still in pieces. Raises FileNotFoundError if
-    they are put together in the meantime."""
-    task, _ = read_task(folder)
-    done, failed, warned = computed_members(folder, task)[0], *outcome_counts(folder)
+def progress_of(folder: Path, about: Mapping[str, Any]) -> str:
+    """A few lines on an ensemble of which some members are still in pieces. about: what the pieces say of
+    it. Raises FileNotFoundError if they are put together in the meantime."""
+    done, failed, warned = outcome_counts(folder)
     counts = ((failed, "failed"), (warned, "have a warning"))
     more = "".join(f", {count} of them {what}" for count, what in counts if count)
     running = in_use(folder)
+    varied = about["vary"].replace("\n", ", ") or "nothing"
     lines = [
         f"{folder}: " + ("running" if running else "interrupted, and not put together yet"),
-        f"  model      {size_of(task.scene)}",
-        f"  members    {len(done)} of {task.count} computed{more}",
-        f"  varied     {', '.join(task.vary) or 'nothing'}; seed {task.seed}, {task.sampling}",
+        f"  model      {size_of(parse(about['scene'], str(folder)))}",
+        f"  members    {done} of {about['count']} computed{more}",
+        f"  varied     {varied}; seed {about['seed']}, {about['sampling']}",
     ]
     if not running:
         lines.append(f"  `esail ensemble` with --resume computes the others and writes {folder / WHOLE}")

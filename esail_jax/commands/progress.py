@@ -1,13 +1,11 @@
-"""What a command that takes long shows and how it is interrupted: a progress bar on a terminal or a line a
-minute in a log file, and Ctrl-C."""
+"""What a command that takes long shows: a progress bar on a terminal or a line a
+minute in a log file."""
 
 import shutil
-import signal
 import sys
-import threading
 import time
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -133,32 +131,3 @@ class RunProgress(Progress):
                 texts.append(f"energy error {np.abs(chunk.observables[name][-1]):.0e}{unit}")
                 break
         return tuple(texts)
-
-
-class Interrupts:
-    """Context manager that turns the first Ctrl-C or SIGTERM into a request to stop, `asked`.
-
-    The command stops at the next point where its files are consistent. A second signal raises
-    KeyboardInterrupt at once; the files then stay as they were last written.
-
-    asked: true once a signal has come.
-    """
-
-    def __init__(self):
-        self.asked = False
-        self._before: dict[int, Any] = {}
-
-    def __enter__(self) -> "Interrupts":
-        # Python runs signal handlers in the main thread only, and lets no other thread set them.
-        if threading.current_thread() is threading.main_thread():
-            self._before = {n: signal.signal(n, self._ask) for n in (signal.SIGINT, signal.SIGTERM)}
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
-
-    def _ask(self, *_: object) -> None:
-        if self.asked:
-            raise KeyboardInterrupt
-        self.asked = True

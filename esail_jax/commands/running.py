@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 
 from esail_jax.commands.command_line import ExitCode
-from esail_jax.commands.progress import Interrupts, RunProgress
+from esail_jax.commands.progress import RunProgress
 from esail_jax.commands.reports import describe
 from esail_jax.compilation.announcements import announced_to
 from esail_jax.errors import SimulationError
@@ -28,6 +28,7 @@ from esail_jax.files.run_file import (
     scene_of_run,
 )
 from esail_jax.files.state import load_checkpoint
+from esail_jax.interrupts import Interrupts
 from esail_jax.loads.law_structure import identity_of
 from esail_jax.observables.sail import ON_REQUEST
 from esail_jax.scenes.key_reference import ABSENT, differing_keys

@@ -3,6 +3,7 @@
 from esail_jax.ensembles import Normal, simulate_members, spread
 lengths = {"tethers.length": Normal(10e3, 10, per_tether=True)}
 ensemble = simulate_members("baseline", vary=lengths, members=64, seed=1)
+ensemble = run_ensemble("baseline", "many", vary=lengths, members=10_000, seed=1)  # on all cores, to a file
 spread(ensemble, "coning_angle").quantiles
 """
 
@@ -13,6 +14,8 @@ from esail_jax.ensembles.gradient import MeanGradient, mean_gradient
 from esail_jax.ensembles.joining import join
 from esail_jax.ensembles.member_runner import MemberRunner
 from esail_jax.ensembles.members import simulate_members
+from esail_jax.ensembles.reductions import REDUCTIONS
+from esail_jax.ensembles.running import run_ensemble
 from esail_jax.ensembles.sampling import (
     Inputs,
     Variation,
@@ -33,6 +36,7 @@ from esail_jax.ensembles.statistics import (
 
 __all__ = [
     "OUTCOMES",
+    "REDUCTIONS",
     "Distribution",
     "Ensemble",
     "Grid",
@@ -53,6 +57,7 @@ __all__ = [
     "mean_gradient",
     "outcomes_of",
     "parse_variation",
+    "run_ensemble",
     "select_members",
     "sensitivities",
     "simulate_members",

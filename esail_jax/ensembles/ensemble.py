@@ -23,7 +23,8 @@ class Ensemble:
     members: their numbers; time [s]: saved instants; inputs: by scene key, member first;
     observables: by name, (member, time, ...), NaN after a failure; complete: true for members that reached
     their end; messages: warning or failure of every member, or an empty text; steps: number of steps of
-    every member, NaN if the member is not computed yet."""
+    every member, NaN if the member is not computed yet; reduced: numbers that stand for histories, such as
+    `coning_angle.mean`, (member, ...), of an ensemble that keeps only these."""
 
     scene: Scene
     members: np.ndarray
@@ -33,22 +34,27 @@ class Ensemble:
     complete: Bool[np.ndarray, " member"]
     messages: tuple[str, ...]
     steps: Float[np.ndarray, " member"]
+    reduced: dict[str, Float[np.ndarray, "member ..."]] = dataclasses.field(default_factory=dict)
 
-    def __getitem__(self, name: str) -> Float[np.ndarray, "member time *some"]:
+    def __getitem__(self, name: str) -> Float[np.ndarray, "member *some"]:
+        if name in self.reduced:
+            return self.reduced[name]
         if name not in self.observables:
+            own = [x for x in self.reduced if x.partition(".")[0] == name]
             hint = hint_at(name, self.observables, self.scene.chain is not None)
+            hint = f" (only {', '.join(own)})" if own else hint
             raise KeyError(f"{name!r} is no observable of this ensemble{hint}")
         return self.observables[name]
 
     def __contains__(self, name: object) -> bool:
-        return name in self.observables
+        return name in self.observables or name in self.reduced
 
     def __len__(self) -> int:
         return len(self.members)
 
     def __repr__(self) -> str:
         complete, end = int(self.complete.sum()), float(self.time[-1])
-        names = list(self.observables)
+        names = list(self.keys())
         observables = f"{len(names)} observables" if len(names) > 6 else f"observables {', '.join(names)}"
         return (
             f"Ensemble({len(self)} members, {complete} complete; {len(self.time)} instants to {end:g} s; "
@@ -56,8 +62,8 @@ class Ensemble:
         )
 
     def keys(self) -> Iterable[str]:
-        """Names of the observables."""
-        return self.observables.keys()
+        """Names of the observables, and of the reduced ones."""
+        return [*self.observables, *self.reduced]
 
     @property
     def failed(self) -> np.ndarray:
@@ -88,6 +94,9 @@ class Ensemble:
         for name, values in self.observables.items():
             entry = described(name, self.scene.chain is not None)
             data[name] = labelled(entry, np.asarray(values), ("member", "time"))
+        for name, values in self.reduced.items():
+            entry = described(name.partition(".")[0], self.scene.chain is not None)
+            data[name] = labelled(entry, np.asarray(values), ("member",))
         time = ("time", np.asarray(self.time), time_attributes(self.scene))
         return xarray.Dataset(data, coords={"member": np.asarray(self.members), "time": time})
 
@@ -106,5 +115,5 @@ def concatenate(parts: Sequence[Ensemble]) -> Ensemble:
     messages = tuple(text for part in parts for text in part.messages)
     return Ensemble(
         first.scene, column("members"), first.time, columns("inputs"), columns("observables"),
-        column("complete"), messages, column("steps"),
+        column("complete"), messages, column("steps"), columns("reduced"),
     )  # fmt: skip

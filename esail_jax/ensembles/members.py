@@ -8,7 +8,7 @@ import numpy as np
 
 from esail_jax.ensembles.ensemble import Ensemble, concatenate
 from esail_jax.ensembles.member_runner import MemberRunner
-from esail_jax.ensembles.sampling import Vary, checked_inputs, draw
+from esail_jax.ensembles.sampling import Vary, checked_inputs, draw, select_members
 from esail_jax.scenes.loading import load_scene
 from esail_jax.scenes.own_terms import OWN_TERMS
 from esail_jax.scenes.rules import SceneError
@@ -54,4 +54,5 @@ def simulate_members(
     check_max_steps(max_steps)
     run = MemberRunner(scene, inputs, observables, batch, lockstep, max_steps=max_steps)
     numbers = np.arange(members)
-    return concatenate([run(numbers[first : first + run.batch]) for first in range(0, members, run.batch)])
+    batches = [numbers[first : first + run.batch] for first in range(0, members, run.batch)]
+    return concatenate([run(batch, select_members(inputs, batch)) for batch in batches])

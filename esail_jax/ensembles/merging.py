@@ -1,7 +1,10 @@
-"""Putting the pieces of an ensemble together: ensemble.h5, a run file with `member` as first axis."""
+"""Putting the pieces of an ensemble together: ensemble.h5, a run file with `member` as first axis.
+
+Members are copied a piece at a time, so that the memory does not depend on their number."""
 
 import math
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import h5py
@@ -9,29 +12,22 @@ import numpy as np
 
 from esail_jax.array_types import Int
 from esail_jax.atomic_file import PART
-from esail_jax.ensembles.ensemble_file import (
-    COMPLETE,
-    FAILED,
-    MISSING,
-    TEXT,
-    Task,
-    parts_of,
-    pieces_in,
-    status_of,
-    write_identity,
-)
+from esail_jax.ensembles.ensemble_file import COMPLETE, FAILED, MISSING, parts_of, status_of_pieces
 from esail_jax.ensembles.member_program import observable_shapes, system_of
-from esail_jax.files.hdf5 import (
-    atomic_hdf5,
-    create_observables,
-    create_quantity,
-    require_room,
-    versions,
-)
+from esail_jax.ensembles.pieces import Piece, files_in, pieces_of
+from esail_jax.ensembles.reductions import reduced_name
+from esail_jax.ensembles.sampling import BLOCK
+from esail_jax.ensembles.task import Task
+from esail_jax.files.hdf5 import atomic_hdf5, create_observables, create_quantity, require_room, versions
 from esail_jax.files.opening import SCHEMA_VERSION, WHOLE
 from esail_jax.observables import listed
 from esail_jax.scenes.method_choice import accuracy_of, with_method
 from esail_jax.simulation.schedule import save_times
+
+TEXT = h5py.string_dtype()
+
+ROWS_BYTES = 2**26
+"""Bytes of one observable that are copied at once from an earlier ensemble.h5."""
 
 
 def merge_pieces(folder: Path, task: Task) -> tuple[str, str]:
@@ -39,17 +35,28 @@ def merge_pieces(folder: Path, task: Task) -> tuple[str, str]:
 
     Returns status and message of the ensemble. Raises NoSpaceError if the disk is full; the pieces then
     stay."""
-    whole, pieces = folder / WHOLE, pieces_in(folder)
+    whole = folder / WHOLE
     require_room(whole, size_of(task))
     with atomic_hdf5(whole, unique=True) as file:
         create(file, task)
-        sources = ([whole] if whole.exists() else []) + pieces
-        for path in sources:
-            with h5py.File(path) as source:
-                copy_members(file, source)
+        if whole.exists():
+            with h5py.File(whole) as earlier:
+                for piece in held_by(earlier):
+                    copy_piece(file, piece)
+                for name in ("compile_time", "wall_time"):
+                    file.attrs[name] += earlier.attrs[name]
+                file.attrs["device"] = earlier.attrs["device"]
+        compiling = running = 0.0
+        for path in files_in(parts_of(folder)):
+            for piece in pieces_of(path):
+                copy_piece(file, piece)
+                compiling, running = compiling + piece.seconds[0], running + piece.seconds[1]
+                file.attrs["device"] = piece.device
+        file.attrs["compile_time"] += compiling
+        file.attrs["wall_time"] += running
         status, message = summary(file)
         file.attrs.update({"status": status, "message": message})
-    shutil.rmtree(parts_of(folder))
+    shutil.rmtree(parts_of(folder), ignore_errors=True)
     for left in folder.glob(f"{WHOLE}.*{PART}"):  # by a process that was killed while it merged
         left.unlink()
     return status, message
@@ -57,11 +64,10 @@ def merge_pieces(folder: Path, task: Task) -> tuple[str, str]:
 
 def size_of(task: Task) -> int:
     """About the size of ensemble.h5 [B]: 8 bytes a number, and room for texts."""
-    instants = len(save_times(task.scene.integrator.t_end, task.scene.output.interval))
+    instants = len(task.reduce) or len(save_times(task.scene.integrator.t_end, task.scene.output.interval))
     shapes = observable_shapes(task.scene)
     columns = sum(math.prod(shapes[name]) for name in task.observables)
-    drawn = sum(values[0].size for values in task.inputs.values())
-    return task.count * (8 * (instants * columns + drawn) + TEXT_BYTES) + HEAD_BYTES
+    return task.count * (8 * (instants * columns + task.draws.columns) + TEXT_BYTES) + HEAD_BYTES
 
 
 TEXT_BYTES, HEAD_BYTES = 100, 2**16
@@ -71,44 +77,82 @@ TEXT_BYTES, HEAD_BYTES = 100, 2**16
 def create(file: h5py.File, task: Task) -> None:
     """Fills a new ensemble.h5 with everything but results. It is a run file with `member` as first axis."""
     system = system_of(task.scene)
-    write_identity(file, task)
+    file["scene"] = task.text
+    file.attrs.update(task.identity)
     file.attrs.update(versions() | {"schema_version": SCHEMA_VERSION, "device": ""})
     method = with_method(task.scene).integrator
     file.attrs.update({"method": method.method, "accuracy": accuracy_of(method)})
     file.attrs.update({"members": task.count, "steps": 0, "wall_time": 0.0, "compile_time": 0.0})
-    for key, values in task.inputs.items():
-        data = file.create_dataset(f"inputs/{key}", data=values)
-        data.attrs["axes"] = ["member", task.scene.members.name][: values.ndim]
+    for first in range(0, task.count, BLOCK):
+        members = np.arange(first, min(first + BLOCK, task.count))
+        for key, values in task.draws.of(members).items():
+            if not first:
+                shape = (task.count, *values.shape[1:])
+                data = file.create_dataset(f"inputs/{key}", shape, values.dtype)
+                data.attrs["axes"] = ["member", task.scene.members.name][: values.ndim]
+            file[f"inputs/{key}"][members[0] : members[-1] + 1] = values
     times = save_times(task.scene.integrator.t_end, task.scene.output.interval)
     create_quantity(file, "time", times.shape, ["time"], "s", "t")[:] = times
     wanted = [entry for entry in listed(system) if entry.name in task.observables]
-    leading = {"member": task.count, "time": len(times)}
-    create_observables(file, wanted, task.scene.sizes, leading)
+    file.create_group("observables")
+    if not task.reduce:
+        leading = {"member": task.count, "time": len(times)}
+        create_observables(file, wanted, task.scene.sizes, leading)
+    shapes = observable_shapes(task.scene)
+    for entry in wanted:
+        for reduction in task.reduce:
+            name, shape = reduced_name(entry.name, reduction), (task.count, *shapes[entry.name])
+            axes = ("member", *entry.axes)
+            create_quantity(file, f"reduced/{name}", shape, axes, entry.unit, entry.symbol, entry.equation)
     create_quantity(file, "numerics/steps", (task.count,), ["member"], "-", "steps")
     file["numerics"].attrs["terms"] = list(system.terms)
-    file.create_dataset("members/status", data=[MISSING] * task.count, dtype=TEXT)
-    file.create_dataset("members/message", data=[""] * task.count, dtype=TEXT)
+    for name, value in (("status", MISSING), ("message", "")):
+        file.create_dataset(f"members/{name}", (task.count,), TEXT)
+        for first in range(0, task.count, BLOCK):
+            count = min(BLOCK, task.count - first)
+            file[f"members/{name}"][first : first + count] = [value] * count
 
 
-def copy_members(file: h5py.File, source: h5py.File) -> None:
-    """Copies the members of a piece, or of an earlier ensemble.h5, to a new ensemble.h5."""
-    status, messages, steps = status_of(source)
-    if "member" in source:
-        members, rows = source["member"][()], np.arange(len(status))
-    else:
-        rows = members = np.flatnonzero(source["members/status"].asstr()[()] != MISSING)
-    if not len(members):
-        return
-    file["members/status"][members] = status
-    file["members/message"][members] = messages
-    file["numerics/steps"][members] = steps
-    for name, data in source["observables"].items():
-        for row, member in zip(rows, members, strict=True):
-            file["observables"][name][member] = data[row]
-    for name in ("compile_time", "wall_time"):
-        file.attrs[name] += source.attrs[name]
-    file.attrs["steps"] += int(np.nansum(steps))
-    file.attrs["device"] = source.attrs["device"]
+def held_by(earlier: h5py.File) -> Iterator[Piece]:
+    """The members that an earlier ensemble.h5 holds, as pieces."""
+    rows = {
+        name: data for group in ("observables", "reduced") for name, data in earlier.get(group, {}).items()
+    }
+    most = max((8 * math.prod(data.shape[1:]) for data in rows.values()), default=1)
+    size = int(np.clip(ROWS_BYTES // max(most, 1), 1, BLOCK))
+    for first in range(0, len(earlier["members/status"]), size):
+        part = slice(first, first + size)
+        status = earlier["members/status"].asstr()[part]
+        held = status != MISSING
+        if held.any():
+            yield Piece(
+                first + np.flatnonzero(held),
+                status[held] == COMPLETE,
+                tuple(earlier["members/message"].asstr()[part][held]),
+                earlier["numerics/steps"][part][held],
+                {name: data[part][held] for name, data in rows.items()},
+                (0.0, 0.0),
+                "",
+            )
+
+
+def copy_piece(file: h5py.File, piece: Piece) -> None:
+    """Copies the members of a piece to a new ensemble.h5."""
+    first, last = int(piece.members[0]), int(piece.members[-1])
+    together = last - first + 1 == len(piece.members)
+    places = [(slice(first, last + 1), slice(None))]
+    if not together:
+        places = [(slice(m, m + 1), slice(k, k + 1)) for k, m in enumerate(piece.members)]
+    status = np.where(piece.complete, COMPLETE, FAILED).astype(object)
+    messages, group = np.array(piece.messages, object), "reduced" if "reduced" in file else "observables"
+    for place, rows in places:
+        file["members/status"][place] = status[rows]
+        file["numerics/steps"][place] = piece.steps[rows]
+        if any(messages[rows]):
+            file["members/message"][place] = messages[rows]
+        for name, values in piece.rows.items():
+            file[group][name][place] = values[rows]
+    file.attrs["steps"] += int(np.nansum(piece.steps))
 
 
 def summary(file: h5py.File) -> tuple[str, str]:
@@ -123,6 +167,21 @@ def summary(file: h5py.File) -> tuple[str, str]:
         if len(members)
     ]
     return "interrupted" if len(missing) else "complete", "; ".join(parts)
+
+
+def outcome_counts(folder: Path) -> tuple[int, int, int]:
+    """Numbers of members that are computed, that failed, and that have a warning, in the pieces and in
+    ensemble.h5."""
+    done = failed = warned = 0
+    whole, parts = folder / WHOLE, list(status_of_pieces(folder))
+    if whole.exists():
+        with h5py.File(whole) as file:
+            parts.append(tuple(file[f"members/{name}"].asstr()[()] for name in ("status", "message")))
+    for status, messages in parts:
+        done += int((status != MISSING).sum())
+        failed += int((status == FAILED).sum())
+        warned += int(((status == COMPLETE) & (messages != "")).sum())
+    return done, failed, warned
 
 
 def some(members: Int[np.ndarray, " member"]) -> str:

@@ -7,6 +7,7 @@ number of members.
 """
 
 import dataclasses
+import functools
 import os
 import warnings
 import zlib
@@ -16,7 +17,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import qmc
 
-from esail_jax.array_types import Float
+from esail_jax.array_types import Float, Int
 from esail_jax.ensembles.distributions import (
     FORMS,
     Distribution,
@@ -109,30 +110,83 @@ def draw(
 
     Raises SceneError for keys that cannot be varied and for the first member with a value out of bounds,
     VariationError for a key that is given twice."""
+    draws = draws_of(scene, vary, members, seed, sampling)
+    inputs = draws.of(np.arange(members))
+    check(draws.scene, inputs)
+    return inputs
+
+
+BLOCK = 8192
+"""Number of members whose points are drawn at once."""
+
+
+class Draws:
+    """The inputs of an ensemble, drawn when they are needed: those of a million members need not be in
+    memory.
+
+    columns: number of values that a member draws for each variation; count: number of members."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        variations: Sequence[Variation],
+        columns: Sequence[int],
+        count: int,
+        seed: int,
+        sampling: str,
+    ):
+        self.scene, self.variations, self.count = scene, tuple(variations), count
+        self.seed, self.sampling, self._columns = seed, sampling, tuple(columns)
+        self._points = functools.lru_cache(maxsize=2)(self._draw)
+
+    @property
+    def columns(self) -> int:
+        """Number of values of one member."""
+        return sum(self._columns)
+
+    def of(self, members: Int[np.ndarray, " member"]) -> Inputs:
+        """The inputs of some members. Points of a block of members are drawn together."""
+        size = self.count if self.sampling == "latin" else min(self.count, BLOCK)
+        blocks = members // size
+        parts = [self._points(int(b), size) for b in np.unique(blocks)]
+        rows = np.searchsorted(np.unique(blocks), blocks) * size + members % size
+        inputs: Inputs = {}
+        stride: Any = 1
+        for k in reversed(range(len(self.variations))):
+            variation, count = self.variations[k], self._columns[k]
+            distribution: Any = variation.distribution
+            if isinstance(distribution, Grid):
+                # The last grid varies fastest, and of one grid per tether the last tether.
+                strides = stride * distribution.n ** np.arange(count)[::-1]
+                stride *= distribution.n**count
+                place = (members[:, None] // strides) % distribution.n
+                values = distribution.points()[place]
+            else:
+                values = distribution.values(np.concatenate([part[k] for part in parts])[rows])
+            inputs[variation.key] = values if distribution.per_tether else values[:, 0]
+        return {variation.key: inputs[variation.key] for variation in self.variations}
+
+    def _draw(self, block: int, size: int) -> list[Float[np.ndarray, "member column"]]:
+        """Points of a block of members in the open unit cube. The last block may go beyond the last member
+        (but not that of a Latin hypercube)."""
+        return unit_points(self.variations, self._columns, block * size, size, self.seed, self.sampling)
+
+
+def draws_of(
+    scene: Scene | str | os.PathLike, vary: Vary, members: int, seed: int = 0, sampling: str = "random"
+) -> Draws:
+    """The inputs of an ensemble, which are not drawn yet. The arguments are those of `draw`.
+
+    Raises SceneError for keys that cannot be varied, VariationError for a key that is given twice."""
     scene = load_scene(scene)
     variations = variations_of(vary)
     check_numbers(members, seed, sampling)
-    counts = [columns_of(scene, variation) for variation in variations]
+    columns = [columns_of(scene, variation) for variation in variations]
     keys = [variation.key for variation in variations]
     for key in keys:
         if keys.count(key) > 1:
             raise VariationError(f"vary {key}", "be given once", f"is given {keys.count(key)} times")
-    points = unit_points(variations, counts, members, seed, sampling)
-    inputs, stride = {}, 1
-    for variation, count, u in reversed(list(zip(variations, counts, points, strict=True))):
-        distribution = variation.distribution
-        if isinstance(distribution, Grid):
-            # The last grid varies fastest, and of one grid per tether the last tether.
-            strides = stride * distribution.n ** np.arange(count)[::-1]
-            stride *= distribution.n**count
-            place = (np.arange(members)[:, None] // strides) % distribution.n
-            values = distribution.points()[place]
-        else:
-            values = distribution.values(u)
-        inputs[variation.key] = values if distribution.per_tether else values[:, 0]
-    inputs = {key: inputs[key] for key in keys}
-    check(scene, inputs)
-    return inputs
+    return Draws(scene, variations, columns, members, seed, sampling)
 
 
 def check_numbers(members: int, seed: int, sampling: str) -> None:
@@ -166,31 +220,40 @@ def varied_rule(scene: Scene, key: str) -> Rule:
 
 
 def unit_points(
-    variations: Sequence[Variation], counts: Sequence[int], members: int, seed: int, sampling: str
+    variations: Sequence[Variation],
+    counts: Sequence[int],
+    first: int,
+    members: int,
+    seed: int,
+    sampling: str,
 ) -> list[Float[np.ndarray, "member column"]]:
-    """Points in the open unit cube: for every variation one column per number that a member draws (a grid
-    draws none)."""
+    """Points in the open unit cube, of `members` members from number `first` on: for every variation one
+    column per number that a member draws (a grid draws none)."""
     drawn = [0 if isinstance(v.distribution, Grid) else n for v, n in zip(variations, counts, strict=True)]
     if sampling == "random":
-        parts = [counter_based(v.key, seed, members, n) for v, n in zip(variations, drawn, strict=True)]
+        parts = [
+            counter_based(v.key, seed, first, members, n) for v, n in zip(variations, drawn, strict=True)
+        ]
     else:
-        u = quasi_random(sampling, sum(drawn), members, seed)
+        u = quasi_random(sampling, sum(drawn), first, members, seed)
         parts = np.split(u, np.cumsum(drawn)[:-1], axis=1) if drawn else []
     return [np.clip(u, HALF_STEP, 1.0 - HALF_STEP) for u in parts]
 
 
-def counter_based(key: str, seed: int, members: int, columns: int) -> Float[np.ndarray, "member column"]:
+def counter_based(
+    key: str, seed: int, first: int, members: int, columns: int
+) -> Float[np.ndarray, "member column"]:
     """Independent draws in [0, 1). Every member has its own stream of a counter-based generator (Philox),
     which the seed and the scene key select."""
     if not columns:
         return np.empty((members, 0))
     keys = np.array([seed, zlib.crc32(key.encode())], np.uint64)
-    streams = (np.random.Philox(key=keys, counter=[0, 0, 0, member]) for member in range(members))
+    streams = (np.random.Philox(key=keys, counter=[0, 0, 0, k]) for k in range(first, first + members))
     return np.stack([np.random.Generator(stream).random(columns) for stream in streams])
 
 
 def quasi_random(
-    sampling: str, columns: int, members: int, seed: int
+    sampling: str, columns: int, first: int, members: int, seed: int
 ) -> Float[np.ndarray, "member column"]:
     """Points that fill the unit cube evenly: a scrambled Sobol sequence or a Latin hypercube."""
     if not columns:
@@ -199,16 +262,18 @@ def quasi_random(
     with warnings.catch_warnings():
         # SciPy warns if the number of Sobol points is no power of two; any number is right here.
         warnings.filterwarnings("ignore", message="The balance properties", category=UserWarning)
-        return engine(columns, rng=np.random.default_rng(seed)).random(members)
+        points = engine(columns, rng=np.random.default_rng(seed))
+        return (points.fast_forward(first) if first else points).random(members)
 
 
-def check(scene: Scene, inputs: Inputs) -> None:
-    """Raises SceneError for the first member whose values are refused by the scene."""
+def check(scene: Scene, inputs: Inputs, first: int = 0) -> None:
+    """Raises SceneError for the first member whose values are refused by the scene. first: the number of
+    the first of these members."""
     for member in range(len(next(iter(inputs.values()), ()))):
         try:
             scene.replace(select_members(inputs, member))
         except SceneError as error:
-            raise SceneError(error.key, error.must, f"{error.got} (member {member})") from None
+            raise SceneError(error.key, error.must, f"{error.got} (member {first + member})") from None
 
 
 def checked_inputs(scene: Scene, inputs: Mapping[str, Any]) -> Inputs:

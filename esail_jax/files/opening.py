@@ -36,7 +36,10 @@ class ArgumentError(RunFileError):
 
     def __init__(self, key: str, must: str, got: str):
         super().__init__(f"`{key}` must {must}, but {got}")
-        self.key = key
+        self.key, self.must, self.got = key, must, got
+
+    def __reduce__(self) -> tuple[type, tuple[str, str, str]]:
+        return type(self), (self.key, self.must, self.got)
 
 
 def files_of(paths: Iterable[Path]) -> list[Path]:

@@ -13,7 +13,7 @@ import pytest
 PACKAGE = Path(__file__).parents[2] / "esail_jax"
 
 LAYERS = (
-    ("constants", "array_types", "atomic_file", "compilation", "cores", "errors", "html"),
+    ("constants", "array_types", "atomic_file", "compilation", "cores", "errors", "html", "interrupts"),
     ("numerics", "environment", "calendar", "messages", "wind_files"),
     ("coordinates", "measurements", "physics", "point_fields", "terms"),
     ("control", "elements", "loads", "joints"),

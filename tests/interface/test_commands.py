@@ -12,9 +12,10 @@ from esail_jax import cli
 from esail_jax.atomic_file import atomic_file
 from esail_jax.commands import progress
 from esail_jax.commands.command_line import ExitCode
-from esail_jax.commands.progress import Interrupts, Progress, RunProgress
+from esail_jax.commands.progress import Progress, RunProgress
 from esail_jax.commands.reports import release_text
 from esail_jax.files.hdf5 import atomic_hdf5
+from esail_jax.interrupts import Interrupts
 from esail_jax.scenes.loading import builtin_names, load_scene
 from esail_jax.simulation.results import Chunk
 

@@ -1,0 +1,138 @@
+"""Computing an ensemble into a folder, on one machine or on many."""
+
+import contextlib
+import os
+import warnings
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from esail_jax.ensembles.driver import Ended, drive
+from esail_jax.ensembles.engines import Engine, local
+from esail_jax.ensembles.ensemble import Ensemble
+from esail_jax.ensembles.ensemble_file import computed_members, load_ensemble, parts_of
+from esail_jax.ensembles.merging import merge_pieces, some
+from esail_jax.ensembles.pieces import files_in
+from esail_jax.ensembles.reductions import Reduction
+from esail_jax.ensembles.sampling import BLOCK, Vary, check
+from esail_jax.ensembles.task import Task, task_of
+from esail_jax.files.locks import FolderLock
+from esail_jax.files.opening import WHOLE, ArgumentError
+from esail_jax.interrupts import Interrupts
+from esail_jax.scenes.scene import Scene
+
+
+class Outcome(NamedTuple):
+    """How an ensemble ended.
+
+    status, message: those of ensemble.h5; at_work: whether pieces are still being computed, after an
+    interruption."""
+
+    status: str
+    message: str
+    at_work: bool
+
+
+def run_ensemble(
+    scene: Scene | str | os.PathLike,
+    folder: str | os.PathLike,
+    *,
+    members: int,
+    vary: Vary,
+    seed: int = 0,
+    sampling: str = "random",
+    observables: Sequence[str] | None = None,
+    max_steps: int | None = None,
+    reduce: Sequence[str | Reduction] = (),
+    executor: Executor | None = None,
+    resume: bool = False,
+) -> Ensemble:
+    """Computes an ensemble into FOLDER/ensemble.h5, as `esail ensemble` does, and returns it.
+
+    The members are handed, a piece at a time, to an executor of `concurrent.futures`: that of
+    `dask.distributed.Client.get_executor()`, `mpi4py.futures.MPIPoolExecutor()`, or one of your own.
+    `None` takes processes of this machine, one per core. The members are the same bit for bit with every
+    executor. What is computed is in the folder at once, and `resume=True` computes what is missing.
+
+    vary, seed, sampling: as for `draw`; observables: names to keep, all if None; max_steps: bound of the
+    steps of a member; reduce: names of `REDUCTIONS`, or functions (time, rows) -> numbers, that take the
+    place of histories: `reduce=["mean", "max"]` keeps `ensemble["coning_angle.mean"]` and
+    `ensemble["coning_angle.max"]`.
+
+    Members whose process dies again and again are missing: NaN, with a warning. Raises SceneError,
+    VariationError and RunFileError before anything is written, NoSpaceError if the disk is full, and
+    KeyboardInterrupt after Ctrl-C, when what is computed has been put together.
+
+    ```python
+    from esail_jax.ensembles import run_ensemble
+
+    vary = {"tethers.length": Normal(10e3, 10, per_tether=True)}
+    ensemble = run_ensemble("baseline", "many", members=1000, vary=vary, observables=["coning_angle"])
+    ```
+    """
+    task = task_of(scene, members, vary, seed, sampling, observables, max_steps, reduce)
+    folder = Path(folder)
+    engine = local if executor is None else lambda: contextlib.nullcontext(executor)
+    with Interrupts() as interrupts:
+        outcome = run_task(task, folder, engine, resume, lambda: interrupts.asked)
+    if outcome is not None and outcome.status != "complete":
+        text = f"{outcome.message}; resume=True computes them"
+        if interrupts.asked:
+            raise KeyboardInterrupt(text)
+        warnings.warn(text, stacklevel=2)
+    return load_ensemble(folder / WHOLE)
+
+
+def run_task(
+    task: Task,
+    folder: Path,
+    engine: Engine,
+    resume: bool,
+    stop: Callable[[], bool] = lambda: False,
+    show: Callable[[int, int], None] = lambda *_: None,
+) -> Outcome | None:
+    """Computes a task into a folder. None if ensemble.h5 already has all members.
+
+    show: is told how many members are computed, of how many that were missing. Raises SceneError and
+    RunFileError before anything is written, NoSpaceError if the disk is full."""
+    check_folder(folder)
+    check_draws(task)
+    lock = FolderLock(folder)
+    try:
+        if (folder / WHOLE).exists() or parts_of(folder).exists():
+            if not resume:
+                must = "not hold an ensemble yet (or use --resume)"
+                raise ArgumentError("-o", must, f"{folder} does")
+        done, held = computed_members(folder, task)
+        if held == task.count and done.all() and not files_in(parts_of(folder)):
+            return None
+        ended, count = Ended(False, {}), int((~done).sum())
+        if count:
+            with engine() as executor:
+                ended = drive(task, folder, ~done, executor, stop, lambda computed: show(computed, count))
+        status, message = merge_pieces(folder, task)
+    finally:
+        lock.release()
+    causes = [f"{text}{of(members)}" for text, members in ended.reasons.items()]
+    return Outcome(status, "; ".join([message, *causes]), ended.at_work)
+
+
+def of(members: Sequence[int]) -> str:
+    """The members that something is about, in brackets."""
+    return f" ({some(np.array(sorted(members)))})" if members else ""
+
+
+def check_folder(folder: Path) -> None:
+    """Raises RunFileError if the folder of an ensemble cannot be one."""
+    if folder.exists() and not folder.is_dir():
+        raise ArgumentError("-o", "be a directory", f"{folder} is a file")
+
+
+def check_draws(task: Task) -> None:
+    """Raises SceneError for the first member whose values are refused by the scene."""
+    for first in range(0, task.count, BLOCK):
+        members = np.arange(first, min(first + BLOCK, task.count))
+        check(task.scene, task.draws.of(members), first)
