@@ -4,4 +4,5 @@ import sys
 
 from esail_jax.cli import main
 
-sys.exit(main())
+if __name__ == "__main__":  # the ranks of an MPI job import this module, too
+    sys.exit(main())

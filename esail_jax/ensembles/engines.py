@@ -2,6 +2,7 @@
 compute, and gives an executor."""
 
 import contextlib
+import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import AbstractContextManager
@@ -33,6 +34,7 @@ def engine_of(name: str, processes: int | None = None) -> Engine:
     if kind == "dask" and address:
         return partial(dask, address)
     if name == "mpi":
+        check_mpi()
         return mpi
     raise InputError(f"`--engine` must be {NAMES}, but is {name!r}")
 
@@ -80,15 +82,23 @@ def dask(address: str) -> Iterator[Executor]:
 def mpi() -> Iterator[Executor]:
     """The other ranks of an MPI job, which waits for work in `python -m mpi4py.futures`."""
     try:
-        from mpi4py import MPI
         from mpi4py.futures import MPIPoolExecutor
     except ImportError:
         raise missing("mpi", "mpi4py", "mpi") from None
-    if MPI.COMM_WORLD.size < 2 or MPI.COMM_WORLD.rank:
-        must = "be started by `mpiexec -n P python -m mpi4py.futures -m esail_jax ensemble ...` with P > 1"
-        raise InputError(f"`--engine` mpi must {must}, but is not")
     with MPIPoolExecutor() as executor:
         yield executor
+
+
+def check_mpi() -> None:
+    """Raises InputError unless other ranks wait for work: they do so only in mpi4py's own module."""
+    ranks = 1
+    if "mpi4py.futures" in sys.orig_argv:
+        from mpi4py import MPI
+
+        ranks = MPI.COMM_WORLD.size
+    if ranks < 2:
+        must = "be started by `mpiexec -n P python -m mpi4py.futures -m esail_jax ensemble ...` with P > 1"
+        raise InputError(f"`--engine` mpi must {must}, but is not")
 
 
 def missing(engine: str, library: str, extra: str) -> InputError:

@@ -2,8 +2,8 @@
 
 Every process is a new interpreter, which shares nothing with this one: a process in which JAX has started
 may not be forked, and a user's script is not run again in it. Requests go to its standard input, and
-answers come from its standard output. A process whose input ends has lost the one that started it, and ends at
-once, in the middle of a member or of compiling. Each has a session of its own, so that Ctrl-C reaches it
+answers come from its standard output. A process whose input ends has lost the one that started it, and ends
+at once, in the middle of a member or of compiling. Each has a session of its own, so that Ctrl-C reaches it
 only through the process that started it.
 """
 
@@ -57,7 +57,8 @@ class Worker:
     def _end(self) -> str:
         """Waits for the end of the process, and says how it ended."""
         self._process.kill()  # what is left of one that has closed its output
-        code = self._process.wait()
+        self.close()
+        code = self._process.returncode
         return (
             f"a process ended by signal {-code}" if code < 0 else f"a process ended with exit code {code}"
         )
@@ -95,17 +96,16 @@ class ProcessExecutor(ThreadPoolExecutor):
         if wait:
             with self._lock:
                 self._closed = True
-            for worker in self._workers:
-                worker.close()
-            self._workers.clear()
+            while self._workers:
+                self._workers.pop().close()
 
     def kill(self) -> None:
         """Ends the processes at once, in the middle of their work. Nothing is computed after that."""
-        super().shutdown(wait=False, cancel_futures=True)
         with self._lock:
             self._closed = True
             for worker in self._workers:
                 worker.kill()
+        self.shutdown(cancel_futures=True)
 
     def _start(self) -> None:
         """Adds a process, unless all are to end."""

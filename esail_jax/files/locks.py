@@ -1,11 +1,13 @@
-"""Locks on the output of a run: one process writes it alone, or several processes share a folder.
+"""Locks on the output of a run: one process writes it.
 
 A lock is one of the operating system (flock) on a small file. It ends with the process that holds it, also
 with one that is killed, so that nothing has to be cleaned up. Some file systems of clusters have no such
-locks; there `works` is false, and the output is not guarded.
+locks, and Windows has none; the output is not guarded there.
 """
 
+import contextlib
 import os
+import time
 from pathlib import Path
 from typing import IO
 
@@ -19,21 +21,27 @@ except ImportError:  # Windows has no flock
 NAME = "in-use.lock"
 """Name of the file that is locked in a folder."""
 
+LOOK_SECONDS = 0.5
+"""Time for which a lock that is held is asked for again [s]: `in_use` holds it for a moment."""
+
 
 class Lock:
-    """A lock that this process holds on a path, alone or shared, until `release`. Small files beside the
-    output are locked, never the output itself.
+    """A lock that this process holds on a path until `release`. Small files beside the output are locked,
+    never the output itself.
 
-    output: the output, for the message; works: false if the file system has no locks. Raises RunFileError
-    if another process holds a lock that does not agree with this one."""
+    output: the output, for the message; patience: time to wait for it [s]. Raises RunFileError if another
+    process holds the lock."""
 
-    def __init__(self, path: Path, output: Path, shared: bool = False):
-        self.path, self.works = path, True
+    def __init__(self, path: Path, output: Path, patience: float = LOOK_SECONDS):
+        self.path, end = path, time.monotonic() + patience
         while True:
             self._file = opened(self.path, output)
-            if not self._take(shared):
+            if not taken(self._file):
                 self._file.close()
-                raise ArgumentError("output", "not be in use by another process", f"{output} is")
+                if time.monotonic() > end:
+                    raise ArgumentError("output", "not be in use by another process", f"{output} is")
+                time.sleep(LOOK_SECONDS / 10.0)
+                continue
             if is_file_at(self._file, self.path):
                 return
             self._file.close()  # the process that held the lock has just removed the file
@@ -44,40 +52,28 @@ class Lock:
     def __exit__(self, *error: object) -> None:
         self.release()
 
-    def share(self) -> None:
-        """Lets other processes share the folder."""
-        self._take(shared=True)
-
-    def try_alone(self) -> bool:
-        """Gives up a shared lock and tries to hold the folder alone. False as long as another process holds
-        a lock."""
-        return self._take(shared=False)
-
-    def release(self, remove: bool = True) -> None:
-        """Ends the lock. remove: remove the file, which only a process that holds the lock alone may do."""
-        if remove and is_file_at(self._file, self.path):
+    def release(self) -> None:
+        """Ends the lock, and removes the file."""
+        if is_file_at(self._file, self.path):
             self.path.unlink(missing_ok=True)
         self._file.close()
 
-    def _take(self, shared: bool) -> bool:
-        if fcntl is None:
-            self.works = False
-            return True
-        try:
-            fcntl.flock(self._file, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return False
-        except OSError:
-            self.works = False
-        return True
-
 
 class FolderLock(Lock):
-    """A lock on a folder, which is created if it does not exist."""
+    """A lock on a folder, which is created if it does not exist; if nothing is in it in the end, it is
+    removed again."""
 
-    def __init__(self, folder: Path, shared: bool = False):
+    def __init__(self, folder: Path, patience: float = LOOK_SECONDS):
+        self._made = None if folder.exists() else folder
         folder.mkdir(parents=True, exist_ok=True)
-        super().__init__(folder / NAME, folder, shared)
+        super().__init__(folder / NAME, folder, patience)
+
+    def release(self) -> None:
+        """Ends the lock."""
+        super().release()
+        if self._made is not None:
+            with contextlib.suppress(OSError):  # it has something in it
+                self._made.rmdir()
 
 
 class FileLock(Lock):
@@ -105,12 +101,26 @@ def is_file_at(file: IO, path: Path) -> bool:
         return False
 
 
+def taken(file: IO) -> bool:
+    """Takes the lock on an open file. False if another process holds it; true also where there are no
+    locks."""
+    if fcntl is None:
+        return True
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:  # the file system has no locks
+        pass
+    return True
+
+
 def in_use(folder: Path) -> bool:
     """Tells whether a process holds a lock on a folder."""
     if not (folder / NAME).exists():
         return False
     try:
-        FolderLock(folder).release(remove=False)
+        FolderLock(folder, patience=0.0).release()
     except RunFileError:
         return True
     return False

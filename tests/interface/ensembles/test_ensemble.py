@@ -60,9 +60,9 @@ def test_every_core_takes_a_member(scene, inputs, ensemble, monkeypatch):
     """
     barrier, one = threading.Barrier(2, timeout=300.0), MemberRunner._run_one
 
-    def together(self, member):
+    def together(self, member, inputs):
         barrier.wait()
-        return one(self, member)
+        return one(self, member, inputs)
 
     monkeypatch.setattr("esail_jax.ensembles.member_runner.cores", lambda: 2)
     monkeypatch.setattr(MemberRunner, "_run_one", together)
@@ -72,16 +72,13 @@ def test_every_core_takes_a_member(scene, inputs, ensemble, monkeypatch):
     )
 
 
-@pytest.mark.parametrize(
-    "processes, set_already, threads", [(None, None, "1"), (4, None, "1"), (2, None, "2"), (1, "3", "3")]
-)
-def test_processes_share_the_cores(processes, set_already, threads, monkeypatch):
-    """Each process uses its share of four cores as threads; settings of the user are not changed."""
-    monkeypatch.setattr("esail_jax.cores.cores", lambda: 4)
+@pytest.mark.parametrize(("set_already", "threads"), [(None, "1"), ("3", "3")])
+def test_a_process_computes_with_one_thread(set_already, threads, monkeypatch):
+    """Unless the user has set a number, which is not changed."""
     monkeypatch.setenv("NPROC", set_already or "")
     if set_already is None:
         monkeypatch.delenv("NPROC")
-    esail_jax.cores.share_cores(processes)
+    esail_jax.cores.one_thread()
     assert os.environ["NPROC"] == threads
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import esail_jax as esail
-import esail_jax.commands.ensemble_here
+import esail_jax.commands.ensemble_progress
 from esail_jax.cli import main
 from esail_jax.ensembles import load_ensemble
 from esail_jax.plotting.ensemble import plot_ensemble
@@ -109,10 +109,13 @@ BAD = [
     (["--vary", "tethers.length=uniform:1"], "--vary"),
     (["--vary", "tethers.count=uniform:1:2"], "tethers.count"),
     (["--observables", "coning"], "observables"),
-    (["--process", "1"], "--coordinator"),
-    (["--distributed", "--processes", "2"], "--processes"),
-    (["--distributed"], "--distributed"),
-    (["--distributed", "--coordinator", "localhost:1", "--process", "1"], "--coordinator"),
+    (["--engine", "slurm"], "--engine"),
+    (["--engine", "dask"], "--engine"),
+    (["--engine", "mpi"], "mpiexec"),
+    (["--engine", "dask:localhost:1", "--processes", "2"], "--processes"),
+    (["--reduce", "men"], "mean"),
+    (["--reduce", "mean,mean"], "twice"),
+    (["--reduce", "no_module:function"], "no_module"),
 ]
 
 
@@ -123,7 +126,7 @@ def test_bad_input(more, key, tmp_path, capsys):
     assert main(command) == 2
     out, err = capsys.readouterr()
     assert out == "" and err.count("\n") == 1 and key in err and " must " in err, err
-    assert not err.startswith(("`vary", "`observables")), "words of Python"
+    assert not err.startswith(("`vary", "`observables", "`reduce")), "words of Python"
     assert not list(tmp_path.iterdir())
 
 
@@ -132,6 +135,6 @@ def test_members_without_variation_are_announced(more, said, tmp_path, monkeypat
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(esail_jax.commands.ensemble_here, "run_here", interrupted)
+    monkeypatch.setattr(esail_jax.commands.ensemble_progress, "run_task", interrupted)
     assert main(["ensemble", "baseline", "-o", str(tmp_path / "run"), "--members", "2", *more]) == 130
     assert capsys.readouterr().err.count("Without --vary all members are equal.") == said

@@ -13,11 +13,12 @@ import pytest
 
 import esail_jax as esail
 from esail_jax.cli import main
-from esail_jax.commands.ensemble_here import publish_pieces, start_worker, task_of
-from esail_jax.commands.ensemble_work import GRACE_SECONDS
-from esail_jax.ensembles import load_ensemble
-from esail_jax.ensembles.ensemble_file import pieces_in
-from esail_jax.files.locks import FolderLock, in_use
+from esail_jax.ensembles import load_ensemble, run_ensemble
+from esail_jax.ensembles.driver import GRACE_SECONDS
+from esail_jax.ensembles.ensemble_file import parts_of
+from esail_jax.ensembles.pieces import files_in, pieces_of
+from esail_jax.ensembles.processes import ProcessExecutor, WorkerDiedError
+from esail_jax.files.locks import in_use
 from support.small_ensemble import SMALL, VARY, arguments, same
 
 
@@ -28,21 +29,83 @@ def shell(command, **options):
     )
 
 
-def wait_for_pieces(folder, count, *processes):
-    """Waits until the folder has this many pieces."""
+def members_in(folder):
+    """Number of members in the pieces of a folder."""
+    return sum(len(p.members) for path in files_in(parts_of(folder)) for p in pieces_of(path, arrays=False))
+
+
+def wait_for_members(folder, count, *processes):
+    """Waits until the pieces in a folder have this many members."""
     end = time.monotonic() + 300.0
-    while len(pieces_in(folder)) < count:
+    while members_in(folder) < count:
         assert time.monotonic() < end and all(p.poll() is None for p in processes)
         time.sleep(0.02)
 
 
+def workers_of(process):
+    """Identities of the processes that compute for a process."""
+    listed = subprocess.run(["ps", "-eo", "pid,ppid"], capture_output=True, text=True, check=True).stdout
+    pairs = [line.split() for line in listed.splitlines()[1:]]
+    return [int(own) for own, parent in pairs if int(parent) == process.pid]
+
+
+# ---- the executor --------------------------------------------------------------------------------
+
+
+def test_processes_answer_and_are_replaced():
+    """Results, and errors with their type, come back. A process that dies spoils its own request only, and
+    the next one is answered by another."""
+    with ProcessExecutor(1) as executor:
+        first = executor.submit(os.getpid).result(timeout=60)
+        assert first != os.getpid()
+        with pytest.raises(ZeroDivisionError):
+            executor.submit(divmod, 1, 0).result(timeout=60)
+        with pytest.raises(esail.SceneError, match=r"^`a` must be positive, but is 0$"):
+            executor.submit(refuse).result(timeout=60)
+        assert executor.submit(os.getpid).result(timeout=60) == first
+        with pytest.raises(WorkerDiedError, match="a process ended by signal 9"):
+            executor.submit(os.kill, first, signal.SIGKILL).result(timeout=60)
+        with pytest.raises(WorkerDiedError, match="a process ended with exit code 3"):
+            executor.submit(os._exit, 3).result(timeout=60)
+        second = executor.submit(os.getpid).result(timeout=60)
+        assert second != first
+        executor.submit(print, "printed text does not spoil the answers").result(timeout=60)
+        assert executor.submit(os.getpid).result(timeout=60) == second
+
+
+def refuse():
+    """Raises the error of a scene."""
+    raise esail.SceneError("a", "be positive", "is 0")
+
+
+OWNER = """
+import os, sys, time
+from esail_jax.ensembles.processes import ProcessExecutor
+executor = ProcessExecutor(2)
+pids = [executor.submit(os.getpid).result()]
+futures = [executor.submit(time.sleep, 300) for _ in range(2)]
+time.sleep(1.0)
+print("at work", flush=True)
+time.sleep(300)
+"""
+
+
 @pytest.mark.nightly
-def test_a_worker_computes_pieces(scene, tmp_path):
-    """A worker process computes the pieces of a published task and ends."""
-    task = task_of(scene, 2, VARY, 3, "random", ["coning_angle"])
-    publish_pieces(task, tmp_path, np.arange(2), 2)
-    assert start_worker(tmp_path).wait(timeout=300) == 0
-    assert len(pieces_in(tmp_path)) == 2
+def test_processes_end_with_the_one_that_started_them():
+    """Also if that one is killed, and they are in the middle of a request."""
+    owner = subprocess.Popen([sys.executable, "-c", OWNER], stdout=subprocess.PIPE, text=True)
+    assert owner.stdout.readline() == "at work\n"
+    pids = workers_of(owner)
+    assert len(pids) == 2
+    owner.kill()
+    owner.communicate()
+    end = time.monotonic() + 30.0
+    while any(os.path.exists(f"/proc/{pid}") for pid in pids):
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+# ---- the command ---------------------------------------------------------------------------------
 
 
 @pytest.mark.nightly
@@ -51,10 +114,10 @@ def test_killed_and_resumed(finished, tmp_path):
     one that was not interrupted."""
     folder = tmp_path / "run"
     process = shell(arguments(folder, processes=2))
-    wait_for_pieces(folder, 2, process)
+    wait_for_members(folder, 2, process)
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
-    before = len(pieces_in(folder))
+    before = members_in(folder)
     assert not (folder / "ensemble.h5").exists() and before < 12
     assert main([*arguments(folder), "--resume"]) == 0
     assert same(load_ensemble(folder / "ensemble.h5"), load_ensemble(finished))
@@ -65,7 +128,7 @@ def test_interrupted(tmp_path):
     """After SIGTERM the current piece is finished, and the file lacks the other members."""
     folder = tmp_path / "run"
     process = shell(arguments(folder, members=64, processes=1), stderr=subprocess.PIPE, text=True)
-    wait_for_pieces(folder, 1, process)
+    wait_for_members(folder, 1, process)
     process.terminate()
     _, err = process.communicate(timeout=300)
     assert process.returncode == 130 and "missing" in err and "--resume" in err
@@ -91,52 +154,33 @@ def test_interrupted_within_a_member(name, tmp_path):
     command = [*arguments(folder, members=40, processes=2, observables="coning_angle"), *LONG]
     process = shell(command, stderr=subprocess.PIPE, text=True)
     end = time.monotonic() + 300.0
-    while len(list((folder / "parts").glob("*.claim"))) < 2:
+    while len(workers_of(process)) < 2 or not files_in(parts_of(folder)):
         assert time.monotonic() < end and process.poll() is None
         time.sleep(0.1)
+    time.sleep(5.0)  # two members, or the compiler, are at work
+    workers = workers_of(process)
     os.killpg(process.pid, getattr(signal, name))
     _, err = process.communicate(timeout=GRACE_SECONDS + 60.0)  # with time for putting the pieces together
     assert process.returncode == 130 and err.count("\n") == 1
     assert "40 of 40 members are missing" in err and "--resume" in err
-    listed = subprocess.run(["ps", "-eo", "args"], capture_output=True, text=True, check=True).stdout
-    assert not [line for line in listed.splitlines() if f"ensemble_worker {folder}" in line]
+    assert not [pid for pid in workers if os.path.exists(f"/proc/{pid}")]
     assert not in_use(folder)
 
 
-def cluster(folder, *more):
-    """Starts two processes that compute one ensemble with JAX's distributed runtime."""
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    common = [*arguments(folder, processes=2), "--distributed", "--coordinator", f"127.0.0.1:{port}", *more]
-    return [shell([*common, "--process", str(i)], stderr=subprocess.PIPE) for i in range(2)]
-
-
 @pytest.mark.nightly
-def test_two_distributed_processes(finished, tmp_path):
-    """Two processes give the members of one process, also if one of them is killed.
-
-    The other process then computes the rest, puts the pieces together, and says what is missing: only the
-    current piece is lost, and a second call of both adds it. While both are at work, the folder is refused
-    to others.
-    """
+def test_from_python(scene, finished, tmp_path):
+    """`run_ensemble` gives the members of the command, bit for bit, and leaves the same file; a second call
+    is refused, and one with `resume` changes nothing."""
     folder = tmp_path / "run"
-    first, second = cluster(folder)
-    wait_for_pieces(folder, 1, first, second)
-    with pytest.raises(esail.RunFileError, match="in use"):
-        FolderLock(folder)
-    first.kill()
-    first.communicate()
-    _, err = second.communicate(timeout=300)
-    missing = int(np.isnan(load_ensemble(folder / "ensemble.h5").steps).sum())
-    assert missing <= 1 and second.returncode == (130 if missing else 0)
-    assert (b"1 of 12 members are missing" in err and b"--resume" in err) == bool(missing)
-    both = cluster(folder, "--resume")
-    for process in both:
-        process.communicate(timeout=300)
-        assert process.returncode == 0
-    assert same(load_ensemble(folder / "ensemble.h5"), load_ensemble(finished))
+    call = {"members": 12, "vary": VARY, "seed": 3}
+    found = run_ensemble(scene, folder, **call)
+    assert same(found, load_ensemble(finished)) and found.complete.all()
     assert [path.name for path in folder.iterdir()] == ["ensemble.h5"]
+    with pytest.raises(esail.RunFileError, match="must not hold an ensemble yet"):
+        run_ensemble(scene, folder, **call)
+    before = (folder / "ensemble.h5").stat().st_mtime_ns
+    assert same(run_ensemble(scene, folder, **call, resume=True), found)
+    assert (folder / "ensemble.h5").stat().st_mtime_ns == before
 
 
 DEVICES = """

@@ -5,11 +5,11 @@ import pytest
 
 import esail_jax as esail
 from esail_jax.cli import main
-from esail_jax.commands.ensemble_here import publish_pieces, task_of
 from esail_jax.ensembles import draw, join, load_ensemble, outcomes_of
-from esail_jax.ensembles.ensemble_file import write_piece
 from esail_jax.ensembles.merging import merge_pieces
+from esail_jax.ensembles.task import task_of
 from esail_jax.errors import InputError
+from support.made_up_engine import piece_of, write_pieces
 from support.small_ensemble import SMALL, made_up
 
 VARY = ("initial.spin_rate=uniform:3.9e-3:4.1e-3",)
@@ -22,9 +22,7 @@ def folders(scene, tmp_path_factory):
     for seed in (1, 2):
         path = folder / f"many-{seed}"
         task = task_of(scene, 12, VARY, seed, "random", ["coning_angle"])
-        publish_pieces(task, path, np.arange(12), 1)
-        found = made_up(scene, np.arange(12), task.inputs)
-        write_piece(path, "00000000-00000011-000000", task, found, (1.0, 1.0))
+        write_pieces(path, task, piece_of(range(12)))
         merge_pieces(path, task)
     return sorted(folder.iterdir())
 
