@@ -1,5 +1,6 @@
 """`esail info` of an ensemble."""
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -24,10 +25,12 @@ LEAST_SHARE = 0.05
 def describe_ensemble(path: Path) -> str:
     """A few lines on an ensemble: model, method, members, speed, and the distributions of its outcomes.
     Raises RunFileError."""
+    ensemble = load_ensemble(path, [outcome.observable for outcome in OUTCOMES])
     with open_run(path) as file, intact(path):
         a = {name: to_python(value) for name, value in file.attrs.items()}
         terms = ", ".join(file["numerics"].attrs["terms"])
-    ensemble = load_ensemble(path, [outcome.observable for outcome in OUTCOMES])
+        # One number after the other: those of a million members need not be in memory together.
+        shown = distributions(dataclasses.replace(ensemble, reduced=file.get("reduced", {})))
     done = int(np.isfinite(ensemble.steps).sum())
     wall = max(a["wall_time"], 1e-9)
     vary = a["vary"].replace("\n", ", ") or "nothing"
@@ -40,7 +43,7 @@ def describe_ensemble(path: Path) -> str:
         "programs, summed over processes that work side by side",
         f"  device     {a['device']}, jax {a['version_jax']}, esail_jax {a['version_esail_jax']}",
     ]
-    return "\n".join([line for line in lines if line] + distributions(ensemble))
+    return "\n".join([line for line in lines if line] + shown)
 
 
 def describe_joined(paths: Sequence[Path]) -> str:

@@ -4,6 +4,7 @@ Processes that compute know nothing of each other. An engine is an executor of `
 processes of this machine (`ensembles/processes.py`), Dask, MPI, or one of a user's.
 """
 
+import contextlib
 import json
 import queue
 import time
@@ -76,11 +77,16 @@ def drive(
     parts.mkdir(parents=True, exist_ok=True)
     token = parts / f"{uuid.uuid4().hex}.token"
     token.touch()
+    file = PieceFile(new_path(parts), about(task))
     try:
-        with PieceFile(new_path(parts), about(task)) as file:
+        with file:
             return Driver(task, missing, executor, file, token, stop, show).run()
     finally:
         token.unlink(missing_ok=True)
+        if file.empty:
+            file.path.unlink()
+            with contextlib.suppress(OSError):  # it has other pieces
+                parts.rmdir()
 
 
 class Driver:

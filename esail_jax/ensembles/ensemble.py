@@ -1,7 +1,7 @@
 """The results of an ensemble."""
 
 import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -34,11 +34,11 @@ class Ensemble:
     complete: Bool[np.ndarray, " member"]
     messages: tuple[str, ...]
     steps: Float[np.ndarray, " member"]
-    reduced: dict[str, Float[np.ndarray, "member ..."]] = dataclasses.field(default_factory=dict)
+    reduced: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Float[np.ndarray, "member *some"]:
         if name in self.reduced:
-            return self.reduced[name]
+            return np.asarray(self.reduced[name])  # they may be those of an open file
         if name not in self.observables:
             own = [x for x in self.reduced if x.partition(".")[0] == name]
             hint = hint_at(name, self.observables, self.scene.chain is not None)

@@ -85,8 +85,8 @@ def status_of_pieces(folder: Path) -> Iterator[tuple[np.ndarray, np.ndarray]]:
 
 
 def load_ensemble(path: str | os.PathLike, observables: Sequence[str] | None = None) -> Ensemble:
-    """Reads an ensemble.h5, with all its observables or those of the given names that it has. Reduced
-    observables are read where they or their histories are named.
+    """Reads an ensemble.h5, with all its observables, and numbers that stand for histories, or those of the
+    given names that it has.
 
     Raises RunFileError."""
     with open_run(path) as file, intact(path):
@@ -95,7 +95,7 @@ def load_ensemble(path: str | os.PathLike, observables: Sequence[str] | None = N
         status = file["members/status"].asstr()[()]
 
         def wanted(name: str) -> bool:
-            return observables is None or name in observables or name.partition(".")[0] in observables
+            return observables is None or name in observables
 
         histories, numbers = (
             {name: data[()] for name, data in file.get(group, {}).items() if wanted(name)}

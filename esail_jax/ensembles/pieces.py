@@ -50,12 +50,13 @@ class Piece(NamedTuple):
 
 
 class PieceFile:
-    """A new file of pieces, to which this process alone appends. identity: what the ensemble is, which a
-    reader gets back from `identity_of`. Raises FileNotFoundError if its folder is gone, NoSpaceError if the
-    disk is full."""
+    """A new file of pieces, to which this process alone appends.
+
+    identity: what the ensemble is, which a reader gets back from `identity_of`; empty: whether it has no
+    piece. Raises FileNotFoundError if its folder is gone, NoSpaceError if the disk is full."""
 
     def __init__(self, path: Path, identity: dict[str, Any]):
-        self.path, self._synced = path, time.monotonic()
+        self.path, self.empty, self._synced = path, True, time.monotonic()
         self._file = open(path, "xb", buffering=0)
         self._append(encode(identity, {}))
 
@@ -70,6 +71,7 @@ class PieceFile:
         head = {"messages": piece.messages, "seconds": piece.seconds, "device": piece.device}
         fixed = {"members": piece.members, "complete": piece.complete, "steps": piece.steps}
         self._append(encode(head, fixed | piece.rows))
+        self.empty = False
 
     def _append(self, record: bytes) -> None:
         end = self._file.tell()

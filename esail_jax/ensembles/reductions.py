@@ -54,10 +54,11 @@ def names_of(reduce: Sequence[str | Reduction]) -> tuple[str, ...]:
     Raises SceneError for an unknown name, for a name that is given twice, and for a function that another
     process cannot import."""
     names = tuple(item if isinstance(item, str) else import_name(item) for item in reduce)
-    for name in names:
+    shown = [name.rpartition(":")[2] for name in names]
+    for name, short in zip(names, shown, strict=True):
         reduction_of(name)
-        if names.count(name) > 1:
-            raise SceneError("reduce", "have each name once", f"has {name!r} twice")
+        if shown.count(short) > 1:
+            raise SceneError("reduce", "have each name once", f"has {short!r} twice")
     return names
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from esail_jax.array_types import Float
 from esail_jax.ensembles.ensemble import Ensemble
 from esail_jax.ensembles.sampling import Inputs
+from esail_jax.observables import described
 
 PROBABILITIES = (0.05, 0.25, 0.5, 0.75, 0.95)
 """Probabilities of the quantiles in `Spread`."""
@@ -59,12 +60,12 @@ class Outcome:
         return np.where(ensemble.complete, values, np.nan)
 
 
-def largest(rows: Float[np.ndarray, "member time *some"]) -> Float[np.ndarray, " member"]:
+def largest(rows: Float[np.ndarray, "member *some"]) -> Float[np.ndarray, " member"]:
     """Largest magnitude over time and components."""
     return np.abs(rows).reshape(len(rows), -1).max(1)
 
 
-def smallest(rows: Float[np.ndarray, "member time *some"]) -> Float[np.ndarray, " member"]:
+def smallest(rows: Float[np.ndarray, "member *some"]) -> Float[np.ndarray, " member"]:
     """Smallest value over time and components."""
     return rows.reshape(len(rows), -1).min(1)
 
@@ -101,10 +102,23 @@ OUTCOMES = (
 
 
 def outcomes_of(ensemble: Ensemble) -> list[Outcome]:
-    """The outcomes whose observable the ensemble has, with a finite value for at least one member."""
-    return [
-        x for x in OUTCOMES if x.observable in ensemble.observables and np.isfinite(x.of(ensemble)).any()
-    ]
+    """The outcomes whose observable the ensemble has, and those of the numbers that stand for histories,
+    with a finite value for at least one member."""
+    reduced = [outcome_of_reduced(ensemble, name) for name in ensemble.reduced]
+    known = [x for x in OUTCOMES if x.observable in ensemble.observables]
+    return [x for x in (*known, *reduced) if np.isfinite(x.of(ensemble)).any()]
+
+
+def outcome_of_reduced(ensemble: Ensemble, name: str) -> Outcome:
+    """The outcome of a reduced observable: its component of largest magnitude, if it has several, or of
+    smallest value after `min`."""
+    observable, _, reduction = name.partition(".")
+    unit = described(observable, ensemble.scene.chain is not None).unit
+    if ensemble.reduced[name].ndim == 1:
+        return Outcome(name, unit, name, lambda rows: rows)
+    which = "smallest" if reduction == "min" else "largest"
+    of_rows = smallest if reduction == "min" else largest
+    return Outcome(f"{name}, {which}", unit, name, of_rows)
 
 
 class Sensitivities(NamedTuple):
@@ -112,11 +126,11 @@ class Sensitivities(NamedTuple):
 
     share: part of the outcome's variance that belongs to an input, the sum over its columns of the
     standardised regression coefficient times the correlation with the outcome (for independent inputs the
-    squared coefficient). The shares sum to `explained`; an input without influence may by chance have one
-    slightly below zero; correlation: Pearson's coefficient with the input, or with its
-    sum over the tethers if it has one value per tether; explained: part of the variance that the linear
-    model explains (R^2). Shares are NaN if there are fewer than MEMBERS_PER_COLUMN members per varied
-    number: the linear model would then explain chance."""
+    squared coefficient). The shares sum to `explained`, but that of an input without influence, which may
+    come out slightly below zero by chance, is set to zero; correlation: Pearson's coefficient with the
+    input, or with its sum over the tethers if it has one value per tether; explained: part of the variance
+    that the linear model explains (R^2). Shares are NaN if there are fewer than MEMBERS_PER_COLUMN members
+    per varied number: the linear model would then explain chance."""
 
     share: dict[str, float]
     correlation: dict[str, float]
@@ -139,7 +153,7 @@ def sensitivities(inputs: Inputs, outcome: Float[np.ndarray, " member"]) -> Sens
     slopes, *_ = np.linalg.lstsq(matrix, y, rcond=None)
     ends = np.cumsum([x.shape[1] for x in columns.values()])[:-1]
     products = np.split(slopes * (matrix.T @ y) / (y @ y), ends)
-    share = {key: float(part.sum()) for key, part in zip(columns, products, strict=True)}
+    share = {key: max(0.0, float(part.sum())) for key, part in zip(columns, products, strict=True)}
     residual = y - matrix @ slopes
     return Sensitivities(share, correlation, float(1.0 - residual.var() / y.var()))
 

@@ -210,5 +210,7 @@ def dataset(run: Any, suffix: str, selection: Selection) -> Any:
         path = file_of(run)
         run = load_ensemble(path, names) if holds_ensemble(path) else load(path)
     data = run.to_xarray()
-    others = [name for name, x in data.data_vars.items() if "time" not in x.dims]
-    return data[[*others, *names]].isel(time=rows)
+    others = [name for name, x in data.data_vars.items() if "time" not in x.dims and "." not in name]
+    inputs = list(getattr(run, "inputs", ()))
+    found = data[list(dict.fromkeys([*others, *inputs, *names]))]
+    return found if getattr(run, "reduced", None) else found.isel(time=rows)

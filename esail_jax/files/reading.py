@@ -49,8 +49,9 @@ class Results(NamedTuple):
     """What a run or an ensemble has saved.
 
     path: its file, or a name for one in memory; time: [s], (time); observables: by name, arrays or datasets
-    of an open file, (time, ...) of a run and (member, time, ...) of an ensemble, NaN after a failure;
-    members: None for a run."""
+    of an open file, (time, ...) of a run and (member, time, ...) of an ensemble, NaN after a failure; of an
+    ensemble without histories the numbers that stand for them, at the last instant; members: None for a
+    run."""
 
     path: Path
     scene: Scene
@@ -103,13 +104,21 @@ def in_file(file: h5py.File, path: Path) -> Results:
     if "members" in file:
         inputs = {key: data[()] for key, data in file.get("inputs", {}).items()}
         members, first = Members(inputs, file["members/status"].asstr()[()] != MISSING), 2
+    group, time = file["observables"], file["time"][()]
+    observables = dict(group.items())
+    if "reduced" in file:
+        group, first = file["reduced"], 1
+        observables, time = at_the_end({name: data[()] for name, data in group.items()}), time[-1:]
     about = {
         name: About(data.attrs["unit"], data.attrs["symbol"], tuple(data.attrs["axes"])[first:])
-        for name, data in file["observables"].items()
+        for name, data in group.items()
     }
-    return Results(
-        path, scene_in(file, path), file["time"][()], dict(file["observables"].items()), about, members
-    )
+    return Results(path, scene_in(file, path), time, observables, about, members)
+
+
+def at_the_end(reduced: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Numbers that stand for histories, as rows of one instant: the end of the history."""
+    return {name: np.asarray(values)[:, None] for name, values in reduced.items()}
 
 
 def in_memory(run: Any) -> Results:
@@ -125,14 +134,16 @@ def in_memory(run: Any) -> Results:
     if run.scene is None:
         raise ArgumentError("run", "come from a run on concrete numbers", "was traced")
     of_chain = run.scene.chain is not None
-    entries = {name: described(name, of_chain) for name in run.keys()}
+    entries = {name: described(name.partition(".")[0], of_chain) for name in run.keys()}
     about = {name: About(entry.unit, entry.symbol, tuple(entry.axes)) for name, entry in entries.items()}
     observables = {name: np.asarray(run[name]) for name in entries}
-    members = None
+    members, time = None, np.asarray(run.time)
     if isinstance(run, Ensemble):
+        if run.reduced:
+            observables, time = at_the_end(run.reduced), time[-1:]
         inputs = {key: np.asarray(values) for key, values in run.inputs.items()}
         members = Members(inputs, np.isfinite(run.steps))
-    return Results(IN_MEMORY, run.scene, np.asarray(run.time), observables, about, members)
+    return Results(IN_MEMORY, run.scene, time, observables, about, members)
 
 
 def scene_in(file: h5py.File, path: Path) -> Scene:

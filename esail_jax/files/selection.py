@@ -15,7 +15,7 @@ from esail_jax.files.reading import Results
 SNAP = 1e-9
 """Part of a time by which an instant may miss it: instants are rounded in binary."""
 
-NAMED = re.compile(r"(\w+)(?:\[(\d+(?:,\d+)*)\])?")
+NAMED = re.compile(r"(\w+(?:\.\w+)?)(?:\[(\d+(?:,\d+)*)\])?")
 
 
 class Column(NamedTuple):

@@ -122,6 +122,9 @@ def draw_quantiles(ensemble: Ensemble, name: str, ax: Axes | None = None, calend
 
     Raises ValueError for an unknown name, if no member has reached its end, and for dates of a scene
     without an epoch."""
+    if ensemble.reduced:
+        kept = ", ".join(ensemble.reduced)
+        raise ValueError(f"`ensemble` must have histories to be drawn, but has only {kept}")
     entry = entry_of(ensemble, name)
     epoch = epoch_of([ensemble.scene]) if calendar else None
     if not ensemble.complete.any():
