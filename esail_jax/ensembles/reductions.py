@@ -15,7 +15,7 @@ from esail_jax.scenes.rules import SceneError
 
 Time = Float[np.ndarray, " time"]
 Rows = Float[np.ndarray, "time *some"]
-Row = Float[np.ndarray, "*some"]
+Row = Float[np.ndarray, "*some"] | np.float64  # a number of NumPy for an observable without axes
 
 Reduction = Callable[[Time, Rows], Row]
 """A function (time [s], rows of one member) -> numbers, with the shape of one row."""
