@@ -9,6 +9,7 @@ import pytest
 
 import esail_jax as esail
 from esail_jax.ensembles import Grid, LogNormal, Normal, Uniform, VariationError, draw, parse_variation
+from esail_jax.ensembles.sampling import draws_of
 from esail_jax.scenes.declarations import rule_of
 from esail_jax.scenes.parts import tables_of
 from esail_jax.scenes.rules import Kind, SceneError, Shape
@@ -31,6 +32,22 @@ def drawn(scene, *texts, members=64, seed=5, sampling="random"):
 
 
 SPIN, LENGTHS = "initial.spin_rate=uniform:3e-3:5e-3", "tethers.length[*]=normal:10e3:20"
+
+
+@pytest.mark.parametrize("sampling", ["random", "sobol", "latin"])
+def test_numbers_that_are_drawn_when_they_are_needed(scene, without_rules, monkeypatch, sampling):
+    """Any members of an ensemble, in any order and from several blocks, have the numbers of the whole one,
+    bit for bit: with several keys, one or a number per tether, and with grids."""
+    texts = (SPIN, LENGTHS, "voltage.value[*]=grid:1e4:2e4:2", "hub.density=grid:800:900:3")
+    whole = drawn(scene, *texts, members=53, sampling=sampling)
+    monkeypatch.setattr("esail_jax.ensembles.sampling.BLOCK", 8)
+    draws = draws_of(scene, [parse_variation(text) for text in texts], 53, 5, sampling)
+    assert draws.columns == 1 + 3 + 3 + 1
+    for members in ([0], [52], [7, 8, 9], [40, 3, 3, 17], list(range(53))):
+        part = draws.of(np.array(members))
+        assert list(part) == list(whole)
+        for key, values in part.items():
+            assert np.array_equal(values, whole[key][members]), (key, members)
 
 
 @pytest.mark.parametrize("sampling", ["random", "sobol"])
