@@ -2,9 +2,10 @@
 
 Members are copied a piece at a time, so that the memory does not depend on their number."""
 
+import itertools
 import math
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import h5py
@@ -27,7 +28,7 @@ from esail_jax.simulation.schedule import save_times
 TEXT = h5py.string_dtype()
 
 ROWS_BYTES = 2**26
-"""Bytes of one observable that are copied at once from an earlier ensemble.h5."""
+"""Bytes of numbers that are copied at once, if there is more than one member."""
 
 
 def merge_pieces(folder: Path, task: Task) -> tuple[str, str]:
@@ -41,19 +42,11 @@ def merge_pieces(folder: Path, task: Task) -> tuple[str, str]:
         create(file, task)
         if whole.exists():
             with h5py.File(whole) as earlier:
-                for piece in held_by(earlier):
-                    copy_piece(file, piece)
+                copy_pieces(file, held_by(earlier))
                 for name in ("compile_time", "wall_time"):
                     file.attrs[name] += earlier.attrs[name]
                 file.attrs["device"] = earlier.attrs["device"]
-        compiling = running = 0.0
-        for path in files_in(parts_of(folder)):
-            for piece in pieces_of(path):
-                copy_piece(file, piece)
-                compiling, running = compiling + piece.seconds[0], running + piece.seconds[1]
-                file.attrs["device"] = piece.device
-        file.attrs["compile_time"] += compiling
-        file.attrs["wall_time"] += running
+        copy_pieces(file, (piece for path in files_in(parts_of(folder)) for piece in pieces_of(path)))
         status, message = summary(file)
         file.attrs.update({"status": status, "message": message})
     shutil.rmtree(parts_of(folder), ignore_errors=True)
@@ -136,23 +129,48 @@ def held_by(earlier: h5py.File) -> Iterator[Piece]:
             )
 
 
-def copy_piece(file: h5py.File, piece: Piece) -> None:
-    """Copies the members of a piece to a new ensemble.h5."""
-    first, last = int(piece.members[0]), int(piece.members[-1])
-    together = last - first + 1 == len(piece.members)
-    places = [(slice(first, last + 1), slice(None))]
-    if not together:
-        places = [(slice(m, m + 1), slice(k, k + 1)) for k, m in enumerate(piece.members)]
-    status = np.where(piece.complete, COMPLETE, FAILED).astype(object)
-    messages, group = np.array(piece.messages, object), "reduced" if "reduced" in file else "observables"
-    for place, rows in places:
-        file["members/status"][place] = status[rows]
-        file["numerics/steps"][place] = piece.steps[rows]
-        if any(messages[rows]):
-            file["members/message"][place] = messages[rows]
-        for name, values in piece.rows.items():
-            file[group][name][place] = values[rows]
-    file.attrs["steps"] += int(np.nansum(piece.steps))
+def copy_pieces(file: h5py.File, pieces: Iterable[Piece]) -> None:
+    """Copies the members of pieces to a new ensemble.h5: many at once, since small pieces would take longer
+    to copy one by one than to compute."""
+    together: list[Piece] = []
+    size = members = 0
+    for piece in pieces:
+        size += sum(values.nbytes for values in piece.rows.values())
+        members += len(piece.members)
+        together.append(piece)
+        if size > ROWS_BYTES or members > BLOCK:
+            copy_members(file, together)
+            together, size, members = [], 0, 0
+    if together:
+        copy_members(file, together)
+
+
+def copy_members(file: h5py.File, pieces: Sequence[Piece]) -> None:
+    """Copies the members of some pieces. Neighbours are written together."""
+    members = np.concatenate([piece.members for piece in pieces])
+    order = np.argsort(members, kind="stable")
+
+    def column(parts: Iterable[np.ndarray]) -> np.ndarray:
+        return np.concatenate(list(parts))[order]
+
+    complete = column(piece.complete for piece in pieces)
+    columns = {
+        "members/status": np.where(complete, COMPLETE, FAILED).astype(object),
+        "members/message": column(np.array(piece.messages, object) for piece in pieces),
+        "numerics/steps": column(piece.steps for piece in pieces),
+    }
+    group = "reduced" if "reduced" in file else "observables"
+    for name in pieces[0].rows:
+        columns[f"{group}/{name}"] = column(piece.rows[name] for piece in pieces)
+    members = members[order]
+    ends = [0, *(np.flatnonzero(np.diff(members) != 1) + 1), len(members)]
+    for first, last in itertools.pairwise(ends):
+        for name, values in columns.items():
+            file[name][members[first] : members[last - 1] + 1] = values[first:last]
+    file.attrs["steps"] += int(np.nansum(columns["numerics/steps"]))
+    file.attrs["compile_time"] += sum(piece.seconds[0] for piece in pieces)
+    file.attrs["wall_time"] += sum(piece.seconds[1] for piece in pieces)
+    file.attrs["device"] = pieces[-1].device
 
 
 def summary(file: h5py.File) -> tuple[str, str]:

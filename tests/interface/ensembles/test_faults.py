@@ -27,7 +27,7 @@ from support.small_ensemble import SMALL, VARY, arguments, same
 KILLS = 30
 """How often a process is killed."""
 
-LONG = {**SMALL, "integrator.t_end": 20000.0, "output.interval": 2000.0}
+LONG = {**SMALL, "integrator.t_end": 8000.0, "output.interval": 800.0}
 """Members of some tenths of a second."""
 
 MANY = 200
