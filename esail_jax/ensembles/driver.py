@@ -108,7 +108,7 @@ class Driver:
         one = task.draws.of(self._missing[:1])
         shapes = tuple((key, values.shape[1:]) for key, values in one.items())
         self._program = Program(json.dumps(about(task)), shapes, task.max_steps)
-        self._batch = 1
+        self._batch, self._preparing = 1, 0.0
         self._waiting: Iterator[Attempt] = iter(())
         self._again: deque[Attempt] = deque()
         self._running: dict[Future, Attempt] = {}
@@ -123,6 +123,7 @@ class Driver:
             prepared = self._prepare()
             if prepared is not None:
                 self._batch, count = prepared.batch, len(self._missing)
+                self._preparing = prepared.seconds
                 size = prepared.batch
                 if not prepared.lockstep:
                     size = int(np.clip(count // LEAST_PIECES, 1, prepared.batch))
@@ -222,7 +223,9 @@ class Driver:
             self._retry(attempt, error)
             return
         if isinstance(piece, Piece):
-            self._file.add(piece)
+            preparing, running = piece.seconds
+            self._file.add(piece._replace(seconds=(preparing + self._preparing, running)))
+            self._preparing = 0.0
         self._done += len(attempt.members)
 
     def _retry(self, attempt: Attempt, error: BaseException) -> None:

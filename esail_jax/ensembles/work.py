@@ -67,10 +67,11 @@ class Written(NamedTuple):
 
 class Prepared(NamedTuple):
     """What a process says that has prepared the program. batch: most members that it computes in one call;
-    lockstep: whether they run side by side in one program."""
+    lockstep: whether they run side by side in one program; seconds: that it took."""
 
     batch: int
     lockstep: bool
+    seconds: float
 
 
 @functools.lru_cache(maxsize=2)
@@ -95,8 +96,9 @@ def runner_of(program: Program, batch: int | None) -> MemberRunner:
 def prepare(program: Program) -> Prepared:
     """Compiles the program, which is kept for the other processes, and tells how many members it computes
     in one call."""
+    began = time.perf_counter()
     runner = runner_of(program, None)
-    return Prepared(runner.batch, runner.lockstep)
+    return Prepared(runner.batch, runner.lockstep, time.perf_counter() - began)
 
 
 def compute(work: Work) -> Piece | Written:

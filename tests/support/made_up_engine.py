@@ -42,7 +42,7 @@ class MadeUp(Executor):
 
     def submit(self, function, /, argument):
         if function is prepare:
-            return self._threads.submit(self.prepared or (lambda: Prepared(self.batch, False)))
+            return self._threads.submit(self.prepared or (lambda: Prepared(self.batch, False, 0.25)))
         self.asked.append(argument.members.tolist())
         return self._threads.submit(self.do, argument.members)
 
@@ -56,7 +56,7 @@ class Never(Executor):
     def submit(self, function, /, argument):
         future = Future()
         if function is prepare:
-            future.set_result(Prepared(1, False))
+            future.set_result(Prepared(1, False, 0.25))
             return future
         self.futures.append(future)
         if len(self.futures) <= self._running:

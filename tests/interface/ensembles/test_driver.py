@@ -5,6 +5,7 @@ import time
 from collections import Counter
 from concurrent.futures import Future
 
+import h5py
 import numpy as np
 import pytest
 
@@ -42,6 +43,8 @@ def test_every_member_once(task, tmp_path):
     assert ended == (False, {}) and told[-1] == 12
     assert found_in(tmp_path, task).tolist() == list(range(12))
     assert merge_pieces(tmp_path, task) == ("complete", "")
+    with h5py.File(tmp_path / "ensemble.h5") as file:  # twelve pieces of 0.5 s and 1 s, and the program
+        assert (file.attrs["compile_time"], file.attrs["wall_time"]) == (12 * 0.5 + 0.25, 12.0)
 
 
 def test_only_what_is_missing(task, tmp_path):
@@ -59,7 +62,7 @@ def test_pieces_are_as_large_as_the_program_and_the_number_of_members_allow(task
     program are always a full batch."""
     for least, lockstep, sizes in ((256, False, [1] * 12), (3, False, [4, 4, 4]), (256, True, [5, 5, 2])):
         monkeypatch.setattr(driver, "LEAST_PIECES", least)
-        engine = MadeUp(prepared=lambda lockstep=lockstep: driver.Prepared(5, lockstep))
+        engine = MadeUp(prepared=lambda lockstep=lockstep: driver.Prepared(5, lockstep, 0.25))
         drive(task, tmp_path / f"{least} {lockstep}", EVERYONE, engine)
         assert [len(members) for members in engine.asked] == sizes
 
@@ -72,7 +75,7 @@ def test_the_first_task_is_alone(task, tmp_path):
         time.sleep(0.3)
         order.append("prepared")
         free.set()
-        return driver.Prepared(1, False)
+        return driver.Prepared(1, False, 0.25)
 
     def do(members):
         assert free.is_set()
@@ -177,7 +180,7 @@ def test_preparing_fails_once(task, tmp_path):
         tries.append(1)
         if len(tries) == 1:
             raise died()
-        return driver.Prepared(1, False)
+        return driver.Prepared(1, False, 0.25)
 
     assert drive(task, tmp_path, EVERYONE, MadeUp(prepared=prepared)) == (False, {})
     assert np.isfinite(found_in(tmp_path, task)).all()
