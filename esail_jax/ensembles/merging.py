@@ -11,7 +11,6 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from esail_jax.array_types import Int
 from esail_jax.atomic_file import PART
 from esail_jax.ensembles.ensemble_file import COMPLETE, FAILED, MISSING, parts_of, status_of_pieces
 from esail_jax.ensembles.member_program import observable_shapes, system_of
@@ -175,16 +174,24 @@ def copy_members(file: h5py.File, pieces: Sequence[Piece]) -> None:
 
 def summary(file: h5py.File) -> tuple[str, str]:
     """Status and message of an ensemble, from the status of its members."""
-    status = file["members/status"].asstr()[()]
-    failed, missing = (np.flatnonzero(status == name) for name in (FAILED, MISSING))
-    texts = file["members/message"].asstr()[()]
-    warned = np.flatnonzero((status == COMPLETE) & (texts != ""))
+    total = len(file["members/status"])
+    counts = dict.fromkeys(("are missing", "failed", "have a warning"), 0)
+    first: dict[str, list[int]] = {what: [] for what in counts}
+    for begin in range(0, total, BLOCK):
+        status, texts = (
+            file[f"members/{name}"].asstr()[begin : begin + BLOCK] for name in ("status", "message")
+        )
+        where = (status == MISSING, status == FAILED, (status == COMPLETE) & (texts != ""))
+        for what, mask in zip(counts, where, strict=True):
+            counts[what] += int(mask.sum())
+            if len(first[what]) <= NAMED:
+                first[what] += (begin + np.flatnonzero(mask)).tolist()
     parts = [
-        f"{len(members)} of {len(status)} members {what} ({some(members)})"
-        for members, what in ((missing, "are missing"), (failed, "failed"), (warned, "have a warning"))
-        if len(members)
+        f"{count} of {total} members {what} ({some(first[what])})"
+        for what, count in counts.items()
+        if count
     ]
-    return "interrupted" if len(missing) else "complete", "; ".join(parts)
+    return "interrupted" if counts["are missing"] else "complete", "; ".join(parts)
 
 
 def outcome_counts(folder: Path) -> tuple[int, int, int]:
@@ -202,7 +209,11 @@ def outcome_counts(folder: Path) -> tuple[int, int, int]:
     return done, failed, warned
 
 
-def some(members: Int[np.ndarray, " member"]) -> str:
-    """The first five numbers of a list, as text."""
-    first = ", ".join(str(member) for member in members[:5])
-    return first + (", ..." if len(members) > 5 else "")
+NAMED = 5
+"""Number of members that are named in a message."""
+
+
+def some(members: Sequence[int]) -> str:
+    """The first numbers of a list, as text."""
+    first = ", ".join(str(member) for member in members[:NAMED])
+    return first + (", ..." if len(members) > NAMED else "")

@@ -122,7 +122,7 @@ def run_task(
 
 def of(members: Sequence[int]) -> str:
     """The members that something is about, in brackets."""
-    return f" ({some(np.array(sorted(members)))})" if members else ""
+    return f" ({some(sorted(members))})" if members else ""
 
 
 def check_folder(folder: Path) -> None:
