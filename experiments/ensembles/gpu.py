@@ -26,7 +26,7 @@ import jax
 import numpy as np
 
 import esail_jax as esail
-from esail_jax.ensembles import MemberRunner, draw, parse_variation
+from esail_jax.ensembles import MemberRunner, draw, parse_variation, select_members
 from esail_jax.ensembles.sampling import Inputs
 
 VARY = (
@@ -90,10 +90,11 @@ def measure(scene: esail.Scene, inputs: Inputs, arguments: argparse.Namespace) -
     began = time.perf_counter()
     runner.compile()
     compiled = time.perf_counter() - began
-    found = runner(members)
+    inputs = select_members(inputs, members)
+    found = runner(members, inputs)
     if not found.complete.all():
         raise RuntimeError(f"members {found.failed} have failed")
-    run = median_time(lambda: runner(members))
+    run = median_time(lambda: runner(members, inputs))
     row = {
         "device": jax.devices()[0].device_kind, "method": arguments.method, "seconds": arguments.seconds,
         "members": count, "compile_s": compiled, "run_s": run, "sails_per_s": count / run,
@@ -102,7 +103,7 @@ def measure(scene: esail.Scene, inputs: Inputs, arguments: argparse.Namespace) -
     if arguments.compare_rows:
         print("differences", largest_differences(np.load(arguments.compare_rows), found.observables))
     if arguments.kernels:
-        kernels = kernel_times(lambda: runner(members))
+        kernels = kernel_times(lambda: runner(members, inputs))
         row["busy"] = sum(seconds for _, seconds in kernels.values()) / run
         row["kernels_per_run"] = sum(number for number, _ in kernels.values())
         arguments.kernels.write_text(json.dumps(kernels, indent=0))
@@ -122,7 +123,8 @@ def main() -> None:
     scene = esail.load_scene("baseline", METHODS[arguments.method] | t_end)
     inputs = draw(scene, [parse_variation(text) for text in VARY], arguments.members, 1)
     if arguments.write_rows:
-        found = MemberRunner(scene, inputs, NAMES, lockstep=False)(np.arange(COMPARED))
+        some = np.arange(COMPARED)
+        found = MemberRunner(scene, inputs, NAMES, lockstep=False)(some, select_members(inputs, some))
         np.savez(arguments.write_rows, **found.observables)
         return
     row = measure(scene, inputs, arguments)

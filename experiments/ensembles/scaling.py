@@ -70,14 +70,15 @@ def single_run_rate(processes: int) -> float:
 
 def in_process_rate() -> float:
     """Members per second of an ensemble in this process, on all its cores."""
-    from esail_jax.ensembles import MemberRunner
+    from esail_jax.ensembles import MemberRunner, select_members
 
     scene, inputs = drawn(MEMBERS)
     run = MemberRunner(scene, inputs, OBSERVABLES)
-    run(np.arange(1))
+    run(np.arange(1), select_members(inputs, np.arange(1)))
     began = time.perf_counter()
     for first in range(0, MEMBERS, run.batch):
-        run(np.arange(MEMBERS)[first : first + run.batch])
+        members = np.arange(MEMBERS)[first : first + run.batch]
+        run(members, select_members(inputs, members))
     return MEMBERS / (time.perf_counter() - began)
 
 

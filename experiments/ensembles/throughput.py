@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import esail_jax as esail
-from esail_jax.ensembles import MemberRunner, draw, parse_variation, select_members
+from esail_jax.ensembles import Ensemble, Inputs, MemberRunner, draw, parse_variation, select_members
 
 HERE = Path(__file__).parent
 VARY = (
@@ -45,18 +45,23 @@ def timed(call) -> float:
     return statistics.median(times)
 
 
+def on(runner: MemberRunner, inputs: Inputs, members: np.ndarray) -> Ensemble:
+    """The results of some of the members."""
+    return runner(members, select_members(inputs, members))
+
+
 def one_by_one(name: str, scene: esail.Scene) -> list[tuple]:
     """Times single runs, and members of an ensemble one after the other."""
     inputs = draw(scene, [parse_variation(text) for text in VARY], MEMBERS, 1)
     three = MemberRunner(scene, inputs, THREE, one_core=True)
     everything, members = MemberRunner(scene, inputs, one_core=True), np.arange(MEMBERS)
-    steps = three(members).steps.sum()
-    everything(members[:1])
+    steps = on(three, inputs, members).steps.sum()
+    on(everything, inputs, members[:1])
     esail.simulate(scene, select_members(inputs, 0))
     ways = {
         "single runs": lambda: [esail.simulate(scene, select_members(inputs, m)) for m in members],
-        "ensemble, all observables": lambda: everything(members),
-        "ensemble, three observables": lambda: three(members),
+        "ensemble, all observables": lambda: on(everything, inputs, members),
+        "ensemble, three observables": lambda: on(three, inputs, members),
     }
     times = {way: timed(call) for way, call in ways.items()}
     rows = [
@@ -76,12 +81,15 @@ def main() -> None:
     inputs = draw(scene, [parse_variation(text) for text in VARY], max(LOCKSTEP), 1)
     names = ("coning_angle",)
     single = MemberRunner(scene, inputs, names, one_core=True)
-    single(np.arange(1))
+    on(single, inputs, np.arange(1))
     for count in LOCKSTEP:
         members = np.arange(count)
         side = MemberRunner(scene, inputs, names, batch=count, lockstep=True)
-        steps = side(members).steps.sum()
-        alone, together = timed(lambda m=members: single(m)), timed(lambda s=side, m=members: s(m))
+        steps = on(side, inputs, members).steps.sum()
+        alone, together = (
+            timed(lambda m=members: on(single, inputs, m)),
+            timed(lambda s=side, m=members: on(s, inputs, m)),
+        )
         used = side.lower(count).compile().memory_analysis()
         memory = (used.temp_size_in_bytes + used.output_size_in_bytes) / count / 2**20
         name = f"baseline, {SHORT['integrator.t_end']:g} s"
