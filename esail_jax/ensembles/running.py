@@ -96,10 +96,11 @@ def run_task(
 ) -> Outcome | None:
     """Computes a task into a folder. None if ensemble.h5 already has all members.
 
-    show: is told how many members are computed, of how many that were missing. Raises SceneError and
-    RunFileError before anything is written, NoSpaceError if the disk is full."""
+    stop: whether to end as soon as what is computed can be kept; show: is told how many members are
+    computed, of how many that were missing. Raises SceneError and RunFileError before anything is written,
+    KeyboardInterrupt if `stop()` before that, NoSpaceError if the disk is full."""
     check_folder(folder)
-    check_draws(task)
+    check_draws(task, stop)
     lock = FolderLock(folder)
     try:
         if (folder / WHOLE).exists() or parts_of(folder).exists():
@@ -131,8 +132,11 @@ def check_folder(folder: Path) -> None:
         raise ArgumentError("-o", "be a directory", f"{folder} is a file")
 
 
-def check_draws(task: Task) -> None:
-    """Raises SceneError for the first member whose values are refused by the scene."""
+def check_draws(task: Task, stop: Callable[[], bool]) -> None:
+    """Raises SceneError for the first member whose values are refused by the scene, and KeyboardInterrupt
+    if `stop()`."""
     for first in range(0, task.count, BLOCK):
+        if stop():
+            raise KeyboardInterrupt
         members = np.arange(first, min(first + BLOCK, task.count))
         check(task.scene, task.draws.of(members), first)
