@@ -130,9 +130,12 @@ def test_workers_of_dask_are_killed(quiet, tmp_path):
 
         def kill_some():
             while count[0] < KILLS and not done.wait(chance.uniform(0.5, 4.0)):
-                workers = [w.process.process.pid for w in cluster.workers.values() if w.process.process]
-                with contextlib.suppress(ProcessLookupError, TypeError):
-                    os.kill(chance.choice(workers), signal.SIGKILL)
+                # A nanny whose worker dies before it has reached the scheduler gives up.
+                known = [
+                    w for w in cluster.workers.values() if w.worker_address in cluster.scheduler.workers
+                ]
+                if known:
+                    os.kill(chance.choice(known).process.process.pid, signal.SIGKILL)
                     count[0] += 1
 
         killer = threading.Thread(target=kill_some)
