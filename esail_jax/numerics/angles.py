@@ -82,11 +82,22 @@ def rotation_of(angles: Vector) -> Rotation:
     )  # fmt: skip
 
 
+SMALL_SQUARE = 1e-4
+"""Square of an angle [rad^2] below which the formula of Rodrigues takes its series: the first term that is
+left out is 2e-16 of the first."""
+
+
 def rotation_by(vector: Vector) -> Rotation:
-    """The active rotation about a vector by the angle |vector| [rad] (formula of Rodrigues)."""
-    angle = jnp.sqrt(jnp.maximum((vector**2).sum(), 1e-300))
+    """The active rotation about a vector by the angle |vector| [rad] (formula of Rodrigues).
+
+    Its derivatives of every order exist at zero, too: there it is a series in the square of the angle."""
+    square = (vector**2).sum()
+    small = square < SMALL_SQUARE
+    angle = jnp.sqrt(jnp.where(small, 1.0, square))
     x, y, z = vector
     zero = jnp.zeros_like(x)
     cross = jnp.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]])
-    once, twice = jnp.sinc(angle / jnp.pi), 0.5 * jnp.sinc(0.5 * angle / jnp.pi) ** 2
+    once = jnp.where(small, 1.0 - square / 6.0 + square**2 / 120.0, jnp.sinc(angle / jnp.pi))
+    half = 0.5 * jnp.sinc(0.5 * angle / jnp.pi) ** 2
+    twice = jnp.where(small, 0.5 - square / 24.0 + square**2 / 720.0, half)
     return jnp.eye(3) + once * cross + twice * matmul(cross, cross)

@@ -20,7 +20,7 @@ STEPS = {
     "solar_wind.thrust_factor": 0.05, "solar_wind.number_density": 1.5e5,
     "tethers.length": 0.1, "hub.inertia": 0.05, "hub.centre": 0.01,
     "hub.torque": 1e-3, "bias.spin_rate": 1e-3, "misalignment.angular_velocity_B": 0.01,
-    "initial.spin_rate": 1e-4,
+    "initial.spin_rate": 1e-4, "hub.roots": 3e-3,
 }  # fmt: skip
 """Steps of the difference quotients: small beside the size over which a run is no straight line in the
 number, and large beside the tolerance of the run over the size of its derivative."""
@@ -47,15 +47,15 @@ def in_cells(data):
 def run_of(numbers):
     """What a run of the scene shows, with numbers at the places of the parameters, by hand."""
     given = dict(numbers)
-    inertia, centre = SAIL["hub.inertia"].copy(), SAIL["hub.centre"].copy()
+    inertia, centre, roots = (SAIL[f"hub.{name}"].copy() for name in ("inertia", "centre", "roots"))
     inertia[0, 1] = inertia[1, 0] = given["hub.inertia[1,2]"]
-    centre[0] = given["hub.centre[1]"]
+    centre[0], roots[1, 1] = given["hub.centre[1]"], given["hub.roots[2,2]"]
     return telemetry({
         "solar_wind.thrust_factor": given["solar_wind.thrust_factor"],
         "solar_wind.number_density": given["solar_wind.number_density"], "hub.inertia": inertia,
         "tethers.length": [given[f"tethers.length[{k}]"] for k in (1, 2, 3)], "hub.centre": centre,
         "hub.torque": [given[f"hub.torque[{k}]"] for k in (1, 2, 3)],
-        "initial.spin_rate": given["initial.spin_rate"],
+        "initial.spin_rate": given["initial.spin_rate"], "hub.roots": roots,
     })  # fmt: skip
 
 
@@ -96,6 +96,7 @@ CHECKED = (
     "solar_wind.thrust_factor", "solar_wind.number_density", "tethers.length[2]", "hub.inertia[1,2]",
     "hub.centre[1]", "hub.torque[1]", "hub.torque[3]", "bias.spin_rate[2]",
     "misalignment.angular_velocity_B[1]", "misalignment.angular_velocity_B[3]", "initial.spin_rate",
+    "hub.roots[2,2]",
 )  # fmt: skip
 
 

@@ -1,5 +1,6 @@
 """Parameters of a fit: their names, places, bounds, refusals, and where their numbers go in the scene."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -172,3 +173,28 @@ def test_an_instrument_turns_what_is_true_and_adds_its_bias():
     np.testing.assert_allclose(shown, expected, rtol=0, atol=1e-14)
     # What has no instrument among the parameters stays as it is.
     np.testing.assert_array_equal(shown_by(free, values, "spin_rate", true[:, :2]), true[:, :2])
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.00999, 0.01001, 0.5])
+def test_the_second_derivative_by_a_misalignment_exists_at_zero(angle):
+    """Where every instrument starts, and on both sides of the angle at which the formula changes: second
+    differences, of order four, of the rotation of SciPy. With a step of 0.05 rad their truncation is
+    h^4/30 times the size of the vector, 2e-7, along either axis; rounding is 1e-13."""
+    free = found("misalignment.angular_velocity_B[*]")
+    true = np.random.default_rng(2).standard_normal((1, 3))
+    at, step = angle * np.array([2.0, -1.0, 2.0]) / 3.0, 0.05
+
+    def shown(theta):
+        return shown_by(free, theta, "angular_velocity_B", jnp.asarray(true))[0]
+
+    second = np.asarray(jax.hessian(shown)(jnp.asarray(at)))
+
+    def slope(theta, i):  # of the rotation of SciPy along axis i
+        turned = lambda n: Rotation.from_rotvec(theta + n * step * np.eye(3)[i]).apply(true[0])  # noqa: E731
+        return (8.0 * (turned(1) - turned(-1)) - turned(2) + turned(-2)) / (12.0 * step)
+
+    for i in range(3):
+        for j in range(3):
+            along = [slope(at + n * step * np.eye(3)[j], i) for n in (1, -1, 2, -2)]
+            quotient = (8.0 * (along[0] - along[1]) - along[2] + along[3]) / (12.0 * step)
+            np.testing.assert_allclose(second[:, i, j], quotient, rtol=0, atol=2e-6)

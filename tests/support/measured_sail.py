@@ -31,7 +31,7 @@ SAIL = {
 FREE = (
     "solar_wind.thrust_factor", "solar_wind.number_density", "tethers.length[*]", "hub.inertia[1,2]",
     "hub.centre[1]", "hub.torque[*]", "bias.spin_rate[*]", "misalignment.angular_velocity_B[*]",
-    "initial.spin_rate",
+    "initial.spin_rate", "hub.roots[2,2]",
 )  # fmt: skip
 """All parameters of the program."""
 
