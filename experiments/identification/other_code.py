@@ -3,6 +3,7 @@
 import numpy as np
 from common import HERE, table
 
+import esail_jax as esail
 from esail_jax.identification.fit import Problem
 
 FOLDER = HERE / "independent"
@@ -14,16 +15,16 @@ SEEDS = 20
 
 
 def main():
-    problem = Problem.of(str(FOLDER / "sail.toml"), str(FOLDER / "telemetry.csv"), FREE, NOISE)
+    scene = esail.load_scene(str(FOLDER / "sail.toml"))
+    problem = Problem.of(scene, str(FOLDER / "telemetry.csv"), FREE, NOISE)
     truth = np.array([p.start for p in problem.parameters])
     (cells,) = problem.cells
     exact = problem.solved(truth * START)
     away = problem.models[0](truth).values - cells.values
     for name in NOISE:
         print(f"largest difference of {name}: {abs(away[np.array(cells.name) == name]).max():.2e}")
-    print(
-        f"sum of the squared differences, in units of the noise: {((away / cells.deviations) ** 2).sum():.2e}"
-    )
+    squares = ((away / cells.deviations) ** 2).sum()
+    print(f"sum of the squared differences, in units of the noise: {squares:.2e}")
     fits = []
     for seed in range(SEEDS):
         noise = cells.deviations * np.random.default_rng(seed).normal(size=cells.values.shape)
@@ -41,7 +42,6 @@ def main():
     ])  # fmt: skip
     freedom = fits[0].degrees_of_freedom
     print(f"{SEEDS} fits, 2/sqrt({SEEDS}) = {2.0 / np.sqrt(SEEDS):.3f}")
-    print(
-        f"chi squared {chi.mean():.1f} +- {chi.std(ddof=1):.1f}, {chi.min():.0f} to {chi.max():.0f}; degrees of freedom {freedom}"
-    )
+    print(f"chi squared {chi.mean():.1f} +- {chi.std(ddof=1):.1f}, {chi.min():.0f} to {chi.max():.0f}")
+    print(f"degrees of freedom {freedom}, deviation expected {np.sqrt(2.0 * freedom):.1f}")
     print(f"fits with a warning: {sum(bool(fit.warnings) for fit in fits)}")
