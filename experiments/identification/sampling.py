@@ -30,8 +30,8 @@ CASES = {
 }
 """Free parameters and priors. The data know k sqrt(n) u to 0.3 %, the priors n to 30 %
 and u to 10 %."""
-CHAINS, WARM_UP, DRAWS = 4, 50, 500
-STEP = 0.9
+CHAINS, WARM_UP, DRAWS = 4, 50, 250
+STEP = 0.8
 """Of the leapfrog method, in standard deviations of the fit: adaptation has nothing to do."""
 LEVELS = special.ndtr([-1.0, 0.0, 1.0])
 """15.9, 50 and 84.1 %: mean and one deviation on either side, of a normal distribution."""
@@ -55,14 +55,14 @@ class Posterior:
     exponential function for numbers that must be positive, so that no step leaves their bounds. centre and
     scale are those of the fit, so that z has deviations of about 1."""
 
-    def __init__(self, problem, fit, models=None):
+    def __init__(self, problem, fit):
         (cells,) = problem.cells
         self.positive = jnp.array([p.low >= 0.0 for p in problem.parameters])
         slope = np.where(self.positive, fit.values, 1.0)
         self.centre = jnp.where(self.positive, jnp.log(fit.values), fit.values)
         self.scale = jnp.linalg.cholesky(fit.covariance / np.outer(slope, slope))
         room = steps_with_room(problem.scene, cells)
-        both = models or jacobian_of(problem.scene, problem.parameters, cells, room)
+        both = jacobian_of(problem.scene, problem.parameters, cells, room)
 
         def half(p):
             """Half of the squares of the residuals, and its gradient, by forward mode."""
@@ -93,8 +93,9 @@ class Posterior:
 
 
 def sampled(posterior, chains=CHAINS, warm_up=WARM_UP, draws=DRAWS):
-    """Draws (chain, draw, parameter) of chains that start at random, two deviations wide, and what the
-    sampler says of them: acceptance, divergences, evaluations."""
+    """Draws (chain, draw, parameter) of chains that start at random by the fit's normal distribution, and
+    what the sampler says of them: acceptance of every chain, divergences, evaluations. (A chain that began
+    at a density of eight deviations of its prior stayed there: the step is too long for its slopes.)"""
     import blackjax
 
     count = len(posterior.centre)
@@ -111,20 +112,20 @@ def sampled(posterior, chains=CHAINS, warm_up=WARM_UP, draws=DRAWS):
         return jax.lax.scan(step, nuts.init(start), jax.random.split(key, warm_up + draws))[1]
 
     keys = jax.random.split(jax.random.key(2026), chains)
-    starts = 2.0 * jax.random.normal(jax.random.key(11), (chains, count))
+    starts = jax.random.normal(jax.random.key(11), (chains, count))
     found = [jax.tree.map(np.asarray, chain(*one)) for one in zip(keys, starts, strict=True)]
     x, acceptance, divergent, steps = (np.stack(part) for part in zip(*found, strict=True))
     after = np.s_[:, warm_up:]
-    return x[after], acceptance[after].mean(), int(divergent[after].sum()), int(steps.sum())
+    return x[after], acceptance[after].mean(1), int(divergent[after].sum()), int(steps.sum())
 
 
-def in_closed_form():
-    """Quantiles of k, n and u if k sqrt(n) u were known exactly, at its true value: of weights on a grid of
-    n and u. A density that is flat in k has the factor dk/dC = 1 / (sqrt(n) u) there."""
+def in_closed_form(product):
+    """Quantiles of k, n and u if the product k sqrt(n) u, as k at the means of n and u, were known exactly:
+    of weights on a grid of n and u. A density that is flat in k has the factor 1 / (sqrt(n) u) there."""
     (n, sn), (u, su) = CASES["bent"][1].values()
     x, y = np.meshgrid(np.linspace(1e-3, 3.0, 3000), np.linspace(0.3, 1.7, 701), indexing="ij")
     weight = np.exp(-0.5 * (((x - 1.0) * n / sn) ** 2 + ((y - 1.0) * u / su) ** 2)) / (np.sqrt(x) * y)
-    values = (0.18 / (np.sqrt(x) * y), n * x, u * y)
+    values = (product / (np.sqrt(x) * y), n * x, u * y)
     return [quantiles(one.ravel(), weight.ravel()) for one in values]
 
 
@@ -144,7 +145,9 @@ def compared(case):
     print(fit, profiles, flush=True)
     timer = Timer()
     x, acceptance, divergent, steps = sampled(Posterior(problem, fit))
-    print(f"{case}: acceptance {acceptance:.3f}, divergences {divergent}, runs with derivatives {steps}")
+    print(
+        f"{case}: acceptance {acceptance.round(2)}, divergences {divergent}, runs with derivatives {steps}"
+    )
     print(f"{timer.read()[0]:.0f} s, {timer.read()[1]:.0f} s of the process", flush=True)
     bulk, tail, rhat = blackjax.ess_bulk(x), blackjax.ess_tail(x), blackjax.rhat(x)
     rows = []
@@ -167,11 +170,13 @@ def main():
         more, fit, x = compared(case)
         rows += more
         drawn[case] = (more, fit, x)
-    table(HERE / "sampling.csv", rows)
-    print("bent, in closed form:", *(np.array2string(q, precision=5) for q in in_closed_form()))
+        table(HERE / "sampling.csv", rows)
     (rows, fit, x) = drawn["bent"]
-    product = x[..., 0] * np.sqrt(x[..., 1] / 7.3e6) * x[..., 2] / 4e5
-    print(f"k sqrt(n) u: {product.mean():.6f} +- {100 * product.std() / product.mean():.3f} %")
+    k = x[..., 0].ravel()
+    product = k * np.sqrt(x[..., 1].ravel() / 7.3e6) * x[..., 2].ravel() / 4e5
+    print(f"k sqrt(n) u: {product.mean():.6f} +- {100.0 * product.std() / product.mean():.3f} %")
+    print("in closed form:", *(q.round(5) for q in in_closed_form(product.mean())))
+    print("k, flat in ln k:", quantiles(k, 1.0 / k).round(5))
     picture(rows, fit, x.reshape(-1, 3))
 
 
