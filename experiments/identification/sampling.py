@@ -28,7 +28,7 @@ CASES = {
     "bent": ([K, N, U], {N: (7.3e6, 0.3 * 7.3e6), U: (4e5, 0.1 * 4e5)}),
     "straight": ([K, "tethers.length", "initial.spin_rate"], None),
 }
-"""Free parameters and priors. The data know k sqrt(n) u to 0.3 %, the priors n to 30 %
+"""Free parameters and priors. The data know k sqrt(n) u to 0.5 %, the priors n to 30 %
 and u to 10 %."""
 CHAINS, WARM_UP, DRAWS = 4, 50, 250
 STEP = 0.8
