@@ -188,10 +188,12 @@ def picture(rows, fit, x):
     ellipse = np.linalg.cholesky(fit.covariance[:2, :2]) @ np.stack([np.cos(angle), np.sin(angle)])
     left.plot(x[:, 1], x[:, 0], ".", markersize=2, alpha=0.4, label="draws")
     left.plot(*(fit.values[1::-1, None] + ellipse[::-1]), "k-", label="fit: one standard deviation")
-    left.set(xlabel="number_density [1/m^3]", ylabel="thrust_factor")
+    left.set(xlabel="number_density [1/m^3]", ylabel="thrust_factor", ylim=(0.05, 0.5))
     left.legend(fontsize=8)
-    right.hist(x[:, 0], bins=50, density=True, color="tab:blue", alpha=0.6, label="draws")
-    grid = np.linspace(0.05, 0.4, 300)
+    right.hist(
+        x[:, 0], bins=np.linspace(0.05, 1.5, 117), density=True, color="tab:blue", alpha=0.6, label="draws"
+    )
+    grid = np.linspace(0.05, 0.5, 300)
     density = np.exp(-0.5 * ((grid - fit.values[0]) / fit.sd[0]) ** 2) / (fit.sd[0] * np.sqrt(2.0 * np.pi))
     right.plot(grid, density, "k-", label="fit")
     row = rows[0]
@@ -202,6 +204,6 @@ def picture(rows, fit, x):
         (0.85, "tab:orange", "68 %, profile", ("profile, low", "profile, high")),
     ):
         right.plot([row[end] for end in ends], [height * top] * 2, "|-", color=colour, label=label)
-    right.set(xlabel="thrust_factor", ylabel="density")
+    right.set(xlabel="thrust_factor", ylabel="density", xlim=(0.05, 0.5))
     right.legend(fontsize=8)
     figure.savefig(HERE / "sampling.png", dpi=80)
