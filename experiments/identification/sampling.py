@@ -26,7 +26,7 @@ SHORT = {
 NOISE = {"spin_rate[1]": 1e-6, "tip_direction_B": 1e-4}
 CASES = {
     "bent": ([K, N, U], {N: (7.3e6, 0.3 * 7.3e6), U: (4e5, 0.1 * 4e5)}),
-    "straight": ([K, "tethers.length", "initial.spin_rate"], None),
+    "straight": ([K, "initial.spin_rate"], None),
 }
 """Free parameters and priors. The data know k sqrt(n) u to 0.5 %, the priors n to 30 %
 and u to 10 %."""
