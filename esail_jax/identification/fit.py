@@ -352,6 +352,15 @@ class Profile:
         self.others = np.array([k for k in range(len(of.values)) if k != index], int)
         self.least = float(self.model.at(of.values) @ self.model.at(of.values))
         self.near = of.values.copy()
+        self.known: dict[float, float] = {}
+
+    def above(self, value: float) -> float:
+        """By how much chi squared has grown there less 1. A point that has been looked at has the number
+        that it had: a second search of the others would change its last digits, and so the sign of one on
+        which chi squared has grown by 1."""
+        if value not in self.known:
+            self.known[value] = self.grown(value) - 1.0
+        return self.known[value]
 
     def grown(self, value: float) -> float:
         """By how much chi squared has grown where the parameter has this value; infinite if the run fails
@@ -390,14 +399,14 @@ class Profile:
             outside = estimate + sign * step
             reached = sign * (outside - bound) >= 0.0
             outside = bound if reached else outside
-            if self.grown(outside) >= 1.0:
+            if self.above(outside) >= 0.0:
                 break
             if reached:
                 return float(bound)
             if step >= FARTHEST * sd:
                 return float(sign * np.inf)
             inside, step = outside, 1.5 * step
-        return float(optimize.brentq(lambda x: self.grown(x) - 1.0, inside, outside, xtol=1e-3 * sd))
+        return float(optimize.brentq(self.above, inside, outside, xtol=1e-3 * sd))
 
 
 LOSSES: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {

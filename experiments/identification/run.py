@@ -8,11 +8,15 @@ import sys
 
 import baseline
 import coverage
+import other_code
+import sampling
 import separate
 
 PARTS = {
     "coverage": coverage.main,
     "separate": separate.main,
+    "sampling": sampling.main,
+    "other_code": other_code.main,
     "baseline": baseline.main,
 }
 

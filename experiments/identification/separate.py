@@ -16,6 +16,18 @@ K, N, U, V1, L = (
     "solar_wind.cutoff_voltage", "tethers.length",
 )  # fmt: skip
 TE = "solar_wind.electron_temperature_ev"
+J, RHO, UNIT = "hub.inertia[1,1]", "tethers.density", "remote_units.mass"
+
+REELS = {
+    "hub.mass": 40.0, "hub.inertia": np.diag([20.0, 12.0, 12.0]), "hub.torque": [1e-3, 0.0, 0.0],
+    "hub.roots": [[0.0, 1.0, 0.0], [0.0, -0.5, 0.866], [0.0, -0.5, -0.866]], "solar_wind": None,
+    "voltage": None, "tethers.wire_radius": None, "tethers.elements": 1, "tethers.length": 80.0,
+    "tethers.area": 4.28e-9, "tethers.density": 7653.0, "deployment.start_length": 20.0,
+    "deployment.time": [0.0, 60.0, 340.0, 400.0], "initial.spin_rate": 0.5,
+    "initial.sailing_angle_deg": 0.0, "integrator.t_end": 400.0, "output.interval": 4.0,
+}  # fmt: skip
+"""Tethers of 20 m on reels, no wind, and a known torque about the spin axis. The moments of inertia of hub
+and tethers are of one size: 20 and 27 kg m^2."""
 
 
 def row(measured, scaled, what, names, observables, until=np.inf):
@@ -75,5 +87,23 @@ def sheath():
     ]
 
 
+def payout():
+    """Rows of tethers that keep their length, and of such that are paid out from 20 to 61 m."""
+    rows = []
+    for what, rate in (("reels, constant length", 0.0), ("reels, payout", 0.12)):
+        rates = {"deployment.rate": [0.0, rate, rate, 0.0]}
+        noise = {"spin_rate[2]": NOISE[SPIN], "angular_velocity_B[1]": NOISE[GYRO]}
+        m = Measured(small(REELS | rates), [J, RHO, UNIT], noise)
+        x = m.scaled(m.start)
+        for names in ([J, RHO], [J, UNIT]):
+            for observables in ((SPIN,), (SPIN, GYRO)):
+                cells = m.rows(*observables)
+                columns = x[cells][:, [m.names.index(name) for name in names]]
+                values = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), compute_uv=False)
+                print(what, names, observables, f"singular values {values[0]:.4f}, {values[1]:.2e}")
+                rows.append(row(m, x, what, names, observables))
+    return rows
+
+
 def main():
-    table(HERE / "separate.csv", [*linear(), *sheath()])
+    table(HERE / "separate.csv", [*linear(), *sheath(), *payout()])

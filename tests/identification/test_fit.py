@@ -3,6 +3,7 @@
 The parameters and the cells are those of a sail; what the sail does is replaced (`with_model`).
 """
 
+import itertools
 import json
 
 import jax.numpy as jnp
@@ -12,7 +13,7 @@ from scipy import stats
 
 import esail_jax as esail
 from esail_jax.identification import Prior, fit
-from esail_jax.identification.fit import LOSSES, Problem
+from esail_jax.identification.fit import LOSSES, Problem, Profile
 from esail_jax.identification.fit_file import result_of, write_json
 from esail_jax.identification.priors import as_prior
 from support.measured_sail import sail, with_model
@@ -246,6 +247,23 @@ def test_the_profile_of_a_linear_parameter_is_its_deviation(noisy):
         low, high = found.profile(name)
         assert high - found[name] == pytest.approx(found.sd[k], rel=3e-3)
         assert found[name] - low == pytest.approx(found.sd[k], rel=3e-3)
+
+
+def test_an_interval_that_ends_where_the_search_looks_first(noisy, monkeypatch):
+    """Chi squared of a straight line grows by 1 in one deviation, where the search looks first, but for
+    rounding. If another look finds less than 1 there, the end is found nevertheless."""
+    found = problem(noisy).solved()
+    looks = itertools.count()
+
+    def grown(self, value):
+        rounding = 1e-12 - 1e-11 * next(looks)
+        return ((value - found.values[0]) / found.sd[0]) ** 2 + rounding
+
+    monkeypatch.setattr(Profile, "grown", grown)
+    low, high = found.profile(LINE[0])
+    np.testing.assert_allclose(
+        [low, high], found.values[0] + found.sd[0] * np.array([-1.0, 1.0]), rtol=1e-3
+    )
 
 
 def test_the_profile_of_a_bent_posterior():
