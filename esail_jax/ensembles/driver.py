@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -155,9 +155,9 @@ class Driver:
 
     # ---- handing out ----------------------------------------------------------------------------
 
-    def _submit(self, function: Callable, argument: Program | Work, attempt: Attempt) -> None:
+    def _submit(self, attempt: Attempt, function: Callable, *arguments: Any) -> None:
         try:
-            future = self._executor.submit(function, argument)
+            future = self._executor.submit(function, *arguments)
         except RuntimeError as error:  # also that of a broken executor
             self._lost = f"the executor takes nothing more: {error}"
             return
@@ -175,7 +175,8 @@ class Driver:
         again."""
         nobody = self._missing[:0]
         for number in range(ATTEMPTS):
-            self._submit(prepare, self._program, Attempt(nobody, number))
+            attempt = Attempt(nobody, number)
+            self._submit(attempt, prepare, self._program, self._token.name, number)
             future = None
             while future is None and not (self._stopping() and (self._late() or not self._running)):
                 self._show(0)
@@ -200,9 +201,16 @@ class Driver:
                     break
                 inputs = self._task.draws.of(attempt.members)
                 folder = str(self._token.parent.absolute())
-                batch = self._batch
-                work = Work(self._program, batch, attempt.members, inputs, folder, self._token.name)
-                self._submit(compute, work, attempt)
+                work = Work(
+                    self._program,
+                    self._batch,
+                    attempt.members,
+                    inputs,
+                    folder,
+                    self._token.name,
+                    attempt.number,
+                )
+                self._submit(attempt, compute, work)
             if not self._running or self._late():
                 return
             future = self._next_finished()

@@ -49,7 +49,7 @@ class Work:
     """A piece that is to be computed.
 
     batch: most members in one call; folder: where large results may be written, if it holds the file
-    `token`."""
+    `token`; serial: differs from one attempt to the next, since Dask does not repeat what looks the same."""
 
     program: Program
     batch: int
@@ -57,6 +57,7 @@ class Work:
     inputs: Inputs
     folder: str
     token: str
+    serial: int
 
 
 class Written(NamedTuple):
@@ -93,9 +94,9 @@ def runner_of(program: Program, batch: int | None) -> MemberRunner:
     return runner
 
 
-def prepare(program: Program) -> Prepared:
+def prepare(program: Program, token: str, serial: int) -> Prepared:
     """Compiles the program, which is kept for the other processes, and tells how many members it computes
-    in one call."""
+    in one call. token, serial: tell this request from others, as in `Work`."""
     began = time.perf_counter()
     runner = runner_of(program, None)
     return Prepared(runner.batch, runner.lockstep, time.perf_counter() - began)

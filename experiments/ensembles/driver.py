@@ -39,7 +39,7 @@ class Nothing(Executor):
     def __init__(self, size: int):
         self._size = size
 
-    def submit(self, function, /, work):
+    def submit(self, function, /, work, *_):
         future = Future()
         if function is prepare:
             future.set_result(Prepared(self._size, True, 0.25))

@@ -40,7 +40,7 @@ class MadeUp(Executor):
         self.do, self.batch, self.asked, self.prepared = do, batch, [], prepared
         self._threads = ThreadPoolExecutor(2)
 
-    def submit(self, function, /, argument):
+    def submit(self, function, /, argument, *_):
         if function is prepare:
             return self._threads.submit(self.prepared or (lambda: Prepared(self.batch, False, 0.25)))
         self.asked.append(argument.members.tolist())
@@ -53,7 +53,7 @@ class Never(Executor):
     def __init__(self, running=1):
         self.futures, self._running = [], running
 
-    def submit(self, function, /, argument):
+    def submit(self, function, /, argument, *_):
         future = Future()
         if function is prepare:
             future.set_result(Prepared(1, False, 0.25))

@@ -1,5 +1,6 @@
 """The driver of an ensemble: what it does with pieces that executors lose, refuse or never give back."""
 
+import pickle
 import threading
 import time
 from collections import Counter
@@ -103,6 +104,24 @@ def test_a_process_that_dies(task, tmp_path, monkeypatch):
     assert [4, 5, 6, 7] in engine.asked and all([m] in engine.asked for m in (4, 5, 6, 7))
 
 
+def test_an_attempt_differs_from_the_one_before(task, tmp_path):
+    """Dask does not compute again what it is asked for in the same words: neither another attempt, nor the
+    same piece of a command that goes on."""
+    asked = []
+
+    class Asked(MadeUp):
+        def submit(self, function, /, *arguments):
+            asked.append(pickle.dumps((function, arguments)))
+            return super().submit(function, *arguments)
+
+    def do(members):
+        raise died()
+
+    for _ in range(2):
+        drive(task, tmp_path, EVERYONE, Asked(do))
+    assert len(asked) == 2 * (1 + 12 * ATTEMPTS) and len(set(asked)) == len(asked)
+
+
 def test_a_member_that_kills_every_process(task, tmp_path, monkeypatch):
     """It is missing after four attempts, with the reason; the members that were with it are computed."""
     monkeypatch.setattr(driver, "LEAST_PIECES", 3)
@@ -191,10 +210,10 @@ def test_an_executor_that_takes_nothing_more(task, tmp_path):
     engine = MadeUp()
     submit = engine.submit
 
-    def broken(function, /, argument):
+    def broken(function, /, *arguments):
         if len(engine.asked) == 5:
             raise RuntimeError("cannot schedule new futures after shutdown")
-        return submit(function, argument)
+        return submit(function, *arguments)
 
     engine.submit = broken
     at_work, reasons = drive(task, tmp_path, EVERYONE, engine)
@@ -248,10 +267,10 @@ def test_few_pieces_are_with_the_executor(task, tmp_path, monkeypatch):
     engine = MadeUp(do)
     submit = engine.submit
 
-    def counted(function, /, argument) -> Future:
+    def counted(function, /, *arguments) -> Future:
         now["there"] += 1
         most.append(now["there"])
-        future = submit(function, argument)
+        future = submit(function, *arguments)
         future.add_done_callback(lambda _: now.subtract(["there"]))
         return future
 

@@ -129,7 +129,7 @@ def test_workers_of_dask_are_killed(quiet, tmp_path):
         chance, count, done = random.Random(3), [0], threading.Event()
 
         def kill_some():
-            while count[0] < KILLS and not done.wait(chance.uniform(0.5, 4.0)):
+            while count[0] < KILLS and not done.wait(chance.uniform(1.0, 6.0)):
                 # A nanny whose worker dies before it has reached the scheduler gives up.
                 known = [
                     w for w in cluster.workers.values() if w.worker_address in cluster.scheduler.workers

@@ -26,7 +26,7 @@ def work_of(task, members, folder):
     inputs = task.draws.of(np.array(members))
     shapes = tuple((key, values.shape[1:]) for key, values in inputs.items())
     program = work.Program(json.dumps(about(task)), shapes, None)
-    return work.Work(program, 8, np.array(members), inputs, str(parts_of(folder)), "a.token")
+    return work.Work(program, 8, np.array(members), inputs, str(parts_of(folder)), "a.token", 0)
 
 
 @pytest.mark.parametrize(("large", "seen"), [(True, True), (True, False), (False, True)])
