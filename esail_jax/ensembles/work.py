@@ -49,7 +49,7 @@ class Work:
     """A piece that is to be computed.
 
     batch: most members in one call; folder: where large results may be written, if it holds the file
-    `token`; serial: differs from one attempt to the next, since Dask does not repeat what looks the same."""
+    `token`; serial: differs from one attempt to the next: Dask does not repeat what looks the same."""
 
     program: Program
     batch: int

@@ -30,7 +30,7 @@ KILLS = 30
 LONG = {**SMALL, "integrator.t_end": 8000.0, "output.interval": 800.0}
 """Members of some tenths of a second."""
 
-MANY = 200
+MANY = 100
 """Members, so that work is left until all kills are done."""
 
 
@@ -86,19 +86,19 @@ def ended(process, chance, victims, kills, wait=(0.5, 4.0)):
 
 @pytest.mark.nightly
 def test_processes_of_this_machine_are_killed(quiet, tmp_path):
-    """30 processes are killed, while they start, load the program or compute; `--resume` goes on if a
-    member has met four of them."""
-    folder, chance, killed, calls = tmp_path / "run", random.Random(1), 0, 0
-    while killed < KILLS or calls == 0:
-        process = started(command(folder, "--processes", "2", "--resume"), stderr=subprocess.DEVNULL)
-        killed += ended(process, chance, children_of(process), KILLS - killed)
-        calls += 1
-        assert process.returncode in (0, 130)
-        if process.returncode == 0:
-            break
-    assert killed == KILLS, f"only {killed} were killed before the ensemble was complete"
-    assert main(command(folder, "--resume")) == 0
-    assert same(load_ensemble(folder / WHOLE), quiet)
+    """30 processes are killed, while they start, load the program or compute, in as many ensembles as that
+    takes; `--resume` goes on if a member has met four of them."""
+    chance, killed, number = random.Random(1), 0, 0
+    while killed < KILLS:
+        folder, code = tmp_path / f"{number}", None
+        while code != 0:
+            process = started(command(folder, "--processes", "2", "--resume"), stderr=subprocess.DEVNULL)
+            killed += ended(process, chance, children_of(process), KILLS - killed)
+            code = process.returncode
+            assert code in (0, 130)
+        assert same(load_ensemble(folder / WHOLE), quiet)
+        number += 1
+    assert killed == KILLS
 
 
 @pytest.mark.nightly
@@ -119,41 +119,50 @@ def test_the_driver_is_killed(quiet, tmp_path):
     assert [path.name for path in folder.iterdir()] == [WHOLE]
 
 
+def worker_of(cluster):
+    """A new worker of a Dask cluster, a process of its own."""
+    command = [sys.executable, "-m", "distributed.cli.dask_worker", cluster.scheduler_address]
+    options = ["--nthreads", "1", "--no-nanny", "--no-dashboard"]
+    return subprocess.Popen([*command, *options], stderr=subprocess.DEVNULL)
+
+
 @pytest.mark.nightly
 def test_workers_of_dask_are_killed(quiet, tmp_path):
-    """30 workers of a cluster of two processes are killed; their nannies start others."""
-    with (
-        LocalCluster(2, threads_per_worker=1, dashboard_address=None) as cluster,
-        Client(cluster) as client,
-    ):
-        chance, count, done = random.Random(3), [0], threading.Event()
+    """30 of two workers are killed, and others take their places, while ensembles are computed; `resume`
+    goes on if a member has met four of them, or the program could not be prepared."""
+    scene, chance, killed = esail.load_scene("baseline", LONG), random.Random(3), 0
+    call = {"members": MANY, "vary": VARY, "seed": 3, "observables": ["coning_angle", "spin_rate"]}
+    with LocalCluster(0, dashboard_address=None) as cluster, Client(cluster) as client:
+        workers, done = [worker_of(cluster), worker_of(cluster)], threading.Event()
 
         def kill_some():
-            while count[0] < KILLS and not done.wait(chance.uniform(1.0, 6.0)):
-                # A nanny whose worker dies before it has reached the scheduler gives up.
-                known = [
-                    w for w in cluster.workers.values() if w.worker_address in cluster.scheduler.workers
-                ]
-                if known:
-                    os.kill(chance.choice(known).process.process.pid, signal.SIGKILL)
-                    count[0] += 1
+            nonlocal killed
+            while killed < KILLS and not done.wait(chance.uniform(2.0, 6.0)):
+                victim = workers.pop(chance.randrange(2))
+                victim.kill()
+                victim.wait()
+                killed += 1
+                workers.append(worker_of(cluster))
 
         killer = threading.Thread(target=kill_some)
         killer.start()
-        call = {"members": MANY, "vary": VARY, "seed": 3, "observables": ["coning_angle", "spin_rate"]}
-        scene, found = esail.load_scene("baseline", LONG), None
-        while found is None or not found.complete.all():
-            with warnings.catch_warnings(action="ignore"):  # of a member that has met four kills
-                found = run_ensemble(
-                    scene,
-                    tmp_path / "run",
-                    **call,
-                    executor=client.get_executor(),
-                    resume=found is not None,
-                )
+        number = 0
+        while killed < KILLS or not number:
+            found = None
+            while found is None or not found.complete.all():
+                resume, folder = found is not None, tmp_path / f"{number}"
+                with warnings.catch_warnings(action="ignore"):  # of missing members
+                    found = run_ensemble(
+                        scene, folder, **call, executor=client.get_executor(), resume=resume
+                    )
+            assert same(found, quiet)
+            number += 1
         done.set()
         killer.join()
-    assert count[0] == KILLS and same(found, quiet)
+        for worker in workers:
+            worker.terminate()
+            worker.wait()
+    assert killed == KILLS
 
 
 @pytest.mark.nightly
@@ -188,19 +197,22 @@ def test_a_worker_of_dask_is_stopped(quiet, tmp_path):
 @pytest.mark.nightly
 def test_ranks_of_mpi_are_killed(quiet, tmp_path):
     """A rank that is lost ends the whole job. After 30 of them the ensemble is complete, by `--resume`."""
-    folder, chance, killed = tmp_path / "run", random.Random(4), 0
+    chance, killed, number = random.Random(4), 0, 0
     launcher = os.path.join(os.path.dirname(sys.executable), "mpiexec")
     call = [launcher, "-n", "2", sys.executable, "-m", "mpi4py.futures", "-m", "esail_jax"]
-    while True:
-        process = subprocess.Popen(
-            [*call, *command(folder, "--engine", "mpi", "--resume")],
-            stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
-        )  # fmt: skip
-        once = min(1, KILLS - killed)
-        killed += ended(process, chance, children_of(process, recursive=True), once, wait=(2.0, 12.0))
-        if process.returncode == 0:
-            break
-    assert killed == KILLS and same(load_ensemble(folder / WHOLE), quiet)
+    while killed < KILLS:
+        folder, code = tmp_path / f"{number}", None
+        while code != 0:
+            process = subprocess.Popen(
+                [*call, *command(folder, "--engine", "mpi", "--resume")],
+                stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+            )  # fmt: skip
+            once = min(1, KILLS - killed)
+            killed += ended(process, chance, children_of(process, recursive=True), once, wait=(2.0, 12.0))
+            code = process.returncode
+        assert same(load_ensemble(folder / WHOLE), quiet)
+        number += 1
+    assert killed == KILLS
 
 
 @pytest.mark.nightly
