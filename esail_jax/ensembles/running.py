@@ -22,6 +22,7 @@ from esail_jax.ensembles.task import Task, task_of
 from esail_jax.files.locks import FolderLock
 from esail_jax.files.opening import WHOLE, ArgumentError
 from esail_jax.interrupts import Interrupts
+from esail_jax.scenes.rules import SceneError
 from esail_jax.scenes.scene import Scene
 
 
@@ -73,6 +74,9 @@ def run_ensemble(
     ensemble = run_ensemble("baseline", "many", members=1000, vary=vary, observables=["coning_angle"])
     ```
     """
+    if not isinstance(executor, Executor | None):
+        must = "be an executor of concurrent.futures, or None"
+        raise SceneError("executor", must, f"is of type {type(executor).__name__}")
     task = task_of(scene, members, vary, seed, sampling, observables, max_steps, reduce)
     folder = Path(folder)
     engine = local if executor is None else lambda: contextlib.nullcontext(executor)

@@ -4,7 +4,6 @@ process that started them killed. What comes out is, bit for bit, the ensemble o
 import contextlib
 import os
 import random
-import resource
 import signal
 import subprocess
 import sys
@@ -228,9 +227,8 @@ def test_a_stopped_process_of_this_machine(quiet, tmp_path):
     assert process.wait(300) == 0 and same(load_ensemble(folder / WHOLE), quiet)
 
 
-def limited():
-    """Bounds the memory of a process."""
-    resource.setrlimit(resource.RLIMIT_AS, (2**34, 2**34))
+LIMITED = ["bash", "-c", 'ulimit -v 16777216; exec "$@"', "limited"]
+"""Runs a command with 16 GiB of address space."""
 
 
 @pytest.mark.nightly
@@ -248,9 +246,12 @@ def test_members_that_spoil_their_process(function, said, tmp_path):
     folder = tmp_path / "run"
     more = ["--reduce", f"support.greedy:{function}", "--processes", "2"]
     call = [*arguments(folder, observables="spin_rate"), *more]
-    path = os.pathsep.join(sys.path)
-    process = started(
-        call, stderr=subprocess.PIPE, text=True, preexec_fn=limited, env=os.environ | {"PYTHONPATH": path}
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    process = subprocess.Popen(
+        [*LIMITED, sys.executable, "-m", "esail_jax", *call],
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment,
     )
     _, err = process.communicate(timeout=600)
     found = load_ensemble(folder / WHOLE)
