@@ -2,11 +2,14 @@
 compute, and gives an executor."""
 
 import contextlib
+import json
 import sys
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import AbstractContextManager
 from functools import partial
+from pathlib import Path
 
 import jax
 
@@ -68,14 +71,27 @@ def dask(address: str) -> Iterator[Executor]:
         from distributed import Client
     except ImportError:
         raise missing("dask:ADDRESS", "distributed", "dask") from None
-    place = {"scheduler_file": address} if address.endswith(".json") else {"address": address}
     try:
-        client = Client(**place, timeout=CONNECT_SECONDS)
+        client = Client(address_of(address), timeout=CONNECT_SECONDS)
     except (OSError, ValueError) as error:
         reason = f"{address} is none: {error}"
         raise InputError(f"`--engine` must name a scheduler of Dask, but {reason}") from None
     with client:
         yield client.get_executor()
+
+
+def address_of(place: str) -> str:
+    """The address of a scheduler, from its file if the place ends in `.json`; a scheduler that has just
+    been started writes it after a while. Raises OSError and ValueError."""
+    if not place.endswith(".json"):
+        return place
+    path, end = Path(place), time.monotonic() + CONNECT_SECONDS
+    while not path.exists() and time.monotonic() < end:
+        time.sleep(0.1)
+    found = json.loads(path.read_text())
+    if not isinstance(found, dict) or "address" not in found:
+        raise ValueError("it has no address")
+    return found["address"]
 
 
 @contextlib.contextmanager
