@@ -22,7 +22,7 @@ from esail_jax.ensembles.ensemble_file import parts_of
 from esail_jax.ensembles.pieces import Piece, PieceFile, new_path
 from esail_jax.ensembles.task import Task, about
 from esail_jax.ensembles.work import Prepared, Program, Work, Written, compute, prepare
-from esail_jax.errors import InputError, NoSpaceError
+from esail_jax.errors import InputError, NoSpaceError, SceneError
 
 ATTEMPTS = 4
 """How often a piece is handed out: once, and three times more if its process dies or raises an error."""
@@ -71,8 +71,8 @@ def drive(
     computed, again and again. The folder must be locked by this process.
 
     A piece whose process dies, or that raises an error, is taken apart, and each member is tried again.
-    Raises NoSpaceError if the disk is full and InputError for a function of a user that does not fit; what
-    is computed stays in the folder."""
+    Raises NoSpaceError if the disk is full, SceneError for an executor that takes no work and InputError
+    for a function of a user that does not fit; what is computed stays in the folder."""
     parts = parts_of(folder)
     parts.mkdir(parents=True, exist_ok=True)
     token = parts / f"{uuid.uuid4().hex}.token"
@@ -159,6 +159,9 @@ class Driver:
         try:
             future = self._executor.submit(function, *arguments)
         except RuntimeError as error:  # also that of a broken executor
+            if function is prepare:
+                must = 'take work (a script that starts processes needs `if __name__ == "__main__"`)'
+                raise SceneError("executor", must, f"does not: {said(error)}") from error
             self._lost = f"the executor takes nothing more: {error}"
             return
         self._running[future] = attempt

@@ -1,7 +1,7 @@
 """The results of an ensemble."""
 
 import dataclasses
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -48,6 +48,9 @@ class Ensemble:
 
     def __contains__(self, name: object) -> bool:
         return name in self.observables or name in self.reduced
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.keys())
 
     def __len__(self) -> int:
         return len(self.members)

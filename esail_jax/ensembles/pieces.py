@@ -122,16 +122,22 @@ def records_of(path: Path, arrays: bool = True) -> Iterator[tuple[dict[str, Any]
                 return
             text = file.read(text_size)
             if zlib.crc32(text) != text_sum:
-                raise RunFileError(f"`{path}` must have whole pieces, but is damaged")
+                raise damaged(path)
             head = json.loads(text)
             if arrays:
                 data = file.read(data_size)
                 if zlib.crc32(data) != data_sum:
-                    raise RunFileError(f"`{path}` must have whole pieces, but is damaged")
+                    raise damaged(path)
             else:
                 data = file.read(min(data_size, bytes_of(head, FIXED)))
                 file.seek(data_size - len(data), os.SEEK_CUR)
             yield head, data
+
+
+def damaged(path: Path) -> RunFileError:
+    """The error for a file whose numbers have changed."""
+    todo = "remove it, and --resume computes its members again"
+    return RunFileError(f"`{path}` must have whole pieces, but is damaged: {todo}")
 
 
 FIXED = ("members", "complete", "steps")

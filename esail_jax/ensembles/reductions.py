@@ -103,15 +103,20 @@ def reduced(
     """All observables, reduced by all reductions. Numbers of a member that failed are NaN where its history
     is, from the failure on: the mean, the extremes and the last value.
 
-    Raises SceneError for a function of a user that returns another shape than that of one instant."""
+    Functions see rows that they cannot change. Raises SceneError for a function of a user that returns
+    anything but real numbers in the shape of one instant."""
     found = {}
     for reduction in names:
         function = reduction_of(reduction)
         for name, values in rows.items():
-            each = [np.asarray(function(time, of_member), float) for of_member in values]
+            kept = values.view()
+            kept.flags.writeable = False  # a function must not change what the next one sees
+            each = [np.asarray(function(time, of_member)) for of_member in kept]
             for one in each:
+                must = f"return real numbers in the shape {values.shape[2:]} of one instant of {name}"
+                if one.dtype.kind not in "fiub":
+                    raise SceneError(f"reduce {reduction}", must, f"returns {one.dtype}")
                 if one.shape != values.shape[2:]:
-                    must = f"return the shape {values.shape[2:]} of one instant of {name}"
                     raise SceneError(f"reduce {reduction}", must, f"returns {one.shape}")
-            found[reduced_name(name, reduction)] = np.stack(each)
+            found[reduced_name(name, reduction)] = np.stack(each).astype(float)
     return found

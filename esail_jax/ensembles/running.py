@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -63,22 +63,25 @@ def run_ensemble(
     place of histories: `reduce=["mean", "max"]` keeps `ensemble["coning_angle.mean"]` and
     `ensemble["coning_angle.max"]`.
 
-    Members whose process dies again and again are missing: NaN, with a warning. Raises SceneError,
+    Members whose process dies again and again, or that an executor does not compute, are missing: NaN, with
+    a warning. Raises SceneError,
     VariationError and RunFileError before anything is written, NoSpaceError if the disk is full, and
     KeyboardInterrupt after Ctrl-C, when what is computed has been put together.
 
     ```python
-    from esail_jax.ensembles import run_ensemble
+    from esail_jax.ensembles import Normal, run_ensemble
 
     vary = {"tethers.length": Normal(10e3, 10, per_tether=True)}
     ensemble = run_ensemble("baseline", "many", members=1000, vary=vary, observables=["coning_angle"])
     ```
     """
-    if not isinstance(executor, Executor | None):
-        must = "be an executor of concurrent.futures, or None"
-        raise SceneError("executor", must, f"is of type {type(executor).__name__}")
+    check_executor(executor)
+    if not isinstance(folder, str | os.PathLike) or not os.fspath(folder):
+        raise SceneError("folder", "be the path of a folder", f"is {folder!r}")
+    if not isinstance(resume, bool):
+        raise SceneError("resume", "be true or false", f"is {resume!r}")
     task = task_of(scene, members, vary, seed, sampling, observables, max_steps, reduce)
-    folder = Path(folder)
+    folder = Path(folder).absolute()  # a change of directory must not move it
     engine = local if executor is None else lambda: contextlib.nullcontext(executor)
     with Interrupts() as interrupts:
         outcome = run_task(task, folder, engine, resume, lambda: interrupts.asked)
@@ -110,7 +113,7 @@ def run_task(
         if (folder / WHOLE).exists() or parts_of(folder).exists():
             if not resume:
                 must = "not hold an ensemble yet (or use --resume)"
-                raise ArgumentError("-o", must, f"{folder} does")
+                raise ArgumentError("folder", must, f"{folder} does")
         done, held = computed_members(folder, task)
         if held == task.count and done.all() and not files_in(parts_of(folder)):
             return None
@@ -130,10 +133,21 @@ def of(members: Sequence[int]) -> str:
     return f" ({some(sorted(members))})" if members else ""
 
 
+def check_executor(executor: Any) -> None:
+    """Raises SceneError for what is no executor, and for one that forks: JAX does not survive that."""
+    if not isinstance(executor, Executor | None):
+        must = "be an executor of concurrent.futures, or None"
+        raise SceneError("executor", must, f"is of type {type(executor).__name__}")
+    context = getattr(executor, "_mp_context", None)  # of ProcessPoolExecutor
+    if context is not None and context.get_start_method() == "fork":
+        must = 'start its processes by spawn (mp_context=multiprocessing.get_context("spawn"))'
+        raise SceneError("executor", must, "forks")
+
+
 def check_folder(folder: Path) -> None:
     """Raises RunFileError if the folder of an ensemble cannot be one."""
     if folder.exists() and not folder.is_dir():
-        raise ArgumentError("-o", "be a directory", f"{folder} is a file")
+        raise ArgumentError("folder", "be a directory", f"{folder} is a file")
 
 
 def check_draws(task: Task, stop: Callable[[], bool]) -> None:

@@ -84,10 +84,15 @@ def parse_variation(text: str) -> Variation:
 
 def variations_of(vary: Vary) -> list[Variation]:
     """The variations that a mapping or a list describes. Raises SceneError, VariationError."""
+    if isinstance(vary, str) or not isinstance(vary, Mapping | Sequence):
+        must = "be distributions by scene key, or a list of KEY=DIST"
+        raise VariationError("vary", must, f"is {vary!r}")
     if not isinstance(vary, Mapping):
         return [parse_variation(item) if isinstance(item, str) else item for item in vary]
     variations = []
     for key, value in vary.items():
+        if not isinstance(key, str):
+            raise VariationError("vary", "have keys of a scene", f"has {key!r}")
         try:
             distribution = as_distribution(value, key.endswith(PER_TETHER))
         except SceneError as error:
@@ -186,7 +191,7 @@ def draws_of(
     for key in keys:
         if keys.count(key) > 1:
             raise VariationError(f"vary {key}", "be given once", f"is given {keys.count(key)} times")
-    return Draws(scene, variations, columns, members, seed, sampling)
+    return Draws(scene, variations, columns, int(members), int(seed), sampling)
 
 
 def check_numbers(members: int, seed: int, sampling: str) -> None:
@@ -195,6 +200,8 @@ def check_numbers(members: int, seed: int, sampling: str) -> None:
         if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < least:
             must = "be a positive integer" if least else "be an integer that is not negative"
             raise SceneError(name, must, f"is {value!r}")
+    if seed >= 2**64:
+        raise SceneError("seed", "be less than 2**64", f"is {seed}")
     if sampling not in SAMPLINGS:
         raise SceneError("sampling", f"be one of {', '.join(SAMPLINGS)}", f"is {sampling!r}")
 

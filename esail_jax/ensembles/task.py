@@ -71,8 +71,10 @@ def task_of(
 ) -> Task:
     """The task of these arguments. Raises SceneError, VariationError."""
     for name, value in (("observables", observables), ("reduce", reduce)):
-        if isinstance(value, str):
-            raise SceneError(name, "be a list of names", f"is the text {value!r}")
+        if name == "observables" and value is None:
+            continue
+        if not isinstance(value, list | tuple):
+            raise SceneError(name, "be a list of names", f"is {value!r}")
     scene = load_scene(scene)
     if scene.terms or scene.voltage_law is not None:
         own = "a voltage law" if scene.voltage_law is not None else "terms"

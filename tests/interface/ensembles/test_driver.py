@@ -205,6 +205,15 @@ def test_preparing_fails_once(task, tmp_path):
     assert np.isfinite(found_in(tmp_path, task)).all()
 
 
+def test_an_executor_that_takes_nothing_at_all(task, tmp_path):
+    """Nothing is written then."""
+    engine = Never()
+    engine.submit = lambda *_: (_ for _ in ()).throw(RuntimeError("cannot schedule new futures"))
+    with pytest.raises(SceneError, match=r"^`executor` must take work"):
+        drive(task, tmp_path, EVERYONE, engine)
+    assert not list(tmp_path.iterdir())
+
+
 def test_an_executor_that_takes_nothing_more(task, tmp_path):
     """What it has computed until then is written, and the reason is told."""
     engine = MadeUp()

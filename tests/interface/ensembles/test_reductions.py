@@ -59,6 +59,41 @@ def test_reductions_that_cannot_be(given, message):
         names_of(given)
 
 
+def test_functions_neither_change_the_history_nor_return_something_else(monkeypatch):
+    """What one function writes would be what the next one sees; complex numbers would lose a part."""
+    rows, time = {"a": np.ones((2, 3))}, np.arange(3.0)
+    for function, error, message in (
+        (writes, ValueError, "read-only"),
+        (complex_numbers, esail.SceneError, r"must return real numbers .* but returns complex128"),
+        (text, esail.SceneError, r"must return real numbers .* but returns <U1"),
+    ):
+        with pytest.raises(error, match=message):
+            reduced(time, rows, [f"test_reductions:{function.__name__}"])
+    assert rows["a"].flags.writeable and (rows["a"] == 1.0).all()
+    assert reduced(time, rows, ["test_reductions:counted"])["a.counted"].tolist() == [3.0, 3.0]
+
+
+def writes(time, rows):
+    """Changes the history."""
+    rows[:] = 0.0
+    return rows[-1]
+
+
+def complex_numbers(time, rows):
+    """No real numbers."""
+    return rows[-1] + 1.0j
+
+
+def text(time, rows):
+    """No numbers."""
+    return "a"
+
+
+def counted(time, rows):
+    """An integer."""
+    return len(rows)
+
+
 def swing(time, rows):
     """Another function of this name."""
     return rows[0]
@@ -149,7 +184,8 @@ def test_reduced_in_the_processes(ensemble, scene, tmp_path):
         assert np.array_equal(found[f"{name}.max"], rows.max(1)), name
         assert np.array_equal(found[f"{name}.swing"], rows.max(1) - rows.min(1)), name
     with pytest.raises(
-        esail.SceneError, match=r"must return the shape \(3,\) of one instant of coning_angle"
+        esail.SceneError,
+        match=r"must return real numbers in the shape \(3,\) of one instant of coning_angle",
     ):
         run_ensemble(scene, tmp_path / "bad", members=2, vary=VARY, reduce=[greedy.wrong_shape])
     assert not (tmp_path / "bad").exists()
