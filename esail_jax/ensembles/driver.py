@@ -21,7 +21,7 @@ from esail_jax.array_types import Bool, Int
 from esail_jax.ensembles.ensemble_file import parts_of
 from esail_jax.ensembles.pieces import Piece, PieceFile, new_path
 from esail_jax.ensembles.task import Task, about
-from esail_jax.ensembles.work import Prepared, Program, Work, Written, compute, prepare
+from esail_jax.ensembles.work import Prepared, Program, Work, Written, compute, prepare, this_process
 from esail_jax.errors import InputError, NoSpaceError, SceneError
 
 ATTEMPTS = 4
@@ -107,7 +107,7 @@ class Driver:
         self._missing, self._done = np.flatnonzero(missing), 0
         one = task.draws.of(self._missing[:1])
         shapes = tuple((key, values.shape[1:]) for key, values in one.items())
-        self._program = Program(json.dumps(about(task)), shapes, task.max_steps)
+        self._program = Program(json.dumps(about(task)), shapes, task.max_steps, this_process())
         self._batch, self._preparing = 1, 0.0
         self._waiting: Iterator[Attempt] = iter(())
         self._again: deque[Attempt] = deque()

@@ -109,8 +109,8 @@ def encode(head: dict[str, Any], arrays: dict[str, np.ndarray]) -> bytes:
 
 
 def records_of(path: Path, arrays: bool = True) -> Iterator[tuple[dict[str, Any], bytes]]:
-    """Head and arrays of the whole records of a file. arrays: read the arrays of every record, or only the
-    first KEPT bytes of them, without their checksum. Raises RunFileError for a damaged record."""
+    """Head and arrays of the whole records of a file. arrays: read the arrays of every record, or only
+    those in FIXED, without their checksum. Raises RunFileError for a damaged record."""
     size = path.stat().st_size
     with open(path, "rb") as file:
         while True:

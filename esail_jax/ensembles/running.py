@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from esail_jax.array_types import Int
 from esail_jax.ensembles.driver import Ended, drive
 from esail_jax.ensembles.engines import Engine, local
 from esail_jax.ensembles.ensemble import Ensemble
@@ -64,9 +65,8 @@ def run_ensemble(
     `ensemble["coning_angle.max"]`.
 
     Members whose process dies again and again, or that an executor does not compute, are missing: NaN, with
-    a warning. Raises SceneError,
-    VariationError and RunFileError before anything is written, NoSpaceError if the disk is full, and
-    KeyboardInterrupt after Ctrl-C, when what is computed has been put together.
+    a warning. Raises SceneError, VariationError and RunFileError before anything is written, NoSpaceError
+    if the disk is full, and KeyboardInterrupt after Ctrl-C, when what is computed has been put together.
 
     ```python
     from esail_jax.ensembles import Normal, run_ensemble
@@ -107,7 +107,6 @@ def run_task(
     computed, of how many that were missing. Raises SceneError and RunFileError before anything is written,
     KeyboardInterrupt if `stop()` before that, NoSpaceError if the disk is full."""
     check_folder(folder)
-    check_draws(task, stop)
     lock = FolderLock(folder)
     try:
         if (folder / WHOLE).exists() or parts_of(folder).exists():
@@ -117,7 +116,9 @@ def run_task(
         done, held = computed_members(folder, task)
         if held == task.count and done.all() and not files_in(parts_of(folder)):
             return None
-        ended, count = Ended(False, {}), int((~done).sum())
+        ended, missing = Ended(False, {}), np.flatnonzero(~done)
+        count = len(missing)
+        check_draws(task, missing, stop)
         if count:
             with engine() as executor:
                 ended = drive(task, folder, ~done, executor, stop, lambda computed: show(computed, count))
@@ -150,11 +151,11 @@ def check_folder(folder: Path) -> None:
         raise ArgumentError("folder", "be a directory", f"{folder} is a file")
 
 
-def check_draws(task: Task, stop: Callable[[], bool]) -> None:
-    """Raises SceneError for the first member whose values are refused by the scene, and KeyboardInterrupt
-    if `stop()`."""
-    for first in range(0, task.count, BLOCK):
+def check_draws(task: Task, members: Int[np.ndarray, " member"], stop: Callable[[], bool]) -> None:
+    """Raises SceneError for the first of some members whose values are refused by the scene, and
+    KeyboardInterrupt if `stop()`."""
+    for first in range(0, len(members), BLOCK):
         if stop():
             raise KeyboardInterrupt
-        members = np.arange(first, min(first + BLOCK, task.count))
-        check(task.scene, task.draws.of(members), first)
+        some_of_them = members[first : first + BLOCK]
+        check(task.scene, task.draws.of(some_of_them), some_of_them)

@@ -273,14 +273,15 @@ def quasi_random(
         return (points.fast_forward(first) if first else points).random(members)
 
 
-def check(scene: Scene, inputs: Inputs, first: int = 0) -> None:
-    """Raises SceneError for the first member whose values are refused by the scene. first: the number of
-    the first of these members."""
+def check(scene: Scene, inputs: Inputs, members: Int[np.ndarray, " member"] | None = None) -> None:
+    """Raises SceneError for the first member whose values are refused by the scene. members: their numbers,
+    None for 0, 1, ..."""
     for member in range(len(next(iter(inputs.values()), ()))):
         try:
             scene.replace(select_members(inputs, member))
         except SceneError as error:
-            raise SceneError(error.key, error.must, f"{error.got} (member {first + member})") from None
+            number = member if members is None else members[member]
+            raise SceneError(error.key, error.must, f"{error.got} (member {number})") from None
 
 
 def checked_inputs(scene: Scene, inputs: Mapping[str, Any]) -> Inputs:

@@ -4,6 +4,8 @@ to; they need nothing but their argument."""
 import dataclasses
 import functools
 import json
+import os
+import platform
 import time
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -28,11 +30,12 @@ class Program:
     """What all pieces of an ensemble have in common.
 
     identity: that of the ensemble, as JSON; shapes: of one member's inputs, by key; max_steps: largest
-    number of steps of a member."""
+    number of steps of a member; driver: the process that hands out the pieces, by `this_process`."""
 
     identity: str
     shapes: tuple[tuple[str, tuple[int, ...]], ...]
     max_steps: int | None
+    driver: tuple[str, int]
 
     @functools.cached_property
     def about(self) -> dict[str, Any]:
@@ -75,11 +78,18 @@ class Prepared(NamedTuple):
     seconds: float
 
 
+def this_process() -> tuple[str, int]:
+    """The machine and the number of this process."""
+    return platform.node(), os.getpid()
+
+
 @functools.lru_cache(maxsize=2)
 def runner_of(program: Program, batch: int | None) -> MemberRunner:
-    """The runner of an ensemble in this process, compiled. A process computes with one thread, unless the
-    environment says otherwise."""
-    one_thread()
+    """The runner of an ensemble in this process, compiled. A process of an engine computes with one thread,
+    unless the environment says otherwise. In that of the driver JAX may have begun with more of them, which
+    its programs are kept for, and the environment is the user's."""
+    if program.driver != this_process():
+        one_thread()
     like = {key: np.empty((1, *shape)) for key, shape in program.shapes}
     runner = MemberRunner(
         parse(program.about["scene"], "scene"),

@@ -60,20 +60,20 @@ class Lock:
 
 
 class FolderLock(Lock):
-    """A lock on a folder, which is created if it does not exist; if nothing is in it in the end, it is
-    removed again."""
+    """A lock on a folder, which is created if it does not exist, with those above it; if nothing is in them
+    in the end, they are removed again."""
 
     def __init__(self, folder: Path, patience: float = LOOK_SECONDS):
-        self._made = None if folder.exists() else folder
+        self._made = [path for path in (folder, *folder.parents) if not path.exists()]
         folder.mkdir(parents=True, exist_ok=True)
         super().__init__(folder / NAME, folder, patience)
 
     def release(self) -> None:
         """Ends the lock."""
         super().release()
-        if self._made is not None:
-            with contextlib.suppress(OSError):  # it has something in it
-                self._made.rmdir()
+        with contextlib.suppress(OSError):  # one has something in it
+            for path in self._made:
+                path.rmdir()
 
 
 class FileLock(Lock):

@@ -23,7 +23,7 @@ from scaling import MEMBERS, OBSERVABLES, VARY
 
 from esail_jax.ensembles.engines import local
 from esail_jax.ensembles.task import about, task_of
-from esail_jax.ensembles.work import Program, prepare
+from esail_jax.ensembles.work import Program, prepare, this_process
 
 HERE, BIN = Path(__file__).parent, Path(sys.executable).parent
 ENSEMBLE = ["ensemble", "baseline", "--members", str(MEMBERS), "--quiet", "--set", "output.interval=60"]
@@ -53,7 +53,7 @@ def time_of_a_second_process() -> float:
     """Seconds from the start of two processes to the answer of both that the kept program is ready."""
     task = task_of("baseline", MEMBERS, VARY, 0, observables=OBSERVABLES)
     shapes = tuple((key, x.shape[1:]) for key, x in task.draws.of(np.arange(1)).items())
-    program = Program(json.dumps(about(task)), shapes, None)
+    program = Program(json.dumps(about(task)), shapes, None, this_process())
     began = time.perf_counter()
     with local(2) as executor:
         for future in [executor.submit(prepare, program, "", k) for k in range(2)]:

@@ -37,7 +37,6 @@ def test_the_file_of_a_scheduler(tmp_path, monkeypatch):
             address_of(str(path))
     with pytest.raises(FileNotFoundError):
         address_of(str(tmp_path / "none.json"))
-    pytest.importorskip("distributed")
     message = f"`--engine` must name a scheduler of Dask, but {tmp_path}/none.json is none: "
     with pytest.raises(InputError, match=f"^{message}"), engine_of(f"dask:{tmp_path}/none.json")():
         pass

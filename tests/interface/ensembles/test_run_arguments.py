@@ -1,13 +1,15 @@
 """Arguments of `run_ensemble` that are wrong: one line, before anything is computed or written."""
 
 import inspect
+import json
 import multiprocessing
+import os
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
 import numpy as np
 import pytest
 
-from esail_jax.ensembles import run_ensemble, running, sampling, task
+from esail_jax.ensembles import MemberRunner, run_ensemble, running, sampling, task, work
 from esail_jax.errors import InputError
 from support.made_up_engine import MadeUp
 from support.small_ensemble import VARY
@@ -70,17 +72,42 @@ def test_a_folder_that_is_none(scene, folder):
         RUN(scene, folder, members=2, vary=VARY)
 
 
-def test_executors_that_cannot_compute(scene, tmp_path):
-    """One that forks would hang; one that was shut down would give an ensemble without a member."""
+def check_that_forking_is_refused(scene, tmp_path):
+    """The refusal of an executor that forks."""
     with (
         ProcessPoolExecutor(1, multiprocessing.get_context("fork")) as forks,
         pytest.raises(InputError, match=r"^`executor` must start its processes by spawn .* but forks$"),
     ):
         RUN(scene, tmp_path / "run", members=2, vary=VARY, executor=forks)
+
+
+def test_executors_that_cannot_compute(scene, tmp_path):
+    """One that forks would hang; one that was shut down would give an ensemble without a member."""
+    if "fork" in multiprocessing.get_all_start_methods():  # not on Windows, where nothing can hang so
+        check_that_forking_is_refused(scene, tmp_path)
     with pytest.raises(
         InputError, match=r"^`executor` must take work .* but does not: RuntimeError: cannot"
     ):
         RUN(scene, tmp_path / "run", members=2, vary=VARY, executor=stopped())
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_environment_of_the_caller_stays(scene, tmp_path, monkeypatch):
+    """Members that a thread of this process computes leave its environment alone: JAX may have begun with
+    another number of threads, for which its programs are kept. A process of an engine has one thread."""
+    monkeypatch.delenv("NPROC", raising=False)
+    monkeypatch.setattr(MemberRunner, "compile", lambda _: None)
+    identity = json.dumps(task.about(task.task_of(scene, 2, VARY)))
+    for driver, threads in ((work.this_process(), None), (("elsewhere", 1), "1")):
+        work.runner_of(work.Program(identity, (), None, driver), 1)
+        assert os.environ.get("NPROC") == threads
+    work.runner_of.cache_clear()
+
+
+def test_nothing_is_left_of_folders_above(scene, tmp_path):
+    """An ensemble that is refused leaves no folder, also none above its own."""
+    with pytest.raises(InputError, match=r"\(member 0\)"):
+        RUN(scene, tmp_path / "a" / "b" / "run", members=2, vary=["hub.density=grid:-1:800:2"])
     assert not list(tmp_path.iterdir())
 
 

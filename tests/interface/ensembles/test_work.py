@@ -12,6 +12,7 @@ from esail_jax.ensembles.merging import merge_pieces
 from esail_jax.ensembles.pieces import Piece, PieceFile, files_in, identity_of, new_path, pieces_of
 from esail_jax.ensembles.running import check_draws
 from esail_jax.ensembles.task import about, task_of
+from esail_jax.errors import SceneError
 from support.made_up_engine import MadeUp, piece_of
 from support.small_ensemble import VARY, made_up
 
@@ -25,7 +26,7 @@ def work_of(task, members, folder):
     """The piece of some members, as the driver hands it out."""
     inputs = task.draws.of(np.array(members))
     shapes = tuple((key, values.shape[1:]) for key, values in inputs.items())
-    program = work.Program(json.dumps(about(task)), shapes, None)
+    program = work.Program(json.dumps(about(task)), shapes, None, ("elsewhere", 1))
     return work.Work(program, 8, np.array(members), inputs, str(parts_of(folder)), "a.token", 0)
 
 
@@ -81,6 +82,14 @@ def test_a_process_that_comes_too_late_makes_no_folder(task, tmp_path):
 
 def test_the_check_of_draws_can_be_interrupted(task):
     """It takes minutes for a million members."""
-    check_draws(task, lambda: False)
+    check_draws(task, np.arange(6), lambda: False)
     with pytest.raises(KeyboardInterrupt):
-        check_draws(task, lambda: True)
+        check_draws(task, np.arange(6), lambda: True)
+
+
+def test_a_refused_draw_is_named_by_its_number(scene):
+    """Also where only some members are checked, as those that a command that goes on still lacks."""
+    task = task_of(scene, 40, ["initial.spin_rate=uniform:1e-3:2e-3", "hub.density=grid:-1:800:2"])
+    check_draws(task, np.array([1, 3, 5]), lambda: False)
+    with pytest.raises(SceneError, match=r"`hub.density` must .* \(member 38\)"):
+        check_draws(task, np.array([1, 3, 38]), lambda: False)
