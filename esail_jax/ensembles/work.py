@@ -22,7 +22,8 @@ from esail_jax.scenes.loading import parse
 
 LARGE_BYTES = 2**25
 """Results of one piece that are larger are written to the folder by the process that computed them, if it
-sees the folder [B]: a hundred times 32 MiB a second is more than one process can receive."""
+sees the folder [B]. One of 32 MiB takes the driver a tenth of a second: 300 MB/s through the pipe of a
+process, 370 MB/s from Dask, 450 MB/s to the disk, as measured on two cores."""
 
 
 @dataclasses.dataclass(frozen=True)
