@@ -22,8 +22,10 @@ OBJECTIVES_HELP = (
     "mean-torque, attitude, final-attitude, hub-swing, lagging, coning, spin, hub-torque, power and "
     "closeness are made small; of thrust at least 96 %% is retained; spin-plane:A or spin-plane:A,P or "
     "spin-plane:A,P,T turns the spin plane to a sailing angle A and a precession angle P [deg], at the end "
-    "or in the mean over the last T seconds; information makes the geometric mean of the variances of the "
-    "parameters --free small, information:KEY that of one"
+    "or in the mean over the last T seconds; tension:A or tension:A,B keeps the forces between hub and "
+    "tethers above A and below B [N], and costs the square of the percentage by which they leave that; "
+    "information makes the geometric mean of the variances of the parameters --free small, information:KEY "
+    "that of one"
 )
 """Objectives of `esail design`, as in `design/objectives.py`."""
 
@@ -41,7 +43,7 @@ def add(commands: Any) -> None:
     design.add_argument(
         "--objective", action="append", default=[], metavar="NAME=WEIGHT", dest="weights",
         help="an objective and its weight; may be given several times (default: mean-torque=1, thrust=1). "
-        f"Every objective is divided by its value at constant voltage: {OBJECTIVES_HELP}",
+        f"Every objective but tension is divided by its value at constant voltage: {OBJECTIVES_HELP}",
     )  # fmt: skip
     design.add_argument(
         "--free", action="append", default=[], metavar="KEY",

@@ -33,9 +33,9 @@ class Objective:
     Parameters p are a dictionary of numbers or arrays by scene key, in the units of the scene; the key
     `voltage_law` takes a voltage law that a user wrote (`loads/own_law.py`). J is differentiable and may be
     compiled, so it can be handed to any optimiser: `jax.value_and_grad(objective)(p)`,
-    `jax.jit(objective)`. The reference is the run with constant
-    voltage, for which every J_k counts 1. It is simulated when it is first needed, and then kept. An
-    objective to be retained (`objectives.RETAINED`, the thrust) counts as in `objectives.weighted_sum`.
+    `jax.jit(objective)`. The reference is the run with constant voltage, for which every J_k counts 1, but
+    for limits (`objectives.LIMITS`). It is simulated when it is first needed, and then kept. An objective
+    to be retained (`objectives.RETAINED`, the thrust) counts as in `objectives.weighted_sum`.
 
     scene: a sail with a voltage, as a `Scene`, a name or a path; weights: by name of an objective
     (`objectives.py`), or by a function of a `Solution` that gives a number to be made small; circumstances:
@@ -112,23 +112,25 @@ class Objective:
     def references(
         self,
     ) -> dict[objectives.Goal, float] | dict[objectives.Goal, Float[np.ndarray, " circumstance"]]:
-        """The values by which the objectives are divided, by name.
+        """The values by which the objectives are divided, by name; 1 for limits.
 
         With circumstances, an objective to be made small is divided by its mean over all circumstances at
         constant voltage, one to be retained by its value in the same circumstance."""
         if not self.circumstances:
-            for name, value in self.reference_values.items():
-                objectives.check_reference(name, value)
-            return self.reference_values
+            return {name: objectives.reference_of(name, x) for name, x in self.reference_values.items()}
         count = len(next(iter(self.circumstances.values())))
         each = [{key: x[i] for key, x in self.circumstances.items()} for i in range(count)]
         with jax.ensure_compile_time_eval():
             measured = [self.measure(self.simulate_reference(circumstance)) for circumstance in each]
-        rows = {name: np.array([one[name] for one in measured]) for name in self.weights}
-        for name, values in rows.items():
-            objectives.check_reference(name, values.min() if name in objectives.RETAINED else values.mean())
-        retained = objectives.RETAINED
-        return {name: x if name in retained else np.full(count, x.mean()) for name, x in rows.items()}
+        references: dict[objectives.Goal, Float[np.ndarray, " circumstance"]] = {}
+        for name in self.weights:
+            values = np.array([one[name] for one in measured])
+            if name in objectives.RETAINED:
+                objectives.reference_of(name, values.min())
+                references[name] = values
+            else:
+                references[name] = np.full(count, objectives.reference_of(name, values.mean()))
+        return references
 
     def simulate_reference(self, circumstance: Mapping[str, Any] | None = None) -> Solution:
         """The run with constant voltage, within the power limit, in the scene or in one circumstance."""

@@ -2,15 +2,15 @@
 
 Every objective is a function of a run. Means and variances over time use the trapezoidal rule over the
 saved instants. Over a whole turn the first and last instants have the same phase; the rule gives each
-half weight. `weighted_sum` divides every objective by its value at constant voltage, so that weights are
-comparable.
+half weight. `weighted_sum` divides every objective but limits by its value at constant voltage, so that
+weights are comparable.
 
 An objective with parameters carries them in its name, after a colon: "spin-plane:15".
 """
 
 import dataclasses
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
@@ -132,6 +132,22 @@ def closeness(run: Solution) -> Scalar:
     return 1.0 / run["smallest_tether_distance"].min()
 
 
+def tension(run: Solution, least: float, most: float = np.inf) -> Scalar:
+    """Square of the percentages by which the forces between hub and tethers leave their limits, 0 within
+    them [%^2].
+
+        (100 max(1 - min T / T_least, 0))^2 + (100 max(max T / T_most - 1, 0))^2
+
+    with the least and the largest force T = |lambda_i| of all tethers and saved instants. A lower limit of
+    0 is none. A released tether has no tension."""
+    squared = (run["reaction_B"] ** 2).sum(-1)
+    # The root of zero has no derivative: 1e-12 N is far below the tension of any tether.
+    forces = jnp.sqrt(jnp.maximum(squared, 1e-24))
+    below = jnp.zeros(()) if least == 0.0 else jnp.maximum(1.0 - forces.min() / least, 0.0)
+    above = jnp.maximum(forces.max() / most - 1.0, 0.0)
+    return (100.0 * below) ** 2 + (100.0 * above) ** 2
+
+
 OBJECTIVES: dict[str, Callable[[Solution], Scalar]] = {
     "mean-torque": mean_torque,
     "attitude": attitude,
@@ -150,9 +166,32 @@ RETAINED = {"thrust": (thrust, 0.96)}
 """Objectives to be retained: the function, and the part of its value at constant voltage below which it
 costs."""
 
-PARAMETRISED: dict[str, tuple[Callable[..., Scalar], int, int]] = {"spin-plane": (spin_plane, 1, 3)}
-"""Objectives to be made small that have parameters after a colon: the function, and the least and largest
-number of parameters."""
+
+class Parametrised(NamedTuple):
+    """An objective with numbers after a colon: its function of a run and of these; the least and the
+    largest number of them; whether finite ones suit; and what a message says of their form."""
+
+    function: Callable[..., Scalar]
+    least: int
+    most: int
+    suit: Callable[..., bool]
+    form: str
+
+
+PARAMETRISED = {
+    "spin-plane": Parametrised(
+        spin_plane, 1, 3, lambda sailing, precession=0.0, last=0.0: last >= 0.0,
+        "spin-plane:15, spin-plane:15,0 (degrees) or spin-plane:15,0,800 (over the last seconds)",
+    ),
+    "tension": Parametrised(
+        tension, 1, 2, lambda least, most=np.inf: 0.0 <= least < most and (least, most) != (0.0, np.inf),
+        "tension:0.01 (at least, N) or tension:0.01,0.02 (at least and at most)",
+    ),
+}  # fmt: skip
+"""Objectives with parameters."""
+
+LIMITS = ("tension",)
+"""Objectives that are zero within limits: they are not divided by their value at constant voltage."""
 
 NAMES = (*OBJECTIVES, *RETAINED)
 """Names of the objectives without parameters."""
@@ -191,14 +230,13 @@ def function_of(name: Goal) -> Callable[[Solution], Scalar]:
     if kind not in PARAMETRISED:
         known = ", ".join((*NAMES, *PARAMETRISED))
         raise SceneError("objective", f"be one of {known}", f"is {name!r}")
-    function, least, most = PARAMETRISED[kind]
+    function, least, most, suit, form = PARAMETRISED[kind]
     try:
         aim = tuple(map(float, text.split(",")))
     except ValueError:
         aim = ()
-    if not least <= len(aim) <= most or not np.isfinite(aim).all() or min(aim[2:], default=0.0) < 0.0:
-        form = f"look like {kind}:15, {kind}:15,0 (degrees) or {kind}:15,0,800 (over the last seconds)"
-        raise SceneError("objective", form, f"is {name!r}")
+    if not least <= len(aim) <= most or not np.isfinite(aim).all() or not suit(*aim):
+        raise SceneError("objective", f"look like {form}", f"is {name!r}")
     return lambda run: function(run, *aim)
 
 
@@ -248,14 +286,18 @@ LEAST_REFERENCE = 1e-20
 at most 1e-23; those of the sail of `appendix-d`, 0.01 deg from the wind, are above 1e-15."""
 
 
-def check_reference(goal: Goal, value: float) -> None:
-    """Raises SceneError for an objective whose value at constant voltage it cannot be divided by: one that
-    is zero but for rounding, negative, infinite or undefined."""
+def reference_of(goal: Goal, value: float) -> float:
+    """What an objective is divided by: its value at constant voltage, or 1 for a limit. Raises SceneError
+    for a value that it cannot be divided by: one that is zero but for rounding, negative, infinite or
+    undefined."""
+    if isinstance(goal, str) and goal.partition(":")[0] in LIMITS:
+        return 1.0
     least = LEAST_REFERENCE if isinstance(goal, str) else 0.0
     if not (value > least and np.isfinite(value)):
         above = f"above {least:g}, which is rounding," if 0.0 < value <= least else "positive"
         must = f"be {above} at constant voltage, by which it is divided"
         raise SceneError("objective", must, f"{name_of(goal)} is {value:.3g}")
+    return value
 
 
 def weighted_sum(

@@ -8,7 +8,7 @@ import sys
 
 import jax.numpy as jnp
 import numpy as np
-from run import HERE, INSTRUMENTS, NOISE, K, cubesat, write
+from run import HERE, INSTRUMENTS, NODES, NOISE, K, chirp, cubesat, flown, opposite, table_in, write
 
 import esail_jax as esail
 from esail_jax.identification.information import Measured
@@ -20,25 +20,6 @@ FREE = [
     "hub.inertia[3,3]",
 ]  # fmt: skip
 SPIN = "Sun sensor and gyro"
-NODES = np.arange(0.0, 601.0, 5.0)
-"""Instants of the tables [s]."""
-LIMITS = {
-    "voltage.law": "piecewise-linear", "voltage.on_phase_deg": None, "voltage.off_phase_deg": None,
-    "voltage.rise_phase_deg": None, "voltage.time": NODES.tolist(), "voltage.maximum": 10e3,
-    "voltage.slew_rate": 2e3, "voltage.power_limit": 0.0105, "tethers.wire_radius": 25e-6,
-}  # fmt: skip
-"""Of all schedules: 10 kV, 2 kV/s, and the power of one tether at 10 kV."""
-
-
-def flown(table):
-    """The cubesat with a table of voltages."""
-    return cubesat(LIMITS | {"voltage.table": np.asarray(table).tolist()})
-
-
-def opposite(signal):
-    """One tether is on where a signal is positive, the other where it is negative."""
-    on = np.where(signal > 0.0, 1.0, 0.0)
-    return np.stack([on, 1.0 - on], 1)
 
 
 def half_turn():
@@ -118,11 +99,10 @@ def main():
     told = Told()
     if sys.argv[1:] == ["search"]:
         search(told)
-    chirp = 2.0 * np.pi * np.cumsum(5.0 / np.linspace(20.0, 200.0, len(NODES)))
     write("limits.csv", [
         row(told, "half of every turn", half_turn()),
-        row(told, "chirp", opposite(np.sin(chirp))),
-        row(told, "designed", np.loadtxt(HERE / "designed.csv", delimiter=",", skiprows=1)),
+        row(told, "chirp", chirp()),
+        row(told, "designed", table_in("designed.csv")),
     ])  # fmt: skip
 
 

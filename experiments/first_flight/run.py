@@ -35,15 +35,46 @@ WINDS = 20
 TABLE = {
     "voltage.law": "piecewise-linear", "voltage.on_phase_deg": None, "voltage.off_phase_deg": None,
     "voltage.rise_phase_deg": None,
+}  # fmt: skip
+"""A schedule that is a table in time."""
+PATTERN = TABLE | {
     "voltage.time": [0.0, 95.0, 105.0, 195.0, 205.0, 295.0, 305.0, 395.0, 405.0, 495.0, 505.0, 600.0],
     "voltage.table": [0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 1.0],
-}  # fmt: skip
+}
 """Both tethers off and on, every 100 s."""
+NODES = np.arange(0.0, 601.0, 5.0)
+"""Instants of the tables of the two schedules below [s]."""
+LIMITS = TABLE | {
+    "voltage.time": NODES.tolist(), "voltage.maximum": 10e3, "voltage.slew_rate": 2e3,
+    "voltage.power_limit": 0.0105, "tethers.wire_radius": 25e-6,
+}  # fmt: skip
+"""Of these: 10 kV, 2 kV/s, and the power of one tether at 10 kV."""
 
 
 def cubesat(changes=None):
     """The cubesat."""
     return esail.load_scene(str(HERE / "cubesat.toml"), changes or {})
+
+
+def flown(table):
+    """The cubesat with a table of voltages within the limits."""
+    return cubesat(LIMITS | {"voltage.table": np.asarray(table).tolist()})
+
+
+def opposite(signal):
+    """One tether is on where a signal is positive, the other where it is negative."""
+    on = np.where(signal > 0.0, 1.0, 0.0)
+    return np.stack([on, 1.0 - on], 1)
+
+
+def chirp():
+    """One tether after the other, with periods from 20 to 200 s."""
+    return opposite(np.sin(2.0 * np.pi * np.cumsum(5.0 / np.linspace(20.0, 200.0, len(NODES)))))
+
+
+def table_in(name):
+    """A schedule that was designed."""
+    return np.loadtxt(HERE / name, delimiter=",", skiprows=1)
 
 
 def shown(scene, random=None):
@@ -64,14 +95,18 @@ def winds():
     return 6e6 * np.exp(0.5 * random.normal(size=WINDS)), 4.2e5 * np.exp(0.2 * random.normal(size=WINDS))
 
 
-def strength(density, speed):
-    """What the thrust per length is proportional to."""
-    return np.sqrt(density) * speed
+def derivatives(problem, density, speed):
+    """The derivatives of all measurements in a wind."""
+    values = np.array([p.start for p in problem.parameters])
+    values[problem.names.index(N)], values[problem.names.index(U)] = density, speed
+    found = problem.models[0](values).jacobian
+    assert np.isfinite(found).all()
+    return found
 
 
-def errors(problem, jacobian, observables, size):
+def errors(problem, jacobian, observables):
     """Relative errors of the thrust per length in a known wind, by the instants at which a flight may end
-    [s]. size: of the thrust against that at which the derivatives were computed."""
+    [s]."""
     cells = problem.cells[0]
     time, mine = np.array(cells.times)[cells.row], np.isin(cells.name, observables)
     gyro = "angular_velocity_B" in observables
@@ -81,7 +116,6 @@ def errors(problem, jacobian, observables, size):
         if name not in (N, U) and (gyro or not name.startswith("bias"))
     ]
     x = (jacobian / cells.deviations[:, None])[:, used]
-    x[:, 0] *= size
     ends, names = np.array(cells.times)[2:], [problem.names[k] for k in used]
     found = [uncertainty_of(names, np.ones(len(used)), x[mine & (time <= end)]) for end in ends]
     return ends, np.array([one.sd[0] for one in found]) / problem.parameters[0].start
@@ -110,18 +144,16 @@ def schedules(problems):
     """Minutes of each schedule and set of instruments over the winds. After the run a slope of the
     spin rate is known with an error that falls with T^-3/2, a mean with T^-1/2. Returns the medians of the
     first schedule with all instruments."""
-    density, speed = winds()
-    sizes = strength(density, speed) / strength(7.3e6, 4e5)
-    rows, medians, figure = [], [], Figure((9.0, 3.8), layout="constrained")
-    first = next(iter(problems.values()))
-    for axes, (schedule, problem) in zip(figure.subplots(1, 2, sharey=True), problems.items(), strict=True):
-        start = np.array([p.start for p in problem.parameters])
-        jacobian = problem.models[0](start).jacobian
+    rows, medians, figure = [], [], Figure((9.0, 7.0), layout="constrained")
+    first, all_axes = next(iter(problems.values())), figure.subplots(2, 2, sharex=True, sharey=True)
+    for axes, (schedule, problem) in zip(all_axes.ravel(), problems.items(), strict=True):
+        of_winds = [derivatives(problem, *wind) for wind in zip(*winds(), strict=True)]
+        middle = derivatives(problem, 7.3e6, 4e5)
         for label, observables in INSTRUMENTS.items():
             power = 1.5 if "spin_rate" in observables and problem is first else 0.5
-            many = [errors(problem, jacobian, observables, size) for size in sizes]
+            many = [errors(problem, jacobian, observables) for jacobian in of_winds]
             times = np.array([minutes_until(*one, power) for one in many])
-            ends, sd = errors(problem, jacobian, observables, 1.0)
+            ends, sd = errors(problem, middle, observables)
             axes.loglog(ends / 60.0, 100.0 * sd, label=label)
             row = {"schedule": schedule, "instruments": label}
             for goal, column in zip(GOALS, times.T, strict=True):
@@ -130,10 +162,13 @@ def schedules(problems):
                 )
             rows.append(row)
             medians.append(np.median(times, 0))
-        axes.set(title=schedule, xlabel="minutes of flight", ylim=(0.05, 300.0))
+        axes.set(title=schedule, ylim=(0.05, 300.0))
         axes.grid(alpha=0.3)
     axes.legend(fontsize=8)
-    figure.axes[0].set_ylabel("error of the thrust per length [%]")
+    for axes in all_axes[-1]:
+        axes.set_xlabel("minutes of flight")
+    for axes in all_axes[:, 0]:
+        axes.set_ylabel("error of the thrust per length [%]")
     figure.savefig(HERE / "first_flight.png", dpi=80)
     write("schedules.csv", rows)
     return medians[len(INSTRUMENTS) - 1]
@@ -207,7 +242,7 @@ def check(problem):
 
 
 def main():
-    half, pattern = cubesat(), cubesat(TABLE)
+    half, pattern = cubesat(), cubesat(PATTERN)
     run = esail.simulate(cubesat({"integrator.t_end": 40.0 * np.pi / 0.05}))
     momentum = np.asarray(run["spin_rate"])[:, 1]
     slope = (momentum[-1] - momentum[0]) / run.time[-1]
@@ -220,8 +255,11 @@ def main():
     random = np.random.default_rng(77)
     data = shown(half, random)
     problem = Problem.of(half, data, FREE, NOISE, PRIORS)
-    others = Problem.of(pattern, shown(pattern), FREE, NOISE, PRIORS)
-    hours(schedules({"half of every turn": problem, "off and on, 100 s": others}))
+    others = {
+        "off and on, 100 s": pattern, "chirp": flown(chirp()), "designed": flown(table_in("designed.csv")),
+    }  # fmt: skip
+    others = {name: Problem.of(x, shown(x), FREE, NOISE, PRIORS) for name, x in others.items()}
+    hours(schedules({"half of every turn": problem} | others))
     check(problem)
 
 

@@ -257,6 +257,52 @@ def test_an_objective_without_its_observables_is_refused_before_a_run(name):
         Objective(no_hub, {name: 1.0, "thrust": 1.0})
 
 
+def forces(size):
+    """A run with these forces at the roots of two tethers (time, tether) [N], in any direction."""
+    rows = {"reaction_B": np.asarray(size)[..., None] * np.array([0.6, 0.0, -0.8])}
+    time = np.arange(float(len(size)))
+    return Solution(time, rows, RESULTS.successful, None, {}, scene=esail.load_scene("baseline"))
+
+
+def test_a_limit_of_the_tension_costs_the_square_of_the_percents_outside():
+    """The least force is 4 % below a lower limit of 0.5 N, the largest one 3 % above an upper one of 2 N:
+    16 + 9. Within its limits it costs nothing, and only forces at a limit have a derivative."""
+    size = np.array([[0.48, 1.0], [1.0, 2.06]])
+    run = forces(size)
+    names = ("tension:0.5", "tension:0,2", "tension:0.5,2", "tension:0.48,2.06", "tension:0.1")
+    found = [*objectives.values(run, names).values()]
+    np.testing.assert_allclose(found, [16.0, 9.0, 25.0, 0.0, 0.0], atol=1e-9)
+
+    def cost(scale):
+        rows = {"reaction_B": scale[..., None] * run["reaction_B"]}
+        return objectives.tension(dataclasses.replace(run, observables=rows), 0.5, 2.0)
+
+    # T d/dT of (100 (1 - T/0.5))^2 and of (100 (T/2 - 1))^2
+    slope = jax.grad(cost)(jnp.ones((2, 2)))
+    np.testing.assert_allclose(slope, [[-800.0 * 0.96, 0.0], [0.0, 600.0 * 1.03]], rtol=1e-9)
+
+
+def test_a_tether_without_tension_has_a_derivative_in_a_limit():
+    """A released tether has no force at all; the root of its square would have no derivative."""
+    run = forces([[1.0]])
+
+    def cost(reaction):
+        return objectives.tension(dataclasses.replace(run, observables={"reaction_B": reaction}), 0.5)
+
+    value, slope = jax.value_and_grad(cost)(jnp.zeros((1, 1, 3)))
+    assert abs(value - 1e4) < 1e-6
+    assert np.isfinite(slope).all()
+
+
+def test_a_limit_is_not_divided_by_its_value_at_constant_voltage(monkeypatch):
+    """It is zero there, or not; what counts are the percents outside."""
+    objective = Objective("baseline", {"tension:0.01": 2.0, "coning": 1.0})
+    monkeypatch.setattr(objective, "reference_values", {"tension:0.01": 0.0, "coning": 4.0})
+    assert objective.references == {"tension:0.01": 1.0, "coning": 4.0}
+    run = forces([[0.0098, 0.2]])
+    assert abs(objectives.weighted_sum(run, {"tension:0.01": 2.0}, objective.references) - 8.0) < 1e-9
+
+
 @pytest.mark.parametrize("weight", [np.nan, np.inf])
 def test_a_weight_that_is_no_finite_number_is_refused(weight):
     with pytest.raises(esail.SceneError, match="`weights` must be finite numbers, but has "):
@@ -297,7 +343,7 @@ WINDS = {
 
 EACH = [{key: rows[i] for key, rows in WINDS.items()} for i in range(2)]
 
-NAMES = (*objectives.NAMES, "spin-plane:13,20", "spin-plane:13,20,200")
+NAMES = (*objectives.NAMES, "spin-plane:13,20", "spin-plane:13,20,200", "tension:1", "tension:0,0.1")
 
 
 @pytest.fixture(scope="module")
@@ -431,6 +477,10 @@ def test_a_design_from_the_shell_goes_on_as_if_uninterrupted(tmp_path, capsys):
         (["--objective", "spin-plane:1,2,3,4=1"], "`objective` must look like spin-plane:15"),
         (["--objective", "spin-plane:15,20,-1=1"], "`objective` must look like spin-plane:15"),
         (["--objective", "spin-plane:nan=1"], "`objective` must look like spin-plane:15"),
+        (["--objective", "tension=1"], "`objective` must look like tension:0.01 (at least, N) or tension"),
+        (["--objective", "tension:0=1"], "or tension:0.01,0.02 (at least and at most), but is 'tension:0'"),
+        (["--objective", "tension:2,1=1"], "`objective` must look like tension:0.01 (at least, N) or "),
+        (["--objective", "tension:-1,1=1"], "`objective` must look like tension:0.01 (at least, N) or "),
         (["--objective", "lagging:3=1"], "`objective` must be one of mean-torque, "),
         (["--objective", "spin"], "`--objective` must look like NAME=WEIGHT, but is 'spin'"),
         (["--iterations", "0"], "`--iterations` must be positive, but is 0"),

@@ -111,7 +111,10 @@ def test_the_image_moves_as_the_image_of_the_motion(case):
         np.testing.assert_allclose(image[name], expected, rtol=0, atol=1e-5 * size, err_msg=name)
     # A precession angle is that of the image with the other sign; the other objectives are the same. Those
     # that are differences of unit vectors have the rounding of these, 1e-12.
-    aims = [(*NAMES, f"spin-plane:13,{angle}", f"spin-plane:13,{angle},200") for angle in (20, -20)]
+    limits = ("tension:5", "tension:0,1e-3")
+    aims = [
+        (*NAMES, *limits, f"spin-plane:13,{angle}", f"spin-plane:13,{angle},200") for angle in (20, -20)
+    ]
     of_run, of_image = ([*values(x, aim).values()] for x, aim in zip((run, image), aims, strict=True))
     np.testing.assert_allclose(of_image, of_run, rtol=1e-4, atol=1e-12)
 

@@ -31,7 +31,7 @@ ROUGH = {"dissipated_power": 1e-3}
 """Relative accuracy of the power of damping, which follows from differences of velocities: in a relaxed
 sail these are 1e-9 m/s, and their rounding is 1e-13 m/s."""
 
-OBJECTIVES = (*NAMES, "spin-plane:13,20", "spin-plane:13,20,200")
+OBJECTIVES = (*NAMES, "spin-plane:13,20", "spin-plane:13,20,200", "tension:5", "tension:0,1e-3")
 """All objectives of a design."""
 
 NUMBERED = {"euler_sail", "euler_hub"}
