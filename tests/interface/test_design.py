@@ -299,6 +299,12 @@ def test_a_limit_is_not_divided_by_its_value_at_constant_voltage(monkeypatch):
     objective = Objective("baseline", {"tension:0.01": 2.0, "coning": 1.0})
     monkeypatch.setattr(objective, "reference_values", {"tension:0.01": 0.0, "coning": 4.0})
     assert objective.references == {"tension:0.01": 1.0, "coning": 4.0}
+    several = Objective("baseline", objective.weights, {"solar_wind.speed": np.array([4e5, 5e5])})
+    each = iter([{"tension:0.01": 0.0, "coning": 4.0}, {"tension:0.01": 9.0, "coning": 6.0}])
+    monkeypatch.setattr(several, "simulate_reference", lambda circumstance: circumstance)
+    monkeypatch.setattr(several, "measure", lambda run: next(each))
+    for name, reference in (("tension:0.01", 1.0), ("coning", 5.0)):
+        assert several.references[name].tolist() == [reference, reference]
     run = forces([[0.0098, 0.2]])
     assert abs(objectives.weighted_sum(run, {"tension:0.01": 2.0}, objective.references) - 8.0) < 1e-9
 
