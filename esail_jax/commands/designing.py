@@ -85,6 +85,8 @@ def run_design(
     if not quiet:
         measured = design.objective.measure(after)
         value = float(last.value[last.best])
+        if last.iteration < how.iterations:
+            print("The design ends before its last iteration: no shorter step makes the objective smaller.")
         print(f"objective after {last.iteration} iterations: {value:.6g}. Its parts, in their own units:")
         print(f"{'':16s} {'constant':>12s}    {'designed':>12s}")
         for name, value in design.objective.reference_values.items():

@@ -14,7 +14,7 @@ HARMONICS = 2
 
 SCALES = {
     "harmonic": {"cosine": 0.1, "sine": 0.1},
-    "piecewise-linear": {"table": 0.1},
+    "piecewise-linear": {"table": 1.0},
     "feedback": {"gain": 1.0},
     "on-off": {"on": 10.0, "rise_time": 10.0},
 }

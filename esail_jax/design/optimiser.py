@@ -76,8 +76,8 @@ class Optimiser:
 
     def step(self, state: State) -> State:
         """One iteration of every start: a direction and, for L-BFGS, a step along it that satisfies
-        Armijo's condition J(x + s d) <= J(x) + ARMIJO s d . J'(x). Adam takes its full step if J is
-        finite there."""
+        Armijo's condition J(x + s d) <= J(x) + ARMIJO s d . J'(x). Adam takes its full step. Both shorten
+        a step to where J or its gradient is not finite: from there no direction leads on."""
         update = jax.vmap(lambda g, m, x: self.transform.update(g, m, x))
         direction, memory = update(state.gradient, state.memory, state.x)
         direction = -self.rate * direction
@@ -89,7 +89,7 @@ class Optimiser:
         for _ in range(MAX_BACKTRACKS):
             trial = state.x + length[:, None] * direction
             trial_value, trial_gradient = self.evaluate(trial)
-            good = jnp.isfinite(trial_value)
+            good = jnp.isfinite(trial_value) & jnp.isfinite(trial_gradient).all(1)
             if self.method == "lbfgs":
                 good &= trial_value <= state.value + ARMIJO * length * slope
             new = good & (x == state.x).all(1)

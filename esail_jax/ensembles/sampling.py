@@ -28,7 +28,7 @@ from esail_jax.ensembles.distributions import (
 )
 from esail_jax.scenes.key_reference import rule_of_number
 from esail_jax.scenes.loading import load_scene
-from esail_jax.scenes.rules import Rule, SceneError, Shape, describe, numbers_of
+from esail_jax.scenes.rules import SceneError, Shape, describe, numbers_of
 from esail_jax.scenes.scene import Scene
 
 Inputs = dict[str, Float[np.ndarray, "member ..."]]
@@ -208,22 +208,17 @@ def check_numbers(members: int, seed: int, sampling: str) -> None:
 
 def columns_of(scene: Scene, variation: Variation) -> int:
     """Number of values that one member draws for a variation. Raises SceneError."""
-    rule = varied_rule(scene, variation.key)
+    rule = rule_of_number(scene, variation.key, "varied")
+    if rule.shape in (Shape.VECTOR, Shape.VECTORS, Shape.MATRIX):
+        must = "be a key of single numbers to be drawn"
+        got = "is one of vectors (`simulate_members` takes an array of them)"
+        raise SceneError(variation.key, must, got)
     if not variation.distribution.per_tether:
         return 1
     if rule.shape not in (Shape.MEMBER, Shape.HISTORY):
         name = scene.members.name
         raise SceneError(f"{variation.key}{PER_TETHER}", f"be a key with a number per {name}", "is none")
     return scene.members.count
-
-
-def varied_rule(scene: Scene, key: str) -> Rule:
-    """The rule of a key that can be varied. Raises SceneError for any other key."""
-    rule = rule_of_number(scene, key, "varied")
-    if rule.shape in (Shape.VECTOR, Shape.VECTORS, Shape.MATRIX):
-        must = "be a key of single numbers to be drawn"
-        raise SceneError(key, must, "is one of vectors (`simulate_members` takes an array of them)")
-    return rule
 
 
 def unit_points(
@@ -293,7 +288,7 @@ def checked_inputs(scene: Scene, inputs: Mapping[str, Any]) -> Inputs:
         raise SceneError("inputs", "have a value for every member", "is empty")
     arrays = {}
     for key, values in inputs.items():
-        varied_rule(scene, key)
+        rule_of_number(scene, key, "varied")
         numbers = numbers_of(f"inputs[{key}]", values)
         if numbers is None or not numbers.ndim or not numbers.size:
             raise SceneError(f"inputs[{key}]", "have a value for every member", describe(values))

@@ -16,6 +16,7 @@ import esail_jax as esail
 from esail_jax.cli import main
 from esail_jax.design import Design, Objective, Variable, objectives
 from esail_jax.design.design_file import read_history
+from esail_jax.design.optimiser import Optimiser
 from esail_jax.design.problem import coordinate_of_start, value_of
 from esail_jax.scenes.loading import read_scene
 from esail_jax.scenes.toml_text import to_toml
@@ -80,6 +81,23 @@ def test_a_variable_keeps_its_limits():
     assert value_of(held, np.full((1, 2), 3.0))[0, 1] == 1.0
     far = value_of(Variable([0.5], 0.1, 0.0, 2.0), np.linspace(-1e3, 1e3, 999))
     assert far.min() >= 0.0 and far.max() <= 2.0
+
+
+@pytest.mark.parametrize("method", ["lbfgs", "adam"])
+def test_no_step_leads_to_where_there_is_no_gradient(method):
+    """(x - 1)^2, whose gradient is not defined beyond 0.5: the descent comes close to there. With a
+    gradient that is not a number it could go nowhere from the first such point, which was near 0.7."""
+
+    def evaluate(x):
+        slope = jnp.where(x > 0.5, jnp.nan, 2.0 * (x - 1.0))
+        return ((x - 1.0) ** 2).sum(1), slope
+
+    optimiser = Optimiser(evaluate, method, 0.2)
+    state = optimiser.init(np.zeros((1, 1)))
+    for _ in range(20):
+        state = optimiser.step(state)
+        assert np.isfinite(state.gradient).all()
+    assert 0.45 < state.x[0, 0] <= 0.5
 
 
 @pytest.mark.nightly
