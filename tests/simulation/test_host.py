@@ -86,7 +86,7 @@ def test_the_next_call_begins_before_the_observables_of_the_last_are_evaluated(s
     compiled = compile_scene(load_scene("baseline", small))
     (whole,) = HostRun(compiled).chunks()
     in_parts = HostRun(compiled._replace(programs=compiled.programs._replace(batches=1)))
-    begin, look, begun, seen = HostRun._begin, HostRun._look, threading.Semaphore(0), []
+    begin, look, begun, seen = HostRun._submitted, HostRun._look, threading.Semaphore(0), []
 
     def counted(self, *arguments):
         found = begin(self, *arguments)
@@ -99,7 +99,7 @@ def test_the_next_call_begins_before_the_observables_of_the_last_are_evaluated(s
         assert call.ended or all(begun.acquire(timeout=300.0) for _ in range(ahead))
         return look(self, call)
 
-    monkeypatch.setattr(HostRun, "_begin", counted)
+    monkeypatch.setattr(HostRun, "_submitted", counted)
     monkeypatch.setattr(HostRun, "_look", waiting)
     parts = list(in_parts.chunks())
     assert len(seen) > 2
