@@ -227,6 +227,14 @@ def test_inputs_of_members_are_taken_by_position(values):
     assert found.dtype == np.float64 and np.allclose(found, [1e4, 1.1e4], rtol=1e-7)
 
 
+def test_inputs_of_members_may_be_vectors():
+    """They cannot be drawn, as a distribution is one of numbers, but given: one vector for each member."""
+    direction = np.array([[1.0, 0.0, 0.0], [0.6, 0.8, 0.0]])
+    scene = sail(**{"initial.heliocentric_position_au": direction[0]})
+    found = checked_inputs(scene, {"initial.heliocentric_position_au": direction})
+    assert np.array_equal(found["initial.heliocentric_position_au"], direction)
+
+
 @pytest.mark.parametrize(
     "inputs, message",
     [
