@@ -17,9 +17,7 @@ def join(parts: Sequence[Ensemble]) -> Ensemble:
     All parts must have the same scene, saved instants, observables and varied keys. Parts of the same seed
     have the same members, which would count twice. Raises InputError.
 
-    ```python
-    whole = join([load_ensemble(f"many-{i}/ensemble.h5") for i in range(16)])
-    ```
+        whole = join([load_ensemble(f"many-{i}/ensemble.h5") for i in range(16)])
     """
     if not parts:
         raise InputError("one ensemble at least must be given, but there is none")

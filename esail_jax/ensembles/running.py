@@ -68,12 +68,10 @@ def run_ensemble(
     a warning. Raises SceneError, VariationError and RunFileError before anything is written, NoSpaceError
     if the disk is full, and KeyboardInterrupt after Ctrl-C, when what is computed has been put together.
 
-    ```python
-    from esail_jax.ensembles import Normal, run_ensemble
+        from esail_jax.ensembles import Normal, run_ensemble
 
-    vary = {"tethers.length": Normal(10e3, 10, per_tether=True)}
-    ensemble = run_ensemble("baseline", "many", members=1000, vary=vary, observables=["coning_angle"])
-    ```
+        vary = {"tethers.length": Normal(10e3, 10, per_tether=True)}
+        ensemble = run_ensemble("baseline", "many", members=1000, vary=vary, observables=["coning_angle"])
     """
     check_executor(executor)
     if not isinstance(folder, str | os.PathLike) or not os.fspath(folder):

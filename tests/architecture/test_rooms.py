@@ -28,14 +28,16 @@ def test_no_module_imports_a_test_or_an_experiment():
 
 def test_docstrings_name_what_is_returned():
     """A docstring says what a function returns, "The momentum [kg m/s].", or what it does, "Checks that
-    ...". Style is held by ruff; this is what ruff cannot know."""
+    ...". Examples are indented: the site takes the fences of Markdown for a mistake. Style is held by ruff;
+    this is what ruff cannot know."""
     root = TESTS.parent
     for folder in ("esail_jax", "kept_programs", "tests", "docs", "experiments"):
         for path in (root / folder).rglob("*.py"):
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
                 if isinstance(node, ast.FunctionDef | ast.ClassDef | ast.AsyncFunctionDef):
-                    words = (ast.get_docstring(node) or "").split()
-                    assert words[:1] not in (["Returns"], ["Return"]), f"{path}: {node.name}"
+                    text = ast.get_docstring(node) or ""
+                    assert text.split()[:1] not in (["Returns"], ["Return"]), f"{path}: {node.name}"
+                    assert "```" not in text, f"{path}: {node.name}"
 
 
 def test_names_of_test_modules_are_unique():
