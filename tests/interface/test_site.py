@@ -20,7 +20,9 @@ from esail_jax.loads import tip_thrust
 from esail_jax.scenes import deployment, plasma, tethers, voltage
 from esail_jax.scenes.key_reference import describe_keys
 from esail_jax.scenes.plausibility import doubts
+from esail_jax.scenes.toml_text import to_toml
 from support.compiled_nothing import forget_programs
+from support.measured_sail import sail
 from support.small_ensemble import arguments
 
 ROOT = Path(__file__).parents[2]
@@ -154,6 +156,9 @@ def test_examples_of_a_page_run(path, tmp_path, monkeypatch):
     if "many-*/ensemble.h5" in path.read_text(encoding="utf-8"):
         for seed in (1, 2):
             assert main(arguments(f"many-{seed}", members=2, seed=seed, processes=1)) == 0
+    if "telemetry.csv" in path.read_text(encoding="utf-8"):
+        Path("sail.toml").write_text(to_toml(sail()), encoding="utf-8")
+        esail.export(esail.simulate(sail(), save=("spin_rate",)), "telemetry.csv")
     blocks = re.findall(
         r"^```python\n(.*?)^```", path.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
     )
