@@ -298,6 +298,12 @@ def test_a_limit_of_the_tension_costs_the_square_of_the_percents_outside():
     # T d/dT of (100 (1 - T/0.5))^2 and of (100 (T/2 - 1))^2
     slope = jax.grad(cost)(jnp.ones((2, 2)))
     np.testing.assert_allclose(slope, [[-800.0 * 0.96, 0.0], [0.0, 600.0 * 1.03]], rtol=1e-9)
+    # Twice the squares of the percents at a limit; members of a batch are on their own.
+    curvature = jax.hessian(cost)(jnp.ones((2, 2))).reshape(4, 4)
+    np.testing.assert_allclose(curvature, np.diag([2.0 * 96.0**2, 0.0, 0.0, 2.0 * 103.0**2]), atol=1e-9)
+    both = jax.vmap(jax.grad(cost))(jnp.stack([jnp.ones((2, 2)), jnp.full((2, 2), 1.1)]))
+    np.testing.assert_allclose(both[0], slope, rtol=1e-12)
+    np.testing.assert_allclose(both[1], jax.grad(cost)(jnp.full((2, 2), 1.1)), rtol=1e-12)
 
 
 def test_a_tether_without_tension_has_a_derivative_in_a_limit():
